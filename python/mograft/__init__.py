@@ -1,0 +1,19 @@
+"""Make new, natural motions out of captured ones by grafting body parts."""
+
+from mograft import resample
+from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
+from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
+from mograft.motion import Motion
+from mograft.skeleton import EndSite, Skeleton
+
+__all__ = [
+    "BvhError",
+    "EndSite",
+    "LibraryError",
+    "MograftError",
+    "Motion",
+    "Skeleton",
+    "SkeletonMismatchError",
+    "__version__",
+    "resample",
+]

@@ -1,0 +1,151 @@
+"""The one door through which arrays enter: dtype, shape, finiteness, unit norm."""
+
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
+Shape: TypeAlias = tuple[int | str, ...]
+
+
+def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+    """Return `value` as a finite, C-contiguous float64 array of the given shape.
+
+    Parameters
+    ----------
+    name : str
+        What the caller calls the value, for error messages.
+    value : array_like
+        The value; it is copied only if it is not such an array already.
+    shape : tuple of int or str, optional
+        Wanted length of each axis; a string names an axis of any length. Default: any.
+
+    Returns
+    -------
+    ndarray
+        The array.
+
+    Raises
+    ------
+    TypeError
+        If the value is no array of real numbers.
+    ValueError
+        If the shape differs or an element is not finite.
+    """
+    array = _as_array(name, value, shape)
+    finite = np.isfinite(array)
+    if not finite.all():
+        place = tuple(int(i) for i in np.argwhere(~finite)[0])
+        raise ValueError(f"{name} must be finite, got {array[place]} at {list(place)}")
+    return array
+
+
+def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+    """Return `value` as an array of unit quaternions, scalar last.
+
+    Parameters
+    ----------
+    name, value, shape
+        As for `as_floats`; the axis of the four components is not part of `shape`.
+
+    Returns
+    -------
+    ndarray, shape (*shape, 4)
+        The quaternions.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `as_floats`, and if a norm differs from 1 by more than 1e-6.
+    """
+    quats = as_floats(name, value, None if shape is None else (*shape, 4))
+    if quats.shape[-1:] != (4,):
+        raise ValueError(f"{name} must have shape (..., 4), got {quats.shape}")
+    # Squared norms are within 2e-6 of 1 where norms are within 1e-6.
+    off = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) > 2e-6
+    if off.any():
+        place = tuple(int(i) for i in np.argwhere(off)[0])
+        norm = np.linalg.norm(quats[place])
+        raise ValueError(f"{name} must be unit quaternions, got norm {norm:.6g} at {list(place)}")
+    return quats
+
+
+def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+    """Return `value` as an array of vectors of three components.
+
+    Parameters
+    ----------
+    name, value, shape
+        As for `as_floats`; the axis of the three components is not part of `shape`.
+
+    Returns
+    -------
+    ndarray, shape (*shape, 3)
+        The vectors.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `as_floats`.
+    """
+    vectors = as_floats(name, value, None if shape is None else (*shape, 3))
+    if vectors.shape[-1:] != (3,):
+        raise ValueError(f"{name} must have shape (..., 3), got {vectors.shape}")
+    return vectors
+
+
+def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> IntArray:
+    """Return `value` as a C-contiguous int64 array of the given shape.
+
+    Parameters
+    ----------
+    name, value, shape
+        As for `as_floats`.
+
+    Returns
+    -------
+    ndarray
+        The array.
+
+    Raises
+    ------
+    TypeError
+        If the value is no array of whole numbers.
+    ValueError
+        If the shape differs.
+    """
+    array = np.asarray(value, order="C")
+    if array.size and not np.issubdtype(array.dtype, np.integer):
+        raise TypeError(f"{name} must be whole numbers, got {array.dtype}")
+    indices = array.astype(np.int64, copy=False)
+    _check_shape(name, indices.shape, shape)
+    return indices
+
+
+def frozen(array: npt.NDArray[np.generic]) -> None:
+    """Make an array read-only, for values that are shared and never change."""
+    array.flags.writeable = False
+
+
+def _as_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> FloatArray:
+    array = np.asarray(value)
+    if array.size and not (
+        np.issubdtype(array.dtype, np.floating) or np.issubdtype(array.dtype, np.integer)
+    ):
+        raise TypeError(f"{name} must be real numbers, got {array.dtype}")
+    floats = np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
+    _check_shape(name, floats.shape, shape)
+    return floats
+
+
+def _check_shape(name: str, got: tuple[int, ...], shape: Shape | None) -> None:
+    if shape is None:
+        return
+    agree = len(got) == len(shape) and all(
+        isinstance(want, str) or want == length for want, length in zip(shape, got, strict=True)
+    )
+    if not agree:
+        wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
+        raise ValueError(f"{name} must have shape ({wanted}), got {got}")

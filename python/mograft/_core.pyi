@@ -1,0 +1,65 @@
+"""Compiled kernels of mograft. Private: call the package's own functions instead."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from mograft._arrays import FloatArray, IntArray
+
+__all__ = [
+    "BUILD_PROFILE",
+    "VERSION",
+    "angle",
+    "cubic",
+    "cubic_positions",
+    "exp",
+    "from_euler",
+    "hermite",
+    "kinetic_energy",
+    "log",
+    "segments",
+    "segments_positions",
+    "slerp",
+    "to_euler",
+    "world",
+]
+
+BUILD_PROFILE: Final[str]
+VERSION: Final[str]
+
+def exp(vectors: FloatArray) -> FloatArray: ...
+def log(rotations: FloatArray) -> FloatArray: ...
+def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
+def from_euler(angles: FloatArray, axes: Sequence[int]) -> FloatArray: ...
+def to_euler(
+    rotations: FloatArray,
+    axes: tuple[int, int, int],
+    near: tuple[float, float, float],
+) -> FloatArray: ...
+def hermite(
+    start: FloatArray,
+    end: FloatArray,
+    leaving: FloatArray,
+    reaching: FloatArray,
+    t: FloatArray,
+) -> FloatArray: ...
+def slerp(frame_times: FloatArray, rotations: FloatArray, times: FloatArray) -> FloatArray: ...
+def cubic(frame_times: FloatArray, rotations: FloatArray, times: FloatArray) -> FloatArray: ...
+def cubic_positions(
+    frame_times: FloatArray, positions: FloatArray, times: FloatArray
+) -> FloatArray: ...
+def segments(
+    rotations: FloatArray, starts: IntArray, stops: IntArray, counts: IntArray
+) -> FloatArray: ...
+def segments_positions(
+    positions: FloatArray, starts: IntArray, stops: IntArray, counts: IntArray
+) -> FloatArray: ...
+def world(
+    parents: IntArray, rotations: FloatArray, positions: FloatArray
+) -> tuple[FloatArray, FloatArray]: ...
+def kinetic_energy(
+    parents: IntArray,
+    rotations: FloatArray,
+    inertia: FloatArray,
+    frame_time: float,
+    omega: str,
+) -> FloatArray: ...

@@ -1,0 +1,1 @@
+//! Exact complete linkage: points in, tree or labels out; nothing here knows of motion.

@@ -1,0 +1,64 @@
+//! NumPy arrays to glam values and back.
+
+use std::fmt::Display;
+
+use glam::{DQuat, DVec3};
+use numpy::{
+    IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods as _,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// A C-contiguous array of f64, of any shape.
+pub type Floats<'py> = PyReadonlyArrayDyn<'py, f64>;
+
+/// An array handed to Python.
+pub type Array<'py> = PyResult<Bound<'py, PyArrayDyn<f64>>>;
+
+/// View an array `(..., 4)` as quaternions, scalar last.
+pub fn as_quats<'a>(array: &'a Floats<'_>) -> PyResult<&'a [DQuat]> {
+    check_last(array, 4)?;
+    Ok(bytemuck::cast_slice(array.as_slice()?))
+}
+
+/// View an array `(..., 3)` as vectors.
+pub fn as_vecs<'a>(array: &'a Floats<'_>) -> PyResult<&'a [DVec3]> {
+    check_last(array, 3)?;
+    Ok(bytemuck::cast_slice(array.as_slice()?))
+}
+
+fn check_last(array: &Floats<'_>, wanted: usize) -> PyResult<()> {
+    match array.shape() {
+        [.., last] if *last == wanted => Ok(()),
+        shape => {
+            Err(PyValueError::new_err(format!("expected shape (..., {wanted}), got {shape:?}")))
+        }
+    }
+}
+
+/// The shape of an array with its last axis replaced.
+pub fn with_last(array: &Floats<'_>, last: &[usize]) -> Vec<usize> {
+    let shape = array.shape();
+    [&shape[..shape.len() - 1], last].concat()
+}
+
+/// Hand a list over to NumPy in the given shape.
+pub fn into_array<'py>(py: Python<'py>, flat: Vec<f64>, shape: &[usize]) -> Array<'py> {
+    flat.into_pyarray(py).reshape(shape)
+}
+
+/// Hand quaternions over to NumPy as `(*shape, 4)`.
+pub fn from_quats<'py>(py: Python<'py>, quats: &[DQuat], shape: &[usize]) -> Array<'py> {
+    into_array(py, bytemuck::cast_slice(quats).to_vec(), &[shape, &[4]].concat())
+}
+
+/// Hand vectors over to NumPy as `(*shape, 3)`.
+pub fn from_vecs<'py>(py: Python<'py>, vecs: &[DVec3], shape: &[usize]) -> Array<'py> {
+    into_array(py, bytemuck::cast_slice(vecs).to_vec(), &[shape, &[3]].concat())
+}
+
+/// The Python exception for a kernel's refusal.
+pub fn value_error(error: impl Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}

@@ -1,0 +1,31 @@
+//! Python bindings of mograft's crates: convert, let go of the GIL, convert back.
+//!
+//! | Python | Rust |
+//! |---|---|
+//! | C-contiguous float64 array `(..., 4)` | `&[DQuat]`, no copy |
+//! | C-contiguous float64 array `(..., 3)` | `&[DVec3]`, no copy |
+//! | C-contiguous float64 or int64 array | `&[f64]` or `&[i64]`, no copy |
+//! | a kernel's refusal | `ValueError` |
+//!
+//! Arrays must not be written by another thread while a call runs.
+#![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
+
+mod convert;
+mod kinematics;
+
+/// Compiled kernels of mograft. Private: call the package's own functions instead.
+#[pyo3::pymodule]
+mod _core {
+    /// `"debug"` or `"release"`: benchmarks refuse to time a debug build.
+    #[pymodule_export]
+    const BUILD_PROFILE: &str = if cfg!(debug_assertions) { "debug" } else { "release" };
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_export]
+    use crate::kinematics::{
+        angle, cubic, cubic_positions, exp, from_euler, hermite, kinetic_energy, log, segments,
+        segments_positions, slerp, to_euler, world,
+    };
+}

@@ -1,0 +1,1 @@
+//! Blocks of numbers: text to f64 and back.
