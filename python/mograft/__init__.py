@@ -2,6 +2,7 @@
 
 from mograft import resample
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
+from mograft.clustering import cut, linkage, linkage_condensed, threshold
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.motion import Motion
 from mograft.skeleton import EndSite, Skeleton
@@ -15,5 +16,9 @@ __all__ = [
     "Skeleton",
     "SkeletonMismatchError",
     "__version__",
+    "cut",
+    "linkage",
+    "linkage_condensed",
     "resample",
+    "threshold",
 ]

@@ -11,10 +11,13 @@ __all__ = [
     "angle",
     "cubic",
     "cubic_positions",
+    "cut",
     "exp",
     "from_euler",
     "hermite",
     "kinetic_energy",
+    "linkage",
+    "linkage_condensed",
     "log",
     "segments",
     "segments_positions",
@@ -63,3 +66,6 @@ def kinetic_energy(
     frame_time: float,
     omega: str,
 ) -> FloatArray: ...
+def linkage(points: FloatArray, threads: int) -> FloatArray: ...
+def linkage_condensed(distances: FloatArray, threads: int) -> FloatArray: ...
+def cut(points: FloatArray, max_diameter: float, threads: int) -> IntArray: ...

@@ -12,6 +12,7 @@
 
 mod convert;
 mod kinematics;
+mod linkage;
 
 /// Compiled kernels of mograft. Private: call the package's own functions instead.
 #[pyo3::pymodule]
@@ -28,4 +29,7 @@ mod _core {
         angle, cubic, cubic_positions, exp, from_euler, hermite, kinetic_energy, log, segments,
         segments_positions, slerp, to_euler, world,
     };
+
+    #[pymodule_export]
+    use crate::linkage::{cut, linkage, linkage_condensed};
 }
