@@ -1,0 +1,164 @@
+"""The procedural dancer: a motion made of nothing but numbers, whose labels are known.
+
+Six styles of the legs meet seven patterns of the arms, every combination once, in shuffled
+order. All of it is planned over one clock that counts strides: the pelvis travels along a
+smooth path; each foot is set down below the place that the pelvis passes in the middle of
+its stance, and does not move until it is lifted; the pelvis sinks where a leg would be too
+short; inverse kinematics then bends knees and elbows. Every curve is a smooth function of
+the clock, so the frame rate only says where the same dance is looked at.
+
+World and joints: centimetres, y up; at rest the figure stands in a T-pose, faces z and has
+its left side at x. In a stride the left foot swings in the first half, the right in the second.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mograft import rotations
+from mograft._arrays import FloatArray, as_floats, frozen
+from mograft.dancer.figure import INDEX, JOINTS, OFFSETS, skeleton
+from mograft.dancer.plan import (
+    BoolArray,
+    StrArray,
+    make_clock,
+    make_foot,
+    make_pelvis,
+    make_plan,
+    make_route,
+)
+from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
+from mograft.dancer.styles import ARM_PATTERNS, LEG_STYLES
+from mograft.motion import Motion
+
+__all__ = ["ARM_PATTERNS", "LEG_STYLES", "Dance", "dance"]
+
+
+@dataclass(frozen=True, eq=False)
+class Dance:
+    """A dance and what is known about each of its frames.
+
+    Parameters
+    ----------
+    motion : Motion
+        18 joints, 57 channels, in cm.
+    legs, arms : ndarray of str, shape (n_frames,)
+        Style of the legs and pattern of the arms: keys of `LEG_STYLES` and `ARM_PATTERNS`.
+    phase : ndarray, shape (n_frames,)
+        How much of the stride is over, 0 to 1.
+    stance : ndarray of bool, shape (n_frames, 2)
+        Whether the left and the right foot stand: flat, and without moving at all.
+    """
+
+    motion: Motion
+    legs: StrArray
+    arms: StrArray
+    phase: FloatArray
+    stance: BoolArray
+
+    def __post_init__(self) -> None:
+        for array in (self.legs, self.arms, self.phase, self.stance):
+            frozen(array)
+
+    def __len__(self) -> int:
+        return self.motion.n_frames
+
+    def __getitem__(self, frames: slice) -> "Dance":
+        """Return those frames of the dance, as for `Motion`."""
+        return Dance(
+            self.motion[frames],
+            self.legs[frames],
+            self.arms[frames],
+            self.phase[frames],
+            self.stance[frames],
+        )
+
+    def takes(self, n: int) -> tuple["Dance", ...]:
+        """Cut the dance into `n` clips of nearly equal length, named ``dance_1`` and so on."""
+        if not 1 <= n <= len(self):
+            raise ValueError(f"n must be 1 to {len(self)}, the number of frames, got {n}")
+        cuts = np.linspace(0, len(self), n + 1).round().astype(int)
+        clips = [self[start:stop] for start, stop in pairwise(cuts)]
+        return tuple(
+            replace(clip, motion=replace(clip.motion, name=f"{self.motion.name}_{number}"))
+            for number, clip in enumerate(clips, start=1)
+        )
+
+
+def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: int = 4) -> Dance:
+    """Make the dance.
+
+    Parameters
+    ----------
+    seed : int or numpy.random.Generator
+        Decides the order of the 42 combinations and the differences between strides. The
+        same seed gives the same bytes.
+    rate : float
+        Frames per second. The dance itself does not depend on it.
+    strides : int
+        How many strides each combination lasts.
+
+    Returns
+    -------
+    Dance
+        The motion, named ``dance``, and the labels of its frames.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the seed is neither a whole number from 0 nor a generator, the rate is not above
+        0, or strides is not a whole number from 1.
+
+    Examples
+    --------
+    >>> sample = dance(strides=1)
+    >>> sample.motion
+    Motion(dance: 18 joints, 1498 frames, 30 fps, 49.90 s)
+    """
+    generator = _generator(seed)
+    frames_per_second = float(as_floats("rate", rate, ()))
+    if frames_per_second <= 0:
+        raise ValueError(f"rate must be above 0 frames per second, got {frames_per_second}")
+    if isinstance(strides, bool) or not isinstance(strides, int | np.integer):
+        raise TypeError(f"strides must be a whole number, got {strides!r}")
+    if strides < 1:
+        raise ValueError(f"strides must be 1 or more, got {strides}")
+
+    plan = make_plan(generator, int(strides))
+    clock = make_clock(plan, frames_per_second)
+    route = make_route(plan)
+    feet = [make_foot(plan, route, clock, side) for side in (0, 1)]
+    pelvis, pelvis_at = make_pelvis(plan, route, clock, feet)
+
+    quats = np.empty((len(clock), len(JOINTS), 4))
+    quats[:, 0] = pelvis
+    spine = INDEX["Spine"]
+    quats[:, spine : spine + 3] = trunk_pose(plan, route, clock, pelvis)
+    for side, name in enumerate(("Left", "Right")):
+        hip, shoulder = INDEX[f"{name}UpLeg"], INDEX[f"{name}Shoulder"]
+        quats[:, hip : hip + 3] = leg_pose(pelvis, pelvis_at, feet[side], OFFSETS[hip])
+        quats[:, shoulder : shoulder + 4] = arm_pose(plan, clock, quats[:, spine], side)
+    quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
+
+    places = np.tile(OFFSETS, (len(clock), 1, 1))
+    places[:, 0] = pelvis_at
+    stride = plan.stride(clock)
+    frame_time = 1.0 / frames_per_second
+    return Dance(
+        Motion(skeleton(), frame_time, rotations.continuous(quats), places, name="dance"),
+        plan.legs[stride],
+        plan.arms[stride],
+        clock - stride,
+        np.stack([foot.stands for foot in feet], axis=-1),
+    )
+
+
+def _generator(seed: int | np.random.Generator) -> np.random.Generator:
+    if isinstance(seed, np.random.Generator):
+        return seed
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
+        raise TypeError(f"seed must be a whole number or a numpy.random.Generator, got {seed!r}")
+    if seed < 0:
+        raise ValueError(f"seed must be 0 or more, got {seed}")
+    return np.random.default_rng(int(seed))
