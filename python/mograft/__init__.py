@@ -2,12 +2,14 @@
 
 from mograft import resample
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
+from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.motion import Motion
 from mograft.skeleton import EndSite, Skeleton
 
 __all__ = [
     "BvhError",
+    "BvhSummary",
     "EndSite",
     "LibraryError",
     "MograftError",
@@ -15,5 +17,8 @@ __all__ = [
     "Skeleton",
     "SkeletonMismatchError",
     "__version__",
+    "read_bvh",
     "resample",
+    "scan_bvh",
+    "write_bvh",
 ]

@@ -12,10 +12,12 @@ __all__ = [
     "cubic",
     "cubic_positions",
     "exp",
+    "format_rows",
     "from_euler",
     "hermite",
     "kinetic_energy",
     "log",
+    "scan_numbers",
     "segments",
     "segments_positions",
     "slerp",
@@ -63,3 +65,7 @@ def kinetic_energy(
     frame_time: float,
     omega: str,
 ) -> FloatArray: ...
+def scan_numbers(
+    text: bytes, start: int, out: FloatArray, *, last: bool
+) -> tuple[int, int, IntArray, bool]: ...
+def format_rows(values: FloatArray) -> bytes: ...
