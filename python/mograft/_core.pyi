@@ -13,12 +13,14 @@ __all__ = [
     "cubic_positions",
     "cut",
     "exp",
+    "format_rows",
     "from_euler",
     "hermite",
     "kinetic_energy",
     "linkage",
     "linkage_condensed",
     "log",
+    "scan_numbers",
     "segments",
     "segments_positions",
     "slerp",
@@ -69,3 +71,7 @@ def kinetic_energy(
 def linkage(points: FloatArray, threads: int) -> FloatArray: ...
 def linkage_condensed(distances: FloatArray, threads: int) -> FloatArray: ...
 def cut(points: FloatArray, max_diameter: float, threads: int) -> IntArray: ...
+def scan_numbers(
+    text: bytes, start: int, out: FloatArray, *, last: bool
+) -> tuple[int, int, IntArray, bool]: ...
+def format_rows(values: FloatArray) -> bytes: ...

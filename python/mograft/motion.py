@@ -215,9 +215,9 @@ class Motion:
         numbers = (
             np.full((n_frames, skeleton.n_channels), np.nan) if known is None else known.copy()
         )
-        missing: npt.NDArray[np.bool_] = np.isnan(numbers).any(axis=0)
+        missing = set(np.flatnonzero(np.isnan(numbers).any(axis=0)).tolist())
         for joint, columns in enumerate(skeleton.channel_columns):
-            if not missing[list(columns)].any():
+            if missing.isdisjoint(columns):
                 continue
             names = skeleton.channels[joint]
             for column, name in zip(columns, names, strict=True):

@@ -5,6 +5,7 @@
 //! | C-contiguous float64 array `(..., 4)` | `&[DQuat]`, no copy |
 //! | C-contiguous float64 array `(..., 3)` | `&[DVec3]`, no copy |
 //! | C-contiguous float64 or int64 array | `&[f64]` or `&[i64]`, no copy |
+//! | `bytes` | `&[u8]`, no copy |
 //! | a kernel's refusal | `ValueError` |
 //!
 //! Arrays must not be written by another thread while a call runs.
@@ -13,6 +14,7 @@
 mod convert;
 mod kinematics;
 mod linkage;
+mod text;
 
 /// Compiled kernels of mograft. Private: call the package's own functions instead.
 #[pyo3::pymodule]
@@ -32,4 +34,7 @@ mod _core {
 
     #[pymodule_export]
     use crate::linkage::{cut, linkage, linkage_condensed};
+
+    #[pymodule_export]
+    use crate::text::{format_rows, scan_numbers};
 }

@@ -1,0 +1,41 @@
+//! Bindings of `mograft-text`. Each function bears its kernel's name.
+
+use numpy::{IntoPyArray as _, PyArray1, PyReadwriteArray1, PyUntypedArrayMethods as _};
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::convert::{Floats, value_error};
+
+/// See `mograft.bvh`: numbers written, bytes read, numbers before each line end, and whether
+/// a bad token follows.
+type Scanned<'py> = (usize, usize, Bound<'py, PyArray1<i64>>, bool);
+
+/// Read numbers of `text` from byte `start` on into `out`.
+#[pyfunction]
+#[pyo3(signature = (text, start, out, *, last))]
+pub fn scan_numbers<'py>(
+    py: Python<'py>,
+    text: &[u8],
+    start: usize,
+    mut out: PyReadwriteArray1<'py, f64>,
+    last: bool,
+) -> PyResult<Scanned<'py>> {
+    let text = text.get(start..);
+    let text = text.ok_or_else(|| PyIndexError::new_err("start lies beyond the text"))?;
+    let slots = out.as_slice_mut()?;
+    let scan = py.detach(|| mograft_text::scan_numbers(text, last, slots));
+    let line_ends: Result<Vec<_>, _> = scan.line_ends.into_iter().map(i64::try_from).collect();
+    let line_ends = line_ends.map_err(value_error)?.into_pyarray(py);
+    Ok((scan.values, scan.bytes, line_ends, scan.bad))
+}
+
+/// Write rows of numbers, one line each.
+#[pyfunction]
+pub fn format_rows<'py>(py: Python<'py>, values: Floats<'py>) -> PyResult<Bound<'py, PyBytes>> {
+    let slice = values.as_slice()?;
+    let n_columns = values.shape().last().copied().unwrap_or(1);
+    let mut text = Vec::new();
+    py.detach(|| mograft_text::format_rows(slice, n_columns, &mut text));
+    Ok(PyBytes::new(py, &text))
+}
