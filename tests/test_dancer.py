@@ -397,7 +397,7 @@ def test_hands_rest_on_the_hips_with_elbows_out_and_back():
                 sample.at(f"{side}ForeArm"),
             )
         )
-        np.testing.assert_allclose(wrist, np.broadcast_to([out * 19, 8, 0], wrist.shape), atol=2)
+        np.testing.assert_allclose(wrist, np.broadcast_to([out * 19.5, 8, 1], wrist.shape), atol=2)
         assert np.linalg.norm(tip, axis=-1).max() < 26
         assert ((elbow - wrist)[:, 0] * out).min() > 8
         assert (elbow - wrist)[:, 2].max() < -2
