@@ -113,8 +113,13 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     Examples
     --------
     >>> sample = dance(strides=1)
-    >>> sample.motion
-    Motion(dance: 18 joints, 1498 frames, 30 fps, 49.90 s)
+    >>> sample.motion.n_joints, sample.motion.skeleton.n_channels
+    (18, 57)
+    >>> print(*sorted(set(sample.arms)))
+    clap flap hips punch robot swing wave
+    >>> first, second = sample.takes(2)
+    >>> first.motion.name
+    'dance_1'
     """
     generator = _generator(seed)
     frames_per_second = float(as_floats("rate", rate, ()))

@@ -162,12 +162,12 @@ def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:
     sole = plants[stride] + way[:, None] * (plants[stride + 1] - plants[stride])
     yaw = yaws[stride] + way * (yaws[stride + 1] - yaws[stride])
     heel_off, strike, lift = (plan.values[name][stride] for name in ("heel_off", "strike", "lift"))
-    pitch = heel_off * _bump(u / (0.45 + push)) - strike * _bump((u - 0.6) / 0.4)
+    pitch = heel_off * _bump(u / (0.58 + push)) - strike * _bump((u - 0.6) / 0.4)
     turned = rotations.about(Y, yaw)
     rolled = rotations.about(X, np.radians(np.where(steps[stride], pitch, 0.0)))
     pivot = np.zeros_like(sole)
     pivot[:, 1] = -ANKLE_HEIGHT
-    pivot[:, 2] = TOE + (HEEL - TOE) * _ease((u - 0.3 - push) / 0.35)
+    pivot[:, 2] = TOE + (HEEL - TOE) * _ease((u - 0.4 - push) / 0.35)
     ankle = sole + rotations.rotate(turned, pivot - rotations.rotate(rolled, pivot))
     ankle[:, 1] += ANKLE_HEIGHT + np.where(
         steps[stride], lift * _bump((u - push) / (0.98 - push)), 0.0

@@ -65,8 +65,8 @@ LEG_STYLES: dict[str, LegStyle] = {
     "sidestep": LegStyle(1.25, side=40, lift=6, heel_off=14, strike=0, width=15, sway=4,
                          twist=3, roll=6),
     "bounce": LegStyle(0.95, lift=5, heel_off=14, strike=0, width=13, height=85, bounce=3.6,
-                       sway=5, twist=9, roll=7, lean=4),
-    "lunge": LegStyle(1.67, step=64, swing=0.5, push=0.24, lift=6, heel_off=46, strike=6,
+                       sway=5, twist=7, roll=7, lean=4),
+    "lunge": LegStyle(1.67, step=64, swing=0.5, push=0.2, lift=6, heel_off=46, strike=6,
                       height=77, bounce=8, lag=0.1, surge=0.4, sway=2, twist=7, roll=3, lean=9),
 }  # fmt: skip
 
@@ -113,10 +113,10 @@ class ArmMove:
     on: Literal["Spine", "Hips"] = "Spine"
 
 
-_SWING = ArmMove((22, -19, 3), sway=(-2, 2.5, 19), arc=(0, 7, 1), elbow=(0.4, 0, -1))
-_HIPS = ArmMove((19, 8, 0), sway=(0.5, 0.5, 0.5), elbow=(1, 0, -0.5), hand=(-0.3, -0.6, 0.74),
+_SWING = ArmMove((24, -19, 3), sway=(-2, 2.5, 19), arc=(0, 7, 1), elbow=(0.4, 0, -1))
+_HIPS = ArmMove((19.5, 8, 1), sway=(0.5, 0.5, 0.5), elbow=(1, 0, -0.75), hand=(-0.25, -0.6, 0.74),
                 beats=2, shrug=4, on="Hips")  # fmt: skip
-_CLAP = ArmMove((13.5, 22, 33), sway=(-10.5, 0, 2), elbow=(0.7, -1, -0.1), hand=(-0.05, 0.5, 0.85),
+_CLAP = ArmMove((14, 22, 33), sway=(-10.5, 0, 2), elbow=(0.7, -1, -0.1), hand=(-0.05, 0.5, 0.85),
                 beats=2, snap=0.8)  # fmt: skip
 _FLAP = ArmMove((66, 30, 8), sway=(0, 20, 0), arc=(-7, 0, 0), elbow=(0, -0.4, -1), beats=2,
                 shrug=6)  # fmt: skip
