@@ -20,6 +20,7 @@ __all__ = [
     "linkage",
     "linkage_condensed",
     "log",
+    "pose_gaps",
     "scan_numbers",
     "segments",
     "segments_positions",
@@ -61,6 +62,7 @@ def segments_positions(
 def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
+def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,
     rotations: FloatArray,

@@ -10,10 +10,12 @@
 //! | [`resample`] | motion between its frames: along the arc, or smoothly |
 //! | [`forward`] | where the joints are in the world |
 //! | [`energy`] | how fast the links turn, and with what energy |
+//! | [`pose`] | how far poses are apart |
 
 pub mod energy;
 mod error;
 pub mod forward;
+pub mod pose;
 pub mod resample;
 pub mod rotation;
 

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
-use mograft_kinematics::{Error, forward, resample, rotation};
+use mograft_kinematics::{Error, forward, pose, resample, rotation};
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -220,4 +220,16 @@ pub fn segments_positions<'py>(
         .detach(|| resample::segments_positions(vecs, n_joints, &starts, &stops, &counts))
         .map_err(value_error)?;
     from_vecs(py, &resampled, &[counts.iter().sum(), n_joints])
+}
+
+/// See `mograft.substitution.pose_gaps`.
+#[pyfunction]
+pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -> Array<'py> {
+    let n_joints = ends.shape()[1];
+    let shape = [ends.shape()[0], starts.shape()[0]];
+    let (from, to) = (as_quats(&ends)?, as_quats(&starts)?);
+    let gaps = py
+        .detach(|| pose::pose_gaps(from, to, n_joints))
+        .map_err(value_error)?;
+    into_array(py, gaps, &shape)
 }

@@ -1,0 +1,135 @@
+"""Time the whole way from file to written graft against the plain NumPy and SciPy version.
+
+Run as ``python benches/pipeline.py FILE.bvh``; without a file the built-in dancer is used.
+Both versions do the same steps on the same segments and draw the same donors; what they
+write is compared. Prints machine, build profile, medians, the ratio and peak memory.
+"""
+
+import argparse
+import platform
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import mograft as mg
+from mograft import _core
+from mograft.anatomy import feature_joints
+from mograft.body import body, inertia, up_axis
+from tests import plain
+
+CONFIG = mg.Config()
+ONCE = "--once"
+
+
+def fast(source, target, seed=0):
+    """Graft as a user does."""
+    library = mg.Library.build(source)
+    mg.write_bvh(mg.graft(library, seed=seed).motion, target)
+
+
+def slow(source, target, seed=0):
+    """Graft with the plain version; joint groups and body model are the package's."""
+    motion = mg.read_bvh(source)
+    groups = mg.JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
+    moments = inertia(body(motion.skeleton), motion.skeleton, CONFIG.inertia)
+    height, up = body(motion.skeleton).height, up_axis(motion)
+
+    _, parents, offsets, channels, frame_time, values = plain.read_bvh(source)
+    quats, places = plain.quaternions(channels, offsets, values)
+    energy = plain.kinetic_energy(parents, quats, moments, frame_time)
+    bounds = plain.boundaries(energy, 1 / frame_time, CONFIG)
+    labels = {}
+    for name, joints in groups.items():
+        counted = feature_joints(motion.skeleton, joints)
+        root = 0 if 0 in joints else None
+        matrix = plain.features(
+            quats, places[:, 0], bounds, counted, root, up, height, frame_time, CONFIG
+        )
+        points = plain.embed(matrix, 3 * CONFIG.samples * len(counted), CONFIG)
+        labels[name] = plain.cluster(points, plain.sigma(points, CONFIG))
+    found = plain.candidates(labels["lower"], np.diff(bounds), 1 / frame_time, CONFIG)
+    upper = groups["upper"]
+    counted = feature_joints(motion.skeleton, upper)
+    rng = np.random.default_rng(seed)
+    chosen = plain.choose(quats[:, counted], bounds, found, CONFIG, rng)
+    grafted = plain.transplant(quats[:, upper], bounds, chosen, 1 / frame_time, CONFIG)
+    new = values.copy()
+    column = 0
+    for joint, own in enumerate(channels):
+        turns = [i for i, name in enumerate(own) if name.endswith("rotation")]
+        if joint in upper:
+            order = "".join(own[i][0] for i in turns)
+            turned = grafted[:, list(upper).index(joint)]
+            at = [column + i for i in turns]
+            new[:, at] = plain.euler_degrees(turned, order, values[0, at])
+        column += len(own)
+    header = Path(source).read_text().partition("Frame Time")[0]
+    plain.write_bvh(target, f"{header}Frame Time: {frame_time!r}\n", new)
+
+
+def median(way, source, target, repeats):
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        way(source, target)
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def in_a_process_of_its_own(source):
+    """Seconds and peak memory of a new interpreter that grafts one file and ends."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, __file__, ONCE, str(source), str(Path(folder) / "new.bvh")]
+        start = time.perf_counter()
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        return time.perf_counter() - start, int(done.stdout) / 1024
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", nargs="?")
+    parser.add_argument("--repeats", type=int, default=5)
+    options = parser.parse_args()
+    if _core.BUILD_PROFILE != "release":
+        sys.exit("this is a debug build: pip install . or maturin develop --release")
+    warnings.simplefilter("ignore")
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = options.file, Path(folder) / "new.bvh"
+        if source is None:
+            from mograft.dancer import dance
+
+            source = Path(folder) / "dance.bvh"
+            mg.write_bvh(dance().motion, source)
+        print(f"{platform.machine()} {platform.processor()}, Python {platform.python_version()}, ")
+        print(f"NumPy {np.__version__}, {_core.BUILD_PROFILE} build, {Path(source).name}")
+        ours = median(fast, source, target, options.repeats)
+        new = mg.read_bvh(target)
+        theirs = median(slow, source, target, max(options.repeats // 2, 1))
+        old = mg.read_bvh(target)
+        apart = mg.rotations.angle(new.rotations, old.rotations).max()
+        whole = [in_a_process_of_its_own(source) for _ in range(options.repeats)]
+        seconds = statistics.median(own for own, _ in whole)
+        memory = max(peak for _, peak in whole)
+        print(f"mograft, file to file                {ours * 1e3:8.0f} ms")
+        print(f"plain NumPy and SciPy, file to file  {theirs * 1e3:8.0f} ms")
+        print(f"ratio                                {theirs / ours:8.1f}")
+        print(f"greatest angle between the two       {apart:8.1e} rad")
+        print(f"mograft in a new process             {seconds * 1e3:8.0f} ms, peak {memory:.0f} MB")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == [ONCE]:
+        warnings.simplefilter("ignore")
+        fast(sys.argv[2], sys.argv[3])
+        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    else:
+        main()

@@ -1,0 +1,7 @@
+"""``python -m mograft``: the command line."""
+
+import sys
+
+from mograft.cli import main
+
+sys.exit(main())

@@ -1,0 +1,178 @@
+"""Every number that can be chosen, with its unit and where it comes from."""
+
+import math
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, Literal
+
+__all__ = ["Config"]
+
+FRAME = 1.0 / 30.0
+"""The paper counts in frames of, as its segment lengths show, 30 a second."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """How motions are cut, compared, chosen and joined.
+
+    ``Config()`` holds robust defaults; `Config.paper` the paper to the letter where it is
+    explicit. Section numbers below are the paper's.
+
+    Parameters
+    ----------
+    smoothing : float
+        Standard deviation in seconds of the Gaussian that smooths the kinetic energy before
+        its extrema are taken (4.1.1); 0 for none.
+    min_length, max_length : float
+        Shortest and longest segment in seconds. Shorter ones are merged, longer ones split.
+    omega : {"world", "local"}
+        Whether a link's angular velocity is relative to the world or to its parent (eq. 1).
+    inertia : {"own", "subtree", "unit"}
+        Whether a link's moment of inertia is its own, that of all that hangs on it, or 1.
+    samples : int
+        Frames that every segment is resampled to before it is compared (4.1.3).
+    components : int
+        Principal components kept, at most (p* of 4.2).
+    keep_heading : bool
+        Whether the same step in another direction is another motion. The paper keeps the
+        root's rotation as it is; the default turns every segment to start facing one way.
+    rotation_floor, position_floor, length_floor : float
+        Least standard deviation that a feature is divided by: in radians, skeleton heights
+        and frames of 1/30 s. It keeps the jitter of joints that hardly move from counting as
+        much as motion; 0, as in the paper, for the bare correlation matrix (4.2).
+    sigma : {"rms", "literal"} or float
+        Greatest diameter of a cluster (4.3): √(mean d²) or, as eq. 14 is printed, √(mean d),
+        where d is a segment's distance from the mean; or a number.
+    sigma_scale : float
+        Factor on a named `sigma`: smaller is more natural, larger is more varied.
+    max_stretch : float
+        λ_f of eq. 19: by which part of its length a base segment may differ from a donor.
+    length_slack : float
+        Difference in seconds that is allowed whatever the length; 0 for eq. 19 alone, strictly.
+    max_angle : float
+        Greatest mean joint angle, in radians, between the poses that meet at a seam (4.4).
+    choice : {"random"}
+        How a donor is chosen among those that pass: uniformly at random (4.4).
+    seam : {"paper", "displacement"}
+        How the poses that meet at a seam are made one (4.5): "displacement" spreads the gap
+        over the segments, "paper" also rounds off what is left of a kink.
+    seam_window : float
+        Seconds on either side of a seam within which "paper" lays its curve anew.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range; names the field.
+
+    Examples
+    --------
+    >>> Config().sigma, Config.paper().sigma
+    ('rms', 'literal')
+    >>> Config(sigma_scale=-1)
+    Traceback (most recent call last):
+    ...
+    ValueError: sigma_scale must be above 0, got -1
+    """
+
+    smoothing: float = 2 * FRAME
+    min_length: float = 3 * FRAME
+    max_length: float = 2.0
+    omega: Literal["world", "local"] = "world"
+    inertia: Literal["own", "subtree", "unit"] = "own"
+    samples: int = 10
+    components: int = 10
+    keep_heading: bool = False
+    rotation_floor: float = math.radians(0.5)
+    position_floor: float = 0.001
+    length_floor: float = 0.5
+    sigma: Literal["rms", "literal"] | float = "rms"
+    sigma_scale: float = 0.75
+    max_stretch: float = 0.15
+    length_slack: float = FRAME
+    max_angle: float = math.radians(45.0)
+    choice: Literal["random"] = "random"
+    seam: Literal["paper", "displacement"] = "paper"
+    seam_window: float = 5 * FRAME
+
+    def __post_init__(self) -> None:
+        for name, allowed in (
+            ("omega", ("world", "local")),
+            ("inertia", ("own", "subtree", "unit")),
+            ("choice", ("random",)),
+            ("seam", ("paper", "displacement")),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
+        for name, least in (("samples", 2), ("components", 1)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < least:
+                raise ValueError(
+                    f"{name} must be a whole number of at least {least}, got {value!r}"
+                )
+        named = ("rms", "literal")
+        above_zero = ["min_length", "max_length", "sigma_scale", "max_stretch", "max_angle"]
+        if isinstance(self.sigma, str):
+            if self.sigma not in named:
+                raise ValueError(f"sigma must be one of {named} or a number, got {self.sigma!r}")
+        else:
+            above_zero.append("sigma")
+        not_negative = ["smoothing", "rotation_floor", "position_floor", "length_floor"]
+        not_negative += ["length_slack", "seam_window"]
+        for name in above_zero + not_negative:
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise ValueError(f"{name} must be a number, got {value!r}")
+            if name in above_zero and not value > 0:
+                raise ValueError(f"{name} must be above 0, got {value!r}")
+            if not value >= 0:
+                raise ValueError(f"{name} must not be negative, got {value!r}")
+        if self.max_length < 2 * self.min_length:
+            raise ValueError(
+                f"max_length must be at least twice min_length, {self.min_length:.4g} s, "
+                f"got {self.max_length:.4g}"
+            )
+
+    @classmethod
+    def paper(cls, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
+        """Return the paper's own parameters, literally where it is explicit.
+
+        Parameters
+        ----------
+        **changes
+            Fields that should differ.
+
+        Returns
+        -------
+        Config
+            The configuration.
+        """
+        literal = cls(
+            min_length=FRAME,
+            max_length=math.inf,
+            keep_heading=True,
+            rotation_floor=0.0,
+            position_floor=0.0,
+            length_floor=0.0,
+            sigma="literal",
+            sigma_scale=1.0,
+            length_slack=0.0,
+        )
+        return replace(literal, **changes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields by name, as JSON can hold them: infinity is None."""
+        return {name: None if value == math.inf else value for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "Config":
+        """Return the configuration that `as_dict` made `values` of.
+
+        Raises
+        ------
+        ValueError
+            If a name is no field, or a value is out of range.
+        """
+        unknown = set(values) - {field.name for field in fields(cls)}
+        if unknown:
+            raise ValueError(f"no parameter is named {', '.join(sorted(unknown))}")
+        given: dict[str, Any] = {k: math.inf if v is None else v for k, v in values.items()}
+        return cls(**given)

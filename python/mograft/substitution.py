@@ -1,0 +1,336 @@
+"""Which segments may take whose place, and which of them do (paper, 4.4)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft import _core
+from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.config import Config
+from mograft.segmentation import Segments
+
+__all__ = [
+    "Candidate",
+    "Candidates",
+    "Pool",
+    "choose",
+    "combinations",
+    "length_fits",
+    "pose_gaps",
+    "reachable",
+]
+
+
+def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) -> BoolArray:
+    """Tell where a donor's length is near enough to a base segment's (eq. 19).
+
+    Parameters
+    ----------
+    base, donor : ndarray of int
+        Lengths in intervals; the shapes broadcast.
+    rate : float
+        Frames per second.
+    config : Config
+        Gives `max_stretch` and `length_slack`.
+
+    Returns
+    -------
+    ndarray of bool
+        |base - donor| < max_stretch · base, strictly, as printed; with a slack,
+        ≤ max(max_stretch · base, slack). The base's length is the measure, so that a may
+        take b's place where b may not take a's.
+    """
+    gap = np.abs(base - donor)
+    limit = config.max_stretch * base
+    tiny = 1e-9 * base
+    fits: BoolArray = gap < limit - tiny
+    if config.length_slack > 0:
+        fits = gap <= np.maximum(limit, config.length_slack * rate) + tiny
+    return fits
+
+
+def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return the mean joint angle between every end pose and every start pose.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (n_ends, n_joints, 4)
+        Local rotations in the last frames of some segments.
+    starts : ndarray, shape (n_starts, n_joints, 4)
+        Local rotations in the first frames of others.
+
+    Returns
+    -------
+    ndarray, shape (n_ends, n_starts)
+        Angles in radians, 0 to π.
+    """
+    return _core.pose_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A member of a base segment's cluster, and what it costs to use it.
+
+    Attributes
+    ----------
+    segment : int
+        Its index.
+    clip, start, stop : int
+        Its clip, first and last frame.
+    stretch : float
+        By which part of the base segment's length its own differs.
+    gap_before, gap_after : float
+        Mean joint angle, in radians, at its seams with the base segment's own neighbours; 0
+        where there is none.
+    distance : float
+        Between the two base parts, as the clustering sees them; NaN where nothing was
+        compared.
+    refused : str
+        Why it may not be used, with the limit and by how much it is missed; empty where it may.
+    """
+
+    segment: int
+    clip: int
+    start: int
+    stop: int
+    stretch: float
+    gap_before: float
+    gap_after: float
+    distance: float
+    refused: str
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """What may take one segment's place, and why the rest may not.
+
+    Attributes
+    ----------
+    allowed : tuple of Candidate
+        The donors that pass, nearest first; the segment itself is the first of them.
+    refused : tuple of Candidate
+        Members of its cluster that do not pass.
+    elsewhere : int
+        How many segments are of another cluster.
+    """
+
+    allowed: tuple[Candidate, ...]
+    refused: tuple[Candidate, ...]
+    elsewhere: int
+
+    def __len__(self) -> int:
+        return len(self.allowed)
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """All segments that are at hand, as the search sees them for one grafted group.
+
+    Attributes
+    ----------
+    segments : Segments
+        The segments.
+    labels : ndarray of int, shape (n_segments,)
+        Clusters of their base parts.
+    is_donor : ndarray of bool, shape (n_segments,)
+        Whether a segment may be used in another's place.
+    first, last : ndarray, shape (n_segments, n_joints, 4)
+        The grafted group's pose in the first and in the last frame of each.
+    rate : float
+        Frames per second.
+    """
+
+    segments: Segments
+    labels: IntArray
+    is_donor: BoolArray
+    first: FloatArray
+    last: FloatArray
+    rate: float
+
+    def candidates(self, segment: int, config: Config) -> IntArray:
+        """Return the segments that may take one's place by cluster and length, itself included.
+
+        Parameters
+        ----------
+        segment : int
+            The base segment.
+        config : Config
+            Gives the length rule.
+
+        Returns
+        -------
+        ndarray of int
+            Ascending.
+        """
+        mates = np.flatnonzero((self.labels == self.labels[segment]) & self.is_donor)
+        lengths = self.segments.lengths
+        fits = length_fits(lengths[segment], lengths[mates], self.rate, config)
+        return np.union1d(mates[fits], [segment])
+
+    def gaps(self, left: IntArray, right: IntArray) -> FloatArray:
+        """Return the mean joint angle at the seams between segments, in radians.
+
+        Parameters
+        ----------
+        left, right : ndarray of int
+            Segments that end at the seam and segments that start at it.
+
+        Returns
+        -------
+        ndarray, shape (len(left), len(right))
+            0 where the right one follows the left one in its clip.
+        """
+        return pose_gaps(self.last[left], self.first[right])
+
+    def judge(self, segment: int, points: FloatArray | None, config: Config) -> Candidates:
+        """Return all members of a segment's cluster with their costs and refusals.
+
+        Parameters
+        ----------
+        segment : int
+            The base segment.
+        points : ndarray, shape (n_segments, n_components), optional
+            The embedding of the base parts.
+        config : Config
+            Gives the limits.
+
+        Returns
+        -------
+        Candidates
+            Seams are judged against the segment's own neighbours.
+        """
+        cut = self.segments
+        mates = np.flatnonzero(self.labels == self.labels[segment])
+        length = int(cut.lengths[segment])
+        fits = length_fits(cut.lengths[segment], cut.lengths[mates], self.rate, config)
+        still = np.zeros(len(mates))
+        has_before = segment > 0 and cut.clip[segment - 1] == cut.clip[segment]
+        has_after = segment + 1 < len(cut) and cut.clip[segment + 1] == cut.clip[segment]
+        before = self.gaps(np.array([segment - 1]), mates)[0] if has_before else still
+        after = self.gaps(mates, np.array([segment + 1]))[:, 0] if has_after else still
+        apart = (
+            np.full(len(mates), np.nan)
+            if points is None
+            else np.linalg.norm(points[mates] - points[segment], axis=1)
+        )
+        allowed: list[Candidate] = []
+        refused: list[Candidate] = []
+        for at in np.lexsort((mates, apart, mates != segment)).tolist():
+            mate = int(mates[at])
+            stretch = abs(length - int(cut.lengths[mate])) / length
+            widest = np.degrees(max(before[at], after[at]))
+            reasons = []
+            if not self.is_donor[mate]:
+                reasons.append("a fault was found in it")
+            if not fits[at]:
+                reasons.append(f"length: {stretch:.2f} is not below {config.max_stretch:.2f}")
+            if widest > np.degrees(config.max_angle):
+                reasons.append(f"seam: {widest:.1f}° is above {np.degrees(config.max_angle):.1f}°")
+            candidate = Candidate(
+                mate,
+                int(cut.clip[mate]),
+                int(cut.start[mate]),
+                int(cut.stop[mate]),
+                stretch,
+                float(before[at]),
+                float(after[at]),
+                float(apart[at]),
+                "" if mate == segment else "; ".join(reasons),
+            )
+            (refused if candidate.refused else allowed).append(candidate)
+        return Candidates(tuple(allowed), tuple(refused), len(cut) - len(mates))
+
+
+def reachable(
+    pool: Pool, positions: Sequence[IntArray], config: Config
+) -> tuple[list[IntArray], list[FloatArray]]:
+    """Leave those candidates from which the end can be reached within the transition limit.
+
+    Parameters
+    ----------
+    pool : Pool
+        The segments.
+    positions : sequence of ndarray of int
+        The candidates at each position of the scenario, its base segment among them.
+    config : Config
+        Gives `max_angle`.
+
+    Returns
+    -------
+    alive : list of ndarray of int
+        For each position the candidates with at least one successor that is alive, and a
+        seam to it of at most `max_angle`. All of them where no candidate has one.
+    gaps : list of ndarray
+        For each position but the last the seams' angles between what is alive there and at
+        the next.
+    """
+    alive = [positions[-1]] if len(positions) else []
+    gaps: list[FloatArray] = []
+    for own in reversed(positions[:-1]):
+        angles = pool.gaps(own, alive[-1])
+        passes = np.flatnonzero((angles <= config.max_angle).any(axis=1))
+        if not len(passes):
+            passes = np.arange(len(own))
+        alive.append(own[passes])
+        gaps.append(angles[passes])
+    return alive[::-1], gaps[::-1]
+
+
+def choose(
+    alive: Sequence[IntArray],
+    gaps: Sequence[FloatArray],
+    config: Config,
+    rng: np.random.Generator,
+) -> IntArray:
+    """Choose a donor at every position, at random among those that pass.
+
+    Parameters
+    ----------
+    alive, gaps
+        As `reachable` returns them.
+    config : Config
+        Gives `max_angle`.
+    rng : numpy.random.Generator
+        Where the chance comes from.
+
+    Returns
+    -------
+    ndarray of int, shape (n_positions,)
+        Each uniformly one of those whose seam with the one before is within the limit; the
+        nearest where none is.
+    """
+    chosen = []
+    at = 0
+    for position, own in enumerate(alive):
+        if position == 0:
+            at = int(rng.integers(len(own)))
+        else:
+            angles = gaps[position - 1][at]
+            passing = np.flatnonzero(angles <= config.max_angle)
+            at = int(rng.choice(passing)) if len(passing) else int(np.argmin(angles))
+        chosen.append(own[at])
+    return np.array(chosen, np.int64)
+
+
+def combinations(labels: IntArray, n_groups: int) -> int:
+    """Count the segments that can be made when nothing but the clusters limits the choice.
+
+    Parameters
+    ----------
+    labels : ndarray of int
+        Clusters of the base parts.
+    n_groups : int
+        Number of joint groups, the base among them.
+
+    Returns
+    -------
+    int
+        Σ |c|^K over the clusters c, the captured segments included (paper, tables 1 and 2).
+
+    Examples
+    --------
+    >>> combinations(np.array([0, 0, 1]), 3)
+    9
+    """
+    return sum(int(size) ** n_groups for size in np.unique(labels, return_counts=True)[1])

@@ -1,0 +1,41 @@
+"""Run every check of the project: ``python -m tests [--thorough]``.
+
+Rust first, since what follows stands on it; then style and types; then the tests. Every
+check runs, whatever the ones before it found; the exit code is 1 if any of them failed.
+"""
+
+import shutil
+import subprocess
+import sys
+import sysconfig
+
+PYTHON = sys.executable
+CHECKS = (
+    ("rust format", ["cargo", "fmt", "--check"]),
+    ("clippy", ["cargo", "clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+    ("rust tests", ["cargo", "test", "--workspace", "--quiet"]),
+    ("ruff format", [PYTHON, "-m", "ruff", "format", "--check"]),
+    ("ruff", [PYTHON, "-m", "ruff", "check"]),
+    ("mypy", [PYTHON, "-m", "mypy"]),
+    ("stubtest", [PYTHON, "-m", "mypy.stubtest", "mograft._core"]),
+    ("pytest", [PYTHON, "-m", "pytest"]),
+)
+
+
+def main(arguments):
+    if shutil.which("cargo") is None:
+        print("cargo is needed: see https://rustup.rs", file=sys.stderr)
+        return 1
+    # The crates that bind to Python are checked against the Python that runs this.
+    print(f"Python {sysconfig.get_python_version()} at {PYTHON}", flush=True)
+    failed = []
+    for name, command in CHECKS:
+        extra = arguments if name == "pytest" else []
+        print(f"\n== {name}: {' '.join([*command, *extra])}", flush=True)
+        if subprocess.run([*command, *extra], check=False).returncode:
+            failed.append(name)
+    print(f"\n{'failed: ' + ', '.join(failed) if failed else 'all checks passed'}", flush=True)
+    return 1 if failed else 0
+
+
+sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,64 @@
+"""Hypothesis strategies for rotations and motions."""
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from mograft import Motion, Skeleton, rotations
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def vectors(shape, size=3.0):
+    """Vectors of three components, each up to `size`."""
+    return npst.arrays(np.float64, (*shape, 3), elements=st.floats(-size, size))
+
+
+def quaternions(shape):
+    """Unit quaternions, scalar last, covering the sphere and its poles."""
+    return (
+        npst.arrays(np.float64, (*shape, 4), elements=st.floats(-1, 1))
+        .filter(lambda q: (np.linalg.norm(q, axis=-1) > 0.1).all())
+        .map(lambda q: q / np.linalg.norm(q, axis=-1, keepdims=True))
+    )
+
+
+@st.composite
+def rotation_tracks(draw, max_frames=8):
+    """Frame times and the rotations of a few joints at those times."""
+    n_frames, n_joints = draw(st.tuples(st.integers(2, max_frames), st.integers(1, 4)))
+    steps = draw(npst.arrays(np.float64, n_frames - 1, elements=st.floats(1e-3, 1.0)))
+    return np.concatenate([[0.0], steps.cumsum()]), draw(quaternions((n_frames, n_joints)))
+
+
+def wander(rng, n_frames, n_joints, speed=0.3):
+    """Rotations that change direction from time to time, as limbs do: (F, J, 4)."""
+    phase = rng.uniform(0, 2 * np.pi, (n_joints, 3))
+    pace = rng.uniform(0.5, 2.0, (n_joints, 3)) * speed
+    time = np.arange(n_frames)[:, None, None]
+    return rotations.exp(rng.uniform(0.2, 1.0, (n_joints, 3)) * np.sin(pace * time + phase))
+
+
+def skeletons(rng, n_joints):
+    """A skeleton of random shape; joint 0 is its root."""
+    parents = [-1, *(int(rng.integers(joint)) for joint in range(1, n_joints))]
+    offsets = rng.uniform(-20, 20, (n_joints, 3))
+    return Skeleton([f"joint{j}" for j in range(n_joints)], parents, offsets)
+
+
+@st.composite
+def motions(draw, min_frames=2, max_frames=120, min_joints=1, max_joints=6):
+    """Smooth motions of random skeletons."""
+    rng = np.random.default_rng(draw(SEEDS))
+    n_frames = draw(st.integers(min_frames, max_frames))
+    skeleton = skeletons(rng, draw(st.integers(min_joints, max_joints)))
+    quats = wander(rng, n_frames, skeleton.n_joints)
+    places = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    places[:, 0] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
+    return Motion(skeleton, 1 / 30, quats, places, name="wander")
+
+
+def same_rotations(actual, desired, atol=1e-12):
+    """Assert that rotations are equal; `q` and `-q` are."""
+    gaps = np.abs([actual - desired, actual + desired]).max(axis=-1).min(axis=0)
+    np.testing.assert_array_less(gaps, atol)

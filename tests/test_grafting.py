@@ -1,0 +1,213 @@
+"""Laws of grafts: what is kept, what is exchanged, and how it is told."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pybvh
+import pytest
+
+from mograft import (
+    Config,
+    JointGroups,
+    Library,
+    SkeletonMismatchError,
+    graft,
+    graft_many,
+    read_bvh,
+    rotations,
+    write_bvh,
+)
+from mograft.dancer import dance
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(seed=1, strides=2).motion
+
+
+@pytest.fixture(scope="module", params=["lower_upper", "lower_torso_larm_rarm"])
+def library(request, motion):
+    return Library.build(motion, request.param)
+
+
+def columns(motion, joints):
+    return [c for j in joints for c in motion.skeleton.channel_columns[j]]
+
+
+def test_the_base_group_keeps_every_number(library, motion):
+    new = graft(library, seed=4)
+    kept = columns(motion, library.joints("lower"))
+    others = np.setdiff1d(np.arange(motion.skeleton.n_channels), kept)
+    before, after = motion.channel_numbers(), new.motion.channel_numbers()
+    np.testing.assert_array_equal(after[:, kept], before[:, kept])
+    assert (after[:, others] != before[:, others]).any()
+    assert new.motion.n_frames == motion.n_frames
+
+
+def test_feet_stand_where_they_stood(library, motion):
+    new = graft(library, seed=4).motion
+    feet = [motion.skeleton.index(name) for name in ("LeftFoot", "RightFoot")]
+    np.testing.assert_array_equal(new.world_positions()[:, feet], motion.world_positions()[:, feet])
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(library, motion, tmp_path):
+    paths = [tmp_path / f"{i}.bvh" for i in range(3)]
+    for path, seed in zip(paths, (7, 7, 8), strict=True):
+        write_bvh(graft(library, motion, seed=seed).motion, path)
+    first, again, other = (path.read_bytes() for path in paths)
+    assert first == again != other
+
+
+SCRIPT = """
+import sys
+from mograft import Library, graft, write_bvh
+from mograft.dancer import dance
+library = Library.build(dance(seed=1, strides=2).motion)
+write_bvh(graft(library, seed=7).motion, sys.argv[1])
+"""
+
+
+def test_the_number_of_threads_changes_no_byte(tmp_path):
+    written = []
+    for threads in ("1", "2"):
+        path = tmp_path / f"{threads}.bvh"
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
+        subprocess.run([sys.executable, "-c", SCRIPT, path], check=True, env=environment)
+        written.append(path.read_bytes())
+    assert written[0] == written[1]
+
+
+def test_exchanged_parts_are_of_one_cluster_and_within_the_limits(library):
+    new = graft(library, seed=2)
+    config, lengths = library.config, library.segments.lengths
+    labels = library.labels["lower"]
+    exchanged = [s for s in new.substitutions if not s.is_own]
+    assert exchanged
+    for s in exchanged:
+        assert labels[s.segment] == labels[s.donor]
+        own, donor = lengths[s.segment], lengths[s.donor]
+        assert abs(own - donor) <= max(config.max_stretch * own, config.length_slack * 30) + 1e-9
+        assert s.stretch == pytest.approx(own / donor - 1)
+    assert all(seam.gap <= 1.5 * config.max_angle for seam in new.seams)
+
+
+def test_every_pose_stays_near_its_donors(library, motion):
+    """Away from its seams a part is the donor's, displaced by no more than half its gaps."""
+    new = graft(library, seed=2)
+    for s in new.substitutions[:40]:
+        joints = library.joints(s.group)
+        gaps = [seam.gap for seam in new.seams if seam.frame in (s.start, s.stop)]
+        middle, donor = (s.start + s.stop) // 2, (s.donor_start + s.donor_stop) // 2
+        apart = rotations.angle(
+            new.motion.rotations[middle, joints], motion.rotations[donor, joints]
+        )
+        if s.stop - s.start >= 12 and s.stretch == 0 and (s.stop - s.start) % 2 == 0:
+            assert apart.mean() <= sum(gaps) / 2 + 0.2
+
+
+def test_grafting_every_segment_onto_itself_returns_the_channels(motion, tmp_path):
+    """With clusters of no size every segment has itself alone."""
+    path = tmp_path / "dance.bvh"
+    write_bvh(motion, path)
+    read = read_bvh(path)
+    library = Library.build(read, config=Config(sigma=1e-9))
+    new = graft(library)
+    np.testing.assert_array_equal(new.motion.channel_numbers(), read.channel_values)
+    np.testing.assert_array_equal(new.motion.rotations, read.rotations)
+    assert "had no candidate and were kept" in new.report()
+    write_bvh(new.motion, tmp_path / "same.bvh")
+    assert (tmp_path / "same.bvh").read_bytes() == path.read_bytes()
+    assert len(list(graft_many(library, count=3))) == 1
+
+
+def test_a_duplicate_of_the_clip_gives_the_clip(motion):
+    """Donors from a copy of the clip, each from its own place, change no number."""
+    library = Library.build([motion, replace(motion, name="copy")], config=Config(sigma=1e-6))
+    new = graft(library, seed=5)
+    assert any(s.clip == "copy" for s in new.substitutions)
+    np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
+
+
+def test_several_grafts_differ(library):
+    several = list(graft_many(library, count=4, seed=3))
+    assert len({g.motion.rotations.tobytes() for g in several}) == 4
+    assert [g.motion.name for g in several] == [f"dance_graft{i}" for i in range(4)]
+
+
+def test_one_group_of_several_can_be_swapped(motion):
+    library = Library.build(motion, "lower_torso_larm_rarm")
+    names = library.groups.names
+    new = graft(library, swap=[names[-1]], seed=1)
+    rest = np.setdiff1d(np.arange(motion.n_joints), library.joints(names[-1]))
+    np.testing.assert_array_equal(new.motion.rotations[:, rest], motion.rotations[:, rest])
+    assert {s.group for s in new.substitutions} == {names[-1]}
+
+
+def test_a_base_from_outside_is_grafted_by_the_librarys_measures(library):
+    other = replace(dance(seed=9, strides=1).motion, name="other")
+    new = graft(library, other, seed=1)
+    assert new.base is other
+    assert {s.clip for s in new.substitutions} <= {"dance", "other"}
+    assert any(s.clip == "dance" for s in new.substitutions)
+    kept = columns(other, library.joints("lower"))
+    np.testing.assert_array_equal(
+        new.motion.channel_numbers()[:, kept], other.channel_numbers()[:, kept]
+    )
+
+
+def test_provenance_names_every_donor(library):
+    new = graft(library, seed=2)
+    document = json.loads(json.dumps(new.as_dict()))
+    assert document["schema"] == "mograft.graft/1"
+    assert document["seed"] == 2
+    assert Config.from_dict(document["config"]) == library.config
+    per_group = [s for s in document["substitutions"] if s["group"] == library.groups.names[1]]
+    assert per_group[0]["frames"][0] == 0
+    for one, following in pairwise(per_group):
+        assert one["frames"][1] == following["frames"][0]
+    assert per_group[-1]["frames"][1] == new.base.n_frames - 1
+
+
+def test_pybvh_reads_what_was_written(library, motion, tmp_path):
+    path = tmp_path / "new.bvh"
+    new = graft(library, seed=2).motion
+    write_bvh(new, path)
+    theirs = pybvh.read_bvh_file(path)
+    assert theirs.frame_count == motion.n_frames
+    height = np.ptp(motion.world_positions()[0, :, 1])
+    ours = read_bvh(path).world_positions()
+    np.testing.assert_allclose(ours, new.world_positions(), atol=1e-9 * height)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda lib: graft(lib, swap=["lower"]), "swap must name groups other than the base"),
+        (lambda lib: graft(lib, swap=[]), "swap must name at least one group"),
+        (lambda lib: graft(lib, seed=-1), "seed must be a whole number from 0, got -1"),
+        (lambda lib: list(graft_many(lib, count=0)), "count must be a whole number from 1, got 0"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(library, call, message):
+    with pytest.raises(ValueError, match=message):
+        call(library)
+
+
+def test_a_base_of_another_skeleton_is_refused(library, motion):
+    names = ["Hip", *motion.skeleton.names[1:]]
+    other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="other")
+    with pytest.raises(SkeletonMismatchError, match="other lacks Hips and has also Hip"):
+        graft(library, other)
+
+
+def test_a_base_group_without_the_root_is_refused(motion):
+    lower = motion.skeleton.names[:7]
+    groups = JointGroups({"lower": lower, "upper": motion.skeleton.names[7:]}, base="upper")
+    library = Library.build(motion, groups)
+    with pytest.raises(ValueError, match="the base group 'upper' must hold Hips"):
+        graft(library)

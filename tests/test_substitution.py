@@ -1,0 +1,174 @@
+"""Laws of candidates, limits and the random choice."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chisquare
+
+from mograft import Config, Segments
+from mograft.substitution import Pool, choose, combinations, length_fits, pose_gaps, reachable
+from tests import plain
+from tests.strategies import SEEDS, quaternions, wander
+
+ROBUST, PAPER = Config(), Config.paper()
+
+
+def make_pool(seed, n=12, n_labels=3, spread=0.5):
+    """Segments of one clip with random lengths, labels and poses."""
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(1, 12, n)
+    stops = np.cumsum(lengths)
+    poses = wander(rng, n + 1, 3, speed=spread)
+    return Pool(
+        Segments(stops - lengths, stops),
+        rng.integers(0, n_labels, n),
+        np.ones(n, bool),
+        poses[:-1],
+        poses[1:],
+        30.0,
+    )
+
+
+def test_the_length_rule_is_strict_and_measured_by_the_base():
+    def fits(base, donor, config):
+        return bool(length_fits(np.array(base), np.array(donor), 30.0, config))
+
+    assert fits(20, 22, PAPER)
+    assert not fits(20, 23, PAPER)  # 0.15 is not below 0.15
+    assert fits(21, 18, PAPER)
+    assert not fits(18, 21, PAPER)  # the same two the other way round
+    assert not fits(6, 7, PAPER)
+    assert fits(6, 7, ROBUST)
+    assert not fits(6, 8, ROBUST)
+    assert fits(20, 23, ROBUST)
+
+
+@given(st.integers(1, 500), st.integers(1, 500))
+def test_the_slack_allows_a_frame_at_any_rate_and_nothing_less(base, donor):
+    at_30 = length_fits(np.array(base), np.array(donor), 30.0, ROBUST)
+    at_120 = length_fits(np.array(4 * base), np.array(4 * donor), 120.0, ROBUST)
+    assert at_30 == at_120
+    assert at_30 == (abs(base - donor) <= max(0.15 * base + 1e-9, 1))
+
+
+@given(SEEDS, st.sampled_from((ROBUST, PAPER)))
+def test_candidates_are_those_of_the_plain_version(seed, config):
+    pool = make_pool(seed)
+    expected = plain.candidates(pool.labels, pool.segments.lengths, 30.0, config)
+    for segment in range(len(pool.segments)):
+        found = pool.candidates(segment, config)
+        np.testing.assert_array_equal(found, expected[segment])
+        assert segment in found
+
+
+@given(SEEDS)
+def test_without_limits_candidates_are_the_cluster_and_combinations_its_powers(seed):
+    pool = make_pool(seed)
+    free = Config(max_stretch=1e6)
+    found = [set(pool.candidates(i, free).tolist()) for i in range(len(pool.segments))]
+    for i, own in enumerate(found):
+        assert own == set(np.flatnonzero(pool.labels == pool.labels[i]).tolist())
+    for n_groups in (2, 3, 4):
+        brute = sum(1 for own in found for _ in product(own, repeat=n_groups - 1))
+        assert combinations(pool.labels, n_groups) == brute
+
+
+def test_combinations_are_exact_beyond_floats():
+    assert combinations(np.zeros(10_000, int), 5) == 10_000**5
+
+
+@given(SEEDS)
+def test_spoiled_segments_lend_nothing_but_keep_their_own(seed):
+    pool = make_pool(seed, n_labels=1)
+    pool.is_donor[4] = False
+    for segment in range(len(pool.segments)):
+        assert (4 in pool.candidates(segment, ROBUST)) == (segment == 4)
+
+
+@given(quaternions((3, 2)), quaternions((4, 2)))
+def test_pose_gaps_are_mean_angles(ends, starts):
+    gaps = pose_gaps(ends, starts)
+    expected = [[plain.gap(end, start) for start in starts] for end in ends]
+    np.testing.assert_allclose(gaps, expected, atol=1e-9)
+    np.testing.assert_allclose(pose_gaps(starts, ends), gaps.T, atol=1e-12)
+
+
+@given(SEEDS)
+def test_neighbours_in_a_clip_have_no_gap(seed):
+    pool = make_pool(seed)
+    n = len(pool.segments)
+    gaps = pool.gaps(np.arange(n - 1), np.arange(1, n))
+    np.testing.assert_allclose(np.diag(gaps), 0.0, atol=1e-15)
+
+
+@given(SEEDS, st.floats(0.05, 1.0))
+def test_whoever_is_chosen_keeps_the_limit_and_the_cluster(seed, limit):
+    pool = make_pool(seed, n_labels=2)
+    config = Config(max_angle=limit, max_stretch=2.0)
+    positions = [pool.candidates(i, config) for i in range(len(pool.segments))]
+    alive, gaps = reachable(pool, positions, config)
+    for own, all_of_them in zip(alive, positions, strict=True):
+        assert set(own) <= set(all_of_them)
+    chosen = choose(alive, gaps, config, np.random.default_rng(seed))
+    np.testing.assert_array_equal(pool.labels[chosen], pool.labels)
+    # From any start there is a way on, for the original follows the original without a gap.
+    met = [
+        pool.gaps(chosen[i : i + 1], chosen[i + 1 : i + 2])[0, 0] for i in range(len(chosen) - 1)
+    ]
+    assert (met <= limit).all()
+
+
+@given(SEEDS)
+def test_the_choice_is_that_of_the_plain_version(seed):
+    pool = make_pool(seed, n_labels=2)
+    config = Config(max_angle=0.6, max_stretch=2.0)
+    bounds = np.array([*pool.segments.start, pool.segments.stop[-1]])
+    quats = np.zeros((bounds[-1] + 1, 3, 4))
+    quats[bounds] = np.concatenate([pool.first, pool.last[-1:]])
+    found = plain.candidates(pool.labels, pool.segments.lengths, 30.0, config)
+    expected = plain.choose(quats, bounds, found, config, np.random.default_rng(seed))
+    positions = [pool.candidates(i, config) for i in range(len(pool.segments))]
+    alive, gaps = reachable(pool, positions, config)
+    chosen = choose(alive, gaps, config, np.random.default_rng(seed))
+    np.testing.assert_array_equal(chosen, expected)
+
+
+def test_all_that_pass_are_chosen_alike():
+    pool = make_pool(5, n=6, n_labels=1, spread=0.01)
+    config = Config(max_stretch=100.0)
+    positions = [pool.candidates(i, config) for i in range(6)]
+    alive, gaps = reachable(pool, positions, config)
+    rng = np.random.default_rng(0)
+    draws = np.array([choose(alive, gaps, config, rng) for _ in range(3000)])
+    for column in draws.T:
+        assert chisquare(np.bincount(column, minlength=6)).pvalue > 1e-6
+
+
+@given(SEEDS)
+def test_every_refusal_names_the_limit_that_it_misses(seed):
+    pool = make_pool(seed)
+    config = Config(max_angle=0.3)
+    for segment in range(len(pool.segments)):
+        judged = pool.judge(segment, None, config)
+        assert judged.allowed[0].segment == segment
+        allowed = {c.segment for c in judged.allowed}
+        by_length = set(pool.candidates(segment, config).tolist())
+        assert allowed <= by_length
+        for candidate in judged.refused:
+            wide = max(candidate.gap_before, candidate.gap_after) > 0.3
+            assert ("seam" in candidate.refused) == wide
+            assert ("length" in candidate.refused) == (candidate.segment not in by_length)
+        total = len(judged.allowed) + len(judged.refused) + judged.elsewhere
+        assert total == len(pool.segments)
+
+
+def test_a_lone_segment_has_itself():
+    pool = make_pool(0, n=1)
+    alive, gaps = reachable(pool, [pool.candidates(0, ROBUST)], ROBUST)
+    assert choose(alive, gaps, ROBUST, np.random.default_rng(0)).tolist() == [0]
+    assert len(pool.judge(0, None, ROBUST)) == 1
+    with pytest.raises(IndexError):
+        pool.judge(1, None, ROBUST)
