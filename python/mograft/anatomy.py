@@ -119,7 +119,7 @@ class Anatomy:
         ``"names"``, or ``"structure"`` where the names tell no arms or no legs and symmetry
         had to.
     human : bool
-        Whether the names are those of a human body with two legs.
+        Whether the names are those of a human body: two legs below hips, no tail nor paws.
     """
 
     parts: tuple[str, ...]
@@ -190,6 +190,14 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
             guess = [part if part in wanted else "" for part in guess]
     elif any(part in ARM + LEG and not side for part, side in zip(named, sides, strict=True)):
         guessed_sides = _structure(skeleton)[1]
+    agree = sum(
+        (1 if own == other else -1)
+        for own, other in zip(sides, guessed_sides, strict=True)
+        if own and other
+    )
+    if agree < 0:  # a side that is named tells the others
+        opposite = {"left": "right", "right": "left", "": ""}
+        guessed_sides = [opposite[side] for side in guessed_sides]
     known = [own or other for own, other in zip(named, guess, strict=True)]
     hips = _common_ancestor(skeleton, [joint for joint, part in enumerate(known) if part])
     parts = _fill(skeleton, known, words, hips)
@@ -211,7 +219,7 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
         unmatched=tuple(joint for joint, part in enumerate(named) if not part),
         details=_details(skeleton, parts),
         scheme="structure" if structural else "names",
-        human=two_legs and not animal and not structural,
+        human=two_legs and parts[hips] == "pelvis" and not animal and not structural,
     )
 
 
@@ -380,10 +388,29 @@ def _settle(
             settled[joint] = "clavicle" if leaf or "upper_arm" in below[joint] else "upper_arm"
         elif part == "foot" and above == "foot" and "ankle" in words[parent]:
             settled[joint] = "foot" if _ENDS & set(words[joint]) else "toe"
-    if "head" not in settled and settled.count("neck") > 1:
-        last = max(joint for joint, part in enumerate(settled) if part == "neck")
-        settled[last] = "head"
+    if "head" not in settled:
+        above_arms = _above_arms(skeleton, settled)
+        for joint in above_arms:
+            settled[joint] = "neck"
+        # A neck alone may be all that is known of the head, but of two one carries it.
+        if settled.count("neck") > 1:
+            settled[max(joint for joint, part in enumerate(settled) if part == "neck")] = "head"
     return settled
+
+
+def _above_arms(skeleton: Skeleton, settled: list[str]) -> list[int]:
+    """Return the joints of a spine that goes on beyond the arms and is nowhere called neck."""
+    arms = [joint for joint, part in enumerate(settled) if part in ARM]
+    if not arms or "neck" in settled:
+        return []
+    chest = _common_ancestor(skeleton, arms)
+    for child in skeleton.children[chest]:
+        chain = [child]
+        while len(skeleton.children[chain[-1]]) == 1:
+            chain += skeleton.children[chain[-1]]
+        if len(chain) > 1 and all(settled[joint] == "trunk" for joint in chain):
+            return chain
+    return []
 
 
 def _fill(
@@ -406,15 +433,15 @@ def _fill(
             part = "pelvis"
         elif joint in carries and own not in LEG:
             # Whatever its name: what the legs hang on moves them, and belongs to them.
-            part = "pelvis"
-        elif above in ("head", "finger", "toe") or (end and above not in ("", "other")):
+            part = above if above in LEG else "pelvis"
+        elif above in ("head", "finger", "toe") or (end and above != "other"):
             part = above
-        elif not own or _comes_before(own, above):
-            part = {"hand": "finger", "foot": "toe", "": "pelvis"}.get(above, above)
-            if own:
-                part = above
+        elif own:
+            # No head on a leg, no forearm on a hand: such names are of markers.
+            misplaced = own in ("neck", "head") and above in ARM + LEG
+            part = above if misplaced or _comes_before(own, above) else own
         else:
-            part = own
+            part = {"hand": "finger", "foot": "toe"}.get(above, above)
         parts.append(part)
     return parts
 
@@ -476,7 +503,7 @@ def _structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     legs = limbs[0] if limbs else None
     arms = max(limbs[1:], key=lambda pair: shape.length(pair[0]), default=None)
     hips = int(skeleton.parents[legs[0]]) if legs else 0
-    for joint, part in _spine(skeleton, shape, axis, hips, arms):
+    for joint, part in _spine(skeleton, shape, axis, legs, arms):
         parts[joint] = part
     for pair, roles, connector in ((legs, LEG, "pelvis"), (arms, ARM[1:], "clavicle")):
         for first in pair or ():
@@ -617,16 +644,23 @@ def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tupl
 
 
 def _spine(
-    skeleton: Skeleton, shape: _Shape, axis: list[int], hips: int, arms: tuple[int, int] | None
+    skeleton: Skeleton,
+    shape: _Shape,
+    axis: list[int],
+    legs: tuple[int, int] | None,
+    arms: tuple[int, int] | None,
 ) -> list[tuple[int, str]]:
     """Name the joints between the limbs: trunk up to the arms, then neck and head, and a tail."""
+    hips = int(skeleton.parents[legs[0]]) if legs else 0
     between = [child for child in axis if skeleton.parents[child] == hips]
     found: list[tuple[int, str]] = []
     if arms is None:
         spine = max(between, key=shape.length, default=None)
         chain = _unbranched(shape, spine)
         found += [(joint, "trunk") for joint in chain[:-1]]
-        found += [(joint, "head" if chain[:-1] else "trunk") for joint in chain[-1:]]
+        # Without a single limb the end of a chain may be anything.
+        head = "head" if legs and len(chain) > 1 else "trunk"
+        found += [(joint, head) for joint in chain[-1:]]
     else:
         chest = int(skeleton.parents[arms[0]])
         line = [chest, *_ancestors(skeleton, chest)]

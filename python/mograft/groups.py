@@ -282,7 +282,11 @@ class JointGroups:
         """
         text, place = str(source), "groups"
         if not isinstance(source, str) or "\n" not in source:
-            text, place = Path(source).read_text(encoding="utf-8"), str(source)
+            place = str(source)
+            try:
+                text = Path(source).read_text(encoding="utf-8")
+            except UnicodeDecodeError as error:
+                raise ValueError(f"{place}: no UTF-8: {error}") from error
         try:
             table = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:

@@ -1,0 +1,166 @@
+"""Skeletons for tests: written in one line, or the hierarchy alone of a recording."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from hypothesis import strategies as st
+
+from mograft import EndSite, Skeleton
+
+DATA = Path(__file__).parents[2] / "shared" / "data"
+
+
+def written(text, offsets=None):
+    """Return a skeleton and what stands behind each name.
+
+    ``Hips=pelvis {Spine=trunk > Head=head | LeftLeg=thigh left}``: ``>`` goes down, ``{ | }``
+    branches.
+    """
+    names, parents, notes = [], [], []
+    parent, stack = -1, []
+    for token in re.findall(r"[{|}>]|[^{|}>]+", text):
+        if token == "{":
+            stack.append(parent)
+        elif token == "|":
+            parent = stack[-1]
+        elif token == "}":
+            parent = stack.pop()
+        elif token != ">" and token.strip():
+            name, _, note = token.strip().partition("=")
+            names.append(name.strip())
+            parents.append(parent)
+            notes.append(note.split())
+            parent = len(names) - 1
+    offsets = np.zeros((len(names), 3)) if offsets is None else offsets
+    return Skeleton(names, parents, offsets), notes
+
+
+def renamed(skeleton, name):
+    """Return the skeleton with `name(joint index, old name)` for its names."""
+    names = [name(joint, old) for joint, old in enumerate(skeleton.names)]
+    return Skeleton(
+        names, skeleton.parents, skeleton.offsets, skeleton.channels, skeleton.end_sites
+    )
+
+
+def reordered(skeleton, order):
+    """Return the skeleton with its joints in another order, parents first."""
+    place = {old: new for new, old in enumerate(order)}
+    parents = [place.get(int(skeleton.parents[old]), -1) for old in order]
+    sites = tuple(
+        EndSite(place[site.parent], site.offset, name=site.name) for site in skeleton.end_sites
+    )
+    return Skeleton(
+        [skeleton.names[old] for old in order],
+        parents,
+        skeleton.offsets[order],
+        [skeleton.channels[old] for old in order],
+        sites,
+    )
+
+
+@st.composite
+def orders(draw, skeleton):
+    """Orders of the joints in which every parent stands before its children."""
+    free, order = [0], []
+    while free:
+        joint = free.pop(draw(st.integers(0, len(free) - 1)))
+        order.append(joint)
+        free += skeleton.children[joint]
+    return order
+
+
+# One word of each kind and some that are none, with what may surround them.
+WORDS = (
+    "Hips Spine Neck Head LeftShoulder LeftArm RightArm LeftHand RightHandThumb1 LeftUpLeg"
+    " RightUpLeg LeftLeg LeftHip RightKnee RightFoot LeftToe Tail End L5 T3 Bone j7 x"
+)
+KNOWN_NAMES = st.sampled_from(tuple(WORDS.split()))
+
+
+@st.composite
+def skeletons(draw, names=KNOWN_NAMES, max_joints=16):
+    """Any tree of joints with any names and offsets."""
+    n_joints = draw(st.integers(1, max_joints))
+    parents = [-1] + [draw(st.integers(0, joint - 1)) for joint in range(1, n_joints)]
+    number = st.integers(-20, 20).map(float)
+    offsets = draw(
+        st.lists(st.tuples(number, number, number), min_size=n_joints, max_size=n_joints)
+    )
+    sites = draw(st.lists(st.tuples(st.integers(0, n_joints - 1), number), max_size=3))
+    own = [draw(names) for _ in range(n_joints)]
+    return Skeleton(own, parents, offsets, end_sites=tuple(EndSite(j, (0, y, 1)) for j, y in sites))
+
+
+def human():
+    """The 18 joints of the Biovision skeleton, 57 degrees of freedom, 170 units high."""
+    skeleton, _ = written(
+        "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
+        " | Chest {LeftCollar > LeftShoulder > LeftElbow > LeftWrist"
+        " | RightCollar > RightShoulder > RightElbow > RightWrist | Neck > Head}}"
+    )
+    places = {
+        "Hip": (9, 0, 0),
+        "Knee": (0, -41, 0),
+        "Ankle": (0, -40, -2),
+        "Collar": (3, 20, 1),
+        "Shoulder": (14, 0, 0),
+        "Elbow": (28, 0, 0),
+        "Wrist": (25, 0, 0),
+    }
+    middle = {"Hips": (0, 0, 0), "Chest": (0, 22, 0), "Neck": (0, 24, 0), "Head": (0, 9, 2)}
+    offsets = []
+    for name in skeleton.names:
+        side = -1 if name.startswith("Right") else 1
+        x, y, z = middle.get(name) or places[re.sub("Left|Right", "", name)]
+        offsets.append((side * x, y, z))
+    ends = {
+        "Head": (0, 18, 0),
+        "LeftWrist": (17, 0, 0),
+        "RightWrist": (-17, 0, 0),
+        "LeftAnkle": (0, -6, 15),
+        "RightAnkle": (0, -6, 15),
+    }
+    sites = tuple(EndSite(skeleton.index(name), offset) for name, offset in ends.items())
+    return Skeleton(skeleton.names, skeleton.parents, offsets, end_sites=sites)
+
+
+def read_hierarchy(path):
+    """Return the skeleton of a BVH file; for files that are known to be sound."""
+    names, parents, offsets, channels, sites, stack = [], [], [], [], [], []
+    current = None
+    for line in Path(path).read_text(encoding="utf-8", errors="replace").splitlines():
+        words = line.split()
+        head = words[0].upper() if words else ""
+        if head in ("ROOT", "JOINT"):
+            names.append(line.strip().split(None, 1)[1].rstrip("{").strip())
+            parents.append(stack[-1] if stack else -1)
+            channels.append(())
+            current = len(names) - 1
+        elif head == "END":
+            current = None
+        elif head == "OFFSET":
+            offset = [float(word) for word in words[1:4]]
+            if stack[-1] is None:
+                sites.append(EndSite(stack[-2], offset))
+            else:
+                offsets.append(offset)
+        elif head == "CHANNELS":
+            channels[stack[-1]] = tuple(word.capitalize() for word in words[2:])
+        elif head == "MOTION":
+            break
+        if "{" in words:
+            stack.append(current)
+        if head == "}":
+            stack.pop()
+    return Skeleton(names, parents, offsets, channels, tuple(sites))
+
+
+def recorded():
+    """Return one file for each distinct hierarchy of the recordings, none if they are absent."""
+    found = {}
+    for path in sorted(DATA.glob("*/*.bvh")):
+        skeleton = read_hierarchy(path)
+        found.setdefault((skeleton.names, tuple(skeleton.parents)), path)
+    return sorted(found.values())
