@@ -1,0 +1,162 @@
+"""The command line as users meet it: what it prints, writes, refuses and returns."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mograft import __version__, read_bvh, write_bvh
+from mograft.cli import main
+from mograft.dancer import dance
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clips")
+    motion = dance(seed=1, strides=1).motion
+    write_bvh(motion[:600], folder / "a.bvh")
+    write_bvh(motion[600:], folder / "b.bvh")
+    return folder
+
+
+def run(capsys, *arguments):
+    code = main([str(argument) for argument in arguments])
+    told = capsys.readouterr()
+    return code, told.out, told.err
+
+
+def test_demo_tells_the_whole_story(capsys, tmp_path):
+    code, out, _ = run(capsys, "demo", "-o", tmp_path / "demo")
+    assert code == 0
+    assert "segments" in out
+    assert "mograft graft your.bvh" in out
+    sample = read_bvh(tmp_path / "demo" / "dance.bvh")
+    for index in range(3):
+        new = read_bvh(tmp_path / "demo" / f"dance_graft{index}.bvh")
+        assert new.n_frames == sample.n_frames
+        assert (tmp_path / "demo" / f"dance_graft{index}.json").exists()
+    code, _, err = run(capsys, "demo", "-o", tmp_path / "demo")
+    assert code == 1
+    assert "is there already; --force overwrites" in err
+
+
+def test_graft_writes_different_motions_with_the_same_legs(capsys, folder, tmp_path):
+    code, out, err = run(capsys, "graft", folder, "-o", tmp_path / "out", "-n", 3)
+    assert code == 0
+    paths = out.split()
+    assert paths == [str(tmp_path / "out" / f"a_graft{i}.bvh") for i in range(3)]
+    assert "segments exchanged" in err
+    base = read_bvh(folder / "a.bvh")
+    legs = [c for j in range(7) for c in base.skeleton.channel_columns[j]]
+    news = [read_bvh(path) for path in paths]
+    for new in news:
+        np.testing.assert_array_equal(new.channel_values[:, legs], base.channel_values[:, legs])
+    assert len({new.channel_values.tobytes() for new in news}) == 3
+    document = json.loads((tmp_path / "out" / "a_graft0.json").read_text())
+    assert document["mograft"] == __version__
+    assert {clip["name"] for clip in document["clips"]} == {"a", "b"}
+
+
+def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):
+    target = tmp_path / "new.bvh"
+    options = ["--base", folder / "b.bvh", "--groups", "lower_torso_arms", "--swap", "arms"]
+    code, out, _ = run(capsys, "graft", folder, *options, "-o", target, "--json", "--seed", 5)
+    assert code == 0
+    document = json.loads(out)
+    assert document["schema"] == "mograft.grafts/1"
+    assert document["grafts"][0]["base"] == "b"
+    assert {s["group"] for s in document["grafts"][0]["substitutions"]} == {"arms"}
+    before = target.read_bytes()
+    code, _, err = run(capsys, "graft", folder, *options, "-o", target)
+    assert code == 1
+    assert "new.bvh and 1 more is there already" in err
+    assert target.read_bytes() == before
+    assert run(capsys, "graft", folder, *options, "-o", target, "--force", "--seed", 5)[0] == 0
+    assert target.read_bytes() == before
+
+
+def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path):
+    motion = read_bvh(folder / "a.bvh")
+    write_bvh(motion[:60], tmp_path / "short.bvh")
+    short = tmp_path / "short.bvh"
+    code, out, err = run(capsys, "graft", short, "-o", tmp_path / "out", "-n", 2)
+    assert code == 0
+    assert "which is less strict" in err
+    fixed = ["-o", tmp_path / "fixed", "-n", 2, "--sigma-scale", "0.001"]
+    code, out, err = run(capsys, "graft", short, *fixed)
+    assert code == 0
+    assert len(out.split()) == 1
+    assert "the donors allow only 1 different motions, not 2" in err
+    assert "had no candidate and were kept" in err
+
+
+def test_info_describes_files(capsys, folder):
+    code, out, _ = run(capsys, "info", folder)
+    assert code == 0
+    assert "18 joints, 57 channels (DoF)" in out
+    assert "600 frames at 30 fps" in out
+    code, out, _ = run(capsys, "info", "--json", folder / "a.bvh")
+    document = json.loads(out)
+    assert document["schema"] == "mograft.info/1"
+    assert document["files"][0]["joints"] == 18
+    assert document["files"][0]["groups"]["lower"][0] == "Hips"
+
+
+def test_groups_can_be_edited_and_passed_back(capsys, folder, tmp_path):
+    code, out, _ = run(capsys, "groups", folder / "a.bvh", "--preset", "lower_torso_arms")
+    assert code == 0
+    assert "LeftForeArm" in out
+    path = tmp_path / "groups.toml"
+    code, told, _ = run(capsys, "groups", folder / "a.bvh", "-o", path)
+    assert told.strip() == str(path)
+    assert run(capsys, "groups", folder / "a.bvh", "-o", path)[0] == 1
+    out_file = tmp_path / "x.bvh"
+    assert run(capsys, "graft", folder / "a.bvh", "--groups", path, "-o", out_file)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "message"),
+    [
+        ("this is no motion", 3, "bad.bvh:1"),
+        (None, 1, "bad.bvh: No such file or directory"),
+    ],
+)
+def test_bad_files_give_one_line_and_their_exit_code(capsys, tmp_path, text, code, message):
+    path = tmp_path / "bad.bvh"
+    if text is not None:
+        path.write_text(text)
+    got, out, err = run(capsys, "graft", path, "-o", tmp_path / "out")
+    assert got == code
+    assert message in err
+    assert out == ""
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_clips_of_different_skeletons_are_refused(capsys, folder, tmp_path):
+    text = (folder / "a.bvh").read_text().replace("LeftForeArm", "LeftElbow")
+    (tmp_path / "other.bvh").write_text(text)
+    code, _, err = run(
+        capsys, "graft", folder / "a.bvh", tmp_path / "other.bvh", "-o", tmp_path / "out"
+    )
+    assert code == 1
+    assert "other lacks LeftForeArm and has also LeftElbow" in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["dance"],
+        ["graft", "a.bvh"],
+        ["graft", "a.bvh", "-o", "x.bvh", "-n", "2"],
+        ["graft", "a.bvh", "-o", "out", "-n", "0"],
+        ["graft", "a.bvh", "-o", "out", "--seed", "-1"],
+        ["graft", "a.bvh", "-o", "out", "--groups", "wings"],
+    ],
+)
+def test_wrong_usage_ends_with_2(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert capsys.readouterr().err
