@@ -1,5 +1,6 @@
 """Laws of the dancer: what a body, a floor and a clock demand of every dance."""
 
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise, product
 
@@ -166,7 +167,7 @@ def test_labels_have_one_entry_per_frame(seen):
 @in_every_dance
 def test_rotations_are_unit_and_do_not_jump(seen):
     quats = seen.motion.rotations
-    np.testing.assert_allclose(np.linalg.norm(quats, axis=-1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(quats, axis=-1), 1.0, rtol=0, atol=1e-12)
     assert (np.einsum("fji,fji->fj", quats[1:], quats[:-1]) > 0.97).all()
 
 
@@ -261,6 +262,35 @@ def test_feet_stay_above_the_floor(seen):
     for side in SIDES:
         for offset in (HEEL, seen.tips[f"{side}Foot"], [0.0, 0.0, 0.0]):
             assert seen.point(f"{side}Foot", offset)[:, 1].min() > -1e-6 * HEIGHT
+
+
+def test_feet_roll_over_a_toe_that_stays():
+    sample = seen(0, 1, 120.0)
+    styles = [LEG_STYLES[name] for name in sample.dance.legs]
+    swing, push = (
+        np.array([getattr(style, name) for style in styles]) for name in ("swing", "push")
+    )
+    for column, (side, middle) in enumerate(zip(SIDES, (0.25, 0.75), strict=True)):
+        share = (sample.dance.phase - middle) / swing + 0.5  # of the swing
+        rolls = (share > 0) & (share < push) & ~sample.dance.stance[:, column]
+        through = rolls[1:] & rolls[:-1]
+        toe, heel = sample.tip(f"{side}Foot"), sample.point(f"{side}Foot", HEEL)
+        assert np.linalg.norm(np.diff(toe, axis=0), axis=-1)[through].max() < 1e-6 * HEIGHT
+        assert np.diff(heel[:, 1])[through].min() > 0
+        assert heel[rolls, 1].max() > 2
+
+
+def test_the_pelvis_sinks_where_a_leg_would_be_too_short(monkeypatch):
+    for name, style in LEG_STYLES.items():
+        monkeypatch.setitem(LEG_STYLES, name, replace(style, height=style.height + 12))
+    tall = Seen(0, 1)
+    assert tall.at("Hips")[:, 1].max() < 94  # where both legs are straight
+    for column, side in enumerate(SIDES):
+        stands = tall.dance.stance[:, column]
+        np.testing.assert_allclose(tall.at(f"{side}Foot")[stands, 1], 7.0, atol=1e-6 * HEIGHT)
+        assert bend(tall.local(f"{side}Leg"), 0).min() > 5
+    acceleration = np.diff(tall.at("Hips"), n=2, axis=0) * tall.motion.rate**2
+    assert np.linalg.norm(acceleration, axis=-1).max() < 4000  # cm a second²
 
 
 @in_every_dance
@@ -492,6 +522,16 @@ def test_styles_go_where_they_should(style, forward, aside):
     own = rotations.rotate(rotations.inverse(sample.turn("Head")[1:]), ways)[frames]
     assert abs(own[:, 2].mean() - forward) < 12
     assert (np.abs(own[:, 0]).mean() > 26) == aside
+
+
+@pytest.mark.parametrize("style", ["turn", "sidestep"])
+def test_the_dance_goes_both_ways(style):
+    sample = seen()
+    frames = inner(sample.dance, legs=style)[1:]
+    gaze = sample.turn("Head")
+    ways = rotations.rotate(rotations.inverse(gaze[1:]), np.diff(sample.at("Hips"), axis=0))[:, 0]
+    left = (np.diff(yaw(gaze)) if style == "turn" else ways)[frames] > 0
+    assert 0.25 < left.mean() < 0.75
 
 
 def test_the_heading_keeps_clear_of_gimbal_lock():

@@ -7,8 +7,8 @@ its stance, and does not move until it is lifted; the pelvis sinks where a leg w
 short; inverse kinematics then bends knees and elbows. Every curve is a smooth function of
 the clock, so the frame rate only says where the same dance is looked at.
 
-World and joints: centimetres, y up; at rest the figure stands in a T-pose, faces z and has
-its left side at x. In a stride the left foot swings in the first half, the right in the second.
+Lengths are in cm, y is up. At rest the figure stands in a T-pose, faces z and has its left
+side at x. In the first half of a stride the left foot swings, in the second the right one.
 """
 
 from dataclasses import dataclass, replace
@@ -75,7 +75,23 @@ class Dance:
         )
 
     def takes(self, n: int) -> tuple["Dance", ...]:
-        """Cut the dance into `n` clips of nearly equal length, named ``dance_1`` and so on."""
+        """Cut the dance into clips of nearly equal length, named ``dance_1`` and so on.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+
+        Returns
+        -------
+        tuple of Dance
+            One after the other; no frame is in two of them.
+
+        Raises
+        ------
+        ValueError
+            If `n` is below 1 or above the number of frames.
+        """
         if not 1 <= n <= len(self):
             raise ValueError(f"n must be 1 to {len(self)}, the number of frames, got {n}")
         cuts = np.linspace(0, len(self), n + 1).round().astype(int)

@@ -28,11 +28,15 @@ StrArray: TypeAlias = npt.NDArray[np.str_]
 # Headings stay in front of a right angle, where Euler angles in the order ZYX lock.
 _MAX_HEADING = 62.0
 _GRID = 256  # nodes per stride of integrated curves
+_FADE = 0.8  # how many strides it takes to go over from one stride's values to the next's
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Labels and values per stride, shape (n_strides,) each; values are those of `LegStyle`."""
+    """What is danced in each stride, in arrays of shape (n_strides,).
+
+    The values are those of `LegStyle` by name, varied, and ``arms``, the size of arm moves.
+    """
 
     legs: StrArray
     arms: StrArray
@@ -55,7 +59,7 @@ class Plan:
         values = self.values[name]
         ends = (values[0], values[-1]) if outside is None else (outside, outside)
         padded = np.concatenate([[ends[0]], values, [ends[1]]])
-        border, weight = fade(clock, self.n_strides, 0.8)
+        border, weight = fade(clock, self.n_strides)
         return padded[border] * (1 - weight) + padded[border + 1] * weight
 
 
@@ -106,7 +110,7 @@ def make_clock(plan: Plan, rate: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """The way of the pelvis over the floor, on a fine grid of the clock."""
+    """The way of the pelvis over the floor: radians and cm on a fine grid of the clock."""
 
     grid: FloatArray
     headings: FloatArray
@@ -137,7 +141,10 @@ def make_route(plan: Plan) -> Route:
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """A foot over time: where the ankle is, how the foot is turned, and when it stands."""
+    """A foot over time: where the ankle is, how the foot is turned, and when it stands.
+
+    The shapes are (n_frames, 3), (n_frames, 4) and (n_frames,).
+    """
 
     ankle: FloatArray
     quats: FloatArray
@@ -199,7 +206,10 @@ def _plants(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatArray
 def make_pelvis(
     plan: Plan, route: Route, clock: FloatArray, feet: list[Foot]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return rotations and places of the pelvis, from where both legs reach their feet."""
+    """Return rotations and places of the pelvis, shapes (n_frames, 4) and (n_frames, 3).
+
+    It goes up and down as the style wants, but never so high that a leg would be too short.
+    """
     beat = 2 * np.pi * clock
     heading = route.heading(clock)
     twist, roll, lean = (np.radians(plan.faded(name, clock)) for name in ("twist", "roll", "lean"))
@@ -235,14 +245,14 @@ def _bump(t: FloatArray) -> FloatArray:
     return bump
 
 
-def fade(clock: FloatArray, n_strides: int, width: float) -> tuple[IntArray, FloatArray]:
-    """Return the border of strides that is nearest, and how far it is crossed, 0 to 1."""
+def fade(clock: FloatArray, n_strides: int) -> tuple[IntArray, FloatArray]:
+    """Return the nearest border of strides, 0 to n_strides, and how far it is crossed, 0 to 1."""
     border = np.clip(np.round(clock), 0, n_strides).astype(np.int64)
-    return border, _ease((clock - border) / width + 0.5)
+    return border, _ease((clock - border) / _FADE + 0.5)
 
 
 def soft_minimum(values: FloatArray, softness: float) -> FloatArray:
-    """Return less than the least of the values, smoothly; shape (n, ...) to (...)."""
+    """Return a smooth curve below the least of n curves, shape (n, n_frames) to (n_frames,)."""
     least = values.min(axis=0)
     soft: FloatArray = least - softness * np.log(np.exp((least - values) / softness).sum(axis=0))
     return soft

@@ -125,7 +125,7 @@ def arm_pose(plan: Plan, clock: FloatArray, spine: FloatArray, side: int) -> Flo
     )
     pattern = np.array([names.index(name) for name in plan.arms])
     padded = np.concatenate([pattern[:1], pattern, pattern[-1:]])
-    border, weight = fade(clock, plan.n_strides, 0.8)
+    border, weight = fade(clock, plan.n_strides)
     frame = np.arange(len(clock))
     before, after = poses[padded[border], frame], poses[padded[border + 1], frame]
     pose = before + weight[:, None] * (after - before)
