@@ -99,6 +99,9 @@ SCHEMES = {
     " | Character1_{Side}UpLeg=thigh {Character1_{Side}Leg=shank {Character1_{Side}Foot=foot"
     " {Character1_{Side}ToeBase=toe | {S}_Talus_RIGMESH=foot} | {S}_Tibia_RIGMESH=shank}"
     " | {S}_Femur_RIGMESH=thigh} | Pelvis_RIGMESH=pelvis}",
+    "biovision with markers": "Hips=pelvis {{Side}Hip=thigh {{Side}Knee=shank > {Side}Ankle=foot"
+    " | {S}_Femur_RIGMESH=thigh} | Chest=trunk > {Side}Collar=clavicle > {Side}Shoulder=upper_arm"
+    " {{Side}Elbow=forearm > {Side}Wrist=hand | {S}_Humerus_RIGMESH=upper_arm}}",
     "vertebrae": "Pelvis=pelvis {J_{S}_Hip=thigh > J_{S}_Knee=shank > J_{S}_Ankle=foot >"
     " J_{S}_Bale=toe | J_L5=trunk > J_L1=trunk > J_T12=trunk > J_T1=trunk {J_C7=neck > J_C1=neck >"
     " J_Atlas=head | J_{S}_Clavicle=clavicle > J_{S}_Shoulder=upper_arm > J_{S}_Elbow=forearm >"

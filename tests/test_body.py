@@ -143,10 +143,10 @@ def test_what_stands_above_the_hips_weighs_and_turns_nothing():
 
 def test_markers_and_faces_weigh_nothing():
     skeleton, _ = written(
-        "Hips {LeftHip {LeftKnee | L_Femur_RIGMESH} | RightHip > RightKnee"
+        "Hips {LeftHip {LeftKnee > LeftAnkle | L_Femur_RIGMESH} | RightHip > RightKnee"
         " | Chest > Head {Jaw | LeftEye}}"
     )
-    skeleton = skeleton.with_offsets(np.arange(30.0).reshape(10, 3))
+    skeleton = skeleton.with_offsets(np.arange(33.0).reshape(11, 3))
     found = body(skeleton)
     light = [skeleton.index(name) for name in ("L_Femur_RIGMESH", "Jaw", "LeftEye")]
     assert not found.mass[light].any()

@@ -368,6 +368,9 @@ def _settle(
     below: list[set[str]] = [set() for _ in named]
     for joint in range(len(named) - 1, 0, -1):
         parent = skeleton.parents[joint]
+        beside = any(skeleton.children[other] for other in skeleton.children[parent])
+        if not skeleton.children[joint] and beside:
+            continue  # a marker, whatever bone it is named after
         below[parent] |= below[joint] | {named[joint]}
         if sides[joint] and named[joint] == "hip":
             below[parent].add("thigh")
