@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import Skeleton, anatomy, feature_joints
-from mograft.anatomy import ARM, LEG, PARTS
+from mograft import Skeleton
+from mograft.anatomy import ARM, LEG, PARTS, anatomy, feature_joints
 from tests.hierarchies import (
     DATA,
     human,

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mograft import EndSite, Motion, Skeleton, anatomy, body
-from mograft.body import inertia, up_axis
+from mograft import EndSite, Motion, Skeleton
+from mograft.anatomy import anatomy
+from mograft.body import body, inertia, up_axis
 from tests.hierarchies import (
     DATA,
     human,

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import JointGroups, Skeleton, anatomy, subtree
+from mograft import JointGroups, Skeleton, subtree
+from mograft.anatomy import anatomy
 from mograft.groups import PRESETS
 from tests.hierarchies import (
     DATA,

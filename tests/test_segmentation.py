@@ -151,7 +151,7 @@ def test_what_is_no_motion_is_refused():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"samples": 1}, "samples must be a whole number from 2, got 1"),
+        ({"samples": 1}, "samples must be a whole number of at least 2, got 1"),
         ({"sigma": "big"}, "sigma must be one of"),
         ({"sigma": -1.0}, "sigma must be above 0"),
         ({"min_length": 2.0}, "max_length must be at least twice min_length"),
