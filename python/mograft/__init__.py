@@ -10,7 +10,7 @@ from mograft.bvh import read_bvh, write_bvh
 from mograft.clustering import cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
-from mograft.grafting import Graft, Seam, Substitution, graft, graft_many
+from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many
 from mograft.groups import JointGroups, subtree
 from mograft.library import Library
 from mograft.motion import Motion
@@ -25,6 +25,7 @@ __all__ = [
     "Config",
     "EndSite",
     "Graft",
+    "Grafts",
     "JointGroups",
     "Library",
     "LibraryError",

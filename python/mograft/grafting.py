@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mograft.segmentation import Segments
 from mograft.substitution import choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
-__all__ = ["Graft", "Seam", "Substitution", "graft", "graft_many"]
+__all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many"]
 
 
 @dataclass(frozen=True)
@@ -173,6 +173,31 @@ class Graft:
 
 
 @dataclass(frozen=True, eq=False)
+class Grafts(Sequence[Graft]):
+    """Several grafts on one base; each is made when it is asked for, and not kept."""
+
+    _plan: "_Plan"
+    _draws: tuple[dict[str, IntArray], ...]
+    _seed: int
+
+    def __len__(self) -> int:
+        return len(self._draws)
+
+    def __repr__(self) -> str:
+        return f"Grafts({len(self)} on {self._plan.base.name}, seed {self._seed})"
+
+    @overload
+    def __getitem__(self, index: int) -> Graft: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Graft]: ...
+    def __getitem__(self, index: int | slice) -> Graft | list[Graft]:
+        if isinstance(index, slice):
+            return [self[at] for at in range(*index.indices(len(self)))]
+        at = range(len(self))[index]
+        return self._plan.build(self._draws[at], self._seed, at)
+
+
+@dataclass(frozen=True, eq=False)
 class _Plan:
     """What all grafts on one base have in common."""
 
@@ -271,7 +296,7 @@ def graft(
     >>> new.motion.n_frames == library.clips[0].n_frames
     True
     """
-    return next(graft_many(library, base, 1, swap=swap, seed=seed))
+    return graft_many(library, base, 1, swap=swap, seed=seed)[0]
 
 
 def graft_many(
@@ -281,7 +306,7 @@ def graft_many(
     *,
     swap: Sequence[str] | None = None,
     seed: int = 0,
-) -> Iterator[Graft]:
+) -> "Grafts":
     """Make several new motions, each different from the others.
 
     Parameters
@@ -291,11 +316,11 @@ def graft_many(
     count : int
         How many motions are wanted.
 
-    Yields
-    ------
-    Graft
-        The motions. They end early where the donors allow no more different ones (or a
-        hundred draws in a row give none).
+    Returns
+    -------
+    Grafts
+        The motions, each made when it is asked for. Fewer than wanted where the donors allow
+        no more different ones (a hundred draws in a row give none).
 
     Raises
     ------
@@ -308,17 +333,17 @@ def graft_many(
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
     plan = _Plan.make(library, base, swap)
     rng = np.random.default_rng(seed)
-    seen: set[bytes] = set()
-    for index in range(count):
+    draws: dict[bytes, dict[str, IntArray]] = {}
+    while len(draws) < count:
         for _ in range(100):
             chosen = plan.choose(rng)
             key = b"".join(donors.tobytes() for donors in chosen.values())
-            if key not in seen:
+            if key not in draws:
                 break
         else:
-            return
-        seen.add(key)
-        yield plan.build(chosen, seed, index)
+            break
+        draws[key] = chosen
+    return Grafts(plan, tuple(draws.values()), seed)
 
 
 def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:

@@ -1,0 +1,65 @@
+"""The command line: a thin layer over the public functions.
+
+Results go to stdout, progress and remarks to stderr. Exit codes: 0 done, 1 failed at run
+time, 2 usage, 3 invalid input file, 130 interrupted.
+"""
+
+import argparse
+import warnings
+from collections.abc import Sequence
+
+from mograft import __version__
+from mograft.cli import demo, graft, groups, info
+from mograft.cli._common import say
+from mograft.errors import BvhError, MograftError
+
+__all__ = ["main"]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The words after the program's name. Default: those of the process.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    options = _parser().parse_args(arguments)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
+        try:
+            code: int = options.run(options)
+        except BvhError as error:
+            say(f"error: {error}")
+            code = 3
+        except (MograftError, OSError, ValueError) as error:
+            say(f"error: {_in_words(error)}")
+            code = 1
+        except KeyboardInterrupt:
+            say("interrupted")
+            code = 130
+    return code
+
+
+def _in_words(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="mograft",
+        description="Make new, natural motions out of captured ones by grafting body parts.",
+    )
+    parser.add_argument("--version", action="version", version=f"mograft {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for command in (demo, info, groups, graft):
+        command.add(commands)
+    return parser

@@ -1,0 +1,112 @@
+"""What the commands share: files in, results and progress out."""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mograft import __version__
+
+if TYPE_CHECKING:
+    from mograft.grafting import Graft
+
+PRESETS = (
+    "lower_upper",
+    "lower_torso_arms",
+    "lower_torso_larm_rarm",
+    "lower_torso_head_larm_rarm",
+)
+
+ENDS = (".bvh", ".json")
+"""A motion and its provenance lie side by side."""
+
+
+def add_making(parser: argparse.ArgumentParser) -> None:
+    """Add what every command that makes motions takes."""
+    parser.add_argument("--seed", type=whole, default=0, help="another seed, another motion")
+    parser.add_argument("--force", action="store_true", help="overwrite what is there")
+
+
+def whole(text: str) -> int:
+    """Read a whole number from 0, for argparse."""
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"must be 0 or more, got {number}")
+    return number
+
+
+def at_least_one(text: str) -> int:
+    """Read a whole number from 1, for argparse."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"must be 1 or more, got {number}")
+    return number
+
+
+def expanded(names: Iterable[str]) -> list[str]:
+    """Put the BVH files of a folder in its place, in order of name."""
+    files: list[str] = []
+    for name in names:
+        if Path(name).is_dir():
+            inside = sorted(str(p) for p in Path(name).rglob("*") if p.suffix.lower() == ".bvh")
+            if not inside:
+                raise ValueError(f"{name}: no BVH file in this folder")
+            files += inside
+        else:
+            files.append(name)
+    return files
+
+
+def check_free(paths: Iterable[Path], *, force: bool) -> None:
+    taken = [str(path) for path in paths if path.exists()]
+    if taken and not force:
+        more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
+        raise FileExistsError(f"{taken[0]}{more} is there already; --force overwrites")
+
+
+def write(graft: "Graft", path: Path) -> Path:
+    """Write a graft's motion, and beside it where every part comes from."""
+    from mograft.bvh import write_bvh
+
+    write_bvh(graft.motion, path)
+    document = {"mograft": __version__, **graft.as_dict()}
+    write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
+    return path
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file so that it is there whole or not at all."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def print_json(document: dict[str, Any]) -> None:
+    print(json.dumps(document, indent=1))
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str, int, int], None] | None]:
+    """Show on a terminal what is being done; nothing where stderr is none."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+
+    def show(stage: str, done: int, whole: int) -> None:
+        print(f"\r\033[K{stage} {done}/{whole}", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        print("\r\033[K", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,136 @@
+"""``mograft graft``: new motions on the legs of a captured one."""
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mograft.cli._common import (
+    ENDS,
+    PRESETS,
+    add_making,
+    at_least_one,
+    check_free,
+    expanded,
+    print_json,
+    progress,
+    say,
+    write,
+)
+
+if TYPE_CHECKING:
+    from mograft.config import Config
+    from mograft.groups import JointGroups
+    from mograft.library import Library
+    from mograft.motion import Motion
+
+_WIDEST = 4.0
+"""Clusters of four times the spread of all segments hold them all: more changes nothing."""
+
+
+def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
+    """Add the command to the parser."""
+    graft = commands.add_parser("graft", help="make new motions on the legs of a captured one")
+    graft.add_argument("files", nargs="+", metavar="FILE", help="BVH files: where donors come from")
+    graft.add_argument(
+        "--base", metavar="FILE", help="whose base group is kept; default: the first"
+    )
+    graft.add_argument("--groups", default="lower_upper", metavar="NAME|FILE")
+    graft.add_argument("--swap", metavar="GROUP,...", help="groups to graft; default: all others")
+    graft.add_argument(
+        "-n", "--count", type=at_least_one, default=1, help="how many motions (default 1)"
+    )
+    graft.add_argument("-o", "--output", type=Path, required=True, help="folder, or a .bvh file")
+    graft.add_argument("--preset", choices=("default", "paper"), default="default")
+    graft.add_argument(
+        "--sigma-scale",
+        type=float,
+        metavar="X",
+        help="how unlike the legs may be whose upper bodies are exchanged: smaller is more "
+        "natural, larger more varied. Default: 0.75, and as much more as COUNT motions need",
+    )
+    graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
+    add_making(graft)
+    graft.set_defaults(run=run, usage=graft.error)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from mograft.grafting import graft_many
+    from mograft.library import Library
+
+    files = expanded(options.files)
+    single = options.output.suffix.lower() == ".bvh"
+    if single and options.count != 1:
+        options.usage("-o must be a folder where -n is not 1")
+    stem = Path(options.base or files[0]).stem
+    paths = (
+        [options.output]
+        if single
+        else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+    )
+    check_free([p.with_suffix(e) for p in paths for e in ENDS], force=options.force)
+    groups, config = _chosen_groups(options), _chosen_config(options)
+    swap = None if options.swap is None else options.swap.split(",")
+    with progress() as tell:
+        library = Library.build(files, groups, config, progress=tell)
+    base = _base(library, options.base)
+    grafts = graft_many(library, base, options.count, swap=swap, seed=options.seed)
+    while len(grafts) < options.count and options.sigma_scale is None:
+        wider = library.config.sigma_scale * 4 / 3
+        if wider > _WIDEST or library.config.sigma not in ("rms", "literal"):
+            break
+        say(
+            f"only {len(grafts)} different motions at sigma_scale "
+            f"{library.config.sigma_scale:.3g}: trying {wider:.3g}, which is less strict"
+        )
+        library = library.relabelled(replace(library.config, sigma_scale=wider))
+        grafts = graft_many(library, base, options.count, swap=swap, seed=options.seed)
+    paths[0].parent.mkdir(parents=True, exist_ok=True)
+    documents = []
+    for path, graft in zip(paths, grafts, strict=False):
+        write(graft, path)
+        documents.append({"file": str(path), **graft.as_dict()})
+        say(graft.report())
+        if not options.json:
+            print(path)
+    if len(documents) < options.count:
+        say(
+            f"warning: the donors allow only {len(documents)} different motions, "
+            f"not {options.count}; more clips or a larger --sigma-scale give more"
+        )
+    if options.json:
+        print_json({"schema": "mograft.grafts/1", "grafts": documents})
+    return 0
+
+
+def _base(library: "Library", name: str | None) -> "Motion | None":
+    """Return the clip that was read from a file, else the file's motion."""
+    if name is None:
+        return None
+    from mograft.bvh import read_bvh
+
+    for clip in library.clips:
+        if clip.path is not None and os.path.samefile(clip.path, name):
+            return clip
+    return read_bvh(name)
+
+
+def _chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
+    name: str = options.groups
+    if name in PRESETS:
+        return name
+    if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
+        options.usage(f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}")
+    from mograft.groups import JointGroups
+
+    return JointGroups.from_toml(Path(name))
+
+
+def _chosen_config(options: argparse.Namespace) -> "Config":
+    from mograft.config import Config
+
+    config = Config.paper() if options.preset == "paper" else Config()
+    scale = options.sigma_scale
+    return config if scale is None else replace(config, sigma_scale=scale)

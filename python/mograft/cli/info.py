@@ -1,0 +1,68 @@
+"""``mograft info``: joints, rate, length, groups and faults of files."""
+
+import argparse
+from typing import Any
+
+from mograft.cli._common import expanded, print_json
+
+
+def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
+    """Add the command to the parser."""
+    info = commands.add_parser("info", help="joints, rate, length, groups and faults of files")
+    info.add_argument("files", nargs="+", metavar="FILE")
+    info.add_argument("--json", action="store_true", help="as one JSON document")
+    info.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    documents = []
+    for name in expanded(options.files):
+        document = _describe(name)
+        documents.append(document)
+        if not options.json:
+            print(_description(document))
+    if options.json:
+        print_json({"schema": "mograft.info/1", "files": documents})
+    return 0
+
+
+def _describe(name: str) -> dict[str, Any]:
+    from mograft.bvh import read_bvh
+    from mograft.faults import find_faults
+    from mograft.groups import JointGroups
+
+    motion = read_bvh(name)
+    skeleton = motion.skeleton
+    try:
+        members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
+        groups = {g: [skeleton.names[j] for j in own] for g, own in members.items()}
+    except ValueError:
+        groups = {}
+    return {
+        "file": name,
+        "joints": motion.n_joints,
+        "channels": skeleton.n_channels,
+        "frames": motion.n_frames,
+        "frame_time": motion.frame_time,
+        "rate": motion.rate,
+        "seconds": motion.duration,
+        "groups": groups,
+        "repairs": list(motion.repairs),
+        "faults": [fault.message for fault in find_faults(motion)],
+    }
+
+
+def _description(document: dict[str, Any]) -> str:
+    lines = [
+        f"{document['file']}",
+        f"  {document['joints']} joints, {document['channels']} channels (DoF)",
+        f"  {document['frames']} frames at {document['rate']:.6g} fps, {document['seconds']:.2f} s",
+    ]
+    groups = document["groups"]
+    lines += [f"  {group}: {' '.join(names)}" for group, names in groups.items()]
+    if not groups:
+        lines.append("  no groups recognised: see mograft groups and --groups FILE")
+    lines += [f"  repaired: {repair}" for repair in document["repairs"]]
+    lines += [f"  warning: {fault}" for fault in document["faults"]]
+    return "\n".join(lines)
