@@ -283,6 +283,23 @@ def test_up_is_y_where_nothing_tells():
     assert up_axis(at_rest(human().with_offsets(np.zeros((18, 3))))) == 1
 
 
+def test_up_in_a_split_is_where_the_head_is():
+    skeleton = human()
+    offsets = skeleton.offsets.copy()
+    for name in ("LeftKnee", "LeftAnkle", "RightKnee", "RightAnkle"):
+        offsets[skeleton.index(name)] = [0, 0, 40 if name.startswith("Left") else -40]
+    assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
+
+
+def test_up_of_an_animal_is_not_where_its_head_is():
+    skeleton, _ = written(
+        "Pelvis {Femur_L > Tibia_L > Tarsus_L | Femur_R > Tibia_R > Tarsus_R | Spine > Head}"
+    )
+    leg = [(0, -10, 3), (0, -10, -3), (0, -8, 0)]
+    offsets = [(0, 0, 0), *leg, *leg, (0, 2, 50), (0, 10, 30)]
+    assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
+
+
 def test_up_does_not_depend_on_where_the_body_stands():
     motion = at_rest(human())
     moved = np.array(motion.positions)

@@ -279,18 +279,18 @@ def up_axis(motion: Motion) -> int:
     Returns
     -------
     int
-        The axis along which the hips are farthest from the feet in the mean over all frames;
-        without known feet, the head from the hips; without both, 1.
+        The axis along which the hips are farthest from the feet in the mean over all frames.
+        Where they are not, as in a split, or where the feet are unknown, that along which the
+        head is from the feet or the hips; 1 where nothing tells.
     """
-    known = anatomy(motion.skeleton)
-    feet = [foot.ankle for foot in _feet(motion.skeleton, known)]
-    tops = [known.hips]
-    if not feet:
-        feet, tops = [known.hips], known.joints("head", "neck")
-    if not tops:
-        return 1
-    places = motion.world_positions()
-    apart = places[:, tops].mean(axis=(0, 1)) - places[:, feet].mean(axis=(0, 1))
+    found = body(motion.skeleton)
+    places = motion.world_positions().mean(axis=0)
+    hips = places[found.hips]
+    feet = places[[foot.ankle for foot in found.feet]].mean(axis=0) if found.feet else hips
+    # Not the head at once: that of an animal is mostly before its feet.
+    apart = hips - feet
+    if np.abs(apart).max() < 0.1 * found.height and found.head is not None:
+        apart = places[found.head] - feet
     return int(np.argmax(np.abs(apart))) if apart.any() else 1
 
 
