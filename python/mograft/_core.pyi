@@ -13,6 +13,7 @@ __all__ = [
     "cubic_positions",
     "exp",
     "format_rows",
+    "from_channels",
     "from_euler",
     "hermite",
     "kinetic_energy",
@@ -31,6 +32,12 @@ VERSION: Final[str]
 def exp(vectors: FloatArray) -> FloatArray: ...
 def log(rotations: FloatArray) -> FloatArray: ...
 def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
+def from_channels(
+    values: FloatArray,
+    starts: Sequence[int],
+    turns: Sequence[tuple[int, int]],
+    radians: float,
+) -> FloatArray: ...
 def from_euler(angles: FloatArray, axes: Sequence[int]) -> FloatArray: ...
 def to_euler(
     rotations: FloatArray,
