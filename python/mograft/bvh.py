@@ -244,7 +244,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
     --------
     >>> import io
     >>> skeleton = Skeleton(["Hips"], [-1], [[0, 0, 0]], [["Yrotation"]])
-    >>> motion = Motion(skeleton, 0.5, [[[0, 0, 0, 1]], [[0, 1, 0, 0]]], [[[0, 0, 0]]] * 2)
+    >>> motion = Motion(skeleton, 0.5, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2)
     >>> file = io.StringIO()
     >>> write_bvh(motion, file)
     >>> print(file.getvalue().replace("\t", "  "))
@@ -258,7 +258,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
     Frames: 2
     Frame Time: 0.5
     0.0
-    180.0
+    0.0
     <BLANKLINE>
     """
     pieces = _written(motion)
@@ -980,9 +980,6 @@ def _check_name(what: str, name: str) -> None:
 def _hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
     """Return the lines of the hierarchy, and the joints in their order there."""
     lines, order = ["HIERARCHY"], list[int]()
-    sites: dict[int, list[EndSite]] = {}
-    for site in skeleton.end_sites:
-        sites.setdefault(site.parent, []).append(site)
     # Joints to open and lines to write, last first: no recursion, however deep the chain.
     todo: list[int | EndSite | str] = [0]
     depth = 0
@@ -1009,17 +1006,8 @@ def _hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
         channels = skeleton.channels[item]
         lines.append(" ".join([f"{indent}\tCHANNELS", str(len(channels)), *channels]))
         order.append(item)
-        todo += reversed(_below(skeleton.children[item], sites.get(item, [])))
+        todo += reversed(skeleton.below[item])
     return lines, order
-
-
-def _below(children: Sequence[int], sites: Sequence[EndSite]) -> list[int | EndSite]:
-    """Return child joints and end sites in the order of the file."""
-    below: list[int | EndSite] = []
-    for place, child in enumerate(children):
-        below += [site for site in sites if site.before == place]
-        below.append(child)
-    return below + [site for site in sites if not 0 <= site.before < len(children)]
 
 
 def _takes_text(stream: IO[Any]) -> bool:
