@@ -4,6 +4,7 @@ from mograft import resample
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
 from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
+from mograft.faults import Fault, find_faults
 from mograft.interop import from_pybvh, to_pybvh
 from mograft.motion import Motion
 from mograft.skeleton import EndSite, Skeleton
@@ -12,12 +13,14 @@ __all__ = [
     "BvhError",
     "BvhSummary",
     "EndSite",
+    "Fault",
     "LibraryError",
     "MograftError",
     "Motion",
     "Skeleton",
     "SkeletonMismatchError",
     "__version__",
+    "find_faults",
     "from_pybvh",
     "read_bvh",
     "resample",
