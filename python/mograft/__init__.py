@@ -6,12 +6,14 @@ clustering) → `graft` → `Graft.motion` → `write_bvh`.
 
 from mograft import resample, rotations
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
-from mograft.bvh import read_bvh, write_bvh
+from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
 from mograft.clustering import cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
+from mograft.faults import Fault, find_faults
 from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many
 from mograft.groups import JointGroups, subtree
+from mograft.interop import from_pybvh, to_pybvh
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.segmentation import Segments, kinetic_energy, segment
@@ -20,10 +22,12 @@ from mograft.substitution import Candidate, Candidates
 
 __all__ = [
     "BvhError",
+    "BvhSummary",
     "Candidate",
     "Candidates",
     "Config",
     "EndSite",
+    "Fault",
     "Graft",
     "Grafts",
     "JointGroups",
@@ -38,6 +42,8 @@ __all__ = [
     "Substitution",
     "__version__",
     "cut",
+    "find_faults",
+    "from_pybvh",
     "graft",
     "graft_many",
     "kinetic_energy",
@@ -46,8 +52,10 @@ __all__ = [
     "read_bvh",
     "resample",
     "rotations",
+    "scan_bvh",
     "segment",
     "subtree",
     "threshold",
+    "to_pybvh",
     "write_bvh",
 ]

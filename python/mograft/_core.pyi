@@ -14,6 +14,7 @@ __all__ = [
     "cut",
     "exp",
     "format_rows",
+    "from_channels",
     "from_euler",
     "hermite",
     "kinetic_energy",
@@ -35,6 +36,12 @@ VERSION: Final[str]
 def exp(vectors: FloatArray) -> FloatArray: ...
 def log(rotations: FloatArray) -> FloatArray: ...
 def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
+def from_channels(
+    values: FloatArray,
+    starts: Sequence[int],
+    turns: Sequence[tuple[int, int]],
+    radians: float,
+) -> FloatArray: ...
 def from_euler(angles: FloatArray, axes: Sequence[int]) -> FloatArray: ...
 def to_euler(
     rotations: FloatArray,

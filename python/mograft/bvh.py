@@ -25,7 +25,7 @@ from typing import IO, Any, NoReturn, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from mograft import _core, rotations
+from mograft import _core
 from mograft._arrays import FloatArray, IntArray
 from mograft.errors import BvhError
 from mograft.motion import Motion
@@ -35,11 +35,12 @@ __all__ = ["BvhSummary", "read_bvh", "scan_bvh", "write_bvh"]
 
 Source: TypeAlias = str | os.PathLike[str] | IO[Any]
 
-# Bytes read at a time: what is held of the text, whatever the file's size.
-_PIECE = 1 << 20
+# Bytes read at a time: what is held of the text, whatever the file's size; few enough to
+# stay in the cache.
+_PIECE = 1 << 18
 # No word or name of a BVH file is this long; so far ahead is looked.
 _AHEAD = 1 << 16
-# Numbers turned into quaternions, or into text, at a time: few enough to stay in the cache.
+# Numbers turned into text at a time.
 _BLOCK = 1 << 15
 # Levels of indentation written: a chain of thousands of joints would be mostly tabs.
 _DEEPEST = 40
@@ -52,12 +53,13 @@ _MARKS = {
 }
 
 _WHITE = re.compile(rb"[ \t-\r]*")
-_WORD = re.compile(rb"[^ \t-\r{}]+|[{}]")
-_NAME = re.compile(rb"[^\r\n{]*")
-_COMMENT = re.compile(rb"(?:#|//)[^\r\n]*")
-_END_NAME = re.compile(rb"site(?=[ \t-\r{]|\Z)", re.IGNORECASE)
-_FRAMES = re.compile(rb"frames[ \t-\r]*:?", re.IGNORECASE)
-_FRAME_TIME = re.compile(rb"frames?[ \t-\r]*time[ \t-\r]*:?", re.IGNORECASE)
+# Each takes one group, and the white space after it.
+_WORD = re.compile(rb"([^ \t-\r{}]+|[{}])[ \t-\r]*")
+_NAME = re.compile(rb"([^\r\n{]*)[ \t-\r]*")
+_COMMENT = re.compile(rb"((?:#|//)[^\r\n]*)[ \t-\r]*")
+_SITE = re.compile(rb"(site(?=[ \t-\r{]|\Z))[ \t-\r]*", re.IGNORECASE)
+_FRAMES = re.compile(rb"(frames[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
+_FRAME_TIME = re.compile(rb"(frames?[ \t-\r]*time[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
 _PADDING = re.compile(rb"[\0\x1a \t-\r]*")
 _NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NAN = re.compile(rb"[+-]?(?:nan.*|1\.?#(?:ind|[qs]?nan).*)", re.IGNORECASE)
@@ -242,8 +244,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
     --------
     >>> import io
     >>> skeleton = Skeleton(["Hips"], [-1], [[0, 0, 0]], [["Yrotation"]])
-    >>> turned = rotations.about([0, 1, 0], [[0.0], [1.0]])
-    >>> motion = Motion(skeleton, 0.5, turned, [[[0, 0, 0]]] * 2)
+    >>> motion = Motion(skeleton, 0.5, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2)
     >>> file = io.StringIO()
     >>> write_bvh(motion, file)
     >>> print(file.getvalue().replace("\t", "  "))
@@ -257,7 +258,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
     Frames: 2
     Frame Time: 0.5
     0.0
-    57.29577951308232
+    0.0
     <BLANKLINE>
     """
     pieces = _written(motion)
@@ -302,7 +303,9 @@ class _Text:
         # Lines are counted up to here, where this line goes on, after so many characters.
         self._counted, self._line, self._column = 0, 1, 1
         self._token = 0
-        start = b"".join(self._raw() for _ in range(2))
+        start = self._raw()
+        while len(start) < 4 and (more := self._raw()):
+            start += more
         for mark, encoding in _MARKS.items():
             if start.startswith(mark):
                 start = start[len(mark) :]
@@ -310,7 +313,9 @@ class _Text:
                     self._decoder = codecs.getincrementaldecoder(encoding)()
                 self.tolerate("mark", f"a byte-order mark: the text is {encoding.upper()}")
         self.buffer = self._decoded(start)
-        self.fill()
+        if self.buffer.endswith(b"\r"):
+            self.fill()
+        self.skip_white()
 
     def fill(self) -> None:
         """Read on; what lies behind is forgotten."""
@@ -351,15 +356,24 @@ class _Text:
             self.fill()
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
-        """Skip white space, then take what the pattern matches, if it does."""
-        self.skip_white()
+        """Take what the pattern's group matches, if it does, and the white space after it."""
+        self._look_ahead()
+        self._token = self.at
         found = pattern.match(self.buffer, self.at)
         if found is None:
             return None
-        if found.end() - self.at >= _AHEAD:
+        if found.end(1) - self.at >= _AHEAD:
             self.fail(f"expected a word, got more than {_AHEAD} characters without an end")
         self.at = found.end()
-        return found.group()
+        return found.group(1)
+
+    def _look_ahead(self) -> None:
+        if not self.ended and len(self.buffer) - self.at < _AHEAD:
+            self.skip_white()
+
+    def give_back(self) -> None:
+        """Go back to the word taken last."""
+        self.at = self._token
 
     def word(self) -> bytes:
         """Take the next word or brace; empty at the end of the file."""
@@ -378,7 +392,9 @@ class _Text:
 
     def skip_comments(self) -> None:
         """Go on to the next word that begins no comment."""
-        while self.take(_COMMENT) is not None:
+        self._look_ahead()
+        while self.buffer.startswith((b"#", b"//"), self.at):
+            self.take(_COMMENT)
             self.tolerate("comment", "a comment")
 
     def place(self) -> _Place:
@@ -401,6 +417,17 @@ class _Text:
             self._repairs[kind] = _Repair(where[0], message)
         else:
             known.more += 1
+
+    def go_on(self, size: int, lines: int) -> None:
+        """Go on by so many bytes of ASCII that are known to hold so many line ends."""
+        self._count_to(self.at)
+        end = self.at + size
+        if lines:
+            last = max(self.buffer.rfind(mark, self.at, end) for mark in (b"\n", b"\r"))
+            self._line, self._column = self._line + lines, end - last
+        else:
+            self._column += size
+        self.at = self._counted = end
 
     def repairs(self) -> tuple[str, ...]:
         """Return what was tolerated, in the order of lines."""
@@ -535,7 +562,7 @@ def _check_label(text: _Text, label: bytes, wanted: bytes) -> None:
     found = _shown(b" ".join(label.split()))
     if b" ".join(label.split()) != wanted:
         text.tolerate("label " + found, f"{found!r} read as {_shown(wanted)!r}")
-    elif _end(_WHITE, text.buffer, text.at) == text.at:
+    elif text.buffer[text.at - 1 : text.at] == b":":
         text.tolerate("label blank", f"no blank after {found!r}")
 
 
@@ -623,7 +650,7 @@ def _read_channels(text: _Text, joint: bytes) -> list[str]:
 
 def _read_end_site(text: _Text) -> tuple[_Place, bytes, list[float]]:
     place = text.place()
-    site = text.take(_END_NAME)
+    site = text.take(_SITE)
     if site is None:
         text.fail(f"expected Site after End, got {_shown(text.word())}")
     if site != b"Site":
@@ -830,7 +857,7 @@ def _fill(text: _Text, lines: _Lines, out: FloatArray) -> int:
         values, used, line_ends, bad = _core.scan_numbers(
             text.buffer, text.at, out[filled:], last=text.ended
         )
-        text.at += used
+        text.go_on(used, len(line_ends))
         filled += values
         lines.note(line_ends, values)
         if bad:
@@ -849,7 +876,7 @@ def _refuse_token(text: _Text) -> None:
     word = text.word()
     if word[:1] in (b"\0", b"\x1a"):
         place = text.place()
-        text.at -= len(word)
+        text.give_back()
         while (at := _end(_PADDING, text.buffer, text.at)) == len(text.buffer):
             text.at = at
             if text.ended:
@@ -884,60 +911,26 @@ def _read_values(text: _Text, head: _Head) -> FloatArray:
 def _poses(
     skeleton: Skeleton, values: FloatArray, *, add_offsets: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Turn channel values into rotations and positions, some frames at a time.
+    """Turn channel values into rotations and positions.
 
     With `add_offsets` the offsets are added to the position channels among `values`.
     """
-    n_frames, n_joints = len(values), skeleton.n_joints
-    rotated = np.empty((n_frames, n_joints, 4))
-    placed = np.empty((n_frames, n_joints, 3))
-    placed[:] = skeleton.offsets
-    joints, axes, columns = _position_channels(skeleton)
-    groups = _rotation_channels(skeleton)
-    step = max(_BLOCK // n_joints, 1)
-    for start in range(0, n_frames, step):
-        frames = slice(start, start + step)
-        if len(columns):
-            if add_offsets:
-                values[frames, columns] += skeleton.offsets[joints, axes]
-            placed[frames, joints, axes] = values[frames, columns]
-        block = np.empty((len(values[frames]), n_joints, 4))
-        for order, members, turns in groups:
-            angles = np.radians(values[frames, turns])
-            shape = (len(block), len(members), len(order))
-            block[:, members] = rotations.from_euler(angles.reshape(shape), order)
-        block = rotations.continuous(block)
-        if start:
-            against = np.einsum("...i,...i->...", block[0], rotated[start - 1]) < 0
-            block[:, against] *= -1.0
-        rotated[frames] = block
-    return rotated, placed
-
-
-def _position_channels(skeleton: Skeleton) -> tuple[IntArray, IntArray, IntArray]:
-    """Return joint, axis and column of each position channel."""
-    found = [
-        (joint, "XYZ".index(name[0]), column)
-        for joint, columns in enumerate(skeleton.channel_columns)
-        for name, column in zip(skeleton.channels[joint], columns, strict=True)
-        if name.endswith("position")
-    ]
-    joints, axes, columns = np.array(found, dtype=np.int64).reshape(-1, 3).T
-    return joints, axes, columns
-
-
-def _rotation_channels(skeleton: Skeleton) -> list[tuple[str, IntArray, IntArray]]:
-    """Return the joints of each rotation order, and the columns of their channels."""
-    groups: dict[str, tuple[list[int], list[int]]] = {}
+    starts, turns, places = [0], list[tuple[int, int]](), list[tuple[int, int, int]]()
     for joint, columns in enumerate(skeleton.channel_columns):
-        members, turns = groups.setdefault(skeleton.rotation_order(joint), ([], []))
-        members.append(joint)
-        names = zip(skeleton.channels[joint], columns, strict=True)
-        turns.extend(column for name, column in names if name.endswith("rotation"))
-    return [
-        (order, np.array(members), np.array(turns, dtype=np.int64))
-        for order, (members, turns) in groups.items()
-    ]
+        for name, column in zip(skeleton.channels[joint], columns, strict=True):
+            axis = "XYZ".index(name[0])
+            if name.endswith("rotation"):
+                turns.append((axis, column))
+            else:
+                places.append((joint, axis, column))
+        starts.append(len(turns))
+    placed = np.empty((len(values), skeleton.n_joints, 3))
+    placed[:] = skeleton.offsets
+    for joint, axis, column in places:
+        if add_offsets:
+            values[:, column] += skeleton.offsets[joint, axis]
+        placed[:, joint, axis] = values[:, column]
+    return _core.from_channels(values, starts, turns, np.pi / 180.0), placed
 
 
 # Writing.
@@ -977,7 +970,7 @@ def _check_name(what: str, name: str) -> None:
         encoded = name.encode()
     except UnicodeEncodeError:
         encoded = b"{"
-    if name.strip(" \t\v\f") != name or _NAME.fullmatch(encoded) is None:
+    if name.strip(" \t\v\f") != name or {*b"\r\n{"} & {*encoded}:
         raise ValueError(
             f"the name of {what} must be Unicode without line end, '{{' and outer blanks "
             f"to be written, got {name!r}"
@@ -987,9 +980,6 @@ def _check_name(what: str, name: str) -> None:
 def _hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
     """Return the lines of the hierarchy, and the joints in their order there."""
     lines, order = ["HIERARCHY"], list[int]()
-    sites: dict[int, list[EndSite]] = {}
-    for site in skeleton.end_sites:
-        sites.setdefault(site.parent, []).append(site)
     # Joints to open and lines to write, last first: no recursion, however deep the chain.
     todo: list[int | EndSite | str] = [0]
     depth = 0
@@ -1016,17 +1006,8 @@ def _hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
         channels = skeleton.channels[item]
         lines.append(" ".join([f"{indent}\tCHANNELS", str(len(channels)), *channels]))
         order.append(item)
-        todo += reversed(_below(skeleton.children[item], sites.get(item, [])))
+        todo += reversed(skeleton.below[item])
     return lines, order
-
-
-def _below(children: Sequence[int], sites: Sequence[EndSite]) -> list[int | EndSite]:
-    """Return child joints and end sites in the order of the file."""
-    below: list[int | EndSite] = []
-    for place, child in enumerate(children):
-        below += [site for site in sites if site.before == place]
-        below.append(child)
-    return below + [site for site in sites if not 0 <= site.before < len(children)]
 
 
 def _takes_text(stream: IO[Any]) -> bool:

@@ -144,6 +144,21 @@ class Skeleton:
         return tuple(map(tuple, below))
 
     @cached_property
+    def below(self) -> "tuple[tuple[int | EndSite, ...], ...]":
+        """Child joints and end sites of each joint, in the order of the file."""
+        sites: list[list[EndSite]] = [[] for _ in self.names]
+        for site in self.end_sites:
+            sites[site.parent].append(site)
+        below: list[tuple[int | EndSite, ...]] = []
+        for children, own in zip(self.children, sites, strict=True):
+            places: list[list[int | EndSite]] = [[child] for child in children]
+            places.append([])
+            for site in reversed(own):
+                places[min(site.before, len(children))].insert(0, site)
+            below.append(tuple(item for place in places for item in place))
+        return tuple(below)
+
+    @cached_property
     def channel_columns(self) -> tuple[range, ...]:
         """Columns of each joint's channels in `Motion.channel_values`."""
         ends = np.cumsum([len(own) for own in self.channels]).tolist()

@@ -3,9 +3,11 @@
 //! `glam`'s `to_scaled_axis` takes the longer way round when w < 0 and returns 0 below
 //! 1e-8, and its `angle_between` goes through `acos`, which is blind near 0; hence these.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_2_PI, PI, TAU};
 
 use glam::{DQuat, DVec3};
+
+use crate::error::{Error, check_len};
 
 /// Below this length a vector part is its own sine.
 const TINY: f64 = 1e-8;
@@ -61,22 +63,111 @@ pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
 /// `angles` holds `axes.len()` angles in radians per rotation; axis 0, 1, 2 is x, y, z.
 /// An empty order gives the identity `n` times.
 pub fn from_euler(angles: &[f64], axes: &[usize], n: usize) -> Vec<DQuat> {
-    let turn = |axis: usize, angle: f64| {
-        let (sin, cos) = (0.5 * angle).sin_cos();
-        let mut q = [0.0, 0.0, 0.0, cos];
-        q[axis] = sin;
-        DQuat::from_array(q)
-    };
     (0..n)
         .map(|i| {
             let angles = &angles[i * axes.len()..][..axes.len()];
-            let turns = axes
-                .iter()
-                .zip(angles)
-                .map(|(&axis, &angle)| turn(axis, angle));
-            turns.reduce(|q, next| q * next).unwrap_or(DQuat::IDENTITY)
+            let mut q = [0.0, 0.0, 0.0, 1.0];
+            for (&axis, &angle) in axes.iter().zip(angles) {
+                turn(&mut q, axis, angle);
+            }
+            DQuat::from_array(q)
         })
         .collect()
+}
+
+/// Rotations out of the channels of successive frames, for [`from_euler`] joint by joint.
+///
+/// A frame has `n_channels` values, and `radians` is the size of their unit. Joint `j` turns
+/// about the axes `turns[starts[j]..starts[j + 1]]`, one after the other, each with the
+/// column of its angle. Of `q` and `-q` the one nearer to the frame before is taken; in the
+/// first frame, that with w ≥ 0.
+///
+/// # Errors
+///
+/// If `values` are no whole frames, or a joint's turns, an axis or a column do not exist.
+pub fn from_channels(
+    values: &[f64],
+    n_channels: usize,
+    starts: &[usize],
+    turns: &[(usize, usize)],
+    radians: f64,
+) -> Result<Vec<DQuat>, Error> {
+    let n_frames = values.len() / n_channels.max(1);
+    check_len(values.len(), n_frames * n_channels)?;
+    let n_joints = starts.len().saturating_sub(1);
+    let known = |&(axis, column): &(usize, usize)| axis < 3 && column < n_channels;
+    let ordered = starts.is_sorted() && starts.last().is_none_or(|&end| end <= turns.len());
+    if !ordered || !turns.iter().all(known) {
+        return Err(Error::BadChannel);
+    }
+    let mut rotations: Vec<DQuat> = Vec::with_capacity(n_frames * n_joints);
+    for frame in values.chunks_exact(n_channels.max(1)) {
+        for joint in starts.windows(2) {
+            let mut q = [0.0, 0.0, 0.0, 1.0];
+            for &(axis, column) in &turns[joint[0]..joint[1]] {
+                turn(&mut q, axis, frame[column] * radians);
+            }
+            let q = DQuat::from_array(q);
+            let here = rotations.len();
+            let near = here
+                .checked_sub(n_joints)
+                .map_or(DQuat::IDENTITY, |before| rotations[before]);
+            rotations.push(if q.dot(near) < 0.0 { -q } else { q });
+        }
+    }
+    Ok(rotations)
+}
+
+/// Multiply `q` from the right by the turn about a coordinate axis.
+fn turn(q: &mut [f64; 4], i: usize, angle: f64) {
+    let (sin, cos) = sin_cos(0.5 * angle);
+    let [x, y, z, w] = *q;
+    // Named for a turn about x; the others follow by going round x, y, z.
+    let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+    let v = [x, y, z];
+    q[i] = v[i] * cos + w * sin;
+    q[j] = v[j] * cos + v[k] * sin;
+    q[k] = v[k] * cos - v[j] * sin;
+    q[3] = w * cos - v[i] * sin;
+}
+
+/// Sine and cosine to 2e-16, several times as fast as one after the other.
+///
+/// Reduction to an eighth turn in three steps that are exact up to a million quarter turns,
+/// then the polynomials of fdlibm's `__kernel_sin` and `__kernel_cos` (Sun Microsystems
+/// 1993).
+fn sin_cos(x: f64) -> (f64, f64) {
+    /// π/2 in parts of 33 bits, and the rest.
+    const QUARTER: [f64; 3] =
+        [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
+    /// Added to a number, it leaves the nearest whole one in the lowest bits.
+    const WHOLE: f64 = 6_755_399_441_055_744.0;
+    if x.abs() > 1e6 || x.is_nan() {
+        return x.sin_cos();
+    }
+    let shifted = x * FRAC_2_PI + WHOLE;
+    let quarters = shifted - WHOLE;
+    let r = ((x - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];
+    let z = r * r;
+    let sin = -1.984_126_982_985_795e-4
+        + z * (2.755_731_370_707_007e-6
+            + z * (-2.505_076_025_340_686_3e-8 + z * 1.589_690_995_211_55e-10));
+    let sin = r + r * z * (-1.666_666_666_666_663_2e-1 + z * (8.333_333_333_322_49e-3 + z * sin));
+    let cos = 2.480_158_728_947_673e-5
+        + z * (-2.755_731_435_139_066_3e-7
+            + z * (2.087_572_321_298_175e-9 - z * 1.135_964_755_778_819_5e-11));
+    let cos = 4.166_666_666_666_66e-2 + z * (-1.388_888_888_887_411e-3 + z * cos);
+    let cos = 1.0 - (0.5 * z - z * z * cos);
+    // Signs and places by quadrant, without a branch to guess wrong.
+    let quadrant = shifted.to_bits();
+    let swapped = 0_u64.wrapping_sub(quadrant & 1);
+    let (sin, cos) = (sin.to_bits(), cos.to_bits());
+    let crossed = (sin ^ cos) & swapped;
+    let sign = |quadrant: u64| (quadrant & 2) << 62;
+    (
+        f64::from_bits(sin ^ crossed ^ sign(quadrant)),
+        f64::from_bits(cos ^ crossed ^ sign(quadrant.wrapping_add(1))),
+    )
 }
 
 /// Euler angles of successive rotations, each as near to the one before as can be.
@@ -169,6 +260,18 @@ mod tests {
                     assert!(angle(q, back) < 1e-12, "{axes:?} {q} {back}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn sine_and_cosine_are_those_of_the_standard_library() {
+        let steps = (-400_000..400_000).map(|n| f64::from(n) * 1.234_567e-4);
+        let quarters = (-9..9).map(|n| f64::from(n) * 0.5 * PI);
+        let far = [0.0, -0.0, 1e-300, 999_999.5, -999_999.5, 1e6 + 0.5, -1e9, 1e22, 1e300];
+        for x in steps.chain(quarters).chain(far) {
+            let ((sin, cos), (want_sin, want_cos)) = (sin_cos(x), x.sin_cos());
+            let off = (sin - want_sin).abs().max((cos - want_cos).abs());
+            assert!(off <= 2.3e-16, "{x}: {sin} {want_sin} {cos} {want_cos}");
         }
     }
 

@@ -8,7 +8,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, as_quats, as_vecs, from_quats, from_vecs, into_array, value_error, with_last,
+    Array, Floats, as_quats, as_vecs, from_owned_quats, from_quats, from_vecs, into_array,
+    value_error, with_last,
 };
 
 type Indices<'py> = PyReadonlyArray1<'py, i64>;
@@ -44,7 +45,27 @@ pub fn from_euler<'py>(py: Python<'py>, angles: Floats<'py>, axes: Vec<usize>) -
     let n = shape.iter().product();
     let slice = angles.as_slice()?;
     let quats = py.detach(|| rotation::from_euler(slice, &axes, n));
-    from_quats(py, &quats, &shape)
+    from_owned_quats(py, quats, &shape)
+}
+
+/// See `mograft.bvh`.
+#[pyfunction]
+pub fn from_channels<'py>(
+    py: Python<'py>,
+    values: Floats<'py>,
+    starts: Vec<usize>,
+    turns: Vec<(usize, usize)>,
+    radians: f64,
+) -> Array<'py> {
+    let &[n_frames, n_channels] = values.shape() else {
+        return Err(PyValueError::new_err("expected shape (n_frames, n_channels)"));
+    };
+    let n_joints = starts.len().saturating_sub(1);
+    let slice = values.as_slice()?;
+    let quats = py
+        .detach(|| rotation::from_channels(slice, n_channels, &starts, &turns, radians))
+        .map_err(value_error)?;
+    from_owned_quats(py, quats, &[n_frames, n_joints])
 }
 
 /// See `mograft.rotations.to_euler`.

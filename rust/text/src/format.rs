@@ -14,7 +14,7 @@ const LONGEST: f64 = 1e15;
 /// point; numbers below 1e-5 with more than six decimals, and those from 1e16 on, have an
 /// exponent. `values` are finite.
 pub fn format_rows(values: &[f64], n_columns: usize, out: &mut Vec<u8>) {
-    out.reserve(values.len() * 10);
+    out.reserve(values.len() * 20);
     for row in values.chunks(n_columns.max(1)) {
         for &value in row {
             push(value, out);

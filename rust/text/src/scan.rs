@@ -92,59 +92,64 @@ fn skip_white(
 ///
 /// The length reaches to where the grammar stops, whether or not that made a number.
 fn number(text: &[u8]) -> (usize, Option<f64>) {
-    let digit = |at: usize| {
-        text.get(at)
-            .map(|b| b.wrapping_sub(b'0'))
-            .filter(|&d| d < 10)
-    };
     let mut at = usize::from(matches!(text.first(), Some(b'+' | b'-')));
-    let (mut mantissa, mut digits, mut exponent) = (0_u64, 0_usize, 0_i64);
-    while let Some(d) = digit(at) {
-        mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(d));
-        digits += 1;
-        at += 1;
-    }
+    let (whole, length) = digits(text, at, 0);
+    at += length;
+    let (mut mantissa, mut places) = (whole, 0);
     if text.get(at) == Some(&b'.') {
-        at += 1;
-        while let Some(d) = digit(at) {
-            mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(d));
-            digits += 1;
-            exponent -= 1;
-            at += 1;
-        }
+        (mantissa, places) = digits(text, at + 1, whole);
+        at += 1 + places;
     }
-    if digits == 0 {
+    let n_digits = length + places;
+    if n_digits == 0 {
         return (at, None);
     }
+    let mut exponent = 0;
     if let Some(b'e' | b'E') = text.get(at) {
         at += 1;
         let negative = text.get(at) == Some(&b'-');
         at += usize::from(matches!(text.get(at), Some(b'+' | b'-')));
-        if digit(at).is_none() {
+        let (power, length) = digits(text, at, 0);
+        at += length;
+        if length == 0 {
             return (at, None);
         }
-        let mut power = 0_i64;
-        while let Some(d) = digit(at) {
-            // Beyond this the exact way below is taken in any case.
-            power = (power * 10 + i64::from(d)).min(1_000_000);
-            at += 1;
-        }
-        exponent += if negative { -power } else { power };
+        // Beyond two digits the slow way below is taken in any case.
+        let power = if length > 2 { 999 } else { power as i32 };
+        exponent = if negative { -power } else { power };
     }
+    let scale = |power: i32| TENS.get(power.unsigned_abs() as usize);
+    let power = exponent.checked_sub_unsigned(u32::try_from(places).unwrap_or(u32::MAX));
     // Up to 19 digits do not overflow; a mantissa up to 2^53 and these powers of ten are
     // exact, so that one operation rounds once (Clinger 1990).
-    let (ten, exact) = (exponent.unsigned_abs() as usize, digits <= 19 && mantissa <= 1 << 53);
-    let value = match TENS.get(ten) {
-        Some(scale) if exact => {
-            let mantissa = mantissa as f64;
-            let size = if exponent < 0 { mantissa / scale } else { mantissa * scale };
-            Some(if text[0] == b'-' { -size } else { size })
+    let exact = n_digits <= 19 && mantissa <= 1 << 53;
+    let value = match power.and_then(|power| Some((power, scale(power)?))) {
+        Some((power, scale)) if exact => {
+            let size = mantissa as f64;
+            let size = if power < 0 { size / scale } else { size * scale };
+            // Half of all signs would be guessed wrong by a branch.
+            let sign = u64::from(text[0] == b'-') << 63;
+            Some(f64::from_bits(size.to_bits() | sign))
         }
         _ => str::from_utf8(&text[..at])
             .ok()
             .and_then(|token| token.parse().ok()),
     };
     (at, value.filter(|value: &f64| value.is_finite()))
+}
+
+/// Append the digits that stand at `at` to `before`, modulo 2^64; how many they are.
+fn digits(text: &[u8], at: usize, before: u64) -> (u64, usize) {
+    let (mut value, mut length) = (before, 0);
+    for byte in text.get(at..).unwrap_or_default() {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            break;
+        }
+        value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
+        length += 1;
+    }
+    (value, length)
 }
 
 #[cfg(test)]

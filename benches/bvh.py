@@ -1,0 +1,174 @@
+"""Time BVH reading and writing against pybvh, pymotion, bvhio and numpy.loadtxt.
+
+Run with a release build: ``maturin develop --release && python benches/bvh.py``. Prints a
+Markdown table. All readers of a file take turns in the same run, so that ratios hold on a
+busy machine; a reader that is slow takes fewer turns.
+"""
+
+import os
+import platform
+import statistics
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import mograft as mg
+from mograft import _core
+
+N_JOINTS = 31
+SMALL, LARGE = 2_700, 2_700
+TURNS = 9
+# Seconds that one reader may take on one file before it takes no further turns.
+BUDGET = 15.0
+
+
+def make_clip(path, n_frames):
+    """Write a clip of smooth angles with four decimals, as motion capture has."""
+    rng = np.random.default_rng(7)
+    block = 2_700
+    steps = rng.normal(size=(block, 3 + 3 * N_JOINTS))
+    smooth = np.cumsum(np.cumsum(steps, axis=0) * 0.02, axis=0)
+    values = 60.0 * np.sin(smooth / (1.0 + np.abs(smooth).max(axis=0)) * 20.0)
+    rows = "\n".join(" ".join(f"{number:.4f}" for number in row) for row in values).split("\n")
+    lines = ["HIERARCHY"]
+    for joint in range(N_JOINTS):
+        kind, tab = ("ROOT" if joint == 0 else "JOINT"), "\t" * joint
+        positions = "Xposition Yposition Zposition " if joint == 0 else ""
+        lines += [
+            f"{tab}{kind} joint{joint}",
+            f"{tab}{{",
+            f"{tab}\tOFFSET 0.0 {5.0 if joint else 0.0} 0.0",
+            f"{tab}\tCHANNELS {6 if joint == 0 else 3} {positions}Zrotation Xrotation Yrotation",
+        ]
+    tab = "\t" * N_JOINTS
+    lines += [f"{tab}End Site", f"{tab}{{", f"{tab}\tOFFSET 0.0 5.0 0.0", f"{tab}}}"]
+    lines += ["\t" * joint + "}" for joint in reversed(range(N_JOINTS))]
+    lines += ["MOTION", f"Frames: {n_frames}", "Frame Time: 0.0083333"]
+    with path.open("w") as file:
+        file.write("\n".join(lines) + "\n")
+        for frame in range(n_frames):
+            file.write(rows[frame % block] + "\n")
+    return len(lines)
+
+
+def take_turns(tasks):
+    """Return the seconds of each task, run in turns."""
+    seconds = {name: [] for name in tasks}
+    for _ in range(TURNS):
+        for name, task in tasks.items():
+            if sum(seconds[name]) > BUDGET:
+                continue
+            start = time.perf_counter()
+            task()
+            seconds[name].append(time.perf_counter() - start)
+    return seconds
+
+
+def peers():
+    """Return the peers that are installed, by name."""
+    found = {}
+    try:
+        import pybvh
+
+        found["pybvh"] = pybvh
+    except ImportError:
+        pass
+    try:
+        import pymotion.io.bvh
+
+        found["pymotion"] = pymotion.io.bvh
+    except ImportError:
+        pass
+    try:
+        import bvhio
+
+        found["bvhio"] = bvhio
+    except ImportError:
+        pass
+    return found
+
+
+def readers(path, n_head, installed):
+    """Return what reads the file: to numbers, and to quaternions."""
+    numbers = {
+        "mograft scan_bvh": lambda: mg.scan_bvh(path),
+        "mograft read_bvh": lambda: mg.read_bvh(path),
+        "numpy.loadtxt (numbers only)": lambda: np.loadtxt(path, skiprows=n_head),
+    }
+    quaternions = {"mograft read_bvh": lambda: mg.read_bvh(path)}
+    if "pybvh" in installed:
+        read = installed["pybvh"].read_bvh_file
+        numbers["pybvh"] = lambda: read(path, world_up="+y")
+        quaternions["pybvh"] = lambda: read(path, world_up="+y").to_quat()
+    if "pymotion" in installed:
+
+        def load(*, to_quaternions=False):
+            clip = installed["pymotion"].BVH()
+            clip.load(str(path))
+            return clip.get_data() if to_quaternions else clip
+
+        numbers["pymotion"] = load
+        quaternions["pymotion"] = lambda: load(to_quaternions=True)
+    if "bvhio" in installed:
+        numbers["bvhio"] = lambda: installed["bvhio"].readAsBvh(str(path))
+        quaternions["bvhio"] = numbers["bvhio"]
+    return numbers, quaternions
+
+
+def writers(path, folder, installed):
+    """Return what writes the file's motion."""
+    motion = mg.read_bvh(path)
+    derived = motion[:]
+    derived = mg.Motion(motion.skeleton, motion.frame_time, motion.rotations, motion.positions)
+    tasks = {
+        "mograft write_bvh": lambda: mg.write_bvh(motion, folder / "a.bvh"),
+        "mograft write_bvh, all angles new": lambda: mg.write_bvh(derived, folder / "b.bvh"),
+    }
+    if "pybvh" in installed:
+        clip = installed["pybvh"].read_bvh_file(path, world_up="+y")
+        tasks["pybvh"] = lambda: installed["pybvh"].write_bvh_file(clip, folder / "c.bvh")
+    if "pymotion" in installed:
+        other = installed["pymotion"].BVH()
+        other.load(str(path))
+        tasks["pymotion"] = lambda: other.save(str(folder / "d.bvh"))
+    return tasks
+
+
+def print_table(title, tasks, size, ours):
+    seconds = take_turns(tasks)
+    medians = {name: statistics.median(turns) for name, turns in seconds.items()}
+    print(f"\n| {title} | turns | median ms | MB/s | times {ours} |")
+    print("|---|--:|--:|--:|--:|")
+    for name, median in medians.items():
+        ratio = median / medians[ours]
+        row = f"{len(seconds[name])} | {median * 1e3:.1f} | {size / median / 1e6:.0f}"
+        print(f"| {name} | {row} | {ratio:.2f} |", flush=True)
+
+
+def main():
+    if _core.BUILD_PROFILE != "release":
+        sys.exit(f"refusing to time a {_core.BUILD_PROFILE} build: maturin develop --release")
+    warnings.simplefilter("ignore")
+    installed = peers()
+    versions = [f"Python {platform.python_version()}", f"NumPy {np.__version__}"]
+    print(f"{platform.machine()}, {os.cpu_count()} cores, {', '.join(versions)}, release build")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for n_frames in (SMALL, LARGE):
+            path = folder / f"{n_frames}.bvh"
+            n_head = make_clip(path, n_frames)
+            size = path.stat().st_size
+            what = f"{size / 1e6:.1f} MB, {n_frames} frames of {N_JOINTS} joints"
+            numbers, quaternions = readers(path, n_head, installed)
+            print_table(f"read, {what}", numbers, size, "mograft read_bvh")
+            print_table(f"read to quaternions, {what}", quaternions, size, "mograft read_bvh")
+            tasks = writers(path, folder, installed)
+            print_table(f"write, {what}", tasks, size, "mograft write_bvh")
+
+
+if __name__ == "__main__":
+    main()
