@@ -75,6 +75,17 @@ def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):
     assert target.read_bytes() == before
 
 
+def test_the_seam_can_be_chosen(capsys, folder, tmp_path):
+    told = {}
+    for seam in ("offset", "paper"):
+        path = tmp_path / f"{seam}.bvh"
+        assert run(capsys, "graft", folder, "--seam", seam, "-o", path)[0] == 0
+        assert json.loads(path.with_suffix(".json").read_text())["config"]["seam"] == seam
+        told[seam] = path.read_bytes()
+    assert run(capsys, "graft", folder, "-o", tmp_path / "default.bvh")[0] == 0
+    assert (tmp_path / "default.bvh").read_bytes() == told["offset"] != told["paper"]
+
+
 def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path):
     motion = read_bvh(folder / "a.bvh")
     write_bvh(motion[:40], tmp_path / "short.bvh")

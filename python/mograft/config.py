@@ -52,11 +52,16 @@ class Config:
         Greatest mean joint angle, in radians, between the poses that meet at a seam (4.4).
     choice : {"random"}
         How a donor is chosen among those that pass: uniformly at random (4.4).
-    seam : {"paper", "displacement"}
-        How the poses that meet at a seam are made one (4.5): "displacement" spreads the gap
-        over the segments, "paper" also rounds off what is left of a kink.
+    seam : {"offset", "paper", "displacement", "inertial", "dead"}
+        How motions that meet at a seam are made one (4.5). "offset" bends both sides so that
+        they meet in pose and velocity; "displacement" spreads the gap in the pose over the
+        segments, "paper" also lays the frames about the seam anew, which takes detail away;
+        "inertial" and "dead" change only what comes after the seam: the first lets the gap
+        die down, the second fades over from what came before, going on.
     seam_window : float
         Seconds on either side of a seam within which "paper" lays its curve anew.
+    seam_blend : float
+        Seconds beside a seam within which "offset", "inertial" and "dead" change frames.
 
     Raises
     ------
@@ -90,15 +95,16 @@ class Config:
     length_slack: float = FRAME
     max_angle: float = math.radians(45.0)
     choice: Literal["random"] = "random"
-    seam: Literal["paper", "displacement"] = "paper"
+    seam: Literal["offset", "paper", "displacement", "inertial", "dead"] = "offset"
     seam_window: float = 5 * FRAME
+    seam_blend: float = 0.3
 
     def __post_init__(self) -> None:
         for name, allowed in (
             ("omega", ("world", "local")),
             ("inertia", ("own", "subtree", "unit")),
             ("choice", ("random",)),
-            ("seam", ("paper", "displacement")),
+            ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
         ):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
@@ -110,6 +116,7 @@ class Config:
                 )
         named = ("rms", "literal")
         above_zero = ["min_length", "max_length", "sigma_scale", "max_stretch", "max_angle"]
+        above_zero += ["seam_blend"]
         if isinstance(self.sigma, str):
             if self.sigma not in named:
                 raise ValueError(f"sigma must be one of {named} or a number, got {self.sigma!r}")
@@ -155,6 +162,7 @@ class Config:
             sigma="literal",
             sigma_scale=1.0,
             length_slack=0.0,
+            seam="paper",
         )
         return replace(literal, **changes)
 
