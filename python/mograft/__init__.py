@@ -11,6 +11,7 @@ from mograft.clustering import cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
+from mograft.footskate import FeetReport, foot_skate, plant_feet
 from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many
 from mograft.groups import JointGroups, subtree
 from mograft.interop import from_pybvh, to_pybvh
@@ -28,6 +29,7 @@ __all__ = [
     "Config",
     "EndSite",
     "Fault",
+    "FeetReport",
     "Graft",
     "Grafts",
     "JointGroups",
@@ -43,12 +45,14 @@ __all__ = [
     "__version__",
     "cut",
     "find_faults",
+    "foot_skate",
     "from_pybvh",
     "graft",
     "graft_many",
     "kinetic_energy",
     "linkage",
     "linkage_condensed",
+    "plant_feet",
     "read_bvh",
     "resample",
     "rotations",

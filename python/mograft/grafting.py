@@ -1,15 +1,17 @@
 """From a library and a base motion to new motions: choose, recombine, report."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, overload
 
 import numpy as np
 
-from mograft._arrays import IntArray
+from mograft._arrays import BoolArray, IntArray
+from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.segmentation import Segments
+from mograft.skeleton import Skeleton
 from mograft.substitution import choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
@@ -93,6 +95,8 @@ class Graft:
         The seed that it was chosen by.
     index : int
         Its number among those of the same seed, from 0.
+    feet : FeetReport or None
+        What was done to make feet stand still; None where the base group keeps them.
     """
 
     motion: Motion
@@ -103,6 +107,7 @@ class Graft:
     alternatives: dict[str, IntArray]
     seed: int
     index: int
+    feet: FeetReport | None = None
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -127,6 +132,17 @@ class Graft:
                 )
             if wide:
                 lines.append(f"    {wide} seams are wider than {np.degrees(limit):.0f}°")
+        if self.feet is not None:
+            feet = self.feet
+            lines.append(
+                f"  feet: {feet.plants} plants; {feet.skate_before:.1%} of frames skated, "
+                f"{feet.skate_after:.1%} do now"
+            )
+            if feet.unreached_frames:
+                lines.append(
+                    f"    out of reach in {feet.unreached_frames} frames, "
+                    f"by up to {feet.unreached:.4f} heights"
+                )
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
@@ -166,6 +182,7 @@ class Graft:
                 {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
                 for s in self.seams
             ],
+            "feet": None if self.feet is None else asdict(self.feet),
             "kept_without_candidate": {
                 name: int((counts == 0).sum()) for name, counts in self.alternatives.items()
             },
@@ -237,13 +254,24 @@ class _Plan:
         for group, donors in chosen.items():
             taken = _take(segments, donors)
             joints = library.joints(group)
-            part = transplant(self.base, own, taken, library.clips, joints, library.config)
+            part = transplant(
+                self.base,
+                own,
+                taken,
+                library.clips,
+                joints,
+                library.config,
+                root=library.root,
+                up=library.up,
+            )
             parts.append(part)
             substitutions += _substitutions(library, group, self.scenario, donors)
             seams += _seams(group, part)
         name = f"{self.base.name}_graft{index}"
+        new = recombine(self.base, parts, name)
+        new, feet = self.on_its_feet(new, chosen)
         return Graft(
-            recombine(self.base, parts, name),
+            new,
             self.base,
             library,
             tuple(substitutions),
@@ -251,7 +279,49 @@ class _Plan:
             {group: np.array([len(own) - 1 for own in self.alive[group]]) for group in chosen},
             seed,
             index,
+            feet,
         )
+
+    def on_its_feet(
+        self, new: Motion, chosen: dict[str, IntArray]
+    ) -> tuple[Motion, FeetReport | None]:
+        """Make feet stand where they do in the clips that their legs come from."""
+        library, skeleton = self.library, new.skeleton
+        limbs = legs(skeleton)
+        donors = {int(j): own for group, own in chosen.items() for j in library.joints(group)}
+        grafted = [
+            [j for j in _above(skeleton, limb.ankle, library.root) if j in donors] for limb in limbs
+        ]
+        if library.config.feet == "never" or not any(grafted):
+            return new, None
+        stands = np.empty((new.n_frames, len(limbs), 2), bool)
+        known: dict[int, BoolArray] = {}
+        for index, limb in enumerate(limbs):
+            taken = donors.get(limb.ankle, self.scenario)
+            for own, donor in zip(self.scenario, taken, strict=True):
+                cut = library.segments
+                clip = int(cut.clip[donor])
+                if clip not in known:
+                    known[clip] = contacts(library.clips[clip])
+                n, m = int(cut.lengths[own]), int(cut.lengths[donor])
+                frames = cut.start[donor] + (np.arange(n + 1) * m + n // 2) // n
+                rows = slice(int(cut.start[own]), int(cut.stop[own]) + 1)
+                stands[rows, index] = known[clip][frames, index]
+        return plant_feet(
+            new,
+            # And where the new motion happens to let them stand.
+            stands | contacts(new),
+            bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
+            moves_root=library.root in donors,
+        )
+
+
+def _above(skeleton: Skeleton, joint: int, root: int) -> list[int]:
+    """Return a joint and those above it up to the root, which carry it."""
+    chain = [joint]
+    while chain[-1] != root and skeleton.parents[chain[-1]] >= 0:
+        chain.append(int(skeleton.parents[chain[-1]]))
+    return chain
 
 
 def graft(
@@ -359,11 +429,6 @@ def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
             )
     if not wanted:
         raise ValueError(f"swap must name at least one group of {', '.join(others)}, got none")
-    if library.root not in library.joints(base):
-        carrier = library.clips[0].skeleton.names[library.root]
-        raise ValueError(
-            f"the base group {base!r} must hold {carrier}, which carries the body through the world"
-        )
     return [name for name in others if name in wanted]
 
 
