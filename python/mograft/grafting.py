@@ -1,12 +1,12 @@
 """From a library and a base motion to new motions: choose, recombine, report."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, overload
 
 import numpy as np
 
-from mograft._arrays import BoolArray, IntArray
+from mograft._arrays import BoolArray, IntArray, as_indices
 from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
@@ -97,6 +97,8 @@ class Graft:
         Its number among those of the same seed, from 0.
     feet : FeetReport or None
         What was done to make feet stand still; None where the base group keeps them.
+    scenario : tuple of int
+        The segments that the base was put together from; none where it is a clip.
     """
 
     motion: Motion
@@ -108,6 +110,7 @@ class Graft:
     seed: int
     index: int
     feet: FeetReport | None = None
+    scenario: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -167,6 +170,16 @@ class Graft:
             },
             "base_group": library.groups.base,
             "clips": clips,
+            "scenario": [
+                {
+                    "clip": library.clips[library.segments.clip[own]].name,
+                    "clip_frames": [
+                        int(library.segments.start[own]),
+                        int(library.segments.stop[own]),
+                    ],
+                }
+                for own in self.scenario
+            ],
             "substitutions": [
                 {
                     "group": s.group,
@@ -220,23 +233,37 @@ class _Plan:
 
     library: Library
     base: Motion
+    cut: Segments
     scenario: IntArray
     alive: dict[str, list[IntArray]]
     gaps: dict[str, list[Any]]
+    order: tuple[int, ...] = ()
 
     @classmethod
     def make(
-        cls, library: Library, base: Motion | str | None, swap: Sequence[str] | None
+        cls,
+        library: Library,
+        base: Motion | str | None,
+        swap: Sequence[str] | None,
+        order: Sequence[int] | IntArray | None,
     ) -> "_Plan":
         groups = _swapped(library, swap)
-        library, at = library.holding(base)
-        scenario = library.segments.of_clip(at)
+        if order is None:
+            library, at = library.holding(base)
+            scenario = library.segments.of_clip(at)
+            motion, cut = library.clips[at], _take(library.segments, scenario)
+        elif base is not None:
+            raise ValueError("base must not be given with a scenario, which is the base itself")
+        else:
+            scenario = _checked(order, library)
+            motion, cut = _arranged(library, scenario)
         alive, gaps = {}, {}
         for group in groups:
             pool = library.pool(group)
             positions = [pool.candidates(int(own), library.config) for own in scenario]
             alive[group], gaps[group] = reachable(pool, positions, library.config)
-        return cls(library, library.clips[at], scenario, alive, gaps)
+        own_order = () if order is None else tuple(scenario.tolist())
+        return cls(library, motion, cut, scenario, alive, gaps, own_order)
 
     def choose(self, rng: np.random.Generator) -> dict[str, IntArray]:
         config = self.library.config
@@ -247,7 +274,6 @@ class _Plan:
 
     def build(self, chosen: dict[str, IntArray], seed: int, index: int) -> Graft:
         library, segments = self.library, self.library.segments
-        own = _take(segments, self.scenario)
         parts: list[Part] = []
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
@@ -256,7 +282,7 @@ class _Plan:
             joints = library.joints(group)
             part = transplant(
                 self.base,
-                own,
+                self.cut,
                 taken,
                 library.clips,
                 joints,
@@ -265,7 +291,7 @@ class _Plan:
                 up=library.up,
             )
             parts.append(part)
-            substitutions += _substitutions(library, group, self.scenario, donors)
+            substitutions += _substitutions(library, group, self.cut, self.scenario, donors)
             seams += _seams(group, part)
         name = f"{self.base.name}_graft{index}"
         new = recombine(self.base, parts, name)
@@ -280,6 +306,7 @@ class _Plan:
             seed,
             index,
             feet,
+            self.order,
         )
 
     def on_its_feet(
@@ -294,19 +321,8 @@ class _Plan:
         ]
         if library.config.feet == "never" or not any(grafted):
             return new, None
-        stands = np.empty((new.n_frames, len(limbs), 2), bool)
-        known: dict[int, BoolArray] = {}
-        for index, limb in enumerate(limbs):
-            taken = donors.get(limb.ankle, self.scenario)
-            for own, donor in zip(self.scenario, taken, strict=True):
-                cut = library.segments
-                clip = int(cut.clip[donor])
-                if clip not in known:
-                    known[clip] = contacts(library.clips[clip])
-                n, m = int(cut.lengths[own]), int(cut.lengths[donor])
-                frames = cut.start[donor] + (np.arange(n + 1) * m + n // 2) // n
-                rows = slice(int(cut.start[own]), int(cut.stop[own]) + 1)
-                stands[rows, index] = known[clip][frames, index]
+        sources = [donors.get(limb.ankle, self.scenario) for limb in limbs]
+        stands = _stands(library, self.cut, sources)
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
@@ -314,6 +330,71 @@ class _Plan:
             bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
             moves_root=library.root in donors,
         )
+
+
+def _stands(library: Library, cut: Segments, sources: Sequence[IntArray]) -> BoolArray:
+    """Return when feet stand, each as in the segments that its leg comes from."""
+    stands = np.empty((int(cut.stop[-1]) + 1, len(sources), 2), bool)
+    known: dict[int, BoolArray] = {}
+    taken = library.segments
+    for index, donors in enumerate(sources):
+        for place, donor in enumerate(donors.tolist()):
+            clip = int(taken.clip[donor])
+            if clip not in known:
+                known[clip] = contacts(library.clips[clip])
+            n, m = int(cut.lengths[place]), int(taken.lengths[donor])
+            frames = taken.start[donor] + (np.arange(n + 1) * m + n // 2) // n
+            rows = slice(int(cut.start[place]), int(cut.stop[place]) + 1)
+            stands[rows, index] = known[clip][frames, index]
+    return stands
+
+
+def _checked(order: Sequence[int] | IntArray, library: Library) -> IntArray:
+    """Return the scenario as an array; each must be a segment."""
+    scenario = as_indices("scenario", order, ("n",))
+    n = len(library.segments)
+    if not len(scenario):
+        raise ValueError("scenario must hold at least one segment, got none")
+    wrong = scenario[(scenario < 0) | (scenario >= n)]
+    if len(wrong):
+        raise ValueError(f"scenario must be of segments 0 to {n - 1}, got {wrong[0]}")
+    return scenario
+
+
+def _arranged(library: Library, scenario: IntArray) -> tuple[Motion, Segments]:
+    """Return the motion of segments one after the other, on its feet, and where they are in it."""
+    own = _take(library.segments, scenario)
+    stops = np.cumsum(own.lengths)
+    cut = Segments(stops - own.lengths, stops)
+    first = library.clips[own.clip[0]]
+    rows = np.concatenate([[own.start[0]], *map(_inside, own.start, own.stop)])
+    clips = np.concatenate([own.clip[:1], np.repeat(own.clip, own.lengths)])
+    bare = replace(
+        first,
+        rotations=np.stack(
+            [library.clips[c].rotations[f] for c, f in zip(clips, rows, strict=True)]
+        ),
+        positions=np.stack(
+            [library.clips[c].positions[f] for c, f in zip(clips, rows, strict=True)]
+        ),
+        channel_values=None,
+        name=f"{first.name}_scenario",
+        path=None,
+        repairs=(),
+    )
+    everything = np.arange(first.n_joints)
+    part = transplant(
+        bare, cut, own, library.clips, everything, library.config, root=library.root, up=library.up
+    )
+    motion = recombine(bare, [part], bare.name)
+    if library.config.feet != "never" and len(part.seams):
+        sources = [scenario] * len(legs(first.skeleton))
+        motion, _ = plant_feet(motion, _stands(library, cut, sources))
+    return motion, cut
+
+
+def _inside(start: int, stop: int) -> IntArray:
+    return np.arange(start + 1, stop + 1)
 
 
 def _above(skeleton: Skeleton, joint: int, root: int) -> list[int]:
@@ -330,6 +411,7 @@ def graft(
     *,
     swap: Sequence[str] | None = None,
     seed: int = 0,
+    scenario: Sequence[int] | IntArray | None = None,
 ) -> Graft:
     """Make one new motion.
 
@@ -344,6 +426,10 @@ def graft(
         The groups to graft. Default: all but the base group.
     seed : int
         Another seed, another motion; the same seed, the same numbers.
+    scenario : sequence of int, optional
+        Segments of the library, one after the other, to be the base instead of a clip: any
+        order that is wanted, or one of `mograft.scenario`. Each goes on from where the one
+        before has come to.
 
     Returns
     -------
@@ -356,7 +442,8 @@ def graft(
     SkeletonMismatchError
         If the base has another hierarchy than the library.
     ValueError
-        If a group is none, or is the base group.
+        If a group is none, or is the base group; if a segment of the scenario is none, or
+        there is a base besides.
 
     Examples
     --------
@@ -366,7 +453,7 @@ def graft(
     >>> new.motion.n_frames == library.clips[0].n_frames
     True
     """
-    return graft_many(library, base, 1, swap=swap, seed=seed)[0]
+    return graft_many(library, base, 1, swap=swap, seed=seed, scenario=scenario)[0]
 
 
 def graft_many(
@@ -376,12 +463,13 @@ def graft_many(
     *,
     swap: Sequence[str] | None = None,
     seed: int = 0,
+    scenario: Sequence[int] | IntArray | None = None,
 ) -> "Grafts":
     """Make several new motions, each different from the others.
 
     Parameters
     ----------
-    library, base, swap, seed
+    library, base, swap, seed, scenario
         As for `graft`, which makes the first of them.
     count : int
         How many motions are wanted.
@@ -401,7 +489,7 @@ def graft_many(
         raise ValueError(f"count must be a whole number from 1, got {count!r}")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
-    plan = _Plan.make(library, base, swap)
+    plan = _Plan.make(library, base, swap, scenario)
     rng = np.random.default_rng(seed)
     draws: dict[bytes, dict[str, IntArray]] = {}
     while len(draws) < count:
@@ -437,15 +525,15 @@ def _take(segments: Segments, chosen: IntArray) -> Segments:
 
 
 def _substitutions(
-    library: Library, group: str, scenario: IntArray, donors: IntArray
+    library: Library, group: str, cut: Segments, scenario: IntArray, donors: IntArray
 ) -> Iterator[Substitution]:
     segments = library.segments
-    for own, donor in zip(scenario.tolist(), donors.tolist(), strict=True):
+    for place, (own, donor) in enumerate(zip(scenario.tolist(), donors.tolist(), strict=True)):
         length, taken = int(segments.lengths[own]), int(segments.lengths[donor])
         yield Substitution(
             group,
-            int(segments.start[own]),
-            int(segments.stop[own]),
+            int(cut.start[place]),
+            int(cut.stop[place]),
             own,
             donor,
             library.clips[segments.clip[donor]].name,

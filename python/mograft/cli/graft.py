@@ -20,6 +20,9 @@ from mograft.cli._common import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mograft._arrays import IntArray
     from mograft.config import Config
     from mograft.groups import JointGroups
     from mograft.library import Library
@@ -51,6 +54,16 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         "natural, larger more varied. Default: 0.75, and as much more as COUNT motions need",
     )
     graft.add_argument(
+        "--scenario",
+        default="original",
+        metavar="original|graph|N,...",
+        help="what the base group does: a clip as it is (default), a random walk from segment "
+        "to segment, or the segments of these numbers one after the other",
+    )
+    graft.add_argument(
+        "--duration", type=float, metavar="S", help="seconds of --scenario graph (default 60)"
+    )
+    graft.add_argument(
         "--seam",
         choices=("offset", "paper", "displacement", "inertial", "dead"),
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
@@ -80,13 +93,16 @@ def run(options: argparse.Namespace) -> int:
         if single
         else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
     )
+    _check_scenario(options)
     check_free([p.with_suffix(e) for p in paths for e in ENDS], force=options.force)
     groups, config = _chosen_groups(options), _chosen_config(options)
     swap = None if options.swap is None else options.swap.split(",")
     with progress() as tell:
         library = Library.build(files, groups, config, progress=tell)
     base = _base(library, options.base)
-    grafts = graft_many(library, base, options.count, swap=swap, seed=options.seed)
+    how: dict[str, Any] = {"swap": swap, "seed": options.seed}
+    how["scenario"] = _scenario(library, options)
+    grafts = graft_many(library, base, options.count, **how)
     while len(grafts) < options.count and options.sigma_scale is None:
         wider = library.config.sigma_scale * 4 / 3
         if wider > _WIDEST or library.config.sigma not in ("rms", "literal"):
@@ -96,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
             f"{library.config.sigma_scale:.3g}: trying {wider:.3g}, which is less strict"
         )
         library = library.relabelled(replace(library.config, sigma_scale=wider))
-        grafts = graft_many(library, base, options.count, swap=swap, seed=options.seed)
+        grafts = graft_many(library, base, options.count, **how)
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     documents = []
     for path, graft in zip(paths, grafts, strict=False):
@@ -125,6 +141,29 @@ def _base(library: "Library", name: str | None) -> "Motion | None":
         if clip.path is not None and os.path.samefile(clip.path, name):
             return clip
     return read_bvh(name)
+
+
+def _check_scenario(options: argparse.Namespace) -> None:
+    scenario: str = options.scenario
+    numbers = [word.strip() for word in scenario.split(",")]
+    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
+        options.usage(f"--scenario must be original, graph or numbers of segments; got {scenario}")
+    if scenario != "original" and options.base is not None:
+        options.usage("--base must not be given with --scenario, which is the base itself")
+    if options.duration is not None and scenario != "graph":
+        options.usage("--duration is for --scenario graph")
+    if options.duration is not None and not options.duration > 0:
+        options.usage(f"--duration must be above 0 seconds; got {options.duration:g}")
+
+
+def _scenario(library: "Library", options: argparse.Namespace) -> "Sequence[int] | IntArray | None":
+    if options.scenario == "original":
+        return None
+    if options.scenario == "graph":
+        from mograft.scenario import walk
+
+        return walk(library, options.duration or 60.0, options.seed)
+    return [int(word) for word in options.scenario.split(",")]
 
 
 def _chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
