@@ -120,6 +120,7 @@ def test_a_minute_of_each_dance_goes_no_faster_than_the_dance(name, library):
         assert own.max() <= 1.15 * captured.max()
 
 
+@pytest.mark.filterwarnings("ignore:group")  # twenty frames are little to compare
 def test_bad_arguments_are_refused_by_name(library):
     n = len(library.segments)
     with pytest.raises(ValueError, match="duration must be above 0 seconds, got 0"):
