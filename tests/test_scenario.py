@@ -55,7 +55,7 @@ def test_transitions_are_those_that_are_allowed(library, graph):
     assert n > len(library.segments) / 10
 
 
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 @given(SEEDS, st.floats(0.1, 90.0))
 def test_a_walk_goes_only_where_it_may_and_as_long_as_it_should(library, graph, seed, duration):
     way = walk(library, duration, seed, graph=graph)

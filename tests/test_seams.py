@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mograft import Config, Library, graft, rotations
@@ -59,6 +59,7 @@ def laid_out(lengths, seed):
     return laid, track, laid.true_seams([track])
 
 
+@settings(deadline=None)
 @given(LENGTHS, SEEDS, st.sampled_from(SMOOTH))
 def test_neither_pose_nor_velocity_jumps_anywhere(lengths, seed, seam):
     laid, track, seams = laid_out(lengths, seed)
@@ -67,6 +68,7 @@ def test_neither_pose_nor_velocity_jumps_anywhere(lengths, seed, seam):
     assert velocity < 1e-5
 
 
+@settings(deadline=None)
 @given(LENGTHS, SEEDS, st.sampled_from(SMOOTH))
 def test_nor_do_translations(lengths, seed, seam):
     laid, track, seams = laid_out(lengths, seed)
@@ -112,6 +114,7 @@ def test_any_two_pieces_meet_smoothly(poses, turning, blend, seam):
     assert np.abs(before - after).max() < 1e-5
 
 
+@settings(deadline=None)
 @given(LENGTHS, SEEDS, st.sampled_from(SMOOTH))
 def test_outside_its_window_every_bit_stays(lengths, seed, seam):
     laid, track, seams = laid_out(lengths, seed)

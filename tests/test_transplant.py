@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mograft import Config, Motion, Segments, Skeleton, rotations
@@ -111,6 +111,7 @@ def test_other_joints_keep_every_number(lengths, seed, config):
         same_rotations(written, new.rotations[:, joint], 1e-9)
 
 
+@settings(deadline=None)
 @given(LENGTHS, SEEDS, PLAIN)
 def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
     rng = np.random.default_rng(seed)
