@@ -267,7 +267,7 @@ class _Laid:
         as_long = donors.lengths == self.cut.lengths
         ends = around(donors.clip[:-1], donors.stop[:-1])
         starts = around(donors.clip[1:], donors.start[1:])
-        same = (ends == starts).reshape(len(ends), -1).all(axis=1)
+        same = (ends == starts).all(axis=tuple(range(1, ends.ndim)))
         follows: BoolArray = same & as_long[1:] & as_long[:-1]
         return ~follows
 
