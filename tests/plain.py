@@ -259,8 +259,9 @@ def cluster(points, diameter):
     return fcluster(linkage(points, "complete"), diameter, "distance")
 
 
-def candidates(labels, lengths, rate, config):
+def candidates(labels, lengths, rate, config, is_donor=None):
     """Return for each segment those that may take its place."""
+    is_donor = np.ones(len(labels), bool) if is_donor is None else is_donor
     found = []
     for i, length in enumerate(lengths):
         own = []
@@ -270,7 +271,7 @@ def candidates(labels, lengths, rate, config):
                 fits = gap <= max(config.max_stretch * length, config.length_slack * rate) + 1e-9
             else:
                 fits = gap < config.max_stretch * length - 1e-9
-            if fits or k == i:
+            if (fits and is_donor[k]) or k == i:
                 own.append(int(k))
         found.append(own)
     return found

@@ -110,6 +110,23 @@ def test_other_joints_keep_every_number(lengths, seed, config):
 
 
 @given(LENGTHS, SEEDS, CONFIGS)
+def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, seed, config):
+    """Files hold angles that no derivation gives, such as whole turns: they stay."""
+    rng = np.random.default_rng(seed)
+    cut = tiles(lengths)
+    base = clip(rng, cut)
+    turns = 360.0 * rng.integers(-2, 3, base.channel_values.shape)
+    base = replace(base, channel_values=base.channel_values + turns)
+    chosen = np.where(rng.random(len(cut)) < 0.7, np.arange(len(cut)), rng.integers(len(cut)))
+    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, config)
+    numbers = recombine(base, [part], "new").channel_numbers()
+    for column, joint in enumerate(JOINTS):
+        same = (part.rotations[:, column] == base.rotations[:, joint]).all(axis=-1)
+        own = list(base.skeleton.channel_columns[joint])
+        np.testing.assert_array_equal(numbers[same][:, own], base.channel_values[same][:, own])
+
+
+@given(LENGTHS, SEEDS, CONFIGS)
 def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tiles(lengths)

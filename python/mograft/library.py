@@ -330,7 +330,7 @@ class Library:
         )
 
 
-_SPOILING = ("first_frame", "teleport", "glitch", "flip")
+SPOILING = ("first_frame", "teleport", "glitch", "flip")
 """Kinds of faults that make the frames they are in unfit to be used elsewhere."""
 
 _BUILT_BY = (
@@ -440,7 +440,7 @@ def _without_faults(clips: Sequence[Motion], segments: Segments) -> BoolArray:
     good = np.ones(len(segments), bool)
     for index, clip in enumerate(clips):
         own = segments.of_clip(index)
-        faults = [fault for fault in find_faults(clip) if fault.kind in _SPOILING]
+        faults = [fault for fault in find_faults(clip) if fault.kind in SPOILING]
         for fault in faults:
             first, last = fault.frames
             good[own[(segments.start[own] <= last) & (segments.stop[own] >= first)]] = False
