@@ -40,7 +40,7 @@ Source: TypeAlias = str | os.PathLike[str] | IO[Any]
 _PIECE = 1 << 18
 # No word or name of a BVH file is this long; so far ahead is looked.
 _AHEAD = 1 << 16
-# Numbers turned into text at a time.
+# Numbers turned into text, or looked through, at a time.
 _BLOCK = 1 << 15
 # Levels of indentation written: a chain of thousands of joints would be mostly tabs.
 _DEEPEST = 40
@@ -208,7 +208,7 @@ def scan_bvh(source: Source, *, strict: bool = False) -> BvhSummary:
     """
     with _opened(source, strict=strict) as text:
         head = _read_head(text)
-        lines, scratch = _Lines(text, head), np.empty(_PIECE // 8)
+        lines, scratch = _Lines(text, head), np.empty(_BLOCK)
         while _fill(text, lines, scratch):
             pass
         n_frames, _ = lines.end()
@@ -865,8 +865,8 @@ def _fill(text: _Text, lines: _Lines, out: FloatArray) -> int:
             return filled
         if filled == len(out) or text.ended:
             return filled
-        if len(text.buffer) - text.at >= _PIECE:
-            # Nothing was read: a number without end.
+        if len(text.buffer) - text.at >= _AHEAD:
+            # Left is what may go on in the next piece; this is a number without end.
             text.word()
         text.fill()
 
@@ -896,7 +896,7 @@ def _read_values(text: _Text, head: _Head) -> FloatArray:
     values = np.empty(max(min(head.n_frames * width, text.size // 2), width))
     filled = _fill(text, lines, values)
     while filled == len(values):
-        more = np.empty(max(len(values), _PIECE // 8))
+        more = np.empty(max(len(values), _BLOCK))
         added = _fill(text, lines, more)
         if not added:
             break
