@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import bvh, rotations
+from tests.fuzz_bvh import SEEDS, check
 from tests.strategies import Clip, Dialect, clips, dialects, layouts, motions, written
 
 SHARED = Path(__file__).parents[2] / "shared"
@@ -386,6 +387,16 @@ def test_sources_that_are_none_are_refused():
         mg.read_bvh(3)
     with pytest.raises(FileNotFoundError):
         mg.read_bvh("no/such/file.bvh")
+
+
+@given(st.integers(0, 2**32))
+def test_damaged_files_are_read_or_refused(seed):
+    check(seed)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_damaged_files_that_once_failed_are_read_or_refused(seed):
+    check(seed)
 
 
 # Writing.

@@ -824,7 +824,7 @@ class _Lines:
             self._alike = False
         elif len(unlike):
             self._shorter = True
-            self._alike = bool(counts[-1] < self._first_count)
+            self._alike = self._alike and bool(counts[-1] < self._first_count)
         phases = (before + np.cumsum(counts) - counts) % width
         starts = phases == 0
         begun = np.maximum.accumulate(np.where(starts, lines, self._frame_line))
