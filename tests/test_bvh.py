@@ -145,6 +145,8 @@ def test_text_and_binary_files_and_paths_say_the_same(tmp_path_factory, clip):
     assert (from_path.name, from_path.path) == ("walk 1", path)
     with path.open(encoding="utf-8", newline="") as file:
         from_text = mg.read_bvh(file)
+    assert from_text.path == path
+    assert read(text).path is None
     for other in (from_text, mg.read_bvh(str(path)), read(text)):
         assert_same_skeleton(other.skeleton, from_path.skeleton)
         assert_same_numbers(other.channel_values, from_path.channel_values)
@@ -329,6 +331,13 @@ REFUSALS = {
     "a number too many": ("90.5", "90.5 1", 20, 1, "expected a frame of 9 numbers, got 10"),
     "a number moved": ("7.0\n1.0", "\n7.0 1.0", 20, 1, "got 8 and then 10 on line 21"),
     "the last number missing": (" 8.0", "", 21, 1, "expected 9 numbers in the last frame, got 8"),
+    "no frames at all": (
+        PLAIN[PLAIN.index("Frames: 3") :],
+        "Frames: 0\nFrame Time: 1\n",
+        19,
+        1,
+        "expected 1 frames, got the end of the file",
+    ),
     "no rows": (PLAIN[PLAIN.index("0.0 90") :], "", 19, 1, "expected 3 frames, got the end of"),
     "channels doubled": (
         "CHANNELS 3 Zrotation Xrotation Yrotation\n\t\tEnd",

@@ -1,6 +1,7 @@
 """Laws of finding faults: what is planted is found, and nothing else."""
 
 import csv
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import rotations
+from mograft.faults import KINDS
+from tests.strategies import Dialect, clips, written
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 N_FRAMES = 60
@@ -149,6 +152,15 @@ def test_a_figure_of_one_point_has_no_height_to_leap():
     placed = np.arange(30.0).reshape(10, 1, 3) ** 5
     still = np.tile(rotations.IDENTITY, (10, 1, 1))
     assert found(mg.Motion(skeleton, 0.1, still, placed)) == []
+
+
+@given(clips(), st.sampled_from([1.0, 1e200]))
+def test_no_motion_is_too_odd_to_look_at(clip, scale):
+    motion = mg.read_bvh(io.BytesIO(written(clip, Dialect())))
+    huge = replace(motion, positions=motion.positions * (scale / 1e30))
+    for fault in mg.find_faults(huge):
+        assert fault.kind in KINDS
+        assert 0 <= fault.frames[0] <= fault.frames[1] < motion.n_frames
 
 
 # Recordings. What the list of files says of first steps was found by other means.

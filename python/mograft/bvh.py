@@ -169,7 +169,8 @@ def read_bvh(source: Source, *, strict: bool = False, add_offsets: bool = False)
         values = _read_values(text, head)
     skeleton = head.skeleton
     rotated, placed = _poses(skeleton, values, add_offsets=add_offsets)
-    path = None if text.path is None else Path(text.path)
+    # An open file may bear the name of none, as standard input does.
+    path = Path(text.label) if os.path.exists(text.label) else None
     return Motion(
         skeleton,
         head.frame_time,
@@ -289,9 +290,8 @@ def write_bvh(motion: Motion, target: Source) -> None:
 class _Text:
     """The text of a file as UTF-8, a piece at a time, and the place reached in it."""
 
-    def __init__(self, stream: IO[Any], path: str | None, *, strict: bool) -> None:
-        self.path = path
-        self.label = "<stream>" if path is None else path
+    def __init__(self, stream: IO[Any], label: str, *, strict: bool) -> None:
+        self.label = label
         self.strict = strict
         self.buffer = b""
         self.at = 0
@@ -471,7 +471,7 @@ def _opened(source: Source, *, strict: bool) -> Iterator[_Text]:
             yield _Text(stream, os.fspath(source), strict=strict)
     elif hasattr(source, "read"):
         name = getattr(source, "name", None)
-        yield _Text(source, name if isinstance(name, str) else None, strict=strict)
+        yield _Text(source, name if isinstance(name, str) else "<stream>", strict=strict)
     else:
         raise TypeError(f"source must be a path or a file object, got {type(source).__name__}")
 
@@ -779,7 +779,7 @@ class _Lines:
         text, declared, width = self._text, self._head.n_frames, self._width
         if not self._before:
             text.skip_white()
-            text.fail(f"expected {declared} frames, got {_shown(text.word())}")
+            text.fail(f"expected {max(declared, 1)} frames, got {_shown(text.word())}")
         n_frames, left = divmod(self._before, width)
         all_fit = self._before == declared * width
         place = (self._across or self._wrapped or self._joined, 1)
