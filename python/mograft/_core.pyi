@@ -1,6 +1,6 @@
 """Compiled kernels of mograft. Private: call the package's own functions instead."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from mograft._arrays import FloatArray, IntArray
@@ -12,12 +12,15 @@ __all__ = [
     "cubic",
     "cubic_positions",
     "cut",
+    "cut_tuned",
     "exp",
     "from_euler",
     "hermite",
     "kinetic_energy",
     "linkage",
+    "linkage_by_chain",
     "linkage_condensed",
+    "linkage_tuned",
     "log",
     "segments",
     "segments_positions",
@@ -66,6 +69,29 @@ def kinetic_energy(
     frame_time: float,
     omega: str,
 ) -> FloatArray: ...
-def linkage(points: FloatArray, threads: int) -> FloatArray: ...
-def linkage_condensed(distances: FloatArray, threads: int) -> FloatArray: ...
-def cut(points: FloatArray, max_diameter: float, threads: int) -> IntArray: ...
+def linkage(
+    points: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
+) -> FloatArray: ...
+def linkage_condensed(
+    distances: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
+) -> FloatArray: ...
+def cut(
+    points: FloatArray,
+    max_diameter: float,
+    threads: int,
+    memory: int,
+    progress: Callable[[float], object] | None,
+) -> IntArray: ...
+def linkage_tuned(
+    points: FloatArray, threads: int, level: int, degree: float, finish: int, crowd: int
+) -> FloatArray: ...
+def cut_tuned(
+    points: FloatArray,
+    max_diameter: float,
+    threads: int,
+    level: int,
+    degree: float,
+    finish: int,
+    crowd: int,
+) -> IntArray: ...
+def linkage_by_chain(points: FloatArray) -> FloatArray: ...
