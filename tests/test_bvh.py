@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import bvh, rotations
-from tests.fuzz_bvh import SEEDS, check
 from tests.dialects import Clip, Dialect, clips, dialects, layouts, motions, written
+from tests.fuzz_bvh import SEEDS, check
 
 SHARED = Path(__file__).parents[2] / "shared"
 DATA, ODD = SHARED / "data", SHARED / "odd"

@@ -126,6 +126,24 @@ def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, se
         np.testing.assert_array_equal(numbers[same][:, own], base.channel_values[same][:, own])
 
 
+@given(LENGTHS, SEEDS, st.integers(-3, 3))
+def test_new_angles_go_on_from_the_last_one_kept(lengths, seed, turns):
+    """A curve that stands at whole turns from zero stays there: no jump where a graft begins."""
+    rng = np.random.default_rng(seed)
+    cut = tiles(np.array([9, *lengths]))
+    base = clip(rng, cut)
+    base = replace(base, channel_values=base.channel_values + 360.0 * turns)
+    chosen = np.concatenate([[0], rng.integers(0, len(cut), len(lengths))])
+    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, Config())
+    numbers = recombine(base, [part], "new").channel_numbers()
+    for column, joint in enumerate(JOINTS):
+        changed = (part.rotations[:, column] != base.rotations[:, joint]).any(axis=-1)
+        begins = np.flatnonzero(changed[1:] & ~changed[:-1])
+        own = list(base.skeleton.channel_columns[joint])
+        steps = numbers[begins + 1][:, own] - numbers[begins][:, own]
+        assert (np.abs(steps) <= 180.0 + 1e-9).all()
+
+
 @given(LENGTHS, SEEDS, CONFIGS)
 def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
     rng = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ clustering) → `graft` → `Graft.motion` → `write_bvh`.
 from mograft import resample, rotations
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
 from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
-from mograft.clustering import cut, linkage, linkage_condensed, threshold
+from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
@@ -25,6 +25,7 @@ __all__ = [
     "BvhSummary",
     "Candidate",
     "Candidates",
+    "CompleteLinkage",
     "Config",
     "EndSite",
     "Fault",

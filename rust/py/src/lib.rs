@@ -33,7 +33,9 @@ mod _core {
     };
 
     #[pymodule_export]
-    use crate::linkage::{cut, linkage, linkage_condensed};
+    use crate::linkage::{
+        cut, cut_tuned, linkage, linkage_by_chain, linkage_condensed, linkage_tuned,
+    };
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};
