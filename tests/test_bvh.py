@@ -217,6 +217,73 @@ def test_frames_are_those_found_whatever_number_is_declared(declared):
     assert not summary.counts_agree
 
 
+# What is tolerated: (what is changed in the plain file, by what, what is listed).
+REPAIRS = {
+    "a mark": ("HIERARCHY", "\ufeffHIERARCHY", "line 1: a byte-order mark: the text is UTF-8"),
+    "a comment": ("\tJOINT", "\t# the back\n\tJOINT", "line 6: a comment"),
+    "a keyword": ("JOINT", "Joint", "line 6: Joint read as JOINT"),
+    "a channel": ("3 Zrotation", "3 ZROTATION", "line 9: ZROTATION read as Zrotation"),
+    "a site": ("End Site", "End SITE", "line 10: End SITE read as End Site"),
+    "a named site": ("End Site", "End Site tip", "line 10: End Site with a name, tip"),
+    "a brace": ("Spine\n", "Spine ", "line 6: '{' on the line of JOINT"),
+    "a site beside": (
+        "\t}\n}",
+        "\t}\n\tEnd Site\n\t{\n\tOFFSET 0 0 0\n\t}\n}",
+        "line 2: Hips has End Sites beside others",
+    ),
+    "no site": (
+        "\t\tEnd Site\n\t\t{\n\t\t\tOFFSET 0.0 5.0 0.0\n\t\t}\n",
+        "",
+        "line 6: Spine has neither JOINT nor End Site",
+    ),
+    "a blank": ("Spine", "Bip01 Spine", "line 6: a blank in the name 'Bip01 Spine'"),
+    "a twin": ("Spine", "Hips", "line 6: the name 'Hips' again"),
+    "channels first": (
+        "OFFSET 0.0 10.0 0.0\n\t\tCHANNELS 3 Zrotation Xrotation Yrotation",
+        "CHANNELS 3 Zrotation Xrotation Yrotation OFFSET 0 10 0",
+        "line 8: CHANNELS before OFFSET",
+    ),
+    "time first": (
+        "Frames: 3\nFrame Time: 0.04",
+        "Frame Time: 0.04\nFrames: 3",
+        "line 17: Frame Time before Frames",
+    ),
+    "a label": ("Frame Time:", "FrameTime:", "line 18: 'FrameTime:' read as 'Frame Time:'"),
+    "no blank": ("Frames: ", "Frames:", "line 17: no blank after 'Frames:'"),
+    "a count": ("Frames: 3", "Frames: 3.0", "line 17: 3.0 read as 3"),
+    "a wrapped row": ("90.5 1.0", "90.5\n1.0", "line 20: a frame wrapped over lines"),
+    "a joined row": ("7.0\n", "7.0 ", "line 20: frames joined in one line"),
+    "padding": ("8.0\n", "8.0\n\0\0\n", "line 22: NUL or control bytes after the numbers"),
+}
+
+
+@pytest.mark.parametrize("case", REPAIRS)
+def test_what_is_tolerated_is_listed_with_its_line(case):
+    old, new, listed = REPAIRS[case]
+    assert old in PLAIN
+    text = PLAIN.replace(old, new, 1)
+    motion = read(text)
+    assert motion.repairs == (listed,)
+    np.testing.assert_array_equal(motion.channel_values, PLAIN_VALUES)
+    assert mg.scan_bvh(io.StringIO(text)).repairs == (listed,)
+
+
+def test_repairs_of_a_kind_are_counted():
+    assert read(PLAIN.lower().replace("hips", "Hips")).repairs[2:4] == (
+        "line 4: offset read as OFFSET (and 2 more like it)",
+        "line 5: channels read as CHANNELS (and 1 more like it)",
+    )
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 64])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_are_counted_over_the_ends_of_pieces(end, size):
+    text = PLAIN.replace("MOTION", "\n" * 500 + "MOTION").replace("90.5", "9O.5")
+    with patch.multiple(bvh, _PIECE=size, _AHEAD=80), pytest.raises(mg.BvhError) as caught:
+        read(text.replace("\n", end).encode())
+    assert (caught.value.line, caught.value.column) == (520, 5)
+
+
 def test_names_that_are_not_utf_8_are_read_as_windows_wrote_them():
     motion = read(PLAIN.replace("Spine", "Épaule").encode("cp1252"))
     assert motion.skeleton.names == ("Hips", "Épaule")
@@ -225,7 +292,7 @@ def test_names_that_are_not_utf_8_are_read_as_windows_wrote_them():
     assert motion.skeleton.names == ("Hips", "Sp\x81ne")
 
 
-def test_one_wide_skeleton_of_lines_too_long_is_read_without_their_ends():
+def test_a_surplus_at_the_end_of_each_line_is_left_out():
     rows = PLAIN.splitlines()
     text = "\n".join([*rows[:-3], *(row + " 7.0 7.0" for row in rows[-3:])])
     motion = read(text)
