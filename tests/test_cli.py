@@ -75,6 +75,22 @@ def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):
     assert target.read_bytes() == before
 
 
+def test_the_choice_and_its_seed_are_the_users(capsys, folder, tmp_path):
+    def donors(name, *options):
+        code, out, _ = run(capsys, "graft", folder, "-o", tmp_path / name, "--json", *options)
+        assert code == 0
+        document = json.loads(out)["grafts"][0]
+        return document["config"]["choice"], document["substitutions"]
+
+    assert donors("a.bvh")[0] == "viterbi"
+    assert donors("b.bvh", "--seed", 1) == donors("c.bvh", "--seed", 2)
+    chance = [donors(f"{s}.bvh", "--choice", "sample", "--seed", s) for s in (1, 2)]
+    assert chance[0] != chance[1]
+    cold = donors("d.bvh", "--choice", "sample", "--temperature", "0.001")
+    assert cold[1] == donors("e.bvh")[1]
+    assert donors("f.bvh", "--preset", "paper")[0] == "random"
+
+
 def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path):
     motion = read_bvh(folder / "a.bvh")
     write_bvh(motion[:40], tmp_path / "short.bvh")
@@ -153,6 +169,7 @@ def test_clips_of_different_skeletons_are_refused(capsys, folder, tmp_path):
         ["graft", "a.bvh", "-o", "out", "-n", "0"],
         ["graft", "a.bvh", "-o", "out", "--seed", "-1"],
         ["graft", "a.bvh", "-o", "out", "--groups", "wings"],
+        ["graft", "a.bvh", "-o", "out", "--choice", "whim"],
     ],
 )
 def test_wrong_usage_ends_with_2(arguments, capsys):

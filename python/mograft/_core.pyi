@@ -30,6 +30,7 @@ __all__ = [
     "segments_positions",
     "slerp",
     "to_euler",
+    "velocity_gaps",
     "world",
 ]
 
@@ -73,6 +74,7 @@ def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,
     rotations: FloatArray,

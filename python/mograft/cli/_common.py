@@ -27,7 +27,7 @@ ENDS = (".bvh", ".json")
 
 def add_making(parser: argparse.ArgumentParser) -> None:
     """Add what every command that makes motions takes."""
-    parser.add_argument("--seed", type=whole, default=0, help="another seed, another motion")
+    parser.add_argument("--seed", type=whole, default=0, help="of what is left to chance")
     parser.add_argument("--force", action="store_true", help="overwrite what is there")
 
 
