@@ -82,13 +82,23 @@ def test_the_choice_and_its_seed_are_the_users(capsys, folder, tmp_path):
         document = json.loads(out)["grafts"][0]
         return document["config"]["choice"], document["substitutions"]
 
-    assert donors("a.bvh")[0] == "viterbi"
-    assert donors("b.bvh", "--seed", 1) == donors("c.bvh", "--seed", 2)
-    chance = [donors(f"{s}.bvh", "--choice", "sample", "--seed", s) for s in (1, 2)]
-    assert chance[0] != chance[1]
-    cold = donors("d.bvh", "--choice", "sample", "--temperature", "0.001")
-    assert cold[1] == donors("e.bvh")[1]
+    assert donors("a.bvh")[0] == "sample"
+    assert donors("b.bvh", "--seed", 1) != donors("c.bvh", "--seed", 2)
+    least = [donors(f"{s}.bvh", "--choice", "viterbi", "--seed", s) for s in (1, 2)]
+    assert least[0] == least[1]
+    assert donors("d.bvh", "--temperature", "0.001")[1] == least[0][1]
     assert donors("f.bvh", "--preset", "paper")[0] == "random"
+
+
+def test_the_seam_can_be_chosen(capsys, folder, tmp_path):
+    told = {}
+    for seam in ("offset", "paper"):
+        path = tmp_path / f"{seam}.bvh"
+        assert run(capsys, "graft", folder, "--seam", seam, "-o", path)[0] == 0
+        assert json.loads(path.with_suffix(".json").read_text())["config"]["seam"] == seam
+        told[seam] = path.read_bytes()
+    assert run(capsys, "graft", folder, "-o", tmp_path / "default.bvh")[0] == 0
+    assert (tmp_path / "default.bvh").read_bytes() == told["offset"] != told["paper"]
 
 
 def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path):

@@ -154,7 +154,7 @@ def total(new):
 
 
 def test_the_cheapest_has_closer_seams_than_the_papers_choice(library):
-    gaps, parts = total(graft(library))
+    gaps, parts = total(graft(chosen_by(library, "viterbi")))
     for seed in range(3):
         by_chance, as_many = total(graft(chosen_by(library, "random"), seed=seed))
         assert gaps / parts < by_chance / as_many
@@ -164,14 +164,14 @@ def test_the_best_come_in_order_of_their_cost(library):
     """What the first has in each group the second has too, but for the cheapest change."""
     several = list(graft_many(chosen_by(library, "best"), count=5))
     first = [s.donor for s in several[0].substitutions]
-    assert first == [s.donor for s in graft(library).substitutions]
+    assert first == [s.donor for s in graft(chosen_by(library, "viterbi")).substitutions]
     changes = [
         sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in several
     ]
     assert changes[0] == 0
     assert all(changes[1:])
     # Those that are asked to be diverse differ from each other in more places.
-    diverse = list(graft_many(library, count=5))
+    diverse = list(graft_many(chosen_by(library, "viterbi"), count=5))
     apart = [
         sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in diverse
     ]

@@ -51,11 +51,12 @@ class Config:
     max_angle : float
         Greatest mean joint angle, in radians, between the poses that meet at a seam (4.4).
     choice : {"viterbi", "best", "sample", "nearest", "random"}
-        How donors are chosen among those that pass. "viterbi" takes those of least cost in
-        all, and of several motions each pays for what the ones before it took; "best" takes
-        the several of least cost, which differ little; "sample" draws with probability
-        exp(-cost / `temperature`); "nearest" looks at nothing but how alike the base parts
-        are; "random", the paper's way, at nothing but the limits (4.4).
+        How donors are chosen among those that pass. "sample" draws with probability
+        exp(-cost / `temperature`), so that every seed gives another motion; "viterbi" takes
+        those of least cost in all, whatever the seed, and of several motions each pays for
+        what the ones before it took; "best" takes the several of least cost, which differ
+        little; "nearest" looks at nothing but how alike the base parts are; "random", the
+        paper's way, at nothing but the limits (4.4).
     length_weight : float
         Cost of a donor of no length; that of one is its weight times 1 - shorter / longer.
     distance_weight : float
@@ -77,11 +78,16 @@ class Config:
     max_candidates : int
         Donors that are looked at in one place, at most: those of least cost. "random" looks
         at all.
-    seam : {"paper", "displacement"}
-        How the poses that meet at a seam are made one (4.5): "displacement" spreads the gap
-        over the segments, "paper" also rounds off what is left of a kink.
+    seam : {"offset", "paper", "displacement", "inertial", "dead"}
+        How motions that meet at a seam are made one (4.5). "offset" bends both sides so that
+        they meet in pose and velocity; "displacement" spreads the gap in the pose over the
+        segments, "paper" also lays the frames about the seam anew, which takes detail away;
+        "inertial" and "dead" change only what comes after the seam: the first lets the gap
+        die down, the second fades over from what came before, going on.
     seam_window : float
         Seconds on either side of a seam within which "paper" lays its curve anew.
+    seam_blend : float
+        Seconds beside a seam within which "offset", "inertial" and "dead" change frames.
 
     Raises
     ------
@@ -114,7 +120,7 @@ class Config:
     max_stretch: float = 0.15
     length_slack: float = FRAME
     max_angle: float = math.radians(45.0)
-    choice: Literal["viterbi", "best", "sample", "nearest", "random"] = "viterbi"
+    choice: Literal["viterbi", "best", "sample", "nearest", "random"] = "sample"
     length_weight: float = 1.0
     distance_weight: float = 0.25
     angle_scale: float = math.radians(20.0)
@@ -123,15 +129,16 @@ class Config:
     temperature: float = 1.0
     diversity: float = 1.0
     max_candidates: int = 32
-    seam: Literal["paper", "displacement"] = "paper"
+    seam: Literal["offset", "paper", "displacement", "inertial", "dead"] = "offset"
     seam_window: float = 5 * FRAME
+    seam_blend: float = 0.3
 
     def __post_init__(self) -> None:
         for name, allowed in (
             ("omega", ("world", "local")),
             ("inertia", ("own", "subtree", "unit")),
             ("choice", ("viterbi", "best", "sample", "nearest", "random")),
-            ("seam", ("paper", "displacement")),
+            ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
         ):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
@@ -143,6 +150,7 @@ class Config:
                 )
         named = ("rms", "literal")
         above_zero = ["min_length", "max_length", "sigma_scale", "max_stretch", "max_angle"]
+        above_zero += ["seam_blend"]
         if isinstance(self.sigma, str):
             if self.sigma not in named:
                 raise ValueError(f"sigma must be one of {named} or a number, got {self.sigma!r}")
@@ -191,6 +199,7 @@ class Config:
             sigma_scale=1.0,
             length_slack=0.0,
             choice="random",
+            seam="paper",
         )
         return replace(literal, **changes)
 

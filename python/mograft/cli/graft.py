@@ -53,15 +53,20 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     graft.add_argument(
         "--choice",
         choices=("viterbi", "best", "sample", "nearest", "random"),
-        help="how donors are chosen: those of least cost in all (default; of several motions each "
-        "keeps away from the others), the several of least cost, drawn by their cost, those of "
-        "most similar legs, or by chance as in the paper",
+        help="how donors are chosen: those of least cost in all (of several motions each keeps "
+        "away from the others), the several of least cost, drawn by their cost (default), those "
+        "of most similar legs, or by chance as in the paper",
     )
     graft.add_argument(
         "--temperature",
         type=float,
         metavar="X",
         help="with --choice sample: how much dearer than the cheapest a draw may be (default 1)",
+    )
+    graft.add_argument(
+        "--seam",
+        choices=("offset", "paper", "displacement", "inertial", "dead"),
+        help="how motions that meet at a seam are made one; default: offset, or the preset's",
     )
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
@@ -149,5 +154,6 @@ def _chosen_config(options: argparse.Namespace) -> "Config":
         "sigma_scale": options.sigma_scale,
         "choice": options.choice,
         "temperature": options.temperature,
+        "seam": options.seam,
     }
     return replace(config, **{name: value for name, value in given.items() if value is not None})
