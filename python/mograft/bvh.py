@@ -15,7 +15,6 @@ relative to its parent and stands for that component of OFFSET, as in Blender; o
 import codecs
 import os
 import re
-import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -274,7 +273,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
         with path.open("wb") as stream:
             stream.writelines(pieces)
         return
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    partial = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
     try:
         with partial.open("xb") as stream:
             stream.writelines(pieces)
