@@ -46,8 +46,8 @@ pub(crate) struct Edge {
 pub(crate) enum Graph {
     /// All.
     Whole(Vec<Edge>),
-    /// Those found before there were too many, and the part of the clusters searched by then.
-    Crowded(Vec<Edge>, f64),
+    /// Those found before there were too many.
+    Crowded(Vec<Edge>),
 }
 
 /// Blocks of a range of clusters, as the sieves see them.
@@ -148,7 +148,7 @@ impl<'a> Blocks<'a> {
     ) -> Result<Graph, Error> {
         let sieve = Sieve::new(self, crew, gauge, limit);
         let count = self.reaches.len();
-        let (found, searched) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let found = AtomicUsize::new(0);
         let edges = crew.each(
             (0..count.div_ceil(TILE)).map(|tile| tile * TILE..count.min((tile + 1) * TILE)),
             Hunt::default,
@@ -157,7 +157,6 @@ impl<'a> Blocks<'a> {
                     return;
                 }
                 let before = hunt.edges.len();
-                searched.fetch_add(tile.len(), Relaxed);
                 sieve.tile(tile, hunt);
                 found.fetch_add(hunt.edges.len() - before, Relaxed);
             },
@@ -168,7 +167,7 @@ impl<'a> Blocks<'a> {
             all.extend_from_slice(&more);
         }
         if found.into_inner() > crowd {
-            return Ok(Graph::Crowded(all, searched.into_inner() as f64 / count as f64));
+            return Ok(Graph::Crowded(all));
         }
         Ok(Graph::Whole(all))
     }
@@ -348,7 +347,7 @@ impl<'a> Sieve<'a> {
         rows
     }
 
-    /// The third sieve in f64, for blocks too large for f32.
+    /// The second and third sieve in f64, for blocks too large for f32.
     fn sift_finely(
         &self,
         i: usize,
@@ -358,10 +357,22 @@ impl<'a> Sieve<'a> {
         found: &mut [u16; LANES],
     ) -> u16 {
         let clusters = self.blocks.clusters;
-        let mut spreads = [f64::INFINITY; LANES];
-        transpose(clusters, members(&self.blocks.range, j), &mut hunt.wide, &mut spreads);
         let limit = square(limit) * (1.0 + 1e-9);
-        for (row, cluster) in members(&self.blocks.range, i).enumerate() {
+        let (first, second) = (members(&self.blocks.range, i), members(&self.blocks.range, j));
+        let mut rows = 0;
+        for (row, cluster) in first.clone().enumerate() {
+            rows |= u16::from(self.is_near_box(cluster, j, limit)) << row;
+        }
+        if rows == 0
+            || !second
+                .clone()
+                .any(|cluster| self.is_near_box(cluster, i, limit))
+        {
+            return 0;
+        }
+        let mut spreads = [f64::INFINITY; LANES];
+        transpose(clusters, second, &mut hunt.wide, &mut spreads);
+        for (row, cluster) in first.enumerate().filter(|(row, _)| rows >> row & 1 != 0) {
             let (centre, spread) = (clusters.centre(cluster), clusters.spreads[cluster]);
             let bounds = simd::bounds(self.crew.isa, centre, spread, &hunt.wide, &spreads);
             let bit = |(lane, &bound): (usize, &f64)| u16::from(bound <= limit) << lane;
@@ -371,7 +382,28 @@ impl<'a> Sieve<'a> {
                 .map(bit)
                 .fold(0, |bits, bit| bits | bit);
         }
-        u16::MAX
+        rows
+    }
+
+    /// Whether a cluster may be within a squared limit of one of a block.
+    fn is_near_box(&self, cluster: usize, block: usize, limit: f64) -> bool {
+        let (group, lane) = (block / LANES, block % LANES);
+        let corners = group * self.blocks.dim..(group + 1) * self.blocks.dim;
+        let (lows, highs) = (&self.blocks.lows[corners.clone()], &self.blocks.highs[corners]);
+        let mut sum = self.blocks.clusters.spreads[cluster] + self.blocks.spreads[group][lane];
+        for (&x, (low, high)) in self
+            .blocks
+            .clusters
+            .centre(cluster)
+            .iter()
+            .zip(lows.iter().zip(highs))
+        {
+            sum += square((low[lane] - x).max(x - high[lane]).max(0.0));
+            if sum > limit {
+                return false;
+            }
+        }
+        true
     }
 }
 
