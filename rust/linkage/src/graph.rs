@@ -50,10 +50,9 @@ pub(crate) enum Graph {
     Crowded(Vec<Edge>),
 }
 
-/// Blocks of a range of clusters, as the sieves see them.
+/// Blocks of clusters, as the sieves see them.
 pub(crate) struct Blocks<'a> {
     clusters: &'a Clusters,
-    range: Range<usize>,
     dim: usize,
     /// Corners of the boxes of all blocks, sixteen boxes side by side.
     lows: Vec<Wide>,
@@ -76,13 +75,12 @@ pub(crate) struct Blocks<'a> {
 
 impl<'a> Blocks<'a> {
     /// Blocks of consecutive clusters. Takes O(m) time and memory for m of them.
-    pub fn new(clusters: &'a Clusters, range: Range<usize>) -> Self {
+    pub fn new(clusters: &'a Clusters) -> Self {
         let dim = clusters.centres().len() / clusters.len();
-        let count = range.len().div_ceil(LANES);
+        let count = clusters.len().div_ceil(LANES);
         let groups = count.div_ceil(LANES);
         let mut blocks = Self {
             clusters,
-            range,
             dim,
             lows: vec![[f64::INFINITY; LANES]; groups * dim],
             highs: vec![[f64::NEG_INFINITY; LANES]; groups * dim],
@@ -100,31 +98,34 @@ impl<'a> Blocks<'a> {
         blocks
     }
 
+    /// The clusters of a block.
+    fn members(&self, block: usize) -> Range<usize> {
+        block * LANES..self.clusters.len().min((block + 1) * LANES)
+    }
+
     fn fill(&mut self, block: usize) {
         let (dim, group, lane) = (self.dim, block / LANES, block % LANES);
         let mut reach = 0.0;
         for axis in 0..dim {
-            let (low, high) = (
-                &mut self.lows[group * dim + axis][lane],
-                &mut self.highs[group * dim + axis][lane],
-            );
-            for cluster in members(&self.range, block) {
+            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            for cluster in self.members(block) {
                 let x = self.clusters.centre(cluster)[axis];
-                *low = low.min(x);
-                *high = high.max(x);
+                (low, high) = (low.min(x), high.max(x));
             }
-            let middle = f64::midpoint(*low, *high);
-            let half = (*high - middle).max(middle - *low);
+            self.lows[group * dim + axis][lane] = low;
+            self.highs[group * dim + axis][lane] = high;
+            let middle = f64::midpoint(low, high);
+            let half = (high - middle).max(middle - low);
             reach += half * half;
             self.middles.push(middle);
             self.halves.push(((half * (1.0 + 1e-9)) as f32).next_up());
-            for (place, cluster) in members(&self.range, block).enumerate() {
+            for (place, cluster) in self.members(block).enumerate() {
                 let x = self.clusters.centre(cluster)[axis];
                 self.offsets[block * dim + axis][place] = (x - middle) as f32;
             }
         }
         let mut drift = 0.0;
-        for (place, cluster) in members(&self.range, block).enumerate() {
+        for (place, cluster) in self.members(block).enumerate() {
             let spread = self.clusters.spreads[cluster];
             let least = &mut self.spreads[group][lane];
             *least = least.min(spread);
@@ -171,12 +172,6 @@ impl<'a> Blocks<'a> {
         }
         Ok(Graph::Whole(all))
     }
-}
-
-/// The clusters of a block.
-fn members(range: &Range<usize>, block: usize) -> Range<usize> {
-    let first = range.start + block * LANES;
-    first..range.end.min(first + LANES)
 }
 
 /// What a thread finds, and its room to work in.
@@ -291,7 +286,7 @@ impl<'a> Sieve<'a> {
     /// All edges from the clusters of block `i` to later ones of block `j`.
     fn pair_of_blocks(&self, i: usize, j: usize, hunt: &mut Hunt) {
         let blocks = self.blocks;
-        let (first, second) = (members(&blocks.range, i), members(&blocks.range, j));
+        let (first, second) = (blocks.members(i), blocks.members(j));
         let mut found = [0; LANES];
         let mut rows = self.sift(i, j, hunt, &mut found) & (u16::MAX >> (LANES - first.len()));
         let lanes = u16::MAX >> (LANES - second.len());
@@ -358,7 +353,7 @@ impl<'a> Sieve<'a> {
     ) -> u16 {
         let clusters = self.blocks.clusters;
         let limit = square(limit) * (1.0 + 1e-9);
-        let (first, second) = (members(&self.blocks.range, i), members(&self.blocks.range, j));
+        let (first, second) = (self.blocks.members(i), self.blocks.members(j));
         let mut rows = 0;
         for (row, cluster) in first.clone().enumerate() {
             rows |= u16::from(self.is_near_box(cluster, j, limit)) << row;

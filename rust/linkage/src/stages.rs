@@ -9,7 +9,7 @@ use crate::parallel::Crew;
 use crate::points::Points;
 use crate::simd::{self, LANES};
 use crate::tree::Merge;
-use crate::{Error, Tuning, dense, limit, merging, order};
+use crate::{Error, Tuning, dense, limit, merging, order, plateau};
 
 /// A stage that merges no more than this part of the clusters looks for more next time.
 const POOR: usize = 8;
@@ -44,21 +44,18 @@ pub(crate) fn merges(
         (clusters, is_uneven) = order::in_spatial_order(crew, &clusters)?;
         let gauge = Gauge::new(crew, points, &clusters)?;
         let limit = limit::choose(crew, &clusters, &gauge, degree, is_uneven)?.min(most);
-        let (edges, limit) = edges_within(crew, &clusters, &gauge, limit, degree, tuning.crowd)?;
-        drop(gauge);
-        let is_thin = (edges.len() as f64) < THIN * degree * m as f64;
-        let ne = edges.len();
-        let t0 = std::time::Instant::now(); //DBG
-        let merged = merging::merge(crew, &clusters.reps, edges)?;
+        let near = near_ones(crew, &clusters, &gauge, limit, degree, tuning.crowd)?;
+        let (merged, limit, is_thin) = match near {
+            Near::Edges(edges, limit) => {
+                drop(gauge);
+                let is_thin = (edges.len() as f64) < THIN * degree * m as f64;
+                (merging::merge(crew, &clusters.reps, edges)?, limit, is_thin)
+            }
+            Near::Plateau(level) => (plateau::merge(crew, &clusters, &gauge, level)?, level, false),
+        };
         merges.extend(merged.pairs.iter().map(|&(a, b, squared)| {
             Merge::new(clusters.reps[a as usize], clusters.reps[b as usize], squared)
         }));
-        eprintln!(
-            "m {m} limit {:.3e} degree {degree} edges {ne} merged {} merge {:?}",
-            limit.sqrt(),
-            merged.pairs.len(),
-            t0.elapsed()
-        ); //DBG
         crew.report(merges.len() as f64 / n as f64);
         if limit >= most {
             return Ok(merges);
@@ -73,21 +70,32 @@ pub(crate) fn merges(
     Ok(merges)
 }
 
+/// What a stage finds.
+enum Near {
+    /// All pairs within a squared distance.
+    Edges(Vec<Edge>, f64),
+    /// The least squared distance; too many pairs have it.
+    Plateau(f64),
+}
+
 /// All edges within a limit, or within a smaller one if they are too many.
-fn edges_within(
+fn near_ones(
     crew: &Crew<'_>,
     clusters: &Clusters,
     gauge: &Gauge<'_>,
     mut limit: f64,
     degree: f64,
     spare: usize,
-) -> Result<(Vec<Edge>, f64), Error> {
-    let m = clusters.len() as f64;
-    let blocks = Blocks::new(clusters, 0..clusters.len());
-    let mut crowd = (CROWD * degree * m) as usize + spare;
+) -> Result<Near, Error> {
+    let blocks = Blocks::new(clusters);
+    let crowd = (CROWD * degree * clusters.len() as f64) as usize + spare;
+    let mut level = None;
     loop {
         let edges = match blocks.pairs_within(crew, gauge, limit, crowd)? {
-            Graph::Whole(edges) => return Ok((edges, limit)),
+            Graph::Whole(edges) => {
+                let nothing_below = level.filter(|_| edges.is_empty());
+                return Ok(nothing_below.map_or(Near::Edges(edges, limit), Near::Plateau));
+            }
             Graph::Crowded(edges) => edges,
         };
         let mut squares: Vec<f64> = edges.iter().map(|edge| edge.squared).collect();
@@ -100,8 +108,9 @@ fn edges_within(
         } else if let Some(less) = less.reduce(f64::max) {
             limit = less;
         } else {
-            // All are equally far: there is no way but to take them all.
-            crowd = usize::MAX;
+            // All that were found are equally far. Is anything nearer?
+            level = Some(limit);
+            limit = limit.next_down();
         }
     }
 }
