@@ -46,14 +46,13 @@ pub(crate) struct Edge {
 pub(crate) enum Graph {
     /// All.
     Whole(Vec<Edge>),
-    /// Those found before there were too many, and the part of the clusters searched by then.
-    Crowded(Vec<Edge>, f64),
+    /// Those found before there were too many.
+    Crowded(Vec<Edge>),
 }
 
-/// Blocks of a range of clusters, as the sieves see them.
+/// Blocks of clusters, as the sieves see them.
 pub(crate) struct Blocks<'a> {
     clusters: &'a Clusters,
-    range: Range<usize>,
     dim: usize,
     /// Corners of the boxes of all blocks, sixteen boxes side by side.
     lows: Vec<Wide>,
@@ -76,13 +75,12 @@ pub(crate) struct Blocks<'a> {
 
 impl<'a> Blocks<'a> {
     /// Blocks of consecutive clusters. Takes O(m) time and memory for m of them.
-    pub fn new(clusters: &'a Clusters, range: Range<usize>) -> Self {
+    pub fn new(clusters: &'a Clusters) -> Self {
         let dim = clusters.centres().len() / clusters.len();
-        let count = range.len().div_ceil(LANES);
+        let count = clusters.len().div_ceil(LANES);
         let groups = count.div_ceil(LANES);
         let mut blocks = Self {
             clusters,
-            range,
             dim,
             lows: vec![[f64::INFINITY; LANES]; groups * dim],
             highs: vec![[f64::NEG_INFINITY; LANES]; groups * dim],
@@ -100,31 +98,34 @@ impl<'a> Blocks<'a> {
         blocks
     }
 
+    /// The clusters of a block.
+    fn members(&self, block: usize) -> Range<usize> {
+        block * LANES..self.clusters.len().min((block + 1) * LANES)
+    }
+
     fn fill(&mut self, block: usize) {
         let (dim, group, lane) = (self.dim, block / LANES, block % LANES);
         let mut reach = 0.0;
         for axis in 0..dim {
-            let (low, high) = (
-                &mut self.lows[group * dim + axis][lane],
-                &mut self.highs[group * dim + axis][lane],
-            );
-            for cluster in members(&self.range, block) {
+            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            for cluster in self.members(block) {
                 let x = self.clusters.centre(cluster)[axis];
-                *low = low.min(x);
-                *high = high.max(x);
+                (low, high) = (low.min(x), high.max(x));
             }
-            let middle = f64::midpoint(*low, *high);
-            let half = (*high - middle).max(middle - *low);
+            self.lows[group * dim + axis][lane] = low;
+            self.highs[group * dim + axis][lane] = high;
+            let middle = f64::midpoint(low, high);
+            let half = (high - middle).max(middle - low);
             reach += half * half;
             self.middles.push(middle);
             self.halves.push(((half * (1.0 + 1e-9)) as f32).next_up());
-            for (place, cluster) in members(&self.range, block).enumerate() {
+            for (place, cluster) in self.members(block).enumerate() {
                 let x = self.clusters.centre(cluster)[axis];
                 self.offsets[block * dim + axis][place] = (x - middle) as f32;
             }
         }
         let mut drift = 0.0;
-        for (place, cluster) in members(&self.range, block).enumerate() {
+        for (place, cluster) in self.members(block).enumerate() {
             let spread = self.clusters.spreads[cluster];
             let least = &mut self.spreads[group][lane];
             *least = least.min(spread);
@@ -148,7 +149,7 @@ impl<'a> Blocks<'a> {
     ) -> Result<Graph, Error> {
         let sieve = Sieve::new(self, crew, gauge, limit);
         let count = self.reaches.len();
-        let (found, searched) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let found = AtomicUsize::new(0);
         let edges = crew.each(
             (0..count.div_ceil(TILE)).map(|tile| tile * TILE..count.min((tile + 1) * TILE)),
             Hunt::default,
@@ -157,7 +158,6 @@ impl<'a> Blocks<'a> {
                     return;
                 }
                 let before = hunt.edges.len();
-                searched.fetch_add(tile.len(), Relaxed);
                 sieve.tile(tile, hunt);
                 found.fetch_add(hunt.edges.len() - before, Relaxed);
             },
@@ -168,16 +168,10 @@ impl<'a> Blocks<'a> {
             all.extend_from_slice(&more);
         }
         if found.into_inner() > crowd {
-            return Ok(Graph::Crowded(all, searched.into_inner() as f64 / count as f64));
+            return Ok(Graph::Crowded(all));
         }
         Ok(Graph::Whole(all))
     }
-}
-
-/// The clusters of a block.
-fn members(range: &Range<usize>, block: usize) -> Range<usize> {
-    let first = range.start + block * LANES;
-    first..range.end.min(first + LANES)
 }
 
 /// What a thread finds, and its room to work in.
@@ -292,7 +286,7 @@ impl<'a> Sieve<'a> {
     /// All edges from the clusters of block `i` to later ones of block `j`.
     fn pair_of_blocks(&self, i: usize, j: usize, hunt: &mut Hunt) {
         let blocks = self.blocks;
-        let (first, second) = (members(&blocks.range, i), members(&blocks.range, j));
+        let (first, second) = (blocks.members(i), blocks.members(j));
         let mut found = [0; LANES];
         let mut rows = self.sift(i, j, hunt, &mut found) & (u16::MAX >> (LANES - first.len()));
         let lanes = u16::MAX >> (LANES - second.len());
@@ -348,7 +342,7 @@ impl<'a> Sieve<'a> {
         rows
     }
 
-    /// The third sieve in f64, for blocks too large for f32.
+    /// The second and third sieve in f64, for blocks too large for f32.
     fn sift_finely(
         &self,
         i: usize,
@@ -358,10 +352,22 @@ impl<'a> Sieve<'a> {
         found: &mut [u16; LANES],
     ) -> u16 {
         let clusters = self.blocks.clusters;
-        let mut spreads = [f64::INFINITY; LANES];
-        transpose(clusters, members(&self.blocks.range, j), &mut hunt.wide, &mut spreads);
         let limit = square(limit) * (1.0 + 1e-9);
-        for (row, cluster) in members(&self.blocks.range, i).enumerate() {
+        let (first, second) = (self.blocks.members(i), self.blocks.members(j));
+        let mut rows = 0;
+        for (row, cluster) in first.clone().enumerate() {
+            rows |= u16::from(self.is_near_box(cluster, j, limit)) << row;
+        }
+        if rows == 0
+            || !second
+                .clone()
+                .any(|cluster| self.is_near_box(cluster, i, limit))
+        {
+            return 0;
+        }
+        let mut spreads = [f64::INFINITY; LANES];
+        transpose(clusters, second, &mut hunt.wide, &mut spreads);
+        for (row, cluster) in first.enumerate().filter(|(row, _)| rows >> row & 1 != 0) {
             let (centre, spread) = (clusters.centre(cluster), clusters.spreads[cluster]);
             let bounds = simd::bounds(self.crew.isa, centre, spread, &hunt.wide, &spreads);
             let bit = |(lane, &bound): (usize, &f64)| u16::from(bound <= limit) << lane;
@@ -371,7 +377,28 @@ impl<'a> Sieve<'a> {
                 .map(bit)
                 .fold(0, |bits, bit| bits | bit);
         }
-        u16::MAX
+        rows
+    }
+
+    /// Whether a cluster may be within a squared limit of one of a block.
+    fn is_near_box(&self, cluster: usize, block: usize, limit: f64) -> bool {
+        let (group, lane) = (block / LANES, block % LANES);
+        let corners = group * self.blocks.dim..(group + 1) * self.blocks.dim;
+        let (lows, highs) = (&self.blocks.lows[corners.clone()], &self.blocks.highs[corners]);
+        let mut sum = self.blocks.clusters.spreads[cluster] + self.blocks.spreads[group][lane];
+        for (&x, (low, high)) in self
+            .blocks
+            .clusters
+            .centre(cluster)
+            .iter()
+            .zip(lows.iter().zip(highs))
+        {
+            sum += square((low[lane] - x).max(x - high[lane]).max(0.0));
+            if sum > limit {
+                return false;
+            }
+        }
+        true
     }
 }
 

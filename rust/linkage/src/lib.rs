@@ -10,6 +10,7 @@ mod limit;
 mod merging;
 mod order;
 mod parallel;
+mod plateau;
 mod points;
 mod simd;
 mod stages;

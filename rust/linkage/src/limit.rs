@@ -1,9 +1,10 @@
 //! How far to look in one stage: any limit is right, a good one makes stages few and cheap.
 //!
-//! A good limit leaves each cluster with some sixteen neighbours: enough that most find their
-//! nearest among them and merge, few enough to be measured and kept. It is estimated from a
+//! A good limit leaves a cluster with some sixteen neighbours on average: enough that most find
+//! their nearest among them and merge, few enough to be measured and kept. It is estimated from a
 //! sample of clusters, spread evenly over the order and so over space; nothing is drawn by
-//! chance.
+//! chance. Where some are packed much closer than others, and stand first, the neighbours are
+//! all theirs: then more of those are sampled, and count for less.
 
 use crate::Error;
 use crate::clusters::Clusters;
@@ -24,30 +25,45 @@ const MEASURED: f64 = 4.0;
 /// and not the number of neighbours sets the limit.
 const SUSPECTS: f64 = 16.0;
 
+/// Where the parts end that are sampled alike if space is uneven, of clusters in order.
+const PARTS: [f64; 4] = [0.0, 1.0 / 64.0, 1.0 / 8.0, 1.0];
+
 /// A squared limit with about `degree` neighbours to a cluster; some pair is within it.
 ///
-/// Takes O(m d) time for m clusters.
+/// If `is_uneven`, clusters stand in order of how closely they are packed. Takes O(m d) time
+/// for m clusters.
 pub(crate) fn choose(
     crew: &Crew<'_>,
     clusters: &Clusters,
     gauge: &Gauge<'_>,
     degree: f64,
+    is_uneven: bool,
 ) -> Result<f64, Error> {
     let m = clusters.len();
-    let sample = SAMPLE.min(m);
-    let suspects = ((degree * SUSPECTS) as usize).clamp(1, m - 1);
-    let measured = ((degree * MEASURED) as usize + 8).min(suspects);
+    let parts: &[f64] = if is_uneven { &PARTS } else { &[0.0, 1.0] };
+    let mut sample = Vec::new();
+    for part in parts.windows(2) {
+        let [start, end] = [part[0], part[1]].map(|share| (share * m as f64) as usize);
+        let count = SAMPLE.min(end - start);
+        let weight = (end - start) as f64 / (m * count) as f64;
+        let place = |i: usize| start + (2 * i + 1) * (end - start) / (2 * count);
+        // All neighbours may be those of the clusters up to here.
+        let crowding = 1.5 / part[1];
+        sample.extend((0..count).map(|i| (place(i), weight, crowding)));
+    }
     let views = crew.each(
-        (0..sample).map(|i| (2 * i + 1) * m / (2 * sample)),
+        sample.into_iter(),
         || (Vec::new(), Vec::new(), Scratch::default()),
-        |(distances, reaches, scratch), cluster| {
+        |(distances, reaches, scratch), (cluster, weight, crowding)| {
+            let measured = (degree * MEASURED.max(crowding)) as usize + 8;
+            let suspects = ((degree * SUSPECTS) as usize).max(measured).clamp(1, m - 1);
             let mut near = nearest_by_bound(crew, clusters, cluster, suspects);
-            reaches.extend(near.last().map(|last| last.0));
+            reaches.extend(near.last().map(|last| (last.0, weight)));
             near.truncate(measured);
-            let measure = |&(_, other): &(f64, u32)| {
-                gauge.within(cluster, other as usize, f64::INFINITY, scratch)
-            };
-            distances.extend(near.iter().filter_map(measure));
+            for (_, other) in near {
+                let distance = gauge.within(cluster, other as usize, f64::INFINITY, scratch);
+                distances.extend(distance.map(|distance| (distance, weight)));
+            }
         },
     )?;
     let (mut distances, mut reaches) = (Vec::new(), Vec::new());
@@ -55,10 +71,9 @@ pub(crate) fn choose(
         distances.extend(some);
         reaches.extend(others);
     }
-    let limit = quantile(&mut distances, (degree * sample as f64) as usize);
-    let least = quantile(&mut distances, 0);
-    let half = reaches.len() / 2;
-    Ok(limit.min(quantile(&mut reaches, half)).max(least))
+    let limit = quantile(&mut distances, degree);
+    let least = distances.first().map_or(0.0, |first| first.0);
+    Ok(limit.min(quantile(&mut reaches, 0.5)).max(least))
 }
 
 /// The `wanted` clusters that may be nearest to one, by the bound, in order of it.
@@ -92,11 +107,15 @@ fn nearest_by_bound(
     near
 }
 
-/// The value that has `rank` smaller ones, or the largest.
-pub(crate) fn quantile(values: &mut [f64], rank: usize) -> f64 {
-    let rank = rank.min(values.len().saturating_sub(1));
-    if values.is_empty() {
-        return f64::INFINITY;
-    }
-    *values.select_nth_unstable_by(rank, f64::total_cmp).1
+/// Sort values, and find the one up to which their weights add up to `share`, or the largest.
+fn quantile(values: &mut [(f64, f64)], share: f64) -> f64 {
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut sum = 0.0;
+    let reached = values.iter().find(|(_, weight)| {
+        sum += weight;
+        sum >= share
+    });
+    reached
+        .or(values.last())
+        .map_or(f64::INFINITY, |value| value.0)
 }

@@ -1,13 +1,80 @@
 //! An order in which things that are near to each other in space stand near to each other.
+//!
+//! Halving space does it where density varies little. Where some are packed a thousand times
+//! closer than others, a block of the tree would hold both, and its box be as large as the gaps
+//! between the latter; there, clusters are sorted by how close they are packed first.
 
+use crate::Error;
+use crate::clusters::Clusters;
+use crate::graph::transpose;
 use crate::parallel::Crew;
-use crate::simd::LANES;
+use crate::simd::{self, LANES};
 
 /// How many things are looked at to find the axis along which they spread most.
 const LOOK_AT: usize = 256;
 
 /// Below this a part is not worth a thread of its own.
 const SHARE: usize = 1 << 14;
+
+/// Space is uneven if the gaps of most clusters differ by more than this factor.
+const UNEVEN: f64 = 64.0;
+
+/// Clusters whose gaps differ by this factor are sorted apart.
+const CLASS: f64 = 4.0;
+
+/// Blocks that one job looks at.
+const PER_JOB: usize = 64;
+
+/// The same clusters, neighbours in space near to each other.
+///
+/// Tells also whether space is uneven; the most closely packed then come first. Takes O(m log m) time for m clusters.
+pub(crate) fn in_spatial_order(
+    crew: &Crew<'_>,
+    clusters: &Clusters,
+) -> Result<(Clusters, bool), Error> {
+    let dim = clusters.centres().len() / clusters.len().max(1);
+    let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
+    by_halves(crew, clusters.centres(), dim, &mut order);
+    let clusters = clusters.rearranged(&order);
+    let gaps = gaps(crew, &clusters)?;
+    let mut sorted = gaps.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let (small, large) = (sorted[sorted.len() / 20], sorted[sorted.len() - 1 - sorted.len() / 20]);
+    if large <= small * UNEVEN * UNEVEN {
+        return Ok((clusters, false));
+    }
+    let class = |i: u32| ((gaps[i as usize] / small).log2() / (2.0 * CLASS.log2())) as i32;
+    order = (0..clusters.len() as u32).collect();
+    order.sort_by_key(|&i| class(i));
+    for alike in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
+        by_halves(crew, clusters.centres(), dim, alike);
+    }
+    Ok((clusters.rearranged(&order), true))
+}
+
+/// For each cluster the least squared bound to another of its block.
+fn gaps(crew: &Crew<'_>, clusters: &Clusters) -> Result<Vec<f64>, Error> {
+    let m = clusters.len();
+    let mut gaps = vec![f64::INFINITY; m];
+    crew.each(
+        gaps.chunks_mut(PER_JOB * LANES).enumerate(),
+        || (Vec::new(), [0.0; LANES]),
+        |(block, spreads), (job, gaps)| {
+            for (i, gaps) in gaps.chunks_mut(LANES).enumerate() {
+                let first = (job * PER_JOB + i) * LANES;
+                transpose(clusters, first..first + gaps.len(), block, spreads);
+                for (lane, gap) in gaps.iter_mut().enumerate() {
+                    let (centre, spread) =
+                        (clusters.centre(first + lane), clusters.spreads[first + lane]);
+                    let mut bounds = simd::bounds(crew.isa, centre, spread, block, spreads);
+                    bounds[lane] = f64::INFINITY;
+                    *gap = bounds.into_iter().fold(f64::INFINITY, f64::min);
+                }
+            }
+        },
+    )?;
+    Ok(gaps)
+}
 
 /// Sort `order`, a list of rows of `at`, by halving it along the axis of largest variance.
 ///

@@ -5,18 +5,24 @@
 use crate::clusters::Clusters;
 use crate::distance::{Gauge, Scratch};
 use crate::graph::{Blocks, Edge, Graph, transpose};
-use crate::limit::{self, quantile};
 use crate::parallel::Crew;
 use crate::points::Points;
 use crate::simd::{self, LANES};
 use crate::tree::Merge;
-use crate::{Error, Tuning, dense, merging, order};
+use crate::{Error, Tuning, dense, limit, merging, order, plateau};
 
 /// A stage that merges no more than this part of the clusters looks for more next time.
 const POOR: usize = 8;
 
-/// The most neighbours that a stage looks for.
+/// The most neighbours that a stage looks for where it gets few of them.
 const MOST_NEIGHBOURS: f64 = 256.0;
+
+/// The most where it gets what it looks for, and yet they merge little: all is crowded in one
+/// place, and elsewhere there is nothing within the limit.
+const MANY_NEIGHBOURS: f64 = 48.0;
+
+/// Fewer edges than this part of those looked for are few.
+const THIN: f64 = 0.125;
 
 /// Edges that a stage may have for each neighbour wanted, before it is content with less.
 const CROWD: f64 = 4.0;
@@ -34,16 +40,19 @@ pub(crate) fn merges(
     let mut degree = tuning.degree;
     while clusters.len() > tuning.finish.max(1) {
         let m = clusters.len();
-        if m < n {
-            let mut order: Vec<u32> = (0..m as u32).collect();
-            order::by_halves(crew, clusters.centres(), points.dim, &mut order);
-            clusters = clusters.rearranged(&order);
-        }
+        let is_uneven;
+        (clusters, is_uneven) = order::in_spatial_order(crew, &clusters)?;
         let gauge = Gauge::new(crew, points, &clusters)?;
-        let limit = limit::choose(crew, &clusters, &gauge, degree)?.min(most);
-        let (edges, limit) = edges_within(crew, &clusters, &gauge, limit, degree, tuning.crowd)?;
-        drop(gauge);
-        let merged = merging::merge(crew, &clusters.reps, edges)?;
+        let limit = limit::choose(crew, &clusters, &gauge, degree, is_uneven)?.min(most);
+        let near = near_ones(crew, &clusters, &gauge, limit, degree, tuning.crowd)?;
+        let (merged, limit, is_thin) = match near {
+            Near::Edges(edges, limit) => {
+                drop(gauge);
+                let is_thin = (edges.len() as f64) < THIN * degree * m as f64;
+                (merging::merge(crew, &clusters.reps, edges)?, limit, is_thin)
+            }
+            Near::Plateau(level) => (plateau::merge(crew, &clusters, &gauge, level)?, level, false),
+        };
         merges.extend(merged.pairs.iter().map(|&(a, b, squared)| {
             Merge::new(clusters.reps[a as usize], clusters.reps[b as usize], squared)
         }));
@@ -52,7 +61,8 @@ pub(crate) fn merges(
             return Ok(merges);
         }
         if merged.pairs.len() * POOR < m {
-            degree = (degree * 1.5).min(MOST_NEIGHBOURS);
+            let most = if is_thin { MOST_NEIGHBOURS } else { MANY_NEIGHBOURS };
+            degree = (degree * 1.5).min(most).max(degree);
         }
         clusters = clusters.united(crew, points, &merged.roots)?;
     }
@@ -60,35 +70,47 @@ pub(crate) fn merges(
     Ok(merges)
 }
 
+/// What a stage finds.
+enum Near {
+    /// All pairs within a squared distance.
+    Edges(Vec<Edge>, f64),
+    /// The least squared distance; too many pairs have it.
+    Plateau(f64),
+}
+
 /// All edges within a limit, or within a smaller one if they are too many.
-fn edges_within(
+fn near_ones(
     crew: &Crew<'_>,
     clusters: &Clusters,
     gauge: &Gauge<'_>,
     mut limit: f64,
     degree: f64,
     spare: usize,
-) -> Result<(Vec<Edge>, f64), Error> {
-    let m = clusters.len() as f64;
-    let blocks = Blocks::new(clusters, 0..clusters.len());
-    let mut crowd = (CROWD * degree * m) as usize + spare;
+) -> Result<Near, Error> {
+    let blocks = Blocks::new(clusters);
+    let crowd = (CROWD * degree * clusters.len() as f64) as usize + spare;
+    let mut level = None;
     loop {
-        let (edges, searched) = match blocks.pairs_within(crew, gauge, limit, crowd)? {
-            Graph::Whole(edges) => return Ok((edges, limit)),
-            Graph::Crowded(edges, searched) => (edges, searched),
+        let edges = match blocks.pairs_within(crew, gauge, limit, crowd)? {
+            Graph::Whole(edges) => {
+                let nothing_below = level.filter(|_| edges.is_empty());
+                return Ok(nothing_below.map_or(Near::Edges(edges, limit), Near::Plateau));
+            }
+            Graph::Crowded(edges) => edges,
         };
         let mut squares: Vec<f64> = edges.iter().map(|edge| edge.squared).collect();
         drop(edges);
-        let fewer = quantile(&mut squares, (0.5 * degree * m * searched) as usize);
-        let less = squares.iter().copied().filter(|&squared| squared < limit);
-        match less
-            .clone()
-            .filter(|&squared| squared <= fewer)
-            .reduce(f64::max)
-        {
-            Some(less) => limit = less,
-            // All are equally far: there is no way but to take them all.
-            None => crowd = usize::MAX,
+        let quarter = squares.len() / 4;
+        let (nearer, &mut quarter, _) = squares.select_nth_unstable_by(quarter, f64::total_cmp);
+        let less = nearer.iter().copied().filter(|&squared| squared < limit);
+        if quarter < limit {
+            limit = quarter;
+        } else if let Some(less) = less.reduce(f64::max) {
+            limit = less;
+        } else {
+            // All that were found are equally far. Is anything nearer?
+            level = Some(limit);
+            limit = limit.next_down();
         }
     }
 }

@@ -52,7 +52,9 @@ fn cloud(kind: usize, n: usize, dim: usize, noise: &mut Noise) -> Vec<f64> {
         6 => {
             for point in points.chunks_mut(dim) {
                 let size = 10_f64.powf(-12.0 * noise.unit());
-                point.iter_mut().for_each(|x| *x *= size);
+                for x in point {
+                    *x *= size;
+                }
             }
         }
         // A single one far off, and numbers near the ends of the range.
@@ -142,14 +144,19 @@ fn labels_of(tree: &[[f64; 4]], diameter: f64) -> Vec<i64> {
         top[row[1] as usize] = top[n + i];
     }
     let mut seen = Vec::new();
-    let label = |point: usize| {
-        let place = seen.iter().position(|&cluster| cluster == top[point]);
-        place.unwrap_or_else(|| {
-            seen.push(top[point]);
-            seen.len() - 1
-        }) as i64
-    };
-    (0..n).map(label).collect()
+    let mut labels = Vec::new();
+    for cluster in &top[..n] {
+        if !seen.contains(cluster) {
+            seen.push(*cluster);
+        }
+        labels.extend(
+            (0..)
+                .zip(&seen)
+                .find(|(_, other)| *other == cluster)
+                .map(|(i, _)| i),
+        );
+    }
+    labels
 }
 
 #[test]
