@@ -1,6 +1,7 @@
 """The command line as users meet it: what it prints, writes, refuses and returns."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -126,6 +127,38 @@ def test_info_describes_files(capsys, folder):
     assert document["schema"] == "mograft.info/1"
     assert document["files"][0]["joints"] == 18
     assert document["files"][0]["groups"]["lower"][0] == "Hips"
+
+
+def test_large_files_are_described_without_being_held(capsys, folder, monkeypatch):
+    whole = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
+    monkeypatch.setattr("mograft.cli.info._LARGE", 1000)
+    streamed = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
+    assert streamed.pop("faults") is None
+    assert whole.pop("faults") == []
+    assert streamed == whole
+    assert "see mograft check" in run(capsys, "info", folder / "a.bvh")[1]
+
+
+def test_check_judges_every_file(capsys, folder, tmp_path):
+    assert run(capsys, "check", folder)[0] == 0
+    motion = read_bvh(folder / "a.bvh")
+    places = motion.positions.copy()
+    places[100:] += 400.0
+    write_bvh(replace(motion, positions=places, channel_values=None), tmp_path / "leap.bvh")
+    text = (folder / "a.bvh").read_text()
+    (tmp_path / "short.bvh").write_text(text.replace("Frames: 600", "Frames: 601"))
+    (tmp_path / "bad.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
+    code, out, err = run(capsys, "check", tmp_path)
+    assert code == 3
+    assert "bad.bvh:4:2: expected OFFSET" in err
+    assert "teleport: frames 99 to 100" in out
+    assert "tolerated: " in out
+    assert run(capsys, "check", tmp_path / "short.bvh")[0] == 0
+    assert run(capsys, "check", "--strict", tmp_path / "short.bvh")[0] == 3
+    code, out, _ = run(capsys, "check", "--json", tmp_path)
+    document = json.loads(out)
+    assert document["schema"] == "mograft.check/1"
+    assert [bool(file["error"]) for file in document["files"]] == [True, False, False]
 
 
 def test_groups_can_be_edited_and_passed_back(capsys, folder, tmp_path):
