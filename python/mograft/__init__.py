@@ -19,6 +19,7 @@ from mograft.motion import Motion
 from mograft.segmentation import Segments, kinetic_energy, segment
 from mograft.skeleton import EndSite, Skeleton
 from mograft.substitution import Candidate, Candidates
+from mograft.viewing import Page, view
 
 __all__ = [
     "BvhError",
@@ -36,6 +37,7 @@ __all__ = [
     "LibraryError",
     "MograftError",
     "Motion",
+    "Page",
     "Seam",
     "Segments",
     "Skeleton",
@@ -58,5 +60,6 @@ __all__ = [
     "subtree",
     "threshold",
     "to_pybvh",
+    "view",
     "write_bvh",
 ]

@@ -110,6 +110,12 @@ class Graft:
         new = sum(not s.is_own for s in self.substitutions)
         return f"Graft({self.motion.name}: {new} of {len(self.substitutions)} parts exchanged)"
 
+    def _repr_html_(self) -> str:
+        # Pages stand at the end of the way of the data: only notebooks need them here.
+        from mograft.viewing.page import embedded
+
+        return embedded(self)
+
     def report(self) -> str:
         """Return in words what was exchanged, what was kept and why, and the seams."""
         lines = [f"{self.motion.name}: {self.base.n_frames} frames of {self.base.name}"]
