@@ -45,6 +45,10 @@ Frame Time: 0.04
 1.0 91.0 2.0 3.5 -4.25 5.0 6.0 -7.5 8.0
 """
 PLAIN_VALUES = np.array([line.split() for line in PLAIN.splitlines()[-3:]], dtype=float)
+# Its numbers, six on each line.
+REFLOWED = "\n".join(
+    " ".join(map(str, PLAIN_VALUES.ravel()[n : n + 6])) for n in range(0, PLAIN_VALUES.size, 6)
+)
 
 
 def read(text, **options):
@@ -253,6 +257,11 @@ REPAIRS = {
     "a count": ("Frames: 3", "Frames: 3.0", "line 17: 3.0 read as 3"),
     "a wrapped row": ("90.5 1.0", "90.5\n1.0", "line 20: a frame wrapped over lines"),
     "a joined row": ("7.0\n", "7.0 ", "line 20: frames joined in one line"),
+    "a row reflowed": (
+        PLAIN[PLAIN.index("0.0 90") :],
+        REFLOWED,
+        "line 19: frames run on across line ends",
+    ),
     "padding": ("8.0\n", "8.0\n\0\0\n", "line 22: NUL or control bytes after the numbers"),
 }
 
@@ -397,6 +406,13 @@ REFUSALS = {
     ),
     "a number too many": ("90.5", "90.5 1", 20, 1, "expected a frame of 9 numbers, got 10"),
     "a number moved": ("7.0\n1.0", "\n7.0 1.0", 20, 1, "got 8 and then 10 on line 21"),
+    "reflowed to another count": (
+        PLAIN[PLAIN.index("Frames: 3") :],
+        "Frames: 4\nFrame Time: 0.04\n" + REFLOWED,
+        19,
+        1,
+        "expected a frame of 9 numbers, got 6 and then 6 on line 20",
+    ),
     "the last number missing": (" 8.0", "", 21, 1, "expected 9 numbers in the last frame, got 8"),
     "no frames at all": (
         PLAIN[PLAIN.index("Frames: 3") :],
@@ -439,11 +455,12 @@ def test_no_channel_at_all_is_refused():
         read(text)
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 5])
-def test_broken_utf_16_is_refused(size):
+@pytest.mark.parametrize("broken", ["lone surrogate", "half a character"])
+def test_broken_utf_16_is_refused(broken):
     text = PLAIN.encode("utf-16")
+    text = text[:-1] if broken == "half a character" else text[:200] + b"\x00\xd8" + text[200:]
     with pytest.raises(mg.BvhError, match="expected text, got broken bytes"):
-        read(text[:200] + b"\x00\xd8" + text[200 : 1000 - size])
+        read(text)
 
 
 @pytest.mark.parametrize("where", ["name", "number", "channel"])

@@ -786,7 +786,7 @@ class _Lines:
             message = f"{self._first_count} numbers on each line for {width} channels"
             text.tolerate("surplus", f"{message}; the last ones are left out", place)
             return declared, self._first_count
-        if self._across and not (self._alike and all_fit):
+        if self._across and not all_fit:
             text.fail(self._across_message, place)
         if left:
             message = f"expected {width} numbers in the last frame, got {left}"
