@@ -145,7 +145,7 @@ def test_a_constant_pose_is_a_library_with_a_warning(motion):
 
 
 def test_a_lone_segment_is_a_library_with_a_warning(motion):
-    with pytest.warns(UserWarning, match="1 segments are too few"):
+    with pytest.warns(UserWarning, match="1 segment is too few to compare"):
         library = Library.build(motion[:4])
     assert len(library.segments) == 1
 
