@@ -9,9 +9,30 @@ from mograft._core import VERSION as __version__  # noqa: TID251 - the crates ho
 from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
 from mograft.clustering import cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
+from mograft.constraints import (
+    Avoid,
+    AvoidSelf,
+    Box,
+    Capsule,
+    Character,
+    Constraint,
+    Custom,
+    Face,
+    HalfSpace,
+    KeepOriginal,
+    KeepOut,
+    MaxAngle,
+    MaxStretch,
+    NotFrom,
+    OnlyFrom,
+    Poses,
+    Reach,
+    Sphere,
+    Violation,
+)
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
-from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many
+from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
 from mograft.groups import JointGroups, subtree
 from mograft.interop import from_pybvh, to_pybvh
 from mograft.library import Library
@@ -21,25 +42,44 @@ from mograft.skeleton import EndSite, Skeleton
 from mograft.substitution import Candidate, Candidates
 
 __all__ = [
+    "Avoid",
+    "AvoidSelf",
+    "Box",
     "BvhError",
     "BvhSummary",
     "Candidate",
     "Candidates",
+    "Capsule",
+    "Character",
     "Config",
+    "Constraint",
+    "Custom",
     "EndSite",
+    "Face",
     "Fault",
     "Graft",
     "Grafts",
+    "HalfSpace",
     "JointGroups",
+    "KeepOriginal",
+    "KeepOut",
     "Library",
     "LibraryError",
+    "MaxAngle",
+    "MaxStretch",
     "MograftError",
     "Motion",
+    "NotFrom",
+    "OnlyFrom",
+    "Poses",
+    "Reach",
     "Seam",
     "Segments",
     "Skeleton",
     "SkeletonMismatchError",
+    "Sphere",
     "Substitution",
+    "Violation",
     "__version__",
     "cut",
     "find_faults",
@@ -50,6 +90,7 @@ __all__ = [
     "linkage",
     "linkage_condensed",
     "read_bvh",
+    "repair",
     "resample",
     "rotations",
     "scan_bvh",

@@ -25,11 +25,7 @@ pub fn pose_gaps(ends: &[DQuat], starts: &[DQuat], n_joints: usize) -> Result<Ve
 /// # Errors
 ///
 /// If a buffer is no whole number of poses.
-pub fn velocity_gaps(
-    ends: &[DVec3],
-    starts: &[DVec3],
-    n_joints: usize,
-) -> Result<Vec<f64>, Error> {
+pub fn velocity_gaps(ends: &[DVec3], starts: &[DVec3], n_joints: usize) -> Result<Vec<f64>, Error> {
     mean_gaps(ends, starts, n_joints, DVec3::distance)
 }
 

@@ -28,8 +28,8 @@ mod _core {
 
     #[pymodule_export]
     use crate::kinematics::{
-        angle, cubic, cubic_positions, exp, from_channels, from_euler, hermite, kinetic_energy,
-        log, pose_gaps, segments, segments_positions, slerp, to_euler,
+        angle, box_clearance, clearance, cubic, cubic_positions, exp, from_channels, from_euler,
+        hermite, kinetic_energy, log, pose_gaps, segments, segments_positions, slerp, to_euler,
         velocity_gaps, world,
     };
 
