@@ -9,9 +9,30 @@ from mograft._core import VERSION as __version__  # noqa: TID251 - the crates ho
 from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
 from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
+from mograft.constraints import (
+    Avoid,
+    AvoidSelf,
+    Box,
+    Capsule,
+    Character,
+    Constraint,
+    Custom,
+    Face,
+    HalfSpace,
+    KeepOriginal,
+    KeepOut,
+    MaxAngle,
+    MaxStretch,
+    NotFrom,
+    OnlyFrom,
+    Poses,
+    Reach,
+    Sphere,
+    Violation,
+)
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
-from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many
+from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
 from mograft.groups import JointGroups, subtree
 from mograft.interop import from_pybvh, to_pybvh
 from mograft.library import Library
@@ -22,27 +43,46 @@ from mograft.substitution import Candidate, Candidates
 from mograft.viewing import Page, view
 
 __all__ = [
+    "Avoid",
+    "AvoidSelf",
+    "Box",
     "BvhError",
     "BvhSummary",
     "Candidate",
     "Candidates",
+    "Capsule",
+    "Character",
     "CompleteLinkage",
     "Config",
+    "Constraint",
+    "Custom",
     "EndSite",
+    "Face",
     "Fault",
     "Graft",
     "Grafts",
+    "HalfSpace",
     "JointGroups",
+    "KeepOriginal",
+    "KeepOut",
     "Library",
     "LibraryError",
+    "MaxAngle",
+    "MaxStretch",
     "MograftError",
     "Motion",
+    "NotFrom",
+    "OnlyFrom",
     "Page",
+    "Poses",
+    "Reach",
     "Seam",
     "Segments",
     "Skeleton",
     "SkeletonMismatchError",
+    "Sphere",
     "Substitution",
+    "Violation",
     "__version__",
     "cut",
     "find_faults",
@@ -53,6 +93,7 @@ __all__ = [
     "linkage",
     "linkage_condensed",
     "read_bvh",
+    "repair",
     "resample",
     "rotations",
     "scan_bvh",

@@ -9,6 +9,8 @@ __all__ = [
     "BUILD_PROFILE",
     "VERSION",
     "angle",
+    "box_clearance",
+    "clearance",
     "cubic",
     "cubic_positions",
     "cut",
@@ -74,6 +76,21 @@ def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def clearance(
+    ends: FloatArray,
+    radii: FloatArray,
+    others: FloatArray,
+    other_radii: FloatArray,
+    at: IntArray,
+    pairs: Sequence[tuple[int, int]],
+) -> tuple[FloatArray, IntArray]: ...
+def box_clearance(
+    ends: FloatArray,
+    radii: FloatArray,
+    center: Sequence[float],
+    half: Sequence[float],
+    rotation: Sequence[float],
+) -> FloatArray: ...
 def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,

@@ -1,21 +1,22 @@
 """From a library and a base motion to new motions: choose, recombine, report."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import chain, islice, product
+from dataclasses import dataclass, replace
+from itertools import chain, islice, pairwise, product
 from typing import Any, overload
 
 import numpy as np
 
 from mograft._arrays import IntArray
+from mograft.constraints import Constraint, MaxAngle, Violation, violations
 from mograft.library import Library
 from mograft.motion import Motion
-from mograft.search import best, diverse, sample
-from mograft.segmentation import Segments
-from mograft.substitution import Pool, Row, choose, reachable
+from mograft.planning import Donors, Problem, take
+from mograft.search import best, diverse, sample, viterbi
+from mograft.substitution import Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
-__all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many"]
+__all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many", "repair"]
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,8 @@ class Graft:
         The seed that it was chosen by.
     index : int
         Its number among those of the same seed, from 0.
+    violations : tuple of Violation
+        Where hard constraints are not met; empty where all are.
     """
 
     motion: Motion
@@ -105,6 +108,7 @@ class Graft:
     alternatives: dict[str, IntArray]
     seed: int
     index: int
+    violations: tuple[Violation, ...] = ()
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -135,6 +139,7 @@ class Graft:
                 )
             if wide:
                 lines.append(f"    {wide} seams are wider than {np.degrees(limit):.0f}°")
+        lines += [f"  {violation.message}" for violation in self.violations]
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
@@ -174,6 +179,17 @@ class Graft:
                 {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
                 for s in self.seams
             ],
+            "violations": [
+                {
+                    "constraint": type(v.constraint).__name__,
+                    "frames": list(v.frames),
+                    "worst_frame": v.worst,
+                    "joint": v.joint,
+                    "tolerances": round(v.error, 4),
+                    "message": v.message,
+                }
+                for v in self.violations
+            ],
             "kept_without_candidate": {
                 name: int((counts == 0).sum()) for name, counts in self.alternatives.items()
             },
@@ -185,7 +201,7 @@ class Grafts(Sequence[Graft]):
     """Several grafts on one base; each is made when it is asked for, and not kept."""
 
     _plan: "_Plan"
-    _draws: tuple[dict[str, IntArray], ...]
+    _draws: tuple[Donors, ...]
     _seed: int
 
     def __len__(self) -> int:
@@ -209,44 +225,60 @@ class Grafts(Sequence[Graft]):
 class _Plan:
     """What all grafts on one base have in common."""
 
-    library: Library
-    base: Motion
-    scenario: IntArray
-    pools: dict[str, Pool]
-    candidates: dict[str, list[IntArray]]
+    problem: Problem
+
+    @property
+    def base(self) -> Motion:
+        return self.problem.base
 
     @classmethod
     def make(
-        cls, library: Library, base: Motion | str | None, swap: Sequence[str] | None
+        cls,
+        library: Library,
+        base: Motion | str | None,
+        swap: Sequence[str] | None,
+        constraints: Sequence[Constraint],
     ) -> "_Plan":
         groups = _swapped(library, swap)
         library, at = library.holding(base)
         scenario = library.segments.of_clip(at)
-        pools = {group: library.pool(group) for group in groups}
-        candidates = {
-            group: pool.candidate_lists(scenario, library.config) for group, pool in pools.items()
-        }
-        return cls(library, library.clips[at], scenario, pools, candidates)
+        cut = take(library.segments, scenario)
+        return cls(Problem.of(library, library.clips[at], scenario, cut, groups, constraints))
 
-    def draws(self, count: int, seed: int) -> list[dict[str, IntArray]]:
+    def rows(self) -> dict[str, Row]:
+        """Return what donors cost, group by group: each as the ones before it are cheapest."""
+        problem = self.problem
+        rows: dict[str, Row] = {}
+        chosen: Donors = {}
+        for group in problem.pools:
+            rows[group] = row = problem.row(group, chosen)
+            if problem.constraints:
+                chosen[group] = row.donors(viterbi(row.chain))
+        return rows
+
+    def settled_draws(self, count: int, seed: int) -> list[Donors]:
+        """Choose donors for several motions, and change what does not meet the constraints."""
+        chance = self.problem.config.choice == "random"
+        rows = {} if chance and not self.problem.constraints else self.rows()
+        settled = [self.problem.settled(own, rows) for own in self.draws(rows, count, seed)]
+        return _distinct(settled)
+
+    def draws(self, rows: dict[str, Row], count: int, seed: int) -> list[Donors]:
         """Choose donors for several motions, each different from the others."""
-        config = self.library.config
+        problem = self.problem
+        config = problem.config
         rng = np.random.default_rng(seed)
         if config.choice == "random":
             ways = {
-                group: reachable(pool, self.candidates[group], config)
-                for group, pool in self.pools.items()
+                group: reachable(pool, problem.passing(group), config)
+                for group, pool in problem.pools.items()
             }
             return _different(
                 lambda: {group: choose(*way, config, rng) for group, way in ways.items()}, count
             )
-        rows = {
-            group: Row.of(pool, self.scenario, self.candidates[group], config)
-            for group, pool in self.pools.items()
-        }
         if config.choice == "sample":
 
-            def draw() -> dict[str, IntArray]:
+            def draw() -> Donors:
                 return {
                     group: row.donors(sample(row.chain, config.temperature, rng))
                     for group, row in rows.items()
@@ -271,36 +303,66 @@ class _Plan:
             for places in combined
         ]
 
-    def build(self, chosen: dict[str, IntArray], seed: int, index: int) -> Graft:
-        library, segments = self.library, self.library.segments
-        own = _take(segments, self.scenario)
+    def build(self, chosen: Donors, seed: int, index: int) -> Graft:
+        problem = self.problem
+        library = problem.library
         parts: list[Part] = []
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
         for group, donors in chosen.items():
-            taken = _take(segments, donors)
+            taken = take(library.segments, donors)
             joints = library.joints(group)
-            part = transplant(self.base, own, taken, library.clips, joints, library.config)
+            part = transplant(self.base, problem.cut, taken, library.clips, joints, library.config)
             parts.append(part)
-            substitutions += _substitutions(library, group, self.scenario, donors)
+            substitutions += _substitutions(library, group, problem.scenario, donors)
             seams += _seams(group, part)
-        name = f"{self.base.name}_graft{index}"
+        motion = recombine(self.base, parts, f"{self.base.name}_graft{index}")
         return Graft(
-            recombine(self.base, parts, name),
+            motion,
             self.base,
             library,
             tuple(substitutions),
             tuple(seams),
-            {group: np.array([len(own) - 1 for own in self.candidates[group]]) for group in chosen},
+            {
+                group: np.array([len(own) - 1 for own in problem.candidates[group]])
+                for group in chosen
+            },
             seed,
             index,
+            tuple(self.violated(motion, chosen)),
         )
+
+    def violated(self, motion: Motion, chosen: Donors) -> list[Violation]:
+        """Return which hard constraints the finished motion does not meet."""
+        problem = self.problem
+        if not problem.constraints:
+            return []
+        poses = problem.poses.at(np.arange(motion.n_frames), *motion.world())
+        found = violations(problem.constraints, poses)
+        for constraint in problem.constraints:
+            if not isinstance(constraint, MaxAngle):
+                continue
+            for group, donors in chosen.items():
+                pool = problem.pools[group]
+                for at, (left, right) in enumerate(pairwise(donors)):
+                    angle = float(pool.gaps(np.array([left]), np.array([right]))[0, 0])
+                    if angle > constraint.limit:
+                        frame = int(problem.cut.stop[at])
+                        told = (
+                            f"MaxAngle is not met at frame {frame}: the seam of {group} is "
+                            f"{np.degrees(angle):.1f}°, {np.degrees(constraint.limit):.1f}° are "
+                            "allowed"
+                        )
+                        error = angle / constraint.limit
+                        found.append(Violation(constraint, (frame, frame), frame, error, "", told))
+        return found
 
 
 def graft(
     library: Library,
     base: Motion | str | None = None,
     *,
+    constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
 ) -> Graft:
@@ -313,6 +375,8 @@ def graft(
     base : Motion or str, optional
         The motion whose base group is kept, or its name in the library; one that is not in
         the library is cut and compared by the library's measures. Default: the first clip.
+    constraints : sequence of Constraint, optional
+        What the motion must do, or should: see `mograft.constraints`.
     swap : sequence of str, optional
         The groups to graft. Default: all but the base group.
     seed : int
@@ -323,14 +387,17 @@ def graft(
     -------
     Graft
         The motion and where every part of it comes from. Where no donor passes the limits
-        the original is kept and the report says so.
+        the original is kept and the report says so. Hard constraints that cannot be met are
+        told in its `violations`: it is the best that was found.
 
     Raises
     ------
     SkeletonMismatchError
         If the base has another hierarchy than the library.
+    TypeError
+        If something is no constraint.
     ValueError
-        If a group is none, or is the base group.
+        If a group is none, or is the base group, or a constraint names what is not there.
 
     Examples
     --------
@@ -340,7 +407,7 @@ def graft(
     >>> new.motion.n_frames == library.clips[0].n_frames
     True
     """
-    return graft_many(library, base, 1, swap=swap, seed=seed)[0]
+    return graft_many(library, base, 1, constraints=constraints, swap=swap, seed=seed)[0]
 
 
 def graft_many(
@@ -348,6 +415,7 @@ def graft_many(
     base: Motion | str | None = None,
     count: int = 1,
     *,
+    constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
 ) -> "Grafts":
@@ -355,7 +423,7 @@ def graft_many(
 
     Parameters
     ----------
-    library, base, swap, seed
+    library, base, constraints, swap, seed
         As for `graft`, which makes the first of them.
     count : int
         How many motions are wanted.
@@ -376,22 +444,71 @@ def graft_many(
         raise ValueError(f"count must be a whole number from 1, got {count!r}")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
-    plan = _Plan.make(library, base, swap)
-    return Grafts(plan, tuple(plan.draws(count, seed)), seed)
+    plan = _Plan.make(library, base, swap, constraints)
+    return Grafts(plan, tuple(plan.settled_draws(count, seed)), seed)
 
 
-def _different(draw: Callable[[], dict[str, IntArray]], count: int) -> list[dict[str, IntArray]]:
+def repair(
+    library: Library,
+    base: Motion | str | None = None,
+    *,
+    constraints: Sequence[Constraint],
+    swap: Sequence[str] | None = None,
+) -> Graft:
+    """Change a captured motion only where it does not meet constraints (paper, 5.2).
+
+    Parameters
+    ----------
+    library, base, constraints, swap
+        As for `graft`.
+
+    Returns
+    -------
+    Graft
+        The motion with other donors in those segments of the violating group in which a hard
+        constraint is not met, and in their neighbours where that is cheaper. Seams reach
+        `Config.seam_blend` seconds further; everything else is as captured, bit for bit. What
+        cannot be met is told in its `violations`.
+
+    Raises
+    ------
+    SkeletonMismatchError, TypeError, ValueError
+        As for `graft`.
+
+    Examples
+    --------
+    >>> from mograft.constraints import Avoid, Sphere
+    >>> from mograft.dancer import dance
+    >>> motion = dance(strides=1).motion
+    >>> far = Avoid(Sphere((0.0, 900.0, 0.0), 5.0))
+    >>> repair(Library.build(motion), constraints=[far])
+    Graft(dance_graft0: 0 of 143 parts exchanged)
+    """
+    # The captured parts are what is wanted: an exchange gains nothing.
+    careful = replace(library, config=replace(library.config, novelty=0.0, choice="viterbi"))
+    plan = _Plan.make(careful, base, swap, constraints)
+    return plan.build(plan.problem.settled(plan.problem.own, plan.rows()), 0, 0)
+
+
+def _key(donors: Donors) -> bytes:
+    return b"".join(own.tobytes() for own in donors.values())
+
+
+def _distinct(several: Sequence[Donors]) -> list[Donors]:
+    return list({_key(donors): donors for donors in several}.values())
+
+
+def _different(draw: Callable[[], Donors], count: int) -> list[Donors]:
     """Draw until there are as many different ones, or a hundred draws in a row give none."""
-    draws: dict[bytes, dict[str, IntArray]] = {}
+    draws: dict[bytes, Donors] = {}
     while len(draws) < count:
         for _ in range(100):
             chosen = draw()
-            key = b"".join(donors.tobytes() for donors in chosen.values())
-            if key not in draws:
+            if _key(chosen) not in draws:
                 break
         else:
             break
-        draws[key] = chosen
+        draws[_key(chosen)] = chosen
     return list(draws.values())
 
 
@@ -432,10 +549,6 @@ def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
             f"the base group {base!r} must hold {carrier}, which carries the body through the world"
         )
     return [name for name in others if name in wanted]
-
-
-def _take(segments: Segments, chosen: IntArray) -> Segments:
-    return Segments(segments.start[chosen], segments.stop[chosen], segments.clip[chosen])
 
 
 def _substitutions(
