@@ -62,6 +62,22 @@ pub(crate) struct Scratch {
     members: Vec<u32>,
 }
 
+/// A distance beyond which it does not matter how far apart clusters are.
+#[derive(Clone, Copy)]
+pub(crate) struct Limit {
+    /// Its square, to the last bit.
+    pub squared: f64,
+    /// The distance, rounded up.
+    pub root: f64,
+}
+
+impl Limit {
+    /// Of the square.
+    pub fn of(squared: f64) -> Self {
+        Self { squared, root: squared.sqrt() * (1.0 + f64::EPSILON) }
+    }
+}
+
 /// Two clusters at work.
 struct Pair {
     a: usize,
@@ -113,16 +129,16 @@ impl<'a> Gauge<'a> {
         Ok(Self { isa, points, clusters, packed, starts, radii, drifts, rounding })
     }
 
-    /// The squared distance of clusters `a` and `c` if it is at most `limit`.
-    pub fn within(&self, a: usize, c: usize, limit: f64, scratch: &mut Scratch) -> Option<f64> {
+    /// The squared distance of clusters `a` and `c` if it is no more than the limit's.
+    pub fn within(&self, a: usize, c: usize, limit: Limit, scratch: &mut Scratch) -> Option<f64> {
         let size = |cluster: usize| self.clusters.members(cluster).len();
         let (a, c) = if size(a) <= size(c) { (a, c) } else { (c, a) };
         let squared = if size(c) < PACK_FROM {
-            self.by_all_pairs(a, c, limit)
+            self.by_all_pairs(a, c, limit.squared)
         } else {
             self.by_sweeps(a, c, limit, scratch)
         };
-        squared.filter(|&squared| squared <= limit)
+        squared.filter(|&squared| squared <= limit.squared)
     }
 
     fn by_all_pairs(&self, a: usize, c: usize, limit: f64) -> Option<f64> {
@@ -142,37 +158,51 @@ impl<'a> Gauge<'a> {
     }
 
     /// As in the three steps above; `c` is packed, `a` has no more members than it.
-    fn by_sweeps(&self, a: usize, c: usize, limit: f64, scratch: &mut Scratch) -> Option<f64> {
+    fn by_sweeps(&self, a: usize, c: usize, limit: Limit, scratch: &mut Scratch) -> Option<f64> {
         let [centre_a, centre_c] = [a, c].map(|cluster| self.clusters.centre(cluster));
         offset(centre_c, centre_a, &mut scratch.way);
+        let mut start = 0;
+        if self.is_packed(a) {
+            let farthest = self.sweep(a, &scratch.way, &mut scratch.near);
+            if self.rules_out(a, c, farthest, limit) {
+                return None;
+            }
+            start = place_of(farthest, &scratch.near);
+        }
         // What rounding offsets to f32, and adding two, can add to a distance or take from it.
         let apart = scratch.way.iter().map(|x| x * x).sum::<f32>();
         let apart = f64::from(apart).sqrt() * 1.01;
         let slack = 4.0 * HALF_UNIT * (apart + self.radii[a] + self.radii[c]) + VANISHING;
-        let pair = Pair { a, c, slack, limit: limit.sqrt() };
-        let best = self.there_and_back(&pair, scratch)?;
+        let pair = Pair { a, c, slack, limit: limit.root };
+        let best = self.there_and_back(&pair, start, scratch)?;
         self.thin_out(&pair, best, scratch);
         self.compare(&pair, best, scratch)
     }
 
-    /// A squared distance, as f32 sees it, that is nearly the largest, and none if that, or the
-    /// bound that comes along, shows that the clusters are too far apart.
-    fn there_and_back(&self, pair: &Pair, scratch: &mut Scratch) -> Option<f32> {
-        let Pair { a, c, slack, limit } = *pair;
-        let Scratch { way, from, near, far, .. } = scratch;
+    /// Whether some point of A is so far from C's centre that A and C are beyond the limit.
+    ///
+    /// `farthest` is the largest squared distance of a point a from the centre, as f32 sees it.
+    /// The average over C's points of |a − c|² is |a − c_C|² + V_C, and no average exceeds the
+    /// largest. In f32 |a − c_C| is off by e = 4u (|a − c_C| + 2 r_A + r_C) at most, where u is
+    /// half a unit; with x the distance as seen, (x − e)² ≥ x² (1 − ε) − e²/ε for any ε, and
+    /// ε = 2^-12 keeps the roots out of this, which is asked more often than anything else.
+    fn rules_out(&self, a: usize, c: usize, farthest: f32, limit: Limit) -> bool {
+        const EPSILON: f64 = 1.0 / (1 << 12) as f64;
+        const UNITS: f64 = (4.0 * HALF_UNIT) * (4.0 * HALF_UNIT) / EPSILON;
+        let kept = 1.0 - 2.0 * EPSILON - 2.0 * self.rounding;
+        let (radius_a, radius_c) = (self.clusters.radii[a], self.clusters.radii[c]);
+        let error = UNITS * (8.0 * radius_a + 2.0 * radius_c) + VANISHING * VANISHING / EPSILON;
+        let average = f64::from(farthest) * kept - error + self.clusters.spreads[c];
+        let most = limit.root + self.drifts[c];
+        average * (1.0 - 1e-9) > most * most
+    }
+
+    /// A squared distance, as f32 sees it, that is nearly the largest, and none if that shows
+    /// that the clusters are too far apart. Starts from a member of A.
+    fn there_and_back(&self, pair: &Pair, start: usize, scratch: &mut Scratch) -> Option<f32> {
+        let Pair { a, c, .. } = *pair;
+        let Scratch { way, from, far, .. } = scratch;
         let too_far = self.too_far(pair);
-        let mut start = 0;
-        if self.is_packed(a) {
-            let farthest = self.sweep(a, way, near);
-            // No average of squared distances, as that from here to C, exceeds the largest.
-            let least = (f64::from(farthest).sqrt() * (1.0 - self.rounding) - slack).max(0.0);
-            let average = least * least + self.clusters.spreads[c];
-            let most = limit + self.drifts[c];
-            if average * (1.0 - 1e-9) > most * most {
-                return None;
-            }
-            start = place_of(farthest, near);
-        }
         from.clear();
         self.seen_from(c, a, start, way, from);
         let mut best = self.sweep(c, from, far);

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use crate::Error;
 use crate::clusters::Clusters;
-use crate::distance::{Gauge, HALF_UNIT, Scratch, VANISHING};
+use crate::distance::{Gauge, HALF_UNIT, Limit, Scratch, VANISHING};
 use crate::parallel::Crew;
 use crate::simd::{self, LANES, Lanes, Wide};
 
@@ -188,8 +188,7 @@ struct Sieve<'a> {
     blocks: &'a Blocks<'a>,
     crew: &'a Crew<'a>,
     gauge: &'a Gauge<'a>,
-    squared: f64,
-    limit: f64,
+    limit: Limit,
     rounding: f64,
     /// Corners of the box around each group of sixteen boxes.
     group_lows: Vec<f64>,
@@ -205,8 +204,7 @@ impl<'a> Sieve<'a> {
             blocks,
             crew,
             gauge,
-            squared,
-            limit: squared.sqrt() * (1.0 + 1e-15),
+            limit: Limit::of(squared),
             rounding: simd::rounding(blocks.dim),
             group_lows: blocks.lows.iter().map(least).collect(),
             group_highs: blocks.highs.iter().map(most).collect(),
@@ -235,7 +233,7 @@ impl<'a> Sieve<'a> {
             })
             .collect();
         let least = |block: usize| self.blocks.spreads[block / LANES][block % LANES];
-        let limit = square(self.limit + 2.0 * self.drift) * (1.0 + 1e-9);
+        let limit = square(self.limit.root + 2.0 * self.drift) * (1.0 + 1e-9);
 
         let mut near = [0; TILE];
         for group in tile.start / LANES..self.blocks.spreads.len() {
@@ -299,7 +297,7 @@ impl<'a> Sieve<'a> {
             while near != 0 {
                 let (a, b) = (first.start + row, second.start + near.trailing_zeros() as usize);
                 near &= near - 1;
-                if let Some(squared) = self.gauge.within(a, b, self.squared, &mut hunt.scratch) {
+                if let Some(squared) = self.gauge.within(a, b, self.limit, &mut hunt.scratch) {
                     hunt.edges.push(Edge { a: a as u32, b: b as u32, squared });
                 }
             }
@@ -310,7 +308,7 @@ impl<'a> Sieve<'a> {
     fn sift(&self, i: usize, j: usize, hunt: &mut Hunt, found: &mut [u16; LANES]) -> u16 {
         let (blocks, dim, isa) = (self.blocks, self.blocks.dim, self.crew.isa);
         let (own, other) = (i * dim..(i + 1) * dim, j * dim..(j + 1) * dim);
-        let limit = self.limit + blocks.drifts[i] + blocks.drifts[j];
+        let limit = self.limit.root + blocks.drifts[i] + blocks.drifts[j];
         // Offsets, the way between the middles and their sum are each rounded by half a unit;
         // the middles of boxes within the limit are no farther apart than this.
         let apart = limit + blocks.reaches[i] + blocks.reaches[j];

@@ -8,7 +8,7 @@
 
 use crate::Error;
 use crate::clusters::Clusters;
-use crate::distance::{Gauge, Scratch};
+use crate::distance::{Gauge, Limit, Scratch};
 use crate::graph::transpose;
 use crate::parallel::Crew;
 use crate::simd::{self, LANES};
@@ -61,7 +61,8 @@ pub(crate) fn choose(
             reaches.extend(near.last().map(|last| (last.0, weight)));
             near.truncate(measured);
             for (_, other) in near {
-                let distance = gauge.within(cluster, other as usize, f64::INFINITY, scratch);
+                let distance =
+                    gauge.within(cluster, other as usize, Limit::of(f64::INFINITY), scratch);
                 distances.extend(distance.map(|distance| (distance, weight)));
             }
         },

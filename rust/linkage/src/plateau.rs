@@ -8,7 +8,7 @@
 
 use crate::Error;
 use crate::clusters::Clusters;
-use crate::distance::{Gauge, Scratch};
+use crate::distance::{Gauge, Limit, Scratch};
 use crate::graph::transpose;
 use crate::merging::Merged;
 use crate::parallel::Crew;
@@ -51,7 +51,7 @@ struct Rows<'a> {
     crew: &'a Crew<'a>,
     clusters: &'a Clusters,
     gauge: &'a Gauge<'a>,
-    level: f64,
+    level: Limit,
     /// The largest squared bound that a pair on the plateau can have.
     limit: f64,
     /// Centres of all clusters, and their spreads, sixteen side by side.
@@ -74,7 +74,8 @@ impl<'a> Rows<'a> {
         let drift = (0..m)
             .map(|cluster| clusters.drift(cluster))
             .fold(0.0, f64::max);
-        let most = level.sqrt() + 2.0 * drift;
+        let level = Limit::of(level);
+        let most = level.root + 2.0 * drift;
         let limit = most * most * (1.0 + 1e-9);
         Self { crew, clusters, gauge, level, limit, centres, spreads, scratch: Scratch::default() }
     }

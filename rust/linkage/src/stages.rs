@@ -3,7 +3,7 @@
 //! See the crate's essay for why this is right; here is only what is done in which order.
 
 use crate::clusters::Clusters;
-use crate::distance::{Gauge, Scratch};
+use crate::distance::{Gauge, Limit, Scratch};
 use crate::graph::{Blocks, Edge, Graph, transpose};
 use crate::parallel::Crew;
 use crate::points::Points;
@@ -183,7 +183,9 @@ fn rows_of_clusters(
     let mut rows = vec![vec![f64::INFINITY; m]; m];
     crew.each(rows.iter_mut().enumerate(), Scratch::default, |scratch, (a, row)| {
         for (b, squared) in row.iter_mut().enumerate().skip(a + 1) {
-            *squared = gauge.within(a, b, most, scratch).unwrap_or(f64::INFINITY);
+            *squared = gauge
+                .within(a, b, Limit::of(most), scratch)
+                .unwrap_or(f64::INFINITY);
         }
     })?;
     for a in 0..m {
