@@ -32,6 +32,7 @@ from mograft.constraints import (
 )
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
+from mograft.footskate import FeetReport, foot_skate, plant_feet
 from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
 from mograft.groups import JointGroups, subtree
 from mograft.interop import from_pybvh, to_pybvh
@@ -59,6 +60,7 @@ __all__ = [
     "EndSite",
     "Face",
     "Fault",
+    "FeetReport",
     "Graft",
     "Grafts",
     "HalfSpace",
@@ -86,12 +88,14 @@ __all__ = [
     "__version__",
     "cut",
     "find_faults",
+    "foot_skate",
     "from_pybvh",
     "graft",
     "graft_many",
     "kinetic_energy",
     "linkage",
     "linkage_condensed",
+    "plant_feet",
     "read_bvh",
     "repair",
     "resample",

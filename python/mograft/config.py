@@ -88,6 +88,9 @@ class Config:
         Seconds on either side of a seam within which "paper" lays its curve anew.
     seam_blend : float
         Seconds beside a seam within which "offset", "inertial" and "dead" change frames.
+    feet : {"auto", "never"}
+        Whether feet are made to stand still where they should: "auto" wherever the base group
+        does not keep both the legs and the root; in all other grafts feet are as they were.
 
     Raises
     ------
@@ -132,6 +135,7 @@ class Config:
     seam: Literal["offset", "paper", "displacement", "inertial", "dead"] = "offset"
     seam_window: float = 5 * FRAME
     seam_blend: float = 0.3
+    feet: Literal["auto", "never"] = "auto"
 
     def __post_init__(self) -> None:
         for name, allowed in (
@@ -139,6 +143,7 @@ class Config:
             ("inertia", ("own", "subtree", "unit")),
             ("choice", ("viterbi", "best", "sample", "nearest", "random")),
             ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
+            ("feet", ("auto", "never")),
         ):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
@@ -200,6 +205,7 @@ class Config:
             length_slack=0.0,
             choice="random",
             seam="paper",
+            feet="never",
         )
         return replace(literal, **changes)
 

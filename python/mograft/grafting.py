@@ -1,18 +1,20 @@
 """From a library and a base motion to new motions: choose, recombine, report."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, islice, pairwise, product
 from typing import Any, overload
 
 import numpy as np
 
-from mograft._arrays import IntArray
+from mograft._arrays import BoolArray, IntArray
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
+from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors, Problem, take
 from mograft.search import best, diverse, sample, viterbi
+from mograft.skeleton import Skeleton
 from mograft.substitution import Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
@@ -98,6 +100,8 @@ class Graft:
         Its number among those of the same seed, from 0.
     violations : tuple of Violation
         Where hard constraints are not met; empty where all are.
+    feet : FeetReport or None
+        What was done to make feet stand still; None where the base group keeps them.
     """
 
     motion: Motion
@@ -109,6 +113,7 @@ class Graft:
     seed: int
     index: int
     violations: tuple[Violation, ...] = ()
+    feet: FeetReport | None = None
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -140,6 +145,17 @@ class Graft:
             if wide:
                 lines.append(f"    {wide} seams are wider than {np.degrees(limit):.0f}°")
         lines += [f"  {violation.message}" for violation in self.violations]
+        if self.feet is not None:
+            feet = self.feet
+            lines.append(
+                f"  feet: {feet.plants} plants; {feet.skate_before:.1%} of frames skated, "
+                f"{feet.skate_after:.1%} do now"
+            )
+            if feet.unreached_frames:
+                lines.append(
+                    f"    out of reach in {feet.unreached_frames} frames, "
+                    f"by up to {feet.unreached:.4f} heights"
+                )
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
@@ -190,6 +206,7 @@ class Graft:
                 }
                 for v in self.violations
             ],
+            "feet": None if self.feet is None else asdict(self.feet),
             "kept_without_candidate": {
                 name: int((counts == 0).sum()) for name, counts in self.alternatives.items()
             },
@@ -312,11 +329,21 @@ class _Plan:
         for group, donors in chosen.items():
             taken = take(library.segments, donors)
             joints = library.joints(group)
-            part = transplant(self.base, problem.cut, taken, library.clips, joints, library.config)
+            part = transplant(
+                self.base,
+                problem.cut,
+                taken,
+                library.clips,
+                joints,
+                library.config,
+                root=library.root,
+                up=library.up,
+            )
             parts.append(part)
             substitutions += _substitutions(library, group, problem.scenario, donors)
             seams += _seams(group, part)
         motion = recombine(self.base, parts, f"{self.base.name}_graft{index}")
+        motion, feet = self.on_its_feet(motion, chosen)
         return Graft(
             motion,
             self.base,
@@ -330,6 +357,7 @@ class _Plan:
             seed,
             index,
             tuple(self.violated(motion, chosen)),
+            feet,
         )
 
     def violated(self, motion: Motion, chosen: Donors) -> list[Violation]:
@@ -356,6 +384,45 @@ class _Plan:
                         error = angle / constraint.limit
                         found.append(Violation(constraint, (frame, frame), frame, error, "", told))
         return found
+
+    def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
+        """Make feet stand where they do in the clips that their legs come from."""
+        library, skeleton = self.problem.library, new.skeleton
+        limbs = legs(skeleton)
+        donors = {int(j): own for group, own in chosen.items() for j in library.joints(group)}
+        grafted = [
+            [j for j in _above(skeleton, limb.ankle, library.root) if j in donors] for limb in limbs
+        ]
+        if library.config.feet == "never" or not any(grafted):
+            return new, None
+        stands = np.empty((new.n_frames, len(limbs), 2), bool)
+        known: dict[int, BoolArray] = {}
+        for index, limb in enumerate(limbs):
+            taken = donors.get(limb.ankle, self.problem.scenario)
+            for own, donor in zip(self.problem.scenario, taken, strict=True):
+                cut = library.segments
+                clip = int(cut.clip[donor])
+                if clip not in known:
+                    known[clip] = contacts(library.clips[clip])
+                n, m = int(cut.lengths[own]), int(cut.lengths[donor])
+                frames = cut.start[donor] + (np.arange(n + 1) * m + n // 2) // n
+                rows = slice(int(cut.start[own]), int(cut.stop[own]) + 1)
+                stands[rows, index] = known[clip][frames, index]
+        return plant_feet(
+            new,
+            # And where the new motion happens to let them stand.
+            stands | contacts(new),
+            bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
+            moves_root=library.root in donors,
+        )
+
+
+def _above(skeleton: Skeleton, joint: int, root: int) -> list[int]:
+    """Return a joint and those above it up to the root, which carry it."""
+    chain = [joint]
+    while chain[-1] != root and skeleton.parents[chain[-1]] >= 0:
+        chain.append(int(skeleton.parents[chain[-1]]))
+    return chain
 
 
 def graft(
@@ -543,11 +610,6 @@ def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
             )
     if not wanted:
         raise ValueError(f"swap must name at least one group of {', '.join(others)}, got none")
-    if library.root not in library.joints(base):
-        carrier = library.clips[0].skeleton.names[library.root]
-        raise ValueError(
-            f"the base group {base!r} must hold {carrier}, which carries the body through the world"
-        )
     return [name for name in others if name in wanted]
 
 

@@ -15,6 +15,7 @@ __all__ = [
     "IDENTITY",
     "about",
     "angle",
+    "between",
     "continuous",
     "exp",
     "from_euler",
@@ -123,6 +124,40 @@ def about(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
     direction = direction / np.linalg.norm(direction)
     half = 0.5 * as_floats("angles", angles)[..., None]
     return np.concatenate([np.sin(half) * direction, np.cos(half)], axis=-1)
+
+
+def between(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the shortest rotations that turn directions into others.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (..., 3)
+        Vectors; the shapes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Unit quaternions. Between opposite directions a half turn about some axis across them;
+        no turn where a vector is 0.
+
+    Examples
+    --------
+    >>> between(np.array([2.0, 0, 0]), np.array([0, 1.0, 0])).round(3)
+    array([0.   , 0.   , 0.707, 0.707])
+    """
+    start, end = np.broadcast_arrays(start, end)
+    lengths = np.linalg.norm(start, axis=-1) * np.linalg.norm(end, axis=-1)
+    halves = lengths + np.einsum("...i,...i->...", start, end)
+    quats = np.concatenate([np.cross(start, end), halves[..., None]], axis=-1)
+    norms = np.linalg.norm(quats, axis=-1, keepdims=True)
+    lost = norms[..., 0] <= 1e-9 * lengths
+    if lost.any():
+        across = np.cross(start[lost], np.eye(3)[np.abs(start[lost]).argmin(axis=-1)])
+        quats[lost] = np.concatenate([across, np.zeros((len(across), 1))], axis=-1)
+        quats[lengths == 0.0] = IDENTITY
+        norms = np.linalg.norm(quats, axis=-1, keepdims=True)
+    turns: FloatArray = quats / norms
+    return turns
 
 
 def exp(vectors: npt.ArrayLike) -> FloatArray:

@@ -58,6 +58,9 @@ def transplant(
     clips: Sequence[Motion],
     joints: IntArray,
     config: Config,
+    *,
+    root: int | None = None,
+    up: int = 1,
 ) -> Part:
     """Let a joint group do what it does in other segments, and join these smoothly.
 
@@ -75,6 +78,12 @@ def transplant(
         The joints of the group.
     config : Config
         Gives `seam`, `seam_window` and `seam_blend`.
+    root : int, optional
+        The joint that carries the body through the world. Where it is one of `joints`, every
+        donor goes on from the place and heading that the one before has come to, the first
+        from the base's own. Default: none does.
+    up : int
+        The axis that points up: 0, 1 or 2.
 
     Returns
     -------
@@ -91,25 +100,36 @@ def transplant(
     A joint's translation goes with it only where it moves in some donor's clip: else the base
     keeps its own bones.
     """
-    laid = _Laid(cut, donors, base.rate)
-    segment, step = laid.frames()
     tracks = [clip.rotations[:, joints] for clip in clips]
-    seams = laid.true_seams(tracks)
-    turns = _joined(laid, seams, TURNS, tracks, segment, step, config)
-    quats = laid.unpack(segment, step, turns)
-
     places = np.ascontiguousarray(base.positions[:, joints])
     travels = _travels(clips, np.unique(donors.clip), joints)
+    shifts = [clip.positions[:, joints[travels]] for clip in clips]
+    laid = _Laid(cut, donors, base.rate)
+    seams = laid.true_seams(tracks)
+    carries = root is not None and bool((joints == root).any())
+    if root is not None and carries:
+        travels |= joints == root
+        shifts = [clip.positions[:, joints[travels]] for clip in clips]
+        columns = int(np.argmax(joints == root)), int(np.argmax(joints[travels] == root))
+        tracks, shifts = _in_the_world(clips, root, tracks, shifts, columns)
+        seams |= laid.true_seams([own[:, columns[1], None] for own in shifts])
+        laid = laid.placed(base, root, up, tracks, shifts, columns, seams)
+    segment, step = laid.frames()
+    quats = laid.unpack(segment, step, _joined(laid, seams, TURNS, tracks, segment, step, config))
     if travels.any():
-        own = [clip.positions[:, joints[travels]] for clip in clips]
-        shifts = _joined(laid, seams, SHIFTS, own, segment, step, config)
-        places[:, travels] = laid.unpack(segment, step, shifts)
+        moved = _joined(laid, seams, SHIFTS, shifts, segment, step, config)
+        places[:, travels] = laid.unpack(segment, step, moved)
 
     if config.seam == "paper":
         window = round(config.seam_window * base.rate)
         left, right = _windows(cut, np.flatnonzero(seams), window)
         quats = _smooth_rotations(quats, left, right)
         places[:, travels] = _smooth_positions(places[:, travels], left, right)
+    if root is not None and carries:
+        column = int(np.argmax(joints == root))
+        quats[:, column], places[:, column] = _as_local(
+            base, root, quats[:, column], places[:, column]
+        )
     gaps = np.linalg.norm(laid.ends(TURNS, tracks, np.flatnonzero(seams)).ways(TURNS), axis=-1)
     return Part(joints, quats, places, cut.stop[:-1][seams], gaps)
 
@@ -165,11 +185,13 @@ class _Laid:
     """Donors laid one after the other in the places of segments, each stretched to its place.
 
     A moment is a segment and how many frames, perhaps a fraction, have passed since its start.
+    Where the root is among the joints, `place` says how each donor is turned and shifted.
     """
 
     cut: Segments
     donors: Segments
     rate: float
+    place: "_Place | None" = None
 
     def frames(self) -> tuple[IntArray, FloatArray]:
         """Return the moments of all frames; where segments meet, of both."""
@@ -199,6 +221,8 @@ class _Laid:
             track = np.ascontiguousarray(tracks[index])
             times = donors.start[segment[own]] + passed[own]
             values[own] = interpolate(np.arange(len(track)), track, times)
+        if self.place is not None:
+            self.place.put(algebra, values, segment)
         return values
 
     def ends(self, algebra: Algebra, tracks: Sequence[FloatArray], seams: IntArray) -> Ends:
@@ -207,6 +231,9 @@ class _Laid:
         pace = self.rate * (donors.lengths / self.cut.lengths)[:, None, None]
         before, leaving = _states(algebra, tracks, donors.clip[seams], donors.stop[seams])
         after, arriving = _states(algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1])
+        if self.place is not None:
+            self.place.put(algebra, before, seams, leaving)
+            self.place.put(algebra, after, seams + 1, arriving)
         return Ends(before, after, leaving * pace[seams], arriving * pace[seams + 1])
 
     def pieces(self, seams: IntArray, segment: IntArray, step: FloatArray) -> Moments:
@@ -240,8 +267,75 @@ class _Laid:
         as_long = donors.lengths == self.cut.lengths
         ends = around(donors.clip[:-1], donors.stop[:-1])
         starts = around(donors.clip[1:], donors.start[1:])
-        follows: BoolArray = (ends == starts).all(axis=(1, 2, 3)) & as_long[1:] & as_long[:-1]
+        same = (ends == starts).all(axis=tuple(range(1, ends.ndim)))
+        follows: BoolArray = same & as_long[1:] & as_long[:-1]
         return ~follows
+
+    def placed(
+        self,
+        base: Motion,
+        root: int,
+        up: int,
+        tracks: Sequence[FloatArray],
+        shifts: Sequence[FloatArray],
+        columns: tuple[int, int],
+        seams: BoolArray,
+    ) -> "_Laid":
+        """Return the donors turned about up and shifted over the floor to follow one another."""
+        donors = self.donors
+        ends = []
+        for frames in (donors.start, donors.stop):
+            turns, _ = _states(TURNS, tracks, donors.clip, frames)
+            spots, _ = _states(SHIFTS, shifts, donors.clip, frames)
+            ends.append((turns[:, columns[0]], spots[:, columns[1]]))
+        (starting, first), (ending, last) = ends
+        turned, placed = base.world()
+        turn, spot = turned[0, root], placed[0, root]
+        yaws = np.tile(rotations.IDENTITY, (len(donors), 1))
+        offsets = np.zeros((len(donors), 3))
+        level = np.arange(3) != up
+        for index in range(len(donors)):
+            if index and not seams[index - 1]:
+                yaws[index], offsets[index] = yaws[index - 1], offsets[index - 1]
+            elif (turn != starting[index]).any() or (spot != first[index]).any():
+                apart = rotations.multiply(turn, rotations.inverse(starting[index]))
+                yaws[index] = rotations.twist(apart, up)
+                offsets[index] = level * (spot - rotations.rotate(yaws[index], first[index]))
+            turn = rotations.multiply(yaws[index], ending[index])
+            spot = rotations.rotate(yaws[index], last[index]) + offsets[index]
+        return replace(self, place=_Place(yaws, offsets, columns))
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where donors that hold the root go: a turn about up and a shift over the floor for each.
+
+    `columns` are the root's among the turning and among the travelling joints.
+    """
+
+    yaws: FloatArray
+    offsets: FloatArray
+    columns: tuple[int, int]
+
+    def put(
+        self,
+        algebra: Algebra,
+        values: FloatArray,
+        segment: IntArray,
+        velocities: FloatArray | None = None,
+    ) -> None:
+        """Move the root's values and velocities in segments, in place; those that stay, not."""
+        yaws, offsets = self.yaws[segment], self.offsets[segment]
+        goes = (yaws != rotations.IDENTITY).any(axis=1) | (offsets != 0.0).any(axis=1)
+        yaws, offsets = yaws[goes], offsets[goes]
+        if algebra is TURNS:  # an angular velocity in the body's frame stays as it is
+            own = values[goes, self.columns[0]]
+            values[goes, self.columns[0]] = rotations.multiply(yaws, own)
+        else:
+            column = self.columns[1]
+            values[goes, column] = rotations.rotate(yaws, values[goes, column]) + offsets
+            if velocities is not None:
+                velocities[goes, column] = rotations.rotate(yaws, velocities[goes, column])
 
 
 def _joined(
@@ -291,6 +385,44 @@ def _states(
             mean[at == len(steps)] = 1.5 * steps[-1] - 0.5 * steps[-2]
         velocities[own] = mean
     return values, velocities
+
+
+def _in_the_world(
+    clips: Sequence[Motion],
+    root: int,
+    tracks: Sequence[FloatArray],
+    shifts: Sequence[FloatArray],
+    columns: tuple[int, int],
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return tracks with the root's rotation and place in the world."""
+    if clips[0].skeleton.parents[root] < 0:
+        return list(tracks), list(shifts)
+    turns, places = [], []
+    for clip, track, shift in zip(clips, tracks, shifts, strict=True):
+        turned, placed = clip.world()
+        turns.append(track.copy())
+        places.append(shift.copy())
+        turns[-1][:, columns[0]] = turned[:, root]
+        places[-1][:, columns[1]] = placed[:, root]
+    return turns, places
+
+
+def _as_local(
+    base: Motion, root: int, quats: FloatArray, places: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the root's rotation and place seen from its parent, which is the base's own."""
+    parent = int(base.skeleton.parents[root])
+    if parent < 0:
+        return quats, places
+    turned, placed = base.world()
+    back = rotations.inverse(turned[:, parent])
+    local = rotations.multiply(back, quats)
+    spot = rotations.rotate(back, places - placed[:, parent])
+    same = (quats == turned[:, root]).all(axis=1), (places == placed[:, root]).all(axis=1)
+    return (
+        np.where(same[0][:, None], base.rotations[:, root], local),
+        np.where(same[1][:, None], base.positions[:, root], spot),
+    )
 
 
 def _travels(clips: Sequence[Motion], used: IntArray, joints: IntArray) -> BoolArray:

@@ -68,6 +68,11 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         choices=("offset", "paper", "displacement", "inertial", "dead"),
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
     )
+    graft.add_argument(
+        "--feet",
+        choices=("auto", "never"),
+        help="make feet stand still: auto where the base group does not keep legs and root",
+    )
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
     graft.set_defaults(run=run, usage=graft.error)
@@ -155,5 +160,6 @@ def _chosen_config(options: argparse.Namespace) -> "Config":
         "choice": options.choice,
         "temperature": options.temperature,
         "seam": options.seam,
+        "feet": options.feet,
     }
     return replace(config, **{name: value for name, value in given.items() if value is not None})

@@ -73,19 +73,10 @@ def _two_bones(
     axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
     bend = np.pi - np.arccos((upper**2 + lower**2 - distance**2) / (2 * upper * lower))
     ahead = np.arccos((upper**2 + distance**2 - lower**2) / (2 * upper * distance))
-    along = _between(rest, direction)
-    about = _between(rotations.rotate(along, hinge), axis)
+    along = rotations.between(rest, direction)
+    about = rotations.between(rotations.rotate(along, hinge), axis)
     turned = rotations.multiply(about, along)
     return rotations.multiply(turned, rotations.about(hinge, -ahead)), bend
-
-
-def _between(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the shortest rotations from directions to others, not opposite ones."""
-    start, end = np.broadcast_arrays(start, end)
-    dots = 1 + np.einsum("...i,...i->...", start, end)
-    quats = np.concatenate([np.cross(start, end), dots[..., None]], axis=-1)
-    normal: FloatArray = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
-    return normal
 
 
 def trunk_pose(plan: Plan, route: Route, clock: FloatArray, pelvis: FloatArray) -> FloatArray:
@@ -169,7 +160,9 @@ def _move_pose(move: ArmMove, clock: FloatArray, size: FloatArray, spine: FloatA
     hand = np.zeros_like(reach)
     if move.hand is not None:
         aim = np.array(move.hand) / np.linalg.norm(move.hand)
-        hand = rotations.log(_between(X, rotations.rotate(rotations.inverse(forearm), aim)))
+        hand = rotations.log(
+            rotations.between(X, rotations.rotate(rotations.inverse(forearm), aim))
+        )
     local = rotations.multiply(rotations.inverse(shoulder), upper)
     turn = rotations.log(rotations.multiply(rotations.inverse(_ARM_HOME), local))
     return np.concatenate([shrug[:, None], turn, bend[:, None], hand], axis=-1)

@@ -1,0 +1,206 @@
+"""Laws of feet: where they stand, that they stand still, and that legs stay as long as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mograft import Config, JointGroups, Library, foot_skate, graft, plant_feet, read_bvh, rotations
+from mograft.body import body
+from mograft.dancer import dance
+from mograft.footskate import _Ground, contacts, legs, two_bones
+from tests.hierarchies import DANCES, DATA, recording
+from tests.strategies import SEEDS
+
+
+@pytest.fixture(scope="module")
+def sample():
+    return dance(seed=1, strides=1)
+
+
+def sliding(motion, drift):
+    """The motion with its root drifting over the floor, so that all feet slide."""
+    places = motion.positions.copy()
+    places[:, 0] += np.outer(np.arange(motion.n_frames) * motion.frame_time, drift)
+    return replace(motion, positions=places, channel_values=None)
+
+
+def limb(rng, bend):
+    """A limb of two bones in any direction, bent by an angle, and the axis that it bends about."""
+    turn = rotations.exp(rng.normal(size=3))
+    upper, lower = rng.uniform(0.5, 2.0, 2)
+    points = np.zeros((3, 3))
+    points[1] = [0.0, -upper, 0.0]
+    points[2] = points[1] + lower * np.array([0.0, -np.cos(bend), -np.sin(bend)])
+    axis = rotations.rotate(turn, np.array([-1.0, 0.0, 0.0]))
+    return rotations.rotate(turn, points) + rng.normal(size=3), axis, upper, lower
+
+
+def bent(points, wanted, axis):
+    start, middle, end = (point[None] for point in points)
+    at_start, at_middle = two_bones(start, middle, end, wanted[None], axis[None])
+    knee = start + rotations.rotate(at_start, middle - start)
+    foot = rotations.rotate(at_middle, end - middle) + middle
+    return knee[0], (start + rotations.rotate(at_start, foot - start))[0], at_start, at_middle
+
+
+@given(SEEDS, st.floats(0.0, 3.0), st.floats(0.02, 0.98))
+def test_a_limb_reaches_all_that_is_near_enough(seed, bend, share):
+    rng = np.random.default_rng(seed)
+    points, axis, upper, lower = limb(rng, bend)
+    way = rng.normal(size=3)
+    distance = abs(upper - lower) + share * (upper + lower - abs(upper - lower))
+    wanted = points[0] + way / np.linalg.norm(way) * distance
+    # An axis that is off the limb's plane a little must do as well.
+    for off in (0.0, 0.05):
+        tilted = axis + off * rng.normal(size=3)
+        knee, foot, *_ = bent(points, wanted, tilted / np.linalg.norm(tilted))
+        if off == 0.0 or 0.1 < share < 0.9:
+            np.testing.assert_allclose(foot, wanted, atol=1e-6)
+        assert np.linalg.norm(knee - points[0]) == pytest.approx(upper)
+        assert np.linalg.norm(foot - knee) == pytest.approx(lower)
+
+
+@given(SEEDS, st.floats(0.1, 3.0), st.floats(1.0, 3.0))
+def test_out_of_reach_it_points_there(seed, bend, times):
+    rng = np.random.default_rng(seed)
+    points, axis, upper, lower = limb(rng, bend)
+    way = rng.normal(size=3)
+    way /= np.linalg.norm(way)
+    foot = bent(points, points[0] + way * (upper + lower) * times, axis)[1]
+    np.testing.assert_allclose(foot, points[0] + way * (upper + lower), atol=1e-6)
+
+
+@given(SEEDS, st.floats(0.01, 3.0))
+def test_a_limb_that_is_there_is_not_turned(seed, bend):
+    points, axis, *_ = limb(np.random.default_rng(seed), bend)
+    *_, at_start, at_middle = bent(points, points[2], axis)
+    for turn in (at_start, at_middle):
+        assert rotations.angle(turn, rotations.IDENTITY).max() < 1e-6
+
+
+def test_nothing_is_not_a_number():
+    straight = np.array([[0, 0, 0], [0, -1, 0], [0, -2, 0]], float)
+    for wanted in ([0, 0, 0], [0, 2, 0], [0, -5, 0], [0, -2, 0]):
+        assert np.isfinite(
+            np.concatenate(bent(straight, np.array(wanted, float), np.eye(3)[0])[2:])
+        ).all()
+
+
+def test_contacts_are_where_the_dancer_stands(sample):
+    found = contacts(sample.motion).any(axis=2)
+    assert (found[sample.stance]).mean() > 0.99
+    assert len(contacts(sample.motion[:3])) == 3
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0])
+def test_contacts_know_no_unit(sample, scale):
+    motion = sample.motion
+    other = replace(
+        motion,
+        skeleton=replace(
+            motion.skeleton.with_offsets(motion.skeleton.offsets * scale),
+            end_sites=tuple(
+                replace(site, offset=site.offset * scale) for site in motion.skeleton.end_sites
+            ),
+        ),
+        positions=motion.positions * scale,
+        channel_values=None,
+    )
+    np.testing.assert_array_equal(contacts(other), contacts(motion))
+    assert foot_skate(other) == pytest.approx(foot_skate(motion))
+
+
+@settings(max_examples=25)
+@given(SEEDS)
+def test_planted_feet_stand_still_and_bones_keep_their_lengths(sample, seed):
+    rng = np.random.default_rng(seed)
+    start = int(rng.integers(0, sample.motion.n_frames - 200))
+    stands = contacts(sample.motion)[start : start + 200]
+    motion = sliding(sample.motion[start : start + 200], [*rng.uniform(-8, 8, 1), 0.0, 5.0])
+    still, report = plant_feet(motion, stands)
+    height = body(motion.skeleton).height
+    points = _Ground.of(motion).points(still)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=-1) / height
+    held = stands[1:] & stands[:-1]
+    assert steps[held].max(initial=0) < 1e-3
+    assert report.skate_after <= report.skate_before
+    lengths = [
+        np.linalg.norm(np.diff(m.world_positions()[:, [1, 2, 3]], axis=1), axis=-1)
+        for m in (motion, still)
+    ]
+    np.testing.assert_allclose(lengths[0], lengths[1], rtol=1e-9)
+    others = np.setdiff1d(np.arange(motion.n_joints), [1, 2, 3, 4, 5, 6])
+    np.testing.assert_array_equal(still.rotations[:, others], motion.rotations[:, others])
+    np.testing.assert_array_equal(still.positions[:, 1:], motion.positions[:, 1:])
+
+
+def test_the_root_is_not_shaken(sample):
+    motion = sliding(sample.motion, [12.0, 0.0, 5.0])
+    still, report = plant_feet(motion, contacts(sample.motion))
+    assert report.moved_root > 0
+    bends = [np.abs(np.diff(m.positions[:, 0], 2, axis=0)).max() for m in (motion, still)]
+    assert bends[1] < 2 * bends[0]
+
+
+def test_the_root_stays_where_it_may_not_move(sample):
+    motion = sliding(sample.motion, [12.0, 0.0, 5.0])
+    still, report = plant_feet(motion, contacts(sample.motion), moves_root=False)
+    np.testing.assert_array_equal(still.positions, motion.positions)
+    assert report.unreached_frames > 0
+
+
+def test_only_legs_that_may_be_bent_are(sample):
+    motion = sliding(sample.motion, [12.0, 0.0, 5.0])
+    still, _ = plant_feet(motion, bends=[True, False])
+    np.testing.assert_array_equal(still.rotations[:, 4:], motion.rotations[:, 4:])
+    assert (still.rotations[:, 1:4] != motion.rotations[:, 1:4]).any()
+
+
+def test_what_needs_nothing_is_left_to_the_bit(sample):
+    none = np.zeros((sample.motion.n_frames, 2, 2), bool)
+    assert plant_feet(sample.motion, none)[0] is sample.motion
+    bare = sample.motion[:2]
+    assert plant_feet(replace(bare, positions=bare.positions + 0.0))[1].unreached == 0.0
+
+
+def test_bad_arguments_are_refused_by_name(sample):
+    with pytest.raises(ValueError, match=r"stands must have shape \(\d+, 2, 2\), got \(3, 2\)"):
+        plant_feet(sample.motion, np.zeros((3, 2), bool))
+    with pytest.raises(ValueError, match="bends must tell of 2 legs, got 1"):
+        plant_feet(sample.motion, bends=[True])
+    with pytest.raises(ValueError, match="feet must be one of"):
+        Config(feet="sometimes")
+
+
+def test_a_quadruped_has_four_legs():
+    path = DATA / "synthetic_quadruped" / "quadruped_trot.bvh"
+    if not path.exists():
+        pytest.skip("the quadruped is not here")
+    motion = read_bvh(path)
+    assert len(legs(motion.skeleton)) == 4
+    _, report = plant_feet(motion)
+    assert report.skate_after <= report.skate_before
+    assert report.unreached_frames == 0
+
+
+@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
+@pytest.mark.parametrize("name", DANCES)
+def test_feet_of_real_grafts_on_upper_bodies_stand(name):
+    motion = recording(name)
+    preset = JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
+    members = {group: [int(j) for j in joints] for group, joints in preset.items()}
+    loose, tight = (
+        graft(Library.build(motion, JointGroups(members, base="upper"), Config(feet=feet)))
+        for feet in ("never", "auto")
+    )
+    assert tight.feet.unreached_frames == 0
+    assert tight.feet.skate_after < foot_skate(motion) + 0.02
+    root = Library.build(motion).root
+    speeds = [
+        np.linalg.norm(np.diff(m.world_positions()[:, root], axis=0), axis=1).max()
+        for m in (loose.motion, tight.motion)
+    ]
+    assert speeds[1] < 1.2 * speeds[0]
