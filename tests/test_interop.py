@@ -1,5 +1,6 @@
 """World positions as other readers find them, and motions exchanged with pybvh."""
 
+import io
 import warnings
 from pathlib import Path
 
@@ -156,6 +157,10 @@ def test_what_goes_to_pybvh_comes_back(motion, order):
         (site.parent, site.before) for site in skeleton.end_sites
     ]
     np.testing.assert_array_equal(back.positions, motion.positions)
+    mg.write_bvh(back, file := io.BytesIO())
+    file.seek(0)
+    again = mg.read_bvh(file)
+    np.testing.assert_allclose(rotations.angle(again.rotations, motion.rotations), 0, atol=1e-7)
     np.testing.assert_allclose(rotations.angle(back.rotations, motion.rotations), 0, atol=1e-7)
 
 
