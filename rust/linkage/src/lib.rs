@@ -124,7 +124,7 @@ pub struct Tuning {
 
 impl Default for Tuning {
     fn default() -> Self {
-        Self { level: Level::Avx512, degree: 16.0, finish: 256, crowd: 1 << 20 }
+        Self { level: Level::Avx512, degree: 10.0, finish: 256, crowd: 1 << 20 }
     }
 }
 

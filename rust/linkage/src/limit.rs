@@ -1,6 +1,6 @@
 //! How far to look in one stage: any limit is right, a good one makes stages few and cheap.
 //!
-//! A good limit leaves a cluster with some sixteen neighbours on average: enough that most find
+//! A good limit leaves a cluster with some ten neighbours on average: enough that most find
 //! their nearest among them and merge, few enough to be measured and kept. It is estimated from a
 //! sample of clusters, spread evenly over the order and so over space; nothing is drawn by
 //! chance. Where some are packed much closer than others, and stand first, the neighbours are
