@@ -206,7 +206,7 @@ def test_misses_are_those_of_every_candidate_alone(library):
 
 
 def test_excess_of_a_stretch_is_that_of_the_whole(library):
-    problem = problem_of(library, [mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 40.0))])
+    problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
     row = problem.row("upper", {})
     rng = np.random.default_rng(0)
     for _ in range(5):
@@ -215,6 +215,7 @@ def test_excess_of_a_stretch_is_that_of_the_whole(library):
         first = int(rng.integers(0, len(problem.cut) - 4))
         some = problem.excess(donors, first, first + 3)["upper"]
         begin, end = problem.cut.start[first], problem.cut.stop[first + 2]
+        assert some.min() > 0
         np.testing.assert_allclose(some, whole[begin : end + 1], atol=1e-9)
 
 
@@ -245,6 +246,7 @@ def test_frames_of_clips_and_of_the_base_are_told_apart(library):
         elif not s.is_own:
             assert s.clip == "second"
             assert 100 <= s.donor_start < s.donor_stop <= 400
+    assert sum(not s.is_own for s in graft.substitutions) > 5
     never = mg.NotFrom("second", clip_frames=(100, 400), frames=(0, 300))
     graft = mg.graft(library, constraints=[never])
     for s in graft.substitutions:
@@ -355,6 +357,18 @@ def test_grafts_keep_out_of_the_way_whatever_the_choice(library):
             after, _ = avoid.errors(mg.Poses.of(graft.motion))
             assert (after.max() <= 1.0) == (not graft.violations)
             assert after.max() <= 1.0
+
+
+def test_the_search_runs_again_only_about_what_is_missed(library):
+    problem = problem_of(library, [in_the_way(library)])
+    rows = {"upper": problem.row("upper", {})}
+    rng = np.random.default_rng(3)
+    raw = {"upper": np.array([rng.choice(own) for own in rows["upper"].candidates])}
+    settled = problem.settled(raw, rows)
+    near = (problem.cut.stop >= 270 - 60) & (problem.cut.start <= 330 + 60)
+    np.testing.assert_array_equal(settled["upper"][~near], raw["upper"][~near])
+    before, after = (problem.excess(donors)["upper"].sum() for donors in (raw, settled))
+    assert after <= before
 
 
 def test_repair_of_what_is_right_is_the_captured_motion(library):

@@ -472,6 +472,7 @@ def repair(
     *,
     constraints: Sequence[Constraint],
     swap: Sequence[str] | None = None,
+    widest: float = 4.0,
 ) -> Graft:
     """Change a captured motion only where it does not meet constraints (paper, 5.2).
 
@@ -479,6 +480,9 @@ def repair(
     ----------
     library, base, constraints, swap
         As for `graft`.
+    widest : float
+        Where no donor of the clusters helps, larger clusters are tried, up to this
+        `Config.sigma_scale`; it is in the graft's library which.
 
     Returns
     -------
@@ -504,8 +508,24 @@ def repair(
     """
     # The captured parts are what is wanted: an exchange gains nothing.
     careful = replace(library, config=replace(library.config, novelty=0.0, choice="viterbi"))
-    plan = _Plan.make(careful, base, swap, constraints)
-    return plan.build(plan.problem.settled(plan.problem.own, plan.rows()), 0, 0)
+    best: Graft | None = None
+    chosen: Donors | None = None
+    while True:
+        plan = _Plan.make(careful, base, swap, constraints)
+        # What has been put right stays as it is when the clusters grow.
+        chosen = plan.problem.settled(chosen or plan.problem.own, plan.rows())
+        graft = plan.build(chosen, 0, 0)
+        if best is None or _missed_by(graft) < _missed_by(best):
+            best = graft
+        config = careful.config
+        wider = config.sigma_scale * 4 / 3
+        if not best.violations or wider > widest or not isinstance(config.sigma, str):
+            return best
+        careful = careful.relabelled(replace(config, sigma_scale=wider))
+
+
+def _missed_by(graft: Graft) -> float:
+    return sum(violation.error - 1.0 for violation in graft.violations)
 
 
 def _key(donors: Donors) -> bytes:

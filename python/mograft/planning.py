@@ -373,7 +373,7 @@ class Problem:
         Parameters
         ----------
         donors : dict of str to ndarray of int
-            The choice so far; each among its row's candidates.
+            The choice so far.
         rows : mapping of str to Row
             What all donors cost.
 
@@ -385,7 +385,19 @@ class Problem:
         """
         if not any(own.is_hard for own in self.constraints):
             return donors
-        chosen = {group: own.copy() for group, own in donors.items()}
+        # What is not looked at any more, of many candidates, gives way to the captured part.
+        chosen = {
+            group: np.array(
+                [
+                    donor if donor in mates else own
+                    for donor, mates, own in zip(
+                        donors[group], row.candidates, self.scenario, strict=True
+                    )
+                ],
+                np.int64,
+            )
+            for group, row in rows.items()
+        }
         dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in rows.items()}
         least, kept = np.inf, chosen
         for _ in range(_ROUNDS):
