@@ -9,6 +9,7 @@ from mograft import Skeleton, rotations
 from mograft.body import body
 from mograft.capsules import RADII, box_clearance, capsules, clearance
 from mograft.dancer import dance
+from tests import plain
 from tests.strategies import SEEDS, quaternions, skeletons, vectors
 
 ALL_PAIRS = np.array([(i, j) for i in range(3) for j in range(2)])
@@ -52,6 +53,9 @@ def test_distances_are_those_of_dense_points(seed, flat):
     distance, which = clearance(ends, radii, others, other_radii)
     points = slow_clearance(ends, radii, others, other_radii, ALL_PAIRS)
     assert (points.min(axis=1) >= distance - 1e-9).all()
+    if not flat:
+        exact = plain.capsule_distances(ends, radii, others, other_radii).min(axis=(1, 2))
+        np.testing.assert_allclose(exact, distance, atol=1e-6)
     np.testing.assert_allclose(points.min(axis=1), distance, atol=0.02)
     told = [np.flatnonzero((pair == ALL_PAIRS).all(axis=1))[0] for pair in which]
     assert (points[np.arange(4), told] <= distance + 0.02).all()

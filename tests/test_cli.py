@@ -102,6 +102,85 @@ def test_the_seam_can_be_chosen(capsys, folder, tmp_path):
     assert (tmp_path / "default.bvh").read_bytes() == told["offset"] != told["paper"]
 
 
+def hand_of(folder, frame):
+    motion = read_bvh(folder / "a.bvh")
+    return motion.world_positions()[frame, motion.skeleton.index("LeftHand")]
+
+
+def test_constraints_are_met_or_end_with_4_and_the_nearest_miss(capsys, folder, tmp_path):
+    near = ",".join(f"{x:.3f}" for x in hand_of(folder, 100))
+    reach = f"100:LeftHand:{near}~0.05"
+    code, out, _ = run(capsys, "graft", folder, "--reach", reach, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    motion = read_bvh(tmp_path / "a.bvh")
+    place = motion.world_positions()[100, motion.skeleton.index("LeftHand")]
+    assert np.linalg.norm(place - hand_of(folder, 100)) < 0.05 * 180
+    far = "100:LeftHand:0,900,0"
+    code, out, err = run(capsys, "graft", folder, "--reach", far, "-o", tmp_path / "b.bvh")
+    assert code == 4
+    assert "LeftHand is " in err
+    assert "heights" in err
+    assert "no choice of donors meets the constraints" in err
+    assert out == ""
+    assert not (tmp_path / "b.bvh").exists()
+    code, out, err = run(
+        capsys, "graft", folder, "--reach", far, "-o", tmp_path / "b.bvh", "--best-effort"
+    )
+    assert code == 0
+    document = json.loads((tmp_path / "b.json").read_text())
+    assert document["violations"][0]["constraint"] == "Reach"
+
+
+def test_repair_on_the_command_line_keeps_what_is_right(capsys, folder, tmp_path):
+    x, y, z = hand_of(folder, 300)
+    ball = f"sphere:{x:.2f},{y + 8:.2f},{z:.2f},5"
+    options = ["--repair", "--avoid", ball, "--best-effort", "--base", folder / "a.bvh"]
+    code, _, err = run(capsys, "graft", folder, *options, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    assert "segments exchanged" in err
+    old, new = read_bvh(folder / "a.bvh"), read_bvh(tmp_path / "a.bvh")
+    same = (old.channel_values == new.channel_values).all(axis=1)
+    assert same[:100].all()
+    assert not same.all()
+
+
+def test_candidates_are_listed_with_their_reasons(capsys, folder):
+    options = ["--clip", "a", "--segment", 12]
+    code, out, _ = run(capsys, "candidates", folder, *options)
+    assert code == 0
+    assert "a, frames " in out
+    assert " + a" in out
+    assert "segments are of other clusters" in out
+    ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
+    code, out, _ = run(capsys, "candidates", folder, *options, *ball)
+    document = json.loads(out)
+    assert document["schema"] == "mograft.candidates/1"
+    assert document["allowed"] == []
+    assert all("Avoid: touched" in c["refused"] for c in document["refused"])
+    last = document["frames"][1]
+    code, again, _ = run(capsys, "candidates", folder, "--clip", "a", "--frame", last, *ball)
+    assert json.loads(again) == document
+    code, _, err = run(capsys, "candidates", folder, "--segment", 99999)
+    assert code == 1
+    assert "--segment must be 0 to" in err
+
+
+def test_every_constraint_has_its_option(capsys, folder, tmp_path):
+    other = f"{folder / 'b.bvh'}@300,0,0,90"
+    options = ["--avoid", other, "--radius", "1.2", "--avoid-self", "--keep", "0-60"]
+    options += ["--avoid", "wall:0,-50,0,0,1,0", "--avoid", "box:900,0,0,5,5,5"]
+    options += ["--avoid", "capsule:900,0,0,900,90,0,5", "--face", "0,150,900@20-30"]
+    options += ["--only-from", "a,b", "--not-from", "b", "--max-stretch", "0.1"]
+    options += ["--max-angle", "30", "--best-effort"]
+    code, _, _ = run(capsys, "graft", folder, *options, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    document = json.loads((tmp_path / "a.json").read_text())
+    for s in document["substitutions"]:
+        assert s["clip"] == "a"
+        assert not (s["exchanged"] and s["frames"][0] <= 60)
+        assert abs(s["stretch"]) <= 0.1 / 0.9 + 1e-6
+
+
 def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path):
     motion = read_bvh(folder / "a.bvh")
     write_bvh(motion[:40], tmp_path / "short.bvh")
@@ -213,6 +292,14 @@ def test_clips_of_different_skeletons_are_refused(capsys, folder, tmp_path):
         ["graft", "a.bvh", "-o", "out", "--seed", "-1"],
         ["graft", "a.bvh", "-o", "out", "--groups", "wings"],
         ["graft", "a.bvh", "-o", "out", "--choice", "whim"],
+        ["graft", "a.bvh", "-o", "out", "--reach", "5:Hand:1,2"],
+        ["graft", "a.bvh", "-o", "out", "--reach", "Hand:1,2,3"],
+        ["graft", "a.bvh", "-o", "out", "--avoid", "sphere:1,2,3"],
+        ["graft", "a.bvh", "-o", "out", "--keep", "9-3"],
+        ["graft", "a.bvh", "-o", "out", "--radius", "0"],
+        ["graft", "a.bvh", "-o", "out", "--repair", "-n", "2"],
+        ["candidates", "a.bvh"],
+        ["candidates", "a.bvh", "--segment", "1", "--frame", "2"],
     ],
 )
 def test_wrong_usage_ends_with_2(arguments, capsys):

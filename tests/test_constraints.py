@@ -157,6 +157,9 @@ def test_errors_of_all_joints_are_the_worst_of_any(poses, seed):
     whole, _ = mg.Avoid(obstacle).errors(poses)
     parts = [mg.Avoid(obstacle).errors(poses, joints)[0] for joints in (mask, ~mask)]
     np.testing.assert_array_equal(whole, np.maximum(*parts))
+    for joints in (mask, ~mask):
+        _, blamed = mg.Avoid(obstacle).errors(poses, joints)
+        assert joints[blamed[blamed >= 0]].all()
 
 
 def test_violations_are_runs_of_frames_with_the_worst_in_words(poses):
@@ -203,7 +206,7 @@ def test_misses_are_those_of_every_candidate_alone(library):
 
 
 def test_excess_of_a_stretch_is_that_of_the_whole(library):
-    problem = problem_of(library, [mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 40.0))])
+    problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
     row = problem.row("upper", {})
     rng = np.random.default_rng(0)
     for _ in range(5):
@@ -212,6 +215,7 @@ def test_excess_of_a_stretch_is_that_of_the_whole(library):
         first = int(rng.integers(0, len(problem.cut) - 4))
         some = problem.excess(donors, first, first + 3)["upper"]
         begin, end = problem.cut.start[first], problem.cut.stop[first + 2]
+        assert some.min() > 0
         np.testing.assert_allclose(some, whole[begin : end + 1], atol=1e-9)
 
 
@@ -242,11 +246,22 @@ def test_frames_of_clips_and_of_the_base_are_told_apart(library):
         elif not s.is_own:
             assert s.clip == "second"
             assert 100 <= s.donor_start < s.donor_stop <= 400
+    assert sum(not s.is_own for s in graft.substitutions) > 5
     never = mg.NotFrom("second", clip_frames=(100, 400), frames=(0, 300))
     graft = mg.graft(library, constraints=[never])
     for s in graft.substitutions:
         if s.clip == "second" and s.start <= 300:
             assert s.donor_stop < 100 or s.donor_start > 400
+
+
+def test_donors_that_lie_partly_in_forbidden_frames_are_refused():
+    own = mg.Segments([0] * 4, [10] * 4)
+    donors = mg.Segments([10, 15, 25, 31], [20, 30, 35, 40], [1] * 4)
+    names = ["base", "other"]
+    never = mg.NotFrom("other", clip_frames=(20, 30)).misses(own, donors, names)
+    np.testing.assert_array_equal(never > 1, [True, True, True, False])
+    only = mg.OnlyFrom("oth*", clip_frames=(12, 36)).misses(own, donors, names)
+    np.testing.assert_array_equal(only > 1, [True, False, False, True])
 
 
 def test_seams_can_be_asked_to_be_narrower(library):
@@ -345,6 +360,18 @@ def test_grafts_keep_out_of_the_way_whatever_the_choice(library):
             assert after.max() <= 1.0
 
 
+def test_the_search_runs_again_only_about_what_is_missed(library):
+    problem = problem_of(library, [in_the_way(library)])
+    rows = {"upper": problem.row("upper", {})}
+    rng = np.random.default_rng(3)
+    raw = {"upper": np.array([rng.choice(own) for own in rows["upper"].candidates])}
+    settled = problem.settled(raw, rows)
+    near = (problem.cut.stop >= 270 - 60) & (problem.cut.start <= 330 + 60)
+    np.testing.assert_array_equal(settled["upper"][~near], raw["upper"][~near])
+    before, after = (problem.excess(donors)["upper"].sum() for donors in (raw, settled))
+    assert after <= before
+
+
 def test_repair_of_what_is_right_is_the_captured_motion(library):
     graft = mg.repair(library, constraints=[mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0))])
     base = library.clips[0]
@@ -388,6 +415,40 @@ def test_joints_below_a_grafted_group_count_for_it(motion):
     owners = [name for name, joints in problem.owner.items() if joints[hand]]
     assert len(owners) == 1
     assert hand in library.joints(owners[0])
+
+
+def test_candidates_say_what_they_miss_and_by_how_much(library):
+    place = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
+    reach = mg.Reach(HAND, tuple(place), 300)
+    segment = int((library.segments.stop[library.segments.of_clip(0)] < 300).sum())
+    free = library.candidates(segment, "upper")
+    judged = library.candidates(segment, "upper", [reach, mg.NotFrom("second")])
+    assert judged.allowed[0].segment == segment
+    problem = problem_of(library, [reach])
+    for candidate in (*judged.allowed, *judged.refused):
+        poses = problem.candidate_poses("upper", np.array([segment]), np.array([candidate.segment]))
+        missed = reach.errors(poses)[0].max()
+        assert ("Reach: LeftHand is " in candidate.refused) == (missed > 1)
+        if missed > 1:
+            assert f"{missed * 0.03:.3f} heights" in candidate.refused
+        assert ("NotFrom: from second" in candidate.refused) == (candidate.clip == 1)
+    assert len(judged.allowed) + len(judged.refused) == len(free.allowed) + len(free.refused)
+
+
+def test_the_report_gives_donor_cost_and_seams_of_every_exchange(library):
+    graft = mg.graft(library)
+    lines = graft.report(each=True).splitlines()
+    pool, donors = library.pool("upper"), donors_of(graft)
+    for at, s in enumerate(graft.substitutions):
+        expected = pool.costs(np.array([s.segment]), np.array([s.donor]), library.config)[0]
+        assert s.cost == expected
+        if at:
+            gap = pool.gaps(donors[at - 1 : at], donors[at : at + 1])[0, 0]
+            assert s.gap_before == graft.substitutions[at - 1].gap_after == gap
+        taken = f"{s.clip} {s.donor_start}-{s.donor_stop}"
+        told = f"    {s.start}-{s.stop} from {taken}: cost {s.cost:.2f}"
+        assert any(line.startswith(told) for line in lines) == (not s.is_own)
+    assert len(graft.report().splitlines()) < len(lines)
 
 
 # What they refuse

@@ -253,6 +253,20 @@ def test_every_refusal_names_the_limit_that_it_misses(seed):
         assert total == len(pool.segments)
 
 
+def test_a_candidates_cost_is_that_of_the_row_with_its_neighbours():
+    pool = make_pool(4, n_labels=1)
+    config = Config(max_stretch=5.0, max_angle=3.0)
+    judged = pool.judge(5, None, config)
+    scenario = np.arange(len(pool.segments))
+    row = Row.of(pool, scenario, pool.candidate_lists(scenario, config), config)
+    for candidate in judged.allowed:
+        donors = scenario.copy()
+        donors[5] = candidate.segment
+        assert candidate.cost == pytest.approx(row.chain.cost(row.choices(donors)))
+    gaps = pool.gaps_along(donors)
+    np.testing.assert_array_equal(gaps, np.diag(pool.gaps(donors[:-1], donors[1:])))
+
+
 def test_a_lone_segment_has_itself():
     pool = make_pool(0, n=1)
     alive, gaps = reachable(pool, [pool.candidates(0, ROBUST)], ROBUST)

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from mograft.groups import JointGroups
 from mograft.motion import Motion
 from mograft.segmentation import Segments, segment
 from mograft.substitution import Candidates, Pool
+
+if TYPE_CHECKING:
+    from mograft.constraints import Constraint
 
 __all__ = ["Library"]
 
@@ -202,7 +206,9 @@ class Library:
             self.sigma[base],
         )
 
-    def candidates(self, segment: int, group: str) -> Candidates:
+    def candidates(
+        self, segment: int, group: str, constraints: Sequence["Constraint"] = ()
+    ) -> Candidates:
         """Return which segments may lend one their part of a group, and why others may not.
 
         Parameters
@@ -211,6 +217,9 @@ class Library:
             Index of the base segment.
         group : str
             The group to graft.
+        constraints : sequence of Constraint, optional
+            What a motion on the segment's clip must do; hard ones refuse donors that miss
+            them as they are, put in the segment's place.
 
         Returns
         -------
@@ -227,7 +236,12 @@ class Library:
         if group == self.groups.base:
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")
         pool = self.pool(group)
-        return pool.judge(segment, pool.points, self.config)
+        judged = pool.judge(segment, pool.points, self.config)
+        if not constraints:
+            return judged
+        from mograft.planning import reasons  # which stands on this module
+
+        return reasons(self, segment, group, judged, constraints)
 
     def relabelled(self, config: Config) -> "Library":
         """Return the library clustered anew, and used by, another configuration.

@@ -21,10 +21,10 @@ from mograft.motion import Motion
 from mograft.resample import segments as resampled
 from mograft.search import Chain, best, viterbi
 from mograft.segmentation import Segments
-from mograft.substitution import BEYOND, Pool, Row
+from mograft.substitution import BEYOND, Candidates, Pool, Row
 from mograft.transplant import Part, recombine, transplant
 
-__all__ = ["Donors", "Problem", "take"]
+__all__ = ["Donors", "Problem", "reasons", "take"]
 
 Donors = dict[str, IntArray]
 """For every grafted group the donor at each position."""
@@ -373,7 +373,7 @@ class Problem:
         Parameters
         ----------
         donors : dict of str to ndarray of int
-            The choice so far; each among its row's candidates.
+            The choice so far.
         rows : mapping of str to Row
             What all donors cost.
 
@@ -385,7 +385,19 @@ class Problem:
         """
         if not any(own.is_hard for own in self.constraints):
             return donors
-        chosen = {group: own.copy() for group, own in donors.items()}
+        # What is not looked at any more, of many candidates, gives way to the captured part.
+        chosen = {
+            group: np.array(
+                [
+                    donor if donor in mates else own
+                    for donor, mates, own in zip(
+                        donors[group], row.candidates, self.scenario, strict=True
+                    )
+                ],
+                np.int64,
+            )
+            for group, row in rows.items()
+        }
         dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in rows.items()}
         least, kept = np.inf, chosen
         for _ in range(_ROUNDS):
@@ -482,3 +494,67 @@ def _between(chain: Chain, choices: IntArray, low: int, high: int) -> Chain:
     if high < len(chain):
         alone[-1] = alone[-1] + chain.after[high - 1][:, choices[high]]
     return Chain(tuple(alone), chain.after[low : high - 1])
+
+
+def reasons(
+    library: Library,
+    segment: int,
+    group: str,
+    judged: Candidates,
+    constraints: Sequence[Constraint],
+) -> Candidates:
+    """Refuse those candidates too that miss hard constraints in a segment's place.
+
+    Parameters
+    ----------
+    library : Library
+        The segments.
+    segment : int
+        The base segment.
+    group : str
+        The group to graft.
+    judged : Candidates
+        What the library's limits leave and refuse.
+    constraints : sequence of Constraint
+        What a motion on the segment's clip must do.
+
+    Returns
+    -------
+    Candidates
+        With what each refused one misses, and by how much; the base segment's own part too.
+    """
+    clip = int(library.segments.clip[segment])
+    scenario = library.segments.of_clip(clip)
+    base, cut = library.clips[clip], take(library.segments, scenario)
+    problem = Problem.of(library, base, scenario, cut, [group], constraints)
+    position = int(np.searchsorted(scenario, segment))
+    everyone = [*judged.allowed, *judged.refused]
+    donors = np.array([c.segment for c in everyone], np.int64)
+    at = np.full(len(donors), position)
+    told: list[list[str]] = [[c.refused] if c.refused else [] for c in everyone]
+    own, given = (take(library.segments, of) for of in (scenario[at], donors))
+    poses = problem.candidate_poses(group, at, donors)
+    counts = np.full(len(donors), int(cut.lengths[position]) + 1)
+    starts = np.cumsum(counts) - counts
+    for constraint in problem.constraints:
+        if not constraint.is_hard:
+            continue
+        error, _ = constraint.errors(poses, problem.owner[group])
+        worst = np.maximum.reduceat(error, starts)
+        span = constraint.frames
+        if span is None or (cut.start[position] <= span[1] and cut.stop[position] >= span[0]):
+            names = [c.name for c in library.clips]
+            worst = np.maximum(worst, constraint.misses(own, given, names))
+        for index in np.flatnonzero(worst > 1.0).tolist():
+            name = type(constraint).__name__
+            said = constraint.tell(float(worst[index]), problem.poses.height)
+            told[index].append(f"{name}: {said}")
+    final = [
+        replace(candidate, refused="; ".join(why))
+        for candidate, why in zip(everyone, told, strict=True)
+    ]
+    return Candidates(
+        tuple(c for c in final if not c.refused),
+        tuple(c for c in final if c.refused),
+        judged.elsewhere,
+    )

@@ -114,6 +114,9 @@ class Candidate:
         compared.
     refused : str
         Why it may not be used, with the limit and by how much it is missed; empty where it may.
+    cost : float
+        What it costs beside the base segment's own neighbours, by itself and at both seams;
+        NaN where nothing was said of costs.
     """
 
     segment: int
@@ -125,6 +128,7 @@ class Candidate:
     gap_after: float
     distance: float
     refused: str
+    cost: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -267,6 +271,13 @@ class Pool:
             return np.zeros((len(left), len(right)))
         return velocity_gaps(self.last_velocity[left], self.first_velocity[right])
 
+    def gaps_along(self, donors: IntArray) -> FloatArray:
+        """Return the mean joint angle at each seam of a row of donors, shape (n - 1,)."""
+        pairs = [
+            self.gaps(donors[at : at + 1], donors[at + 1 : at + 2]) for at in range(len(donors) - 1)
+        ]
+        return np.concatenate([gap.ravel() for gap in pairs]) if pairs else np.zeros(0)
+
     def distances(self, own: IntArray, donors: IntArray) -> FloatArray:
         """Return how far base parts are apart, in greatest distances within a cluster.
 
@@ -284,6 +295,29 @@ class Pool:
             return np.zeros(len(own))
         apart: FloatArray = np.linalg.norm(self.points[donors] - self.points[own], axis=1)
         return apart / self.sigma
+
+    def costs(self, own: IntArray, donors: IntArray, config: Config) -> FloatArray:
+        """Return what donors cost by themselves, seams apart; see `Row.of`.
+
+        Parameters
+        ----------
+        own, donors : ndarray of int, shape (n,)
+            Base segments and donors, one for each.
+        config : Config
+            Gives the weights.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The costs.
+        """
+        apart, is_own = self.distances(own, donors), donors == own
+        if config.choice == "nearest":
+            return np.where(is_own, BEYOND, apart)
+        a, b = self.segments.lengths[own], self.segments.lengths[donors]
+        ratio = np.minimum(a, b) / np.maximum(a, b)
+        costs = config.length_weight * (1.0 - ratio) + config.distance_weight * apart
+        return costs - np.where(is_own, 0.0, config.novelty)
 
     def judge(self, segment: int, points: FloatArray | None, config: Config) -> Candidates:
         """Return all members of a segment's cluster with their costs and refusals.
@@ -316,6 +350,12 @@ class Pool:
             if points is None
             else np.linalg.norm(points[mates] - points[segment], axis=1)
         )
+        costs = self.costs(np.full(len(mates), segment), mates, config)
+        left, right = np.array([segment - 1]), np.array([segment + 1])
+        speed_before = self.velocity_gaps(left, mates)[0] if has_before else still
+        speed_after = self.velocity_gaps(mates, right)[:, 0] if has_after else still
+        for seam, speed in ((before, speed_before), (after, speed_after)):
+            costs += (seam / config.angle_scale) ** 2 + (speed / config.velocity_scale) ** 2
         allowed: list[Candidate] = []
         refused: list[Candidate] = []
         for at in np.lexsort((mates, apart, mates != segment)).tolist():
@@ -326,7 +366,9 @@ class Pool:
             if not self.is_donor[mate]:
                 reasons.append("a fault was found in it")
             if not fits[at]:
-                reasons.append(f"length: {stretch:.2f} is not below {config.max_stretch:.2f}")
+                longest = max(config.max_stretch, config.length_slack * self.rate / length)
+                way = "above" if longest > config.max_stretch else "not below"
+                reasons.append(f"length: {stretch:.2f} is {way} {longest:.2f}")
             if widest > np.degrees(config.max_angle):
                 reasons.append(f"seam: {widest:.1f}° is above {np.degrees(config.max_angle):.1f}°")
             candidate = Candidate(
@@ -339,6 +381,7 @@ class Pool:
                 float(after[at]),
                 float(apart[at]),
                 "" if mate == segment else "; ".join(reasons),
+                float(costs[at]),
             )
             (refused if candidate.refused else allowed).append(candidate)
         return Candidates(tuple(allowed), tuple(refused), len(cut) - len(mates))
@@ -404,18 +447,7 @@ class Row:
         d(i, k) / sigma, the own part `BEYOND`, and seams nothing within the limit.
         """
         counts = [len(own) for own in candidates]
-        donors, own = np.concatenate(candidates), np.repeat(scenario, counts)
-        lengths = pool.segments.lengths
-        ratio = np.minimum(lengths[donors], lengths[own]) / np.maximum(
-            lengths[donors], lengths[own]
-        )
-        apart = pool.distances(own, donors)
-        is_own = donors == own
-        if config.choice == "nearest":
-            costs = np.where(is_own, BEYOND, apart)
-        else:
-            costs = config.length_weight * (1.0 - ratio) + config.distance_weight * apart
-            costs -= np.where(is_own, 0.0, config.novelty)
+        costs = pool.costs(np.repeat(scenario, counts), np.concatenate(candidates), config)
         if more is not None:
             costs = costs + np.concatenate(more)
         ends = np.cumsum(counts)[:-1]

@@ -18,12 +18,19 @@ from mograft.cli._common import (
     say,
     write,
 )
+from mograft.cli._constraints import add_constraints, constraints
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mograft.config import Config
+    from mograft.grafting import Graft
     from mograft.groups import JointGroups
     from mograft.library import Library
     from mograft.motion import Motion
+
+UNMET = 4
+"""Exit code: no choice of donors meets the constraints."""
 
 _WIDEST = 4.0
 """Clusters of four times the spread of all segments hold them all: more changes nothing."""
@@ -75,12 +82,13 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
+    add_constraints(graft)
     graft.set_defaults(run=run, usage=graft.error)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.grafting import graft_many
+    from mograft.grafting import graft_many, repair
     from mograft.library import Library
 
     files = expanded(options.files)
@@ -94,12 +102,20 @@ def run(options: argparse.Namespace) -> int:
         else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
     )
     check_free([p.with_suffix(e) for p in paths for e in ENDS], force=options.force)
+    if options.repair and options.count != 1:
+        options.usage("--repair makes one motion: -n must be 1")
+    wanted = constraints(options)
     groups, config = _chosen_groups(options), _chosen_config(options)
     swap = None if options.swap is None else options.swap.split(",")
     with progress() as tell:
         library = Library.build(files, groups, config, progress=tell)
     base = _base(library, options.base)
-    grafts = graft_many(library, base, options.count, swap=swap, seed=options.seed)
+    many = {"constraints": wanted, "swap": swap, "seed": options.seed}
+    grafts: Sequence[Graft]
+    if options.repair:
+        grafts = [repair(library, base, constraints=wanted, swap=swap)]
+    else:
+        grafts = graft_many(library, base, options.count, **many)
     while len(grafts) < options.count and options.sigma_scale is None:
         wider = library.config.sigma_scale * 4 / 3
         if wider > _WIDEST or library.config.sigma not in ("rms", "literal"):
@@ -109,7 +125,19 @@ def run(options: argparse.Namespace) -> int:
             f"{library.config.sigma_scale:.3g}: trying {wider:.3g}, which is less strict"
         )
         library = library.relabelled(replace(library.config, sigma_scale=wider))
-        grafts = graft_many(library, base, options.count, swap=swap, seed=options.seed)
+        grafts = graft_many(library, base, options.count, **many)
+    if wanted:
+        grafts = list(grafts)
+        missed = [graft for graft in grafts if graft.violations]
+        for graft in missed:
+            for violation in graft.violations:
+                say(f"{graft.motion.name}: {violation.message}")
+        if missed and not options.best_effort:
+            say(
+                f"error: no choice of donors meets the constraints in {len(missed)} of "
+                f"{len(grafts)} motions; nothing is written without --best-effort"
+            )
+            return UNMET
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     documents = []
     for path, graft in zip(paths, grafts, strict=False):
