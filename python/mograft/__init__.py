@@ -19,7 +19,7 @@ from mograft.motion import Motion
 from mograft.segmentation import Segments, kinetic_energy, segment
 from mograft.skeleton import EndSite, Skeleton
 from mograft.substitution import Candidate, Candidates
-from mograft.viewing import Page, view
+from mograft.viewing import Page, report_page, view
 
 __all__ = [
     "BvhError",
@@ -52,6 +52,7 @@ __all__ = [
     "linkage",
     "linkage_condensed",
     "read_bvh",
+    "report_page",
     "resample",
     "rotations",
     "scan_bvh",

@@ -17,6 +17,7 @@ from mograft.cli._common import (
     progress,
     say,
     write,
+    write_report,
 )
 
 if TYPE_CHECKING:
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from mograft.groups import JointGroups
     from mograft.library import Library
     from mograft.motion import Motion
+
+_REPORTED = 20
+"""Grafts that a report tells of: they are made anew for it and held together."""
 
 _WIDEST = 4.0
 """Clusters of four times the spread of all segments hold them all: more changes nothing."""
@@ -50,6 +54,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         help="how unlike the legs may be whose upper bodies are exchanged: smaller is more "
         "natural, larger more varied. Default: 0.75, and as much more as COUNT motions need",
     )
+    graft.add_argument("--report", action="store_true", help="also write a page that shows them")
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
     graft.set_defaults(run=run, usage=graft.error)
@@ -70,7 +75,9 @@ def run(options: argparse.Namespace) -> int:
         if single
         else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
     )
-    check_free([p.with_suffix(e) for p in paths for e in ENDS], force=options.force)
+    page = options.output.with_suffix(".html") if single else options.output / "index.html"
+    wanted = [page] if options.report else []
+    check_free([*(p.with_suffix(e) for p in paths for e in ENDS), *wanted], force=options.force)
     groups, config = _chosen_groups(options), _chosen_config(options)
     swap = None if options.swap is None else options.swap.split(",")
     with progress() as tell:
@@ -100,8 +107,14 @@ def run(options: argparse.Namespace) -> int:
             f"warning: the donors allow only {len(documents)} different motions, "
             f"not {options.count}; more clips or a larger --sigma-scale give more"
         )
+    if options.report:
+        shown = [grafts[at] for at in range(min(len(grafts), _REPORTED))]
+        write_report(shown, paths[: len(shown)], page, show=False)
+        if not options.json:
+            print(page)
     if options.json:
-        print_json({"schema": "mograft.grafts/1", "grafts": documents})
+        told = {"schema": "mograft.grafts/1", "grafts": documents}
+        print_json(told | ({"report": str(page)} if options.report else {}))
     return 0
 
 
