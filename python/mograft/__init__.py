@@ -11,6 +11,7 @@ from mograft.clustering import cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
+from mograft.formats import read_npz, write_csv, write_glb, write_npz
 from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many
 from mograft.groups import JointGroups, subtree
 from mograft.interop import from_pybvh, to_pybvh
@@ -52,6 +53,7 @@ __all__ = [
     "linkage",
     "linkage_condensed",
     "read_bvh",
+    "read_npz",
     "report_page",
     "resample",
     "rotations",
@@ -62,4 +64,7 @@ __all__ = [
     "to_pybvh",
     "view",
     "write_bvh",
+    "write_csv",
+    "write_glb",
+    "write_npz",
 ]
