@@ -33,6 +33,7 @@ from mograft.constraints import (
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
 from mograft.footskate import FeetReport, foot_skate, plant_feet
+from mograft.formats import read_npz, write_csv, write_glb, write_npz
 from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
 from mograft.groups import JointGroups, subtree
 from mograft.interop import from_pybvh, to_pybvh
@@ -41,7 +42,7 @@ from mograft.motion import Motion
 from mograft.segmentation import Segments, kinetic_energy, segment
 from mograft.skeleton import EndSite, Skeleton
 from mograft.substitution import Candidate, Candidates
-from mograft.viewing import Page, view
+from mograft.viewing import Page, report_page, view
 
 __all__ = [
     "Avoid",
@@ -97,7 +98,9 @@ __all__ = [
     "linkage_condensed",
     "plant_feet",
     "read_bvh",
+    "read_npz",
     "repair",
+    "report_page",
     "resample",
     "rotations",
     "scan_bvh",
@@ -107,4 +110,7 @@ __all__ = [
     "to_pybvh",
     "view",
     "write_bvh",
+    "write_csv",
+    "write_glb",
+    "write_npz",
 ]

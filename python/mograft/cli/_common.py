@@ -2,8 +2,9 @@
 
 import argparse
 import json
+import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,7 @@ __all__ = [
     "say",
     "whole",
     "write",
+    "write_report",
     "write_text",
 ]
 
@@ -91,6 +93,20 @@ def write(graft: "Graft", path: Path) -> Path:
     document = {"mograft": __version__, **graft.as_dict()}
     write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
     return path
+
+
+def write_report(
+    grafts: "Sequence[Graft]", paths: Sequence[Path], target: Path, *, show: bool
+) -> Path:
+    """Write the page that tells of grafts, with links to their files; show it if wanted."""
+    from mograft.viewing.page import open_file
+    from mograft.viewing.report import report_page
+
+    links = [Path(os.path.relpath(path, target.parent)) for path in paths]
+    report_page(grafts, links).save(target, force=True)
+    if show and not open_file(target):
+        say("no browser was found: open the page yourself")
+    return target
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -17,6 +17,7 @@ from mograft.cli._common import (
     progress,
     say,
     write,
+    write_report,
 )
 from mograft.cli._constraints import add_constraints, constraints
 
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 UNMET = 4
 """Exit code: no choice of donors meets the constraints."""
+
+_REPORTED = 20
+"""Grafts that a report tells of: they are made anew for it and held together."""
 
 _WIDEST = 4.0
 """Clusters of four times the spread of all segments hold them all: more changes nothing."""
@@ -80,6 +84,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         choices=("auto", "never"),
         help="make feet stand still: auto where the base group does not keep legs and root",
     )
+    graft.add_argument("--report", action="store_true", help="also write a page that shows them")
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
     add_constraints(graft)
@@ -101,7 +106,9 @@ def run(options: argparse.Namespace) -> int:
         if single
         else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
     )
-    check_free([p.with_suffix(e) for p in paths for e in ENDS], force=options.force)
+    page = options.output.with_suffix(".html") if single else options.output / "index.html"
+    pages = [page] if options.report else []
+    check_free([*(p.with_suffix(e) for p in paths for e in ENDS), *pages], force=options.force)
     if options.repair and options.count != 1:
         options.usage("--repair makes one motion: -n must be 1")
     wanted = constraints(options)
@@ -151,8 +158,14 @@ def run(options: argparse.Namespace) -> int:
             f"warning: the donors allow only {len(documents)} different motions, "
             f"not {options.count}; more clips or a larger --sigma-scale give more"
         )
+    if options.report:
+        shown = [grafts[at] for at in range(min(len(grafts), _REPORTED))]
+        write_report(shown, paths[: len(shown)], page, show=False)
+        if not options.json:
+            print(page)
     if options.json:
-        print_json({"schema": "mograft.grafts/1", "grafts": documents})
+        told = {"schema": "mograft.grafts/1", "grafts": documents}
+        print_json(told | ({"report": str(page)} if options.report else {}))
     return 0
 
 

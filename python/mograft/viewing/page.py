@@ -198,7 +198,7 @@ def assembled(title: str, body: str, kind: str, style: str = "") -> Page:
         The page.
     """
     # A name in a file may hold half a pair of surrogates, which no page can.
-    title = title.encode("utf-8", "replace").decode("utf-8")
+    title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
     script, sheet = _part("viewer.js"), _part("viewer.css") + style
     # Names in the page come from files: should one slip through as a tag after all, it finds
     # that no script but this and no address at all is allowed.
