@@ -181,6 +181,35 @@ def test_every_constraint_has_its_option(capsys, folder, tmp_path):
         assert abs(s["stretch"]) <= 0.1 / 0.9 + 1e-6
 
 
+def test_a_scenario_is_walked_or_given(capsys, folder, tmp_path):
+    path = tmp_path / "walk.bvh"
+    options = ["--scenario", "graph", "--duration", 12]
+    assert run(capsys, "graft", folder, *options, "-o", path)[0] == 0
+    walked = read_bvh(path)
+    assert 12.0 <= walked.duration < 14.1
+    document = json.loads(path.with_suffix(".json").read_text())
+    assert {part["clip"] for part in document["scenario"]} <= {"a", "b"}
+    given = tmp_path / "given.bvh"
+    assert run(capsys, "graft", folder, "--scenario", "3,4,0", "-o", given)[0] == 0
+    assert len(json.loads(given.with_suffix(".json").read_text())["scenario"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--scenario", "waltz"], "--scenario must be original, graph or numbers of segments"),
+        (["--scenario", "graph", "--base", "b.bvh"], "--base must not be given with --scenario"),
+        (["--duration", "5"], "--duration is for --scenario graph"),
+        (["--scenario", "graph", "--duration", "0"], "--duration must be above 0 seconds; got 0"),
+    ],
+)
+def test_a_wrong_scenario_is_a_usage_error(capsys, folder, tmp_path, options, told):
+    with pytest.raises(SystemExit) as stopped:
+        main(["graft", str(folder), *options, "-o", str(tmp_path / "x.bvh")])
+    assert stopped.value.code == 2
+    assert told in capsys.readouterr().err
+
+
 def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path):
     motion = read_bvh(folder / "a.bvh")
     write_bvh(motion[:40], tmp_path / "short.bvh")

@@ -269,7 +269,8 @@ def test_a_base_group_without_the_root_keeps_its_numbers_and_the_legs_its_way(mo
     before, after = motion.channel_numbers(), new.motion.channel_numbers()
     np.testing.assert_array_equal(after[:, kept], before[:, kept])
     assert (after != before).any()
-    np.testing.assert_allclose(after[0, [0, 2]], before[0, [0, 2]], atol=1e-9)
+    # It begins where the base does, but for what feet that are to reach the floor demand.
+    np.testing.assert_allclose(after[0, [0, 2]], before[0, [0, 2]], atol=0.01)
     # The offset of a seam may add a little to the speeds of two sources that differ.
     steps = [
         np.linalg.norm(np.diff(m.positions[:, 0], axis=0), axis=1) for m in (motion, new.motion)

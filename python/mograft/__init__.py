@@ -4,7 +4,7 @@ The way of the data: `read_bvh` → `Motion` → `segment` → `Library.build` (
 clustering) → `graft` → `Graft.motion` → `write_bvh`.
 """
 
-from mograft import resample, rotations
+from mograft import resample, rotations, scenario
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
 from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
 from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
@@ -104,6 +104,7 @@ __all__ = [
     "resample",
     "rotations",
     "scan_bvh",
+    "scenario",
     "segment",
     "subtree",
     "threshold",

@@ -409,11 +409,15 @@ def _ways(
     for point in range(2):
         own[:, point], holds[:, point] = _faded(points[:, point], targets[point], ground.up, blend)
     ways: FloatArray = own + (1.0 - holds)[..., None] * own[:, ::-1]
-    # A foot is as long as it is: of a heel that is lifted and a toe that stands, the toe has it.
+    # A foot is as long as it is: the one of heel and toe that stands has its way, and in between
+    # the one that holds more firmly.
+    heel, toe = holds[:, 0] * (1.0 - holds[:, 1]), holds[:, 1] * (1.0 - holds[:, 0])
+    yields = toe / np.where(toe + heel > 0, toe + heel, 1.0)
+    yields = np.where(stands[:, 1] > stands[:, 0], 1.0, np.where(stands[:, 0], 0.0, yields))
     foot, to = points[:, 1] - points[:, 0], points[:, 1] - points[:, 0] + ways[:, 1] - ways[:, 0]
     length, wanted = np.linalg.norm(foot, axis=1), np.linalg.norm(to, axis=1)
     off = np.where(wanted > 0, 1.0 - length / np.where(wanted > 0, wanted, 1.0), 0.0)
-    ways[:, 0] += (holds[:, 1] * off)[:, None] * to
+    ways[:, 0] += (yields * off)[:, None] * to
     ways[np.abs(ways).max(axis=(1, 2)) < 1e-12 * ground.height] = 0.0
     return ways
 

@@ -7,13 +7,14 @@ from typing import Any, overload
 
 import numpy as np
 
-from mograft._arrays import BoolArray, IntArray
+from mograft._arrays import BoolArray, IntArray, as_indices
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
 from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors, Problem, take
 from mograft.search import best, diverse, sample, viterbi
+from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
 from mograft.substitution import Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
@@ -110,6 +111,8 @@ class Graft:
         Where hard constraints are not met; empty where all are.
     feet : FeetReport or None
         What was done to make feet stand still; None where the base group keeps them.
+    scenario : tuple of int
+        The segments that the base was put together from; none where it is a clip.
     """
 
     motion: Motion
@@ -122,6 +125,7 @@ class Graft:
     index: int
     violations: tuple[Violation, ...] = ()
     feet: FeetReport | None = None
+    scenario: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -202,6 +206,16 @@ class Graft:
             },
             "base_group": library.groups.base,
             "clips": clips,
+            "scenario": [
+                {
+                    "clip": library.clips[library.segments.clip[own]].name,
+                    "clip_frames": [
+                        int(library.segments.start[own]),
+                        int(library.segments.stop[own]),
+                    ],
+                }
+                for own in self.scenario
+            ],
             "substitutions": [
                 {
                     "group": s.group,
@@ -269,6 +283,7 @@ class _Plan:
     """What all grafts on one base have in common."""
 
     problem: Problem
+    order: tuple[int, ...] = ()
 
     @property
     def base(self) -> Motion:
@@ -281,12 +296,21 @@ class _Plan:
         base: Motion | str | None,
         swap: Sequence[str] | None,
         constraints: Sequence[Constraint],
+        order: Sequence[int] | IntArray | None = None,
     ) -> "_Plan":
         groups = _swapped(library, swap)
-        library, at = library.holding(base)
-        scenario = library.segments.of_clip(at)
-        cut = take(library.segments, scenario)
-        return cls(Problem.of(library, library.clips[at], scenario, cut, groups, constraints))
+        if order is None:
+            library, at = library.holding(base)
+            scenario = library.segments.of_clip(at)
+            motion, cut = library.clips[at], take(library.segments, scenario)
+        elif base is not None:
+            raise ValueError("base must not be given with a scenario, which is the base itself")
+        else:
+            scenario = _checked(order, library)
+            motion, cut = _arranged(library, scenario)
+        own_order = () if order is None else tuple(scenario.tolist())
+        problem = Problem.of(library, motion, scenario, cut, groups, constraints)
+        return cls(problem, own_order)
 
     def rows(self) -> dict[str, Row]:
         """Return what donors cost, group by group: each as the ones before it are cheapest."""
@@ -384,6 +408,7 @@ class _Plan:
             index,
             tuple(self.violated(motion, chosen)),
             feet,
+            self.order,
         )
 
     def violated(self, motion: Motion, chosen: Donors) -> list[Violation]:
@@ -419,19 +444,8 @@ class _Plan:
         ]
         if library.config.feet == "never" or not any(grafted):
             return new, None
-        stands = np.empty((new.n_frames, len(limbs), 2), bool)
-        known: dict[int, BoolArray] = {}
-        for index, limb in enumerate(limbs):
-            taken = donors.get(limb.ankle, self.problem.scenario)
-            for own, donor in zip(self.problem.scenario, taken, strict=True):
-                cut = library.segments
-                clip = int(cut.clip[donor])
-                if clip not in known:
-                    known[clip] = contacts(library.clips[clip])
-                n, m = int(cut.lengths[own]), int(cut.lengths[donor])
-                frames = cut.start[donor] + (np.arange(n + 1) * m + n // 2) // n
-                rows = slice(int(cut.start[own]), int(cut.stop[own]) + 1)
-                stands[rows, index] = known[clip][frames, index]
+        sources = [donors.get(limb.ankle, self.problem.scenario) for limb in limbs]
+        stands = _stands(library, self.problem.cut, sources)
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
@@ -439,6 +453,71 @@ class _Plan:
             bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
             moves_root=library.root in donors,
         )
+
+
+def _stands(library: Library, cut: Segments, sources: Sequence[IntArray]) -> BoolArray:
+    """Return when feet stand, each as in the segments that its leg comes from."""
+    stands = np.empty((int(cut.stop[-1]) + 1, len(sources), 2), bool)
+    known: dict[int, BoolArray] = {}
+    taken = library.segments
+    for index, donors in enumerate(sources):
+        for place, donor in enumerate(donors.tolist()):
+            clip = int(taken.clip[donor])
+            if clip not in known:
+                known[clip] = contacts(library.clips[clip])
+            n, m = int(cut.lengths[place]), int(taken.lengths[donor])
+            frames = taken.start[donor] + (np.arange(n + 1) * m + n // 2) // n
+            rows = slice(int(cut.start[place]), int(cut.stop[place]) + 1)
+            stands[rows, index] = known[clip][frames, index]
+    return stands
+
+
+def _checked(order: Sequence[int] | IntArray, library: Library) -> IntArray:
+    """Return the scenario as an array; each must be a segment."""
+    scenario = as_indices("scenario", order, ("n",))
+    n = len(library.segments)
+    if not len(scenario):
+        raise ValueError("scenario must hold at least one segment, got none")
+    wrong = scenario[(scenario < 0) | (scenario >= n)]
+    if len(wrong):
+        raise ValueError(f"scenario must be of segments 0 to {n - 1}, got {wrong[0]}")
+    return scenario
+
+
+def _arranged(library: Library, scenario: IntArray) -> tuple[Motion, Segments]:
+    """Return the motion of segments one after the other, on its feet, and where they are in it."""
+    own = take(library.segments, scenario)
+    stops = np.cumsum(own.lengths)
+    cut = Segments(stops - own.lengths, stops)
+    first = library.clips[own.clip[0]]
+    rows = np.concatenate([[own.start[0]], *map(_inside, own.start, own.stop)])
+    clips = np.concatenate([own.clip[:1], np.repeat(own.clip, own.lengths)])
+    bare = replace(
+        first,
+        rotations=np.stack(
+            [library.clips[c].rotations[f] for c, f in zip(clips, rows, strict=True)]
+        ),
+        positions=np.stack(
+            [library.clips[c].positions[f] for c, f in zip(clips, rows, strict=True)]
+        ),
+        channel_values=None,
+        name=f"{first.name}_scenario",
+        path=None,
+        repairs=(),
+    )
+    everything = np.arange(first.n_joints)
+    part = transplant(
+        bare, cut, own, library.clips, everything, library.config, root=library.root, up=library.up
+    )
+    motion = recombine(bare, [part], bare.name)
+    if library.config.feet != "never" and len(part.seams):
+        sources = [scenario] * len(legs(first.skeleton))
+        motion, _ = plant_feet(motion, _stands(library, cut, sources))
+    return motion, cut
+
+
+def _inside(start: int, stop: int) -> IntArray:
+    return np.arange(start + 1, stop + 1)
 
 
 def _above(skeleton: Skeleton, joint: int, root: int) -> list[int]:
@@ -456,6 +535,7 @@ def graft(
     constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
+    scenario: Sequence[int] | IntArray | None = None,
 ) -> Graft:
     """Make one new motion.
 
@@ -473,6 +553,10 @@ def graft(
     seed : int
         Of what is left to chance, with ``Config(choice="sample")`` and "random": another
         seed, another motion. The same seed gives the same numbers.
+    scenario : sequence of int, optional
+        Segments of the library, one after the other, to be the base instead of a clip: any
+        order that is wanted, or one of `mograft.scenario`. Each goes on from where the one
+        before has come to.
 
     Returns
     -------
@@ -488,7 +572,8 @@ def graft(
     TypeError
         If something is no constraint.
     ValueError
-        If a group is none, or is the base group, or a constraint names what is not there.
+        If a group is none, or is the base group, or a constraint names what is not there; if
+        a segment of the scenario is none, or there is a base besides.
 
     Examples
     --------
@@ -498,7 +583,9 @@ def graft(
     >>> new.motion.n_frames == library.clips[0].n_frames
     True
     """
-    return graft_many(library, base, 1, constraints=constraints, swap=swap, seed=seed)[0]
+    return graft_many(
+        library, base, 1, constraints=constraints, swap=swap, seed=seed, scenario=scenario
+    )[0]
 
 
 def graft_many(
@@ -509,12 +596,13 @@ def graft_many(
     constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
+    scenario: Sequence[int] | IntArray | None = None,
 ) -> "Grafts":
     """Make several new motions, each different from the others.
 
     Parameters
     ----------
-    library, base, constraints, swap, seed
+    library, base, constraints, swap, seed, scenario
         As for `graft`, which makes the first of them.
     count : int
         How many motions are wanted.
@@ -535,7 +623,7 @@ def graft_many(
         raise ValueError(f"count must be a whole number from 1, got {count!r}")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
-    plan = _Plan.make(library, base, swap, constraints)
+    plan = _Plan.make(library, base, swap, constraints, scenario)
     return Grafts(plan, tuple(plan.settled_draws(count, seed)), seed)
 
 

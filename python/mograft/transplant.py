@@ -23,7 +23,7 @@ from mograft.seams import (
 )
 from mograft.segmentation import Segments
 
-__all__ = ["Part", "recombine", "transplant"]
+__all__ = ["Part", "recombine", "states", "transplant"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +229,8 @@ class _Laid:
         """Return what meets where the segments `seams` end and those after them start."""
         donors = self.donors
         pace = self.rate * (donors.lengths / self.cut.lengths)[:, None, None]
-        before, leaving = _states(algebra, tracks, donors.clip[seams], donors.stop[seams])
-        after, arriving = _states(algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1])
+        before, leaving = states(algebra, tracks, donors.clip[seams], donors.stop[seams])
+        after, arriving = states(algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1])
         if self.place is not None:
             self.place.put(algebra, before, seams, leaving)
             self.place.put(algebra, after, seams + 1, arriving)
@@ -285,8 +285,8 @@ class _Laid:
         donors = self.donors
         ends = []
         for frames in (donors.start, donors.stop):
-            turns, _ = _states(TURNS, tracks, donors.clip, frames)
-            spots, _ = _states(SHIFTS, shifts, donors.clip, frames)
+            turns, _ = states(TURNS, tracks, donors.clip, frames)
+            spots, _ = states(SHIFTS, shifts, donors.clip, frames)
             ends.append((turns[:, columns[0]], spots[:, columns[1]]))
         (starting, first), (ending, last) = ends
         turned, placed = base.world()
@@ -363,11 +363,29 @@ def _joined(
     return treatment(algebra, values, moments, ends, config.seam_blend)
 
 
-def _states(
+def states(
     algebra: Algebra, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return values and velocities per frame at frames of clips.
 
+    Parameters
+    ----------
+    algebra : Algebra
+        `TURNS` for rotations, `SHIFTS` for translations.
+    tracks : sequence of ndarray, shape (n_frames, n_joints, 4 or 3)
+        The values of each clip.
+    clips, frames : ndarray of int, shape (n,)
+        Where to look.
+
+    Returns
+    -------
+    values : ndarray, shape (n, n_joints, 4 or 3)
+        The values there.
+    velocities : ndarray, shape (n, n_joints, 3)
+        Their velocities; of rotations in the body's own frame.
+
+    Notes
+    -----
     The velocity is that of the curve that frames are sampled from: of the parabola through
     the frame and its neighbours, at a clip's end through the three nearest.
     """

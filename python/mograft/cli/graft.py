@@ -24,6 +24,7 @@ from mograft.cli._constraints import add_constraints, constraints
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mograft._arrays import IntArray
     from mograft.config import Config
     from mograft.grafting import Graft
     from mograft.groups import JointGroups
@@ -75,6 +76,16 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         help="with --choice sample: how much dearer than the cheapest a draw may be (default 1)",
     )
     graft.add_argument(
+        "--scenario",
+        default="original",
+        metavar="original|graph|N,...",
+        help="what the base group does: a clip as it is (default), a random walk from segment "
+        "to segment, or the segments of these numbers one after the other",
+    )
+    graft.add_argument(
+        "--duration", type=float, metavar="S", help="seconds of --scenario graph (default 60)"
+    )
+    graft.add_argument(
         "--seam",
         choices=("offset", "paper", "displacement", "inertial", "dead"),
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
@@ -106,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
         if single
         else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
     )
+    _check_scenario(options)
     page = options.output.with_suffix(".html") if single else options.output / "index.html"
     pages = [page] if options.report else []
     check_free([*(p.with_suffix(e) for p in paths for e in ENDS), *pages], force=options.force)
@@ -117,7 +129,8 @@ def run(options: argparse.Namespace) -> int:
     with progress() as tell:
         library = Library.build(files, groups, config, progress=tell)
     base = _base(library, options.base)
-    many = {"constraints": wanted, "swap": swap, "seed": options.seed}
+    many: dict[str, Any] = {"constraints": wanted, "swap": swap, "seed": options.seed}
+    many["scenario"] = _scenario(library, options)
     grafts: Sequence[Graft]
     if options.repair:
         grafts = [repair(library, base, constraints=wanted, swap=swap)]
@@ -179,6 +192,29 @@ def _base(library: "Library", name: str | None) -> "Motion | None":
         if clip.path is not None and os.path.samefile(clip.path, name):
             return clip
     return read_bvh(name)
+
+
+def _check_scenario(options: argparse.Namespace) -> None:
+    scenario: str = options.scenario
+    numbers = [word.strip() for word in scenario.split(",")]
+    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
+        options.usage(f"--scenario must be original, graph or numbers of segments; got {scenario}")
+    if scenario != "original" and options.base is not None:
+        options.usage("--base must not be given with --scenario, which is the base itself")
+    if options.duration is not None and scenario != "graph":
+        options.usage("--duration is for --scenario graph")
+    if options.duration is not None and not options.duration > 0:
+        options.usage(f"--duration must be above 0 seconds; got {options.duration:g}")
+
+
+def _scenario(library: "Library", options: argparse.Namespace) -> "Sequence[int] | IntArray | None":
+    if options.scenario == "original":
+        return None
+    if options.scenario == "graph":
+        from mograft.scenario import walk
+
+        return walk(library, options.duration or 60.0, options.seed)
+    return [int(word) for word in options.scenario.split(",")]
 
 
 def _chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
