@@ -19,7 +19,7 @@ const MOST_NEIGHBOURS: f64 = 256.0;
 
 /// The most where it gets what it looks for, and yet they merge little: all is crowded in one
 /// place, and elsewhere there is nothing within the limit.
-const MANY_NEIGHBOURS: f64 = 48.0;
+const MANY_NEIGHBOURS: f64 = 12.0;
 
 /// Fewer edges than this part of those looked for are few.
 const THIN: f64 = 0.125;
