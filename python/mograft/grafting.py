@@ -674,7 +674,9 @@ def repair(
     while True:
         plan = _Plan.make(careful, base, swap, constraints)
         # What has been put right stays as it is when the clusters grow.
-        chosen = plan.problem.settled(chosen or plan.problem.own, plan.rows())
+        chosen = plan.problem.own if chosen is None else chosen
+        plan = replace(plan, problem=plan.problem.narrowed(chosen))
+        chosen = plan.problem.settled(chosen, plan.rows())
         graft = plan.build(chosen, 0, 0)
         if best is None or _missed_by(graft) < _missed_by(best):
             best = graft

@@ -30,6 +30,8 @@ Donors = dict[str, IntArray]
 """For every grafted group the donor at each position."""
 
 _ROUNDS = 8
+_NEAR = 3
+"""Positions about a missed one that a repair may come to change."""
 _TRIALS = 48
 _LONGEST = 8
 """Positions of a stretch whose rows are tried: of longer ones a few rows are no help."""
@@ -155,6 +157,22 @@ class Problem:
         for joint, parent in enumerate(skeleton.parents):
             name[joint] = own.get(joint, name[parent] if parent >= 0 else "")
         return {group: np.array([n == group for n in name]) for group in self.pools}
+
+    def narrowed(self, chosen: Donors) -> "Problem":
+        """Return the problem with other donors only where a choice misses something, and near."""
+        excess = self.excess(chosen)
+        candidates = {}
+        for group, lists in self.candidates.items():
+            near = self._missed(excess[group])
+            for _ in range(_NEAR):
+                near = _widened(near)
+            candidates[group] = [
+                mates if free else np.unique([own, donor])
+                for mates, free, own, donor in zip(
+                    lists, near, self.scenario, chosen[group], strict=True
+                )
+            ]
+        return replace(self, candidates=candidates)
 
     @property
     def own(self) -> Donors:

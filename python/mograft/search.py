@@ -85,16 +85,13 @@ def viterbi(chain: Chain) -> IntArray:
     """
     if not len(chain):
         return np.zeros(0, np.int64)
-    to_end = chain.alone[-1]
-    nexts: list[IntArray] = []
+    to_end = [chain.alone[-1]]
     for alone, after in zip(chain.alone[-2::-1], chain.after[::-1], strict=True):
-        through = after + to_end
-        onward = through.argmin(axis=1)
-        nexts.append(onward)
-        to_end = alone + through[np.arange(len(alone)), onward]
-    chosen = [int(to_end.argmin())]
-    for onward in reversed(nexts):
-        chosen.append(int(onward[chosen[-1]]))
+        to_end.append(alone + (after + to_end[-1]).min(axis=1))
+    to_end.reverse()
+    chosen = [int(to_end[0].argmin())]
+    for after, onward in zip(chain.after, to_end[1:], strict=True):
+        chosen.append(int((after[chosen[-1]] + onward).argmin()))
     return np.array(chosen, np.int64)
 
 
