@@ -98,7 +98,7 @@ def test_figures_in_their_colours_are_seen_and_move_when_scrubbed(browser, path,
         before = pixels(page, ".stage")
         page.evaluate("mograft.seek(75)")
         after = pixels(page, ".stage")
-        assert (np.abs(after - before).max(axis=-1) > 0.1).sum() > 10
+        assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.002
 
 
 def test_playing_goes_on_and_stops(browser, path):
