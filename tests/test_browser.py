@@ -91,6 +91,14 @@ def test_figures_in_their_colours_are_seen_and_move_when_scrubbed(browser, path,
         after = pixels(page, ".stage")
         assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.005
         assert page.locator("[data-part=rows]").get_attribute("aria-valuenow") == "60"
+        # With a camera that stands still and no floor, only the figures move.
+        page.keyboard.press("f")
+        page.keyboard.press("g")
+        page.evaluate("mograft.seek(60)")
+        before = pixels(page, ".stage")
+        page.evaluate("mograft.seek(75)")
+        after = pixels(page, ".stage")
+        assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.002
 
 
 def test_playing_goes_on_and_stops(browser, path):

@@ -365,7 +365,7 @@ def test_the_khronos_validator_finds_nothing_to_say(motion, tmp_path):
         "lone": Motion(lone, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]]),
         "many": Motion(many, 0.1, quats, np.tile(many.offsets, (3, 1, 1))),
         "far": replace(motion, positions=motion.positions + 1e5),
-        "hostile": replace(motion, name=HOSTILE[4]),
+        "hostile": replace(motion, name=HOSTILE[-2]),
     }
     for name, item in motions.items():
         write_glb(item, tmp_path / f"{name}.glb")

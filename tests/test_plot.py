@@ -121,9 +121,15 @@ def test_the_dendrogram_cuts_where_the_clusters_were_cut(library, axes):
     assert len(branches) == n - 1
     tops = np.array([own[:, 1].max() for own in branches])
     assert (tops <= library.sigma["lower"]).sum() == n - (library.labels["lower"].max() + 1)
+    grey = [own for c in axes.collections for own in c.get_segments() if _is_grey(c)]
+    assert {own[:, 1].max() for own in grey} == set(tops[tops > library.sigma["lower"]])
     # No point is under two branches: leaves are a permutation.
     feet = sorted(x for own in branches for x, y in (own[0], own[3]) if y == 0)
     assert feet == list(range(n))
+
+
+def _is_grey(collection):
+    return np.ptp(collection.get_colors()[0, :3]) == 0
 
 
 def test_bars_are_the_sizes_of_the_clusters(library, axes):

@@ -36,6 +36,8 @@ HOSTILE = [
     "<img src=x onerror=\"document.title='owned'\">",
     "a&b\"c'd`e${1}</title>",
     "<!--<script>",
+    "</script <img src=x>",
+    "</script/x",
     "\u2028\u2029\u202eevil\u0000\ud800",
     "",
 ]

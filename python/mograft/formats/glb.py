@@ -155,7 +155,8 @@ class _File:
         if bounds:
             rows = array.reshape(len(array), -1)
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        self.data += array.tobytes() + bytes(-array.nbytes % 4)
+        # Every row is of whole words, so that each array begins at one, as it must.
+        self.data += array.tobytes()
         self.views.append(view)
         self.accessors.append(accessor)
         return len(self.accessors) - 1

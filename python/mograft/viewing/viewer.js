@@ -20,6 +20,7 @@
     speed: 1,
     overlay: false,
     follow: true,
+    stand: 0,
     trails: false,
     floor: true,
     loop: false,
@@ -79,15 +80,6 @@
     const path = new Float32Array(way.buffer, way.byteOffset, clip.kept * 3);
     clip.places = unpack(pose, path, clip);
     clip.way = smooth(path, clip.kept, Math.round(0.4 / (clip.dt * clip.step)));
-    clip.box = [0, 2].map((axis) => {
-      let low = Infinity;
-      let high = -Infinity;
-      for (let k = 0; k < clip.kept; k++) {
-        low = Math.min(low, path[k * 3 + axis]);
-        high = Math.max(high, path[k * 3 + axis]);
-      }
-      return [low, high];
-    });
     clip.now = new Float32Array(clip.nodes * 3);
   }
 
@@ -167,16 +159,11 @@
     const cosYaw = Math.cos(state.yaw);
     const sinPitch = Math.sin(state.pitch);
     const cosPitch = Math.cos(state.pitch);
-    let target;
-    let distance = 3.4 * tall;
-    if (state.follow) {
-      const k = Math.min(Math.round(frame / clip.step), clip.kept - 1) * 3;
-      target = [clip.way[k], scene.floor + 0.5 * tall, clip.way[k + 2]];
-    } else {
-      const [x, z] = first.box;
-      target = [(x[0] + x[1]) / 2, scene.floor + 0.4 * tall, (z[0] + z[1]) / 2];
-      distance += 0.8 * Math.hypot(x[1] - x[0], z[1] - z[0]);
-    }
+    // A camera that does not follow stands where it was when it was told so.
+    const seen = state.follow ? frame : ownFrame(clip, state.stand);
+    const k = Math.min(Math.round(seen / clip.step), clip.kept - 1) * 3;
+    const target = [clip.way[k], scene.floor + 0.5 * tall, clip.way[k + 2]];
+    let distance = (state.follow ? 3.4 : 5) * tall;
     distance /= state.zoom;
     // The figure takes two thirds of the height, and in narrow views most of the width.
     const focus = 2.25 * Math.min(1.25 * width, height);
@@ -707,6 +694,7 @@
 
   function toggle(name, value = !state[name]) {
     state[name] = value;
+    if (name === "follow") state.stand = state.frame;
     find(name).setAttribute("aria-pressed", value);
     placeCaptions();
     redraw();
@@ -779,7 +767,7 @@
     redraw();
   }
   function reset() {
-    Object.assign(state, { yaw: 0.55, pitch: 0.22, zoom: 1, pan: [0, 0] });
+    Object.assign(state, { yaw: 0.55, pitch: 0.22, zoom: 1, pan: [0, 0], stand: state.frame });
     redraw();
   }
 
