@@ -259,8 +259,9 @@ def cluster(points, diameter):
     return fcluster(linkage(points, "complete"), diameter, "distance")
 
 
-def candidates(labels, lengths, rate, config):
+def candidates(labels, lengths, rate, config, is_donor=None):
     """Return for each segment those that may take its place."""
+    is_donor = np.ones(len(labels), bool) if is_donor is None else is_donor
     found = []
     for i, length in enumerate(lengths):
         own = []
@@ -270,7 +271,7 @@ def candidates(labels, lengths, rate, config):
                 fits = gap <= max(config.max_stretch * length, config.length_slack * rate) + 1e-9
             else:
                 fits = gap < config.max_stretch * length - 1e-9
-            if fits or k == i:
+            if (fits and is_donor[k]) or k == i:
                 own.append(int(k))
         found.append(own)
     return found
@@ -320,6 +321,47 @@ def stretched(rotations, start, stop, count):
             ends = (rotations[at], rotations[at + 1], velocity[at], velocity[at + 1])
             result[sample] = hermite(*ends, rest / (count - 1))
     return result
+
+
+def cheapest(alone, after):
+    """Return the row of choices of least cost, choice by choice."""
+    ways = [(list(alone[0]), None)]
+    for own, pairs in zip(alone[1:], after, strict=True):
+        before = ways[-1][0]
+        costs, froms = [], []
+        for right in range(len(own)):
+            through = [before[left] + pairs[left, right] for left in range(len(before))]
+            froms.append(through.index(min(through)))
+            costs.append(min(through) + own[right])
+        ways.append((costs, froms))
+    at = ways[-1][0].index(min(ways[-1][0]))
+    chosen = [at]
+    for _, froms in reversed(ways[1:]):
+        at = froms[at]
+        chosen.append(at)
+    return np.array(chosen[::-1])
+
+
+def capsule_distances(ends, radii, others, other_radii):
+    """Return signed distances (F, n, m) of all capsules in every frame, without a loop."""
+    a, b = ends[:, :, None, 0], ends[:, :, None, 1]
+    c, d = others[:, None, :, 0], others[:, None, :, 1]
+    along, other, between = b - a, d - c, a - c
+
+    def dot(u, v):
+        return (u * v).sum(axis=-1)
+
+    aa, ee, f, g = dot(along, along), dot(other, other), dot(other, between), dot(along, between)
+    both = dot(along, other)
+    tiny = 1e-300
+    spread = aa * ee - both**2
+    s = np.where(spread > 0, ((both * f - g * ee) / np.maximum(spread, tiny)).clip(0, 1), 0.0)
+    t = (both * s + f) / np.maximum(ee, tiny)
+    s = np.where(t < 0, (-g / np.maximum(aa, tiny)).clip(0, 1), s)
+    s = np.where(t > 1, ((both - g) / np.maximum(aa, tiny)).clip(0, 1), s)
+    t = t.clip(0, 1)
+    apart = np.linalg.norm(a + along * s[..., None] - c - other * t[..., None], axis=-1)
+    return apart - radii[:, None] - other_radii
 
 
 def transplant(rotations, bounds, chosen, rate, config):

@@ -1,6 +1,7 @@
 """The command line as users meet it: what it prints, writes, refuses and returns."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,21 @@ def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):
     assert target.read_bytes() == before
 
 
+def test_the_choice_and_its_seed_are_the_users(capsys, folder, tmp_path):
+    def donors(name, *options):
+        code, out, _ = run(capsys, "graft", folder, "-o", tmp_path / name, "--json", *options)
+        assert code == 0
+        document = json.loads(out)["grafts"][0]
+        return document["config"]["choice"], document["substitutions"]
+
+    assert donors("a.bvh")[0] == "sample"
+    assert donors("b.bvh", "--seed", 1) != donors("c.bvh", "--seed", 2)
+    least = [donors(f"{s}.bvh", "--choice", "viterbi", "--seed", s) for s in (1, 2)]
+    assert least[0] == least[1]
+    assert donors("d.bvh", "--temperature", "0.001")[1] == least[0][1]
+    assert donors("f.bvh", "--preset", "paper")[0] == "random"
+
+
 def test_the_seam_can_be_chosen(capsys, folder, tmp_path):
     told = {}
     for seam in ("offset", "paper"):
@@ -84,6 +100,85 @@ def test_the_seam_can_be_chosen(capsys, folder, tmp_path):
         told[seam] = path.read_bytes()
     assert run(capsys, "graft", folder, "-o", tmp_path / "default.bvh")[0] == 0
     assert (tmp_path / "default.bvh").read_bytes() == told["offset"] != told["paper"]
+
+
+def hand_of(folder, frame):
+    motion = read_bvh(folder / "a.bvh")
+    return motion.world_positions()[frame, motion.skeleton.index("LeftHand")]
+
+
+def test_constraints_are_met_or_end_with_4_and_the_nearest_miss(capsys, folder, tmp_path):
+    near = ",".join(f"{x:.3f}" for x in hand_of(folder, 100))
+    reach = f"100:LeftHand:{near}~0.05"
+    code, out, _ = run(capsys, "graft", folder, "--reach", reach, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    motion = read_bvh(tmp_path / "a.bvh")
+    place = motion.world_positions()[100, motion.skeleton.index("LeftHand")]
+    assert np.linalg.norm(place - hand_of(folder, 100)) < 0.05 * 180
+    far = "100:LeftHand:0,900,0"
+    code, out, err = run(capsys, "graft", folder, "--reach", far, "-o", tmp_path / "b.bvh")
+    assert code == 4
+    assert "LeftHand is " in err
+    assert "heights" in err
+    assert "no choice of donors meets the constraints" in err
+    assert out == ""
+    assert not (tmp_path / "b.bvh").exists()
+    code, out, err = run(
+        capsys, "graft", folder, "--reach", far, "-o", tmp_path / "b.bvh", "--best-effort"
+    )
+    assert code == 0
+    document = json.loads((tmp_path / "b.json").read_text())
+    assert document["violations"][0]["constraint"] == "Reach"
+
+
+def test_repair_on_the_command_line_keeps_what_is_right(capsys, folder, tmp_path):
+    x, y, z = hand_of(folder, 300)
+    ball = f"sphere:{x:.2f},{y + 8:.2f},{z:.2f},5"
+    options = ["--repair", "--avoid", ball, "--best-effort", "--base", folder / "a.bvh"]
+    code, _, err = run(capsys, "graft", folder, *options, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    assert "segments exchanged" in err
+    old, new = read_bvh(folder / "a.bvh"), read_bvh(tmp_path / "a.bvh")
+    same = (old.channel_values == new.channel_values).all(axis=1)
+    assert same[:100].all()
+    assert not same.all()
+
+
+def test_candidates_are_listed_with_their_reasons(capsys, folder):
+    options = ["--clip", "a", "--segment", 12]
+    code, out, _ = run(capsys, "candidates", folder, *options)
+    assert code == 0
+    assert "a, frames " in out
+    assert " + a" in out
+    assert "segments are of other clusters" in out
+    ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
+    code, out, _ = run(capsys, "candidates", folder, *options, *ball)
+    document = json.loads(out)
+    assert document["schema"] == "mograft.candidates/1"
+    assert document["allowed"] == []
+    assert all("Avoid: touched" in c["refused"] for c in document["refused"])
+    last = document["frames"][1]
+    code, again, _ = run(capsys, "candidates", folder, "--clip", "a", "--frame", last, *ball)
+    assert json.loads(again) == document
+    code, _, err = run(capsys, "candidates", folder, "--segment", 99999)
+    assert code == 1
+    assert "--segment must be 0 to" in err
+
+
+def test_every_constraint_has_its_option(capsys, folder, tmp_path):
+    other = f"{folder / 'b.bvh'}@300,0,0,90"
+    options = ["--avoid", other, "--radius", "1.2", "--avoid-self", "--keep", "0-60"]
+    options += ["--avoid", "wall:0,-50,0,0,1,0", "--avoid", "box:900,0,0,5,5,5"]
+    options += ["--avoid", "capsule:900,0,0,900,90,0,5", "--face", "0,150,900@20-30"]
+    options += ["--only-from", "a,b", "--not-from", "b", "--max-stretch", "0.1"]
+    options += ["--max-angle", "30", "--best-effort"]
+    code, _, _ = run(capsys, "graft", folder, *options, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    document = json.loads((tmp_path / "a.json").read_text())
+    for s in document["substitutions"]:
+        assert s["clip"] == "a"
+        assert not (s["exchanged"] and s["frames"][0] <= 60)
+        assert abs(s["stretch"]) <= 0.1 / 0.9 + 1e-6
 
 
 def test_a_scenario_is_walked_or_given(capsys, folder, tmp_path):
@@ -142,6 +237,38 @@ def test_info_describes_files(capsys, folder):
     assert document["files"][0]["groups"]["lower"][0] == "Hips"
 
 
+def test_large_files_are_described_without_being_held(capsys, folder, monkeypatch):
+    whole = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
+    monkeypatch.setattr("mograft.cli.info._LARGE", 1000)
+    streamed = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
+    assert streamed.pop("faults") is None
+    assert whole.pop("faults") == []
+    assert streamed == whole
+    assert "see mograft check" in run(capsys, "info", folder / "a.bvh")[1]
+
+
+def test_check_judges_every_file(capsys, folder, tmp_path):
+    assert run(capsys, "check", folder)[0] == 0
+    motion = read_bvh(folder / "a.bvh")
+    places = motion.positions.copy()
+    places[100:] += 400.0
+    write_bvh(replace(motion, positions=places, channel_values=None), tmp_path / "leap.bvh")
+    text = (folder / "a.bvh").read_text()
+    (tmp_path / "short.bvh").write_text(text.replace("Frames: 600", "Frames: 601"))
+    (tmp_path / "bad.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
+    code, out, err = run(capsys, "check", tmp_path)
+    assert code == 3
+    assert "bad.bvh:4:2: expected OFFSET" in err
+    assert "teleport: frames 99 to 100" in out
+    assert "tolerated: " in out
+    assert run(capsys, "check", tmp_path / "short.bvh")[0] == 0
+    assert run(capsys, "check", "--strict", tmp_path / "short.bvh")[0] == 3
+    code, out, _ = run(capsys, "check", "--json", tmp_path)
+    document = json.loads(out)
+    assert document["schema"] == "mograft.check/1"
+    assert [bool(file["error"]) for file in document["files"]] == [True, False, False]
+
+
 def test_groups_can_be_edited_and_passed_back(capsys, folder, tmp_path):
     code, out, _ = run(capsys, "groups", folder / "a.bvh", "--preset", "lower_torso_arms")
     assert code == 0
@@ -193,6 +320,15 @@ def test_clips_of_different_skeletons_are_refused(capsys, folder, tmp_path):
         ["graft", "a.bvh", "-o", "out", "-n", "0"],
         ["graft", "a.bvh", "-o", "out", "--seed", "-1"],
         ["graft", "a.bvh", "-o", "out", "--groups", "wings"],
+        ["graft", "a.bvh", "-o", "out", "--choice", "whim"],
+        ["graft", "a.bvh", "-o", "out", "--reach", "5:Hand:1,2"],
+        ["graft", "a.bvh", "-o", "out", "--reach", "Hand:1,2,3"],
+        ["graft", "a.bvh", "-o", "out", "--avoid", "sphere:1,2,3"],
+        ["graft", "a.bvh", "-o", "out", "--keep", "9-3"],
+        ["graft", "a.bvh", "-o", "out", "--radius", "0"],
+        ["graft", "a.bvh", "-o", "out", "--repair", "-n", "2"],
+        ["candidates", "a.bvh"],
+        ["candidates", "a.bvh", "--segment", "1", "--frame", "2"],
     ],
 )
 def test_wrong_usage_ends_with_2(arguments, capsys):

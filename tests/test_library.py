@@ -145,7 +145,7 @@ def test_a_constant_pose_is_a_library_with_a_warning(motion):
 
 
 def test_a_lone_segment_is_a_library_with_a_warning(motion):
-    with pytest.warns(UserWarning, match="1 segments are too few"):
+    with pytest.warns(UserWarning, match="1 segment is too few to compare"):
         library = Library.build(motion[:4])
     assert len(library.segments) == 1
 
@@ -176,6 +176,39 @@ def test_a_motion_put_among_its_own_segments_falls_into_their_clusters(motion, l
         library.holding("walk")
 
 
+def test_a_motion_from_outside_stretches_no_cluster(motion, library):
+    other = dance(seed=8, strides=1).motion
+    longer, at = library.holding(other)
+    new = longer.segments.of_clip(at)
+    config = library.config
+    both = Library.build([motion, other], config=config)
+    assert len(both.segments) == len(longer.segments)
+    own = library.embedding["lower"]
+    points = project(library, other)
+    labels = longer.labels["lower"]
+    assert (labels[new] <= library.labels["lower"].max()).any()
+    for point, label in zip(points, labels[new], strict=True):
+        members = own.points[library.labels["lower"] == label]
+        if len(members):
+            assert np.linalg.norm(members - point, axis=1).max() <= library.sigma["lower"]
+
+
+def project(library, motion):
+    from mograft import segment
+    from mograft.embedding import features, normalise
+
+    own = library.embedding["lower"]
+    samples = normalise(
+        [motion],
+        segment(motion),
+        library.config,
+        root=library.root,
+        up=library.up,
+        heights=[heights(motion)],
+    )
+    return own.project(features(samples, own.joints, own.reference, has_root=True))
+
+
 def test_labels_follow_sigma_and_nothing_else_changes(library):
     wider = library.relabelled(replace(library.config, sigma_scale=1.5))
     assert wider.labels["lower"].max() < library.labels["lower"].max()
@@ -199,6 +232,7 @@ def test_candidates_are_listed_with_reasons(library):
         library.candidates(99_999, "upper")
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of leaps and the like, which are random here
 @settings(max_examples=20)
 @given(motions(min_frames=60, min_joints=3), st.integers(0, 1))
 def test_any_skeleton_goes_with_groups_of_its_own(motion, paper):

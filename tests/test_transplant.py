@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config, Motion, Segments, Skeleton, rotations
@@ -111,7 +111,41 @@ def test_other_joints_keep_every_number(lengths, seed, config):
         same_rotations(written, new.rotations[:, joint], 1e-9)
 
 
-@settings(deadline=None)
+@given(LENGTHS, SEEDS, CONFIGS)
+def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, seed, config):
+    """Files hold angles that no derivation gives, such as whole turns: they stay."""
+    rng = np.random.default_rng(seed)
+    cut = tiles(lengths)
+    base = clip(rng, cut)
+    turns = 360.0 * rng.integers(-2, 3, base.channel_values.shape)
+    base = replace(base, channel_values=base.channel_values + turns)
+    chosen = np.where(rng.random(len(cut)) < 0.7, np.arange(len(cut)), rng.integers(len(cut)))
+    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, config)
+    numbers = recombine(base, [part], "new").channel_numbers()
+    for column, joint in enumerate(JOINTS):
+        same = (part.rotations[:, column] == base.rotations[:, joint]).all(axis=-1)
+        own = list(base.skeleton.channel_columns[joint])
+        np.testing.assert_array_equal(numbers[same][:, own], base.channel_values[same][:, own])
+
+
+@given(LENGTHS, SEEDS, st.integers(-3, 3))
+def test_new_angles_go_on_from_the_last_one_kept(lengths, seed, turns):
+    """A curve that stands at whole turns from zero stays there: no jump where a graft begins."""
+    rng = np.random.default_rng(seed)
+    cut = tiles(np.array([9, *lengths]))
+    base = clip(rng, cut)
+    base = replace(base, channel_values=base.channel_values + 360.0 * turns)
+    chosen = np.concatenate([[0], rng.integers(0, len(cut), len(lengths))])
+    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, Config())
+    numbers = recombine(base, [part], "new").channel_numbers()
+    for column, joint in enumerate(JOINTS):
+        changed = (part.rotations[:, column] != base.rotations[:, joint]).any(axis=-1)
+        begins = np.flatnonzero(changed[1:] & ~changed[:-1])
+        own = list(base.skeleton.channel_columns[joint])
+        steps = numbers[begins + 1][:, own] - numbers[begins][:, own]
+        assert (np.abs(steps) <= 180.0 + 1e-9).all()
+
+
 @given(LENGTHS, SEEDS, PLAIN)
 def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
     rng = np.random.default_rng(seed)

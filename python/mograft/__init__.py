@@ -7,12 +7,34 @@ clustering) → `graft` → `Graft.motion` → `write_bvh`.
 from mograft import resample, rotations, scenario
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
 from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
-from mograft.clustering import cut, linkage, linkage_condensed, threshold
+from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
+from mograft.constraints import (
+    Avoid,
+    AvoidSelf,
+    Box,
+    Capsule,
+    Character,
+    Constraint,
+    Custom,
+    Face,
+    HalfSpace,
+    KeepOriginal,
+    KeepOut,
+    MaxAngle,
+    MaxStretch,
+    NotFrom,
+    OnlyFrom,
+    Poses,
+    Reach,
+    Sphere,
+    Violation,
+)
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
 from mograft.footskate import FeetReport, foot_skate, plant_feet
-from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many
+from mograft.formats import read_npz, write_csv, write_glb, write_npz
+from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
 from mograft.groups import JointGroups, subtree
 from mograft.interop import from_pybvh, to_pybvh
 from mograft.library import Library
@@ -20,28 +42,50 @@ from mograft.motion import Motion
 from mograft.segmentation import Segments, kinetic_energy, segment
 from mograft.skeleton import EndSite, Skeleton
 from mograft.substitution import Candidate, Candidates
+from mograft.viewing import Page, report_page, view
 
 __all__ = [
+    "Avoid",
+    "AvoidSelf",
+    "Box",
     "BvhError",
     "BvhSummary",
     "Candidate",
     "Candidates",
+    "Capsule",
+    "Character",
+    "CompleteLinkage",
     "Config",
+    "Constraint",
+    "Custom",
     "EndSite",
+    "Face",
     "Fault",
     "FeetReport",
     "Graft",
     "Grafts",
+    "HalfSpace",
     "JointGroups",
+    "KeepOriginal",
+    "KeepOut",
     "Library",
     "LibraryError",
+    "MaxAngle",
+    "MaxStretch",
     "MograftError",
     "Motion",
+    "NotFrom",
+    "OnlyFrom",
+    "Page",
+    "Poses",
+    "Reach",
     "Seam",
     "Segments",
     "Skeleton",
     "SkeletonMismatchError",
+    "Sphere",
     "Substitution",
+    "Violation",
     "__version__",
     "cut",
     "find_faults",
@@ -54,6 +98,9 @@ __all__ = [
     "linkage_condensed",
     "plant_feet",
     "read_bvh",
+    "read_npz",
+    "repair",
+    "report_page",
     "resample",
     "rotations",
     "scan_bvh",
@@ -62,5 +109,9 @@ __all__ = [
     "subtree",
     "threshold",
     "to_pybvh",
+    "view",
     "write_bvh",
+    "write_csv",
+    "write_glb",
+    "write_npz",
 ]

@@ -265,8 +265,9 @@ def embed(
     _warn_of_the_cut(matrix[:, :n_rotations], group)
     # Lengths alone are nothing to go by: a motion without motion is cut evenly.
     if n < 3 or (matrix[:, :-1].std(axis=0) < 1e-9).all():
-        what = f"{n} segments are too few" if n < 3 else f"all {n} segments are alike"
-        warnings.warn(f"group {group}: {what} to be compared; each is left by itself", stacklevel=2)
+        few = f"{n} segment{'s are' if n > 1 else ' is'} too few to compare"
+        what = few if n < 3 else f"all {n} segments are alike"
+        warnings.warn(f"group {group}: {what}; each is left by itself", stacklevel=2)
         return None
     mean, scale, components, variances = pca(matrix, config.components, floors)
     points = ((matrix - mean) / scale) @ components

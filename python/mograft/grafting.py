@@ -1,21 +1,25 @@
 """From a library and a base motion to new motions: choose, recombine, report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import chain, islice, product
 from typing import Any, overload
 
 import numpy as np
 
 from mograft._arrays import BoolArray, IntArray, as_indices
+from mograft.constraints import Constraint, MaxAngle, Violation, violations
 from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
+from mograft.planning import Donors, Problem, take
+from mograft.search import best, diverse, sample, viterbi
 from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
-from mograft.substitution import choose, reachable
+from mograft.substitution import Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
-__all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many"]
+__all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many", "repair"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,11 @@ class Substitution:
         First and last frame of the donor in its clip.
     stretch : float
         By which part of its own length the donor was made longer (above 0) or shorter.
+    cost : float
+        What the donor costs by itself, seams and constraints apart; see `Config`.
+    gap_before, gap_after : float
+        Mean joint angle, in radians, between the poses that meet at its seams; 0 where the
+        donors are neighbours in a clip too, or there is none.
     """
 
     group: str
@@ -47,6 +56,9 @@ class Substitution:
     donor_start: int
     donor_stop: int
     stretch: float
+    cost: float = 0.0
+    gap_before: float = 0.0
+    gap_after: float = 0.0
 
     @property
     def is_own(self) -> bool:
@@ -95,6 +107,8 @@ class Graft:
         The seed that it was chosen by.
     index : int
         Its number among those of the same seed, from 0.
+    violations : tuple of Violation
+        Where hard constraints are not met; empty where all are.
     feet : FeetReport or None
         What was done to make feet stand still; None where the base group keeps them.
     scenario : tuple of int
@@ -109,6 +123,7 @@ class Graft:
     alternatives: dict[str, IntArray]
     seed: int
     index: int
+    violations: tuple[Violation, ...] = ()
     feet: FeetReport | None = None
     scenario: tuple[int, ...] = ()
 
@@ -116,8 +131,20 @@ class Graft:
         new = sum(not s.is_own for s in self.substitutions)
         return f"Graft({self.motion.name}: {new} of {len(self.substitutions)} parts exchanged)"
 
-    def report(self) -> str:
-        """Return in words what was exchanged, what was kept and why, and the seams."""
+    def _repr_html_(self) -> str:
+        # Pages stand at the end of the way of the data: only notebooks need them here.
+        from mograft.viewing.page import embedded
+
+        return embedded(self)
+
+    def report(self, *, each: bool = False) -> str:
+        """Return in words what was exchanged, what was kept and why, and the seams.
+
+        Parameters
+        ----------
+        each : bool
+            Whether to list every exchange: the donor, its frames, its cost and its seams.
+        """
         lines = [f"{self.motion.name}: {self.base.n_frames} frames of {self.base.name}"]
         limit = self.library.config.max_angle
         for group, counts in self.alternatives.items():
@@ -135,6 +162,15 @@ class Graft:
                 )
             if wide:
                 lines.append(f"    {wide} seams are wider than {np.degrees(limit):.0f}°")
+            if each:
+                lines += [
+                    f"    {s.start}-{s.stop} from {s.clip} {s.donor_start}-{s.donor_stop}: "
+                    f"cost {s.cost:.2f}, stretch {s.stretch:+.2f}, seams "
+                    f"{np.degrees(s.gap_before):.1f}° and {np.degrees(s.gap_after):.1f}°"
+                    for s in own
+                    if not s.is_own
+                ]
+        lines += [f"  {violation.message}" for violation in self.violations]
         if self.feet is not None:
             feet = self.feet
             lines.append(
@@ -188,12 +224,27 @@ class Graft:
                     "clip_frames": [s.donor_start, s.donor_stop],
                     "exchanged": not s.is_own,
                     "stretch": round(s.stretch, 6),
+                    "cost": round(s.cost, 6),
+                    "gaps_degrees": [
+                        round(float(np.degrees(gap)), 4) for gap in (s.gap_before, s.gap_after)
+                    ],
                 }
                 for s in self.substitutions
             ],
             "seams": [
                 {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
                 for s in self.seams
+            ],
+            "violations": [
+                {
+                    "constraint": type(v.constraint).__name__,
+                    "frames": list(v.frames),
+                    "worst_frame": v.worst,
+                    "joint": v.joint,
+                    "tolerances": round(v.error, 4),
+                    "message": v.message,
+                }
+                for v in self.violations
             ],
             "feet": None if self.feet is None else asdict(self.feet),
             "kept_without_candidate": {
@@ -207,7 +258,7 @@ class Grafts(Sequence[Graft]):
     """Several grafts on one base; each is made when it is asked for, and not kept."""
 
     _plan: "_Plan"
-    _draws: tuple[dict[str, IntArray], ...]
+    _draws: tuple[Donors, ...]
     _seed: int
 
     def __len__(self) -> int:
@@ -231,13 +282,12 @@ class Grafts(Sequence[Graft]):
 class _Plan:
     """What all grafts on one base have in common."""
 
-    library: Library
-    base: Motion
-    cut: Segments
-    scenario: IntArray
-    alive: dict[str, list[IntArray]]
-    gaps: dict[str, list[Any]]
+    problem: Problem
     order: tuple[int, ...] = ()
+
+    @property
+    def base(self) -> Motion:
+        return self.problem.base
 
     @classmethod
     def make(
@@ -245,44 +295,93 @@ class _Plan:
         library: Library,
         base: Motion | str | None,
         swap: Sequence[str] | None,
-        order: Sequence[int] | IntArray | None,
+        constraints: Sequence[Constraint],
+        order: Sequence[int] | IntArray | None = None,
     ) -> "_Plan":
         groups = _swapped(library, swap)
         if order is None:
             library, at = library.holding(base)
             scenario = library.segments.of_clip(at)
-            motion, cut = library.clips[at], _take(library.segments, scenario)
+            motion, cut = library.clips[at], take(library.segments, scenario)
         elif base is not None:
             raise ValueError("base must not be given with a scenario, which is the base itself")
         else:
             scenario = _checked(order, library)
             motion, cut = _arranged(library, scenario)
-        alive, gaps = {}, {}
-        for group in groups:
-            pool = library.pool(group)
-            positions = [pool.candidates(int(own), library.config) for own in scenario]
-            alive[group], gaps[group] = reachable(pool, positions, library.config)
         own_order = () if order is None else tuple(scenario.tolist())
-        return cls(library, motion, cut, scenario, alive, gaps, own_order)
+        problem = Problem.of(library, motion, scenario, cut, groups, constraints)
+        return cls(problem, own_order)
 
-    def choose(self, rng: np.random.Generator) -> dict[str, IntArray]:
-        config = self.library.config
-        return {
-            group: choose(alive, self.gaps[group], config, rng)
-            for group, alive in self.alive.items()
-        }
+    def rows(self) -> dict[str, Row]:
+        """Return what donors cost, group by group: each as the ones before it are cheapest."""
+        problem = self.problem
+        rows: dict[str, Row] = {}
+        chosen: Donors = {}
+        for group in problem.pools:
+            rows[group] = row = problem.row(group, chosen)
+            if problem.constraints:
+                chosen[group] = row.donors(viterbi(row.chain))
+        return rows
 
-    def build(self, chosen: dict[str, IntArray], seed: int, index: int) -> Graft:
-        library, segments = self.library, self.library.segments
+    def settled_draws(self, count: int, seed: int) -> list[Donors]:
+        """Choose donors for several motions, and change what does not meet the constraints."""
+        chance = self.problem.config.choice == "random"
+        rows = {} if chance and not self.problem.constraints else self.rows()
+        settled = [self.problem.settled(own, rows) for own in self.draws(rows, count, seed)]
+        return _distinct(settled)
+
+    def draws(self, rows: dict[str, Row], count: int, seed: int) -> list[Donors]:
+        """Choose donors for several motions, each different from the others."""
+        problem = self.problem
+        config = problem.config
+        rng = np.random.default_rng(seed)
+        if config.choice == "random":
+            ways = {
+                group: reachable(pool, problem.passing(group), config)
+                for group, pool in problem.pools.items()
+            }
+            return _different(
+                lambda: {group: choose(*way, config, rng) for group, way in ways.items()}, count
+            )
+        if config.choice == "sample":
+
+            def draw() -> Donors:
+                return {
+                    group: row.donors(sample(row.chain, config.temperature, rng))
+                    for group, row in rows.items()
+                }
+
+            return _different(draw, count)
+        if config.choice == "best":
+            lists = [best(row.chain, count) for row in rows.values()]
+            costs = [
+                [row.chain.cost(choices) for choices in own]
+                for row, own in zip(rows.values(), lists, strict=True)
+            ]
+            combined = _cheapest_sums(costs, count)
+        else:
+            lists = [diverse(row.chain, count, config.diversity) for row in rows.values()]
+            combined = _side_by_side([len(own) for own in lists], count)
+        return [
+            {
+                group: row.donors(own[at])
+                for (group, row), own, at in zip(rows.items(), lists, places, strict=True)
+            }
+            for places in combined
+        ]
+
+    def build(self, chosen: Donors, seed: int, index: int) -> Graft:
+        problem = self.problem
+        library = problem.library
         parts: list[Part] = []
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
         for group, donors in chosen.items():
-            taken = _take(segments, donors)
+            taken = take(library.segments, donors)
             joints = library.joints(group)
             part = transplant(
                 self.base,
-                self.cut,
+                problem.cut,
                 taken,
                 library.clips,
                 joints,
@@ -291,29 +390,53 @@ class _Plan:
                 up=library.up,
             )
             parts.append(part)
-            substitutions += _substitutions(library, group, self.cut, self.scenario, donors)
+            substitutions += _substitutions(problem, group, donors)
             seams += _seams(group, part)
-        name = f"{self.base.name}_graft{index}"
-        new = recombine(self.base, parts, name)
-        new, feet = self.on_its_feet(new, chosen)
+        motion = recombine(self.base, parts, f"{self.base.name}_graft{index}")
+        motion, feet = self.on_its_feet(motion, chosen)
         return Graft(
-            new,
+            motion,
             self.base,
             library,
             tuple(substitutions),
             tuple(seams),
-            {group: np.array([len(own) - 1 for own in self.alive[group]]) for group in chosen},
+            {
+                group: np.array([len(own) - 1 for own in problem.candidates[group]])
+                for group in chosen
+            },
             seed,
             index,
+            tuple(self.violated(motion, chosen)),
             feet,
             self.order,
         )
 
-    def on_its_feet(
-        self, new: Motion, chosen: dict[str, IntArray]
-    ) -> tuple[Motion, FeetReport | None]:
+    def violated(self, motion: Motion, chosen: Donors) -> list[Violation]:
+        """Return which hard constraints the finished motion does not meet."""
+        problem = self.problem
+        if not problem.constraints:
+            return []
+        poses = problem.poses.at(np.arange(motion.n_frames), *motion.world())
+        found = violations(problem.constraints, poses)
+        for constraint in problem.constraints:
+            if not isinstance(constraint, MaxAngle):
+                continue
+            for group, donors in chosen.items():
+                for at, angle in enumerate(problem.pools[group].gaps_along(donors).tolist()):
+                    if angle > constraint.limit:
+                        frame = int(problem.cut.stop[at])
+                        told = (
+                            f"MaxAngle is not met at frame {frame}: the seam of {group} is "
+                            f"{np.degrees(angle):.1f}°, {np.degrees(constraint.limit):.1f}° are "
+                            "allowed"
+                        )
+                        error = angle / constraint.limit
+                        found.append(Violation(constraint, (frame, frame), frame, error, "", told))
+        return found
+
+    def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
         """Make feet stand where they do in the clips that their legs come from."""
-        library, skeleton = self.library, new.skeleton
+        library, skeleton = self.problem.library, new.skeleton
         limbs = legs(skeleton)
         donors = {int(j): own for group, own in chosen.items() for j in library.joints(group)}
         grafted = [
@@ -321,8 +444,8 @@ class _Plan:
         ]
         if library.config.feet == "never" or not any(grafted):
             return new, None
-        sources = [donors.get(limb.ankle, self.scenario) for limb in limbs]
-        stands = _stands(library, self.cut, sources)
+        sources = [donors.get(limb.ankle, self.problem.scenario) for limb in limbs]
+        stands = _stands(library, self.problem.cut, sources)
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
@@ -363,7 +486,7 @@ def _checked(order: Sequence[int] | IntArray, library: Library) -> IntArray:
 
 def _arranged(library: Library, scenario: IntArray) -> tuple[Motion, Segments]:
     """Return the motion of segments one after the other, on its feet, and where they are in it."""
-    own = _take(library.segments, scenario)
+    own = take(library.segments, scenario)
     stops = np.cumsum(own.lengths)
     cut = Segments(stops - own.lengths, stops)
     first = library.clips[own.clip[0]]
@@ -409,6 +532,7 @@ def graft(
     library: Library,
     base: Motion | str | None = None,
     *,
+    constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
     scenario: Sequence[int] | IntArray | None = None,
@@ -422,10 +546,13 @@ def graft(
     base : Motion or str, optional
         The motion whose base group is kept, or its name in the library; one that is not in
         the library is cut and compared by the library's measures. Default: the first clip.
+    constraints : sequence of Constraint, optional
+        What the motion must do, or should: see `mograft.constraints`.
     swap : sequence of str, optional
         The groups to graft. Default: all but the base group.
     seed : int
-        Another seed, another motion; the same seed, the same numbers.
+        Of what is left to chance, with ``Config(choice="sample")`` and "random": another
+        seed, another motion. The same seed gives the same numbers.
     scenario : sequence of int, optional
         Segments of the library, one after the other, to be the base instead of a clip: any
         order that is wanted, or one of `mograft.scenario`. Each goes on from where the one
@@ -435,15 +562,18 @@ def graft(
     -------
     Graft
         The motion and where every part of it comes from. Where no donor passes the limits
-        the original is kept and the report says so.
+        the original is kept and the report says so. Hard constraints that cannot be met are
+        told in its `violations`: it is the best that was found.
 
     Raises
     ------
     SkeletonMismatchError
         If the base has another hierarchy than the library.
+    TypeError
+        If something is no constraint.
     ValueError
-        If a group is none, or is the base group; if a segment of the scenario is none, or
-        there is a base besides.
+        If a group is none, or is the base group, or a constraint names what is not there; if
+        a segment of the scenario is none, or there is a base besides.
 
     Examples
     --------
@@ -453,7 +583,9 @@ def graft(
     >>> new.motion.n_frames == library.clips[0].n_frames
     True
     """
-    return graft_many(library, base, 1, swap=swap, seed=seed, scenario=scenario)[0]
+    return graft_many(
+        library, base, 1, constraints=constraints, swap=swap, seed=seed, scenario=scenario
+    )[0]
 
 
 def graft_many(
@@ -461,6 +593,7 @@ def graft_many(
     base: Motion | str | None = None,
     count: int = 1,
     *,
+    constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
     scenario: Sequence[int] | IntArray | None = None,
@@ -469,7 +602,7 @@ def graft_many(
 
     Parameters
     ----------
-    library, base, swap, seed, scenario
+    library, base, constraints, swap, seed, scenario
         As for `graft`, which makes the first of them.
     count : int
         How many motions are wanted.
@@ -477,8 +610,9 @@ def graft_many(
     Returns
     -------
     Grafts
-        The motions, each made when it is asked for. Fewer than wanted where the donors allow
-        no more different ones (a hundred draws in a row give none).
+        The motions, each made when it is asked for. With the default choice the first is the
+        cheapest, and each pays for what the ones before it took. Fewer than wanted where the
+        donors allow no more different ones (a hundred draws in a row give none).
 
     Raises
     ------
@@ -489,19 +623,112 @@ def graft_many(
         raise ValueError(f"count must be a whole number from 1, got {count!r}")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
-    plan = _Plan.make(library, base, swap, scenario)
-    rng = np.random.default_rng(seed)
-    draws: dict[bytes, dict[str, IntArray]] = {}
+    plan = _Plan.make(library, base, swap, constraints, scenario)
+    return Grafts(plan, tuple(plan.settled_draws(count, seed)), seed)
+
+
+def repair(
+    library: Library,
+    base: Motion | str | None = None,
+    *,
+    constraints: Sequence[Constraint],
+    swap: Sequence[str] | None = None,
+    widest: float = 4.0,
+) -> Graft:
+    """Change a captured motion only where it does not meet constraints (paper, 5.2).
+
+    Parameters
+    ----------
+    library, base, constraints, swap
+        As for `graft`.
+    widest : float
+        Where no donor of the clusters helps, larger clusters are tried, up to this
+        `Config.sigma_scale`; it is in the graft's library which.
+
+    Returns
+    -------
+    Graft
+        The motion with other donors in those segments of the violating group in which a hard
+        constraint is not met, and in their neighbours where that is cheaper. Seams reach
+        `Config.seam_blend` seconds further; everything else is as captured, bit for bit. What
+        cannot be met is told in its `violations`.
+
+    Raises
+    ------
+    SkeletonMismatchError, TypeError, ValueError
+        As for `graft`.
+
+    Examples
+    --------
+    >>> from mograft.constraints import Avoid, Sphere
+    >>> from mograft.dancer import dance
+    >>> motion = dance(strides=1).motion
+    >>> far = Avoid(Sphere((0.0, 900.0, 0.0), 5.0))
+    >>> any(not s.is_own for s in repair(Library.build(motion), constraints=[far]).substitutions)
+    False
+    """
+    # The captured parts are what is wanted: an exchange gains nothing.
+    careful = replace(library, config=replace(library.config, novelty=0.0, choice="viterbi"))
+    best: Graft | None = None
+    chosen: Donors | None = None
+    while True:
+        plan = _Plan.make(careful, base, swap, constraints)
+        # What has been put right stays as it is when the clusters grow.
+        chosen = plan.problem.own if chosen is None else chosen
+        plan = replace(plan, problem=plan.problem.narrowed(chosen))
+        chosen = plan.problem.settled(chosen, plan.rows())
+        graft = plan.build(chosen, 0, 0)
+        if best is None or _missed_by(graft) < _missed_by(best):
+            best = graft
+        config = careful.config
+        wider = config.sigma_scale * 4 / 3
+        if not best.violations or wider > widest or not isinstance(config.sigma, str):
+            return best
+        careful = careful.relabelled(replace(config, sigma_scale=wider))
+
+
+def _missed_by(graft: Graft) -> float:
+    return sum(violation.error - 1.0 for violation in graft.violations)
+
+
+def _key(donors: Donors) -> bytes:
+    return b"".join(own.tobytes() for own in donors.values())
+
+
+def _distinct(several: Sequence[Donors]) -> list[Donors]:
+    return list({_key(donors): donors for donors in several}.values())
+
+
+def _different(draw: Callable[[], Donors], count: int) -> list[Donors]:
+    """Draw until there are as many different ones, or a hundred draws in a row give none."""
+    draws: dict[bytes, Donors] = {}
     while len(draws) < count:
         for _ in range(100):
-            chosen = plan.choose(rng)
-            key = b"".join(donors.tobytes() for donors in chosen.values())
-            if key not in draws:
+            chosen = draw()
+            if _key(chosen) not in draws:
                 break
         else:
             break
-        draws[key] = chosen
-    return Grafts(plan, tuple(draws.values()), seed)
+        draws[_key(chosen)] = chosen
+    return list(draws.values())
+
+
+def _cheapest_sums(costs: Sequence[Sequence[float]], count: int) -> list[tuple[int, ...]]:
+    """Return the places, one in each list of ascending costs, whose costs sum to the least."""
+    sums: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
+    for own in costs:
+        longer = [
+            (total + cost, (*places, at)) for total, places in sums for at, cost in enumerate(own)
+        ]
+        sums = sorted(longer)[:count]
+    return [places for _, places in sums]
+
+
+def _side_by_side(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
+    """Return different places in lists of some lengths, each list's in turn."""
+    turns = [tuple(turn % length for length in lengths) for turn in range(max(lengths))]
+    others = product(*(range(length) for length in lengths))
+    return list(islice(dict.fromkeys(chain(turns, others)), count))
 
 
 def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
@@ -520,26 +747,26 @@ def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
     return [name for name in others if name in wanted]
 
 
-def _take(segments: Segments, chosen: IntArray) -> Segments:
-    return Segments(segments.start[chosen], segments.stop[chosen], segments.clip[chosen])
-
-
-def _substitutions(
-    library: Library, group: str, cut: Segments, scenario: IntArray, donors: IntArray
-) -> Iterator[Substitution]:
+def _substitutions(problem: Problem, group: str, donors: IntArray) -> Iterator[Substitution]:
+    library, pool, cut = problem.library, problem.pools[group], problem.cut
     segments = library.segments
-    for place, (own, donor) in enumerate(zip(scenario.tolist(), donors.tolist(), strict=True)):
+    costs = pool.costs(problem.scenario, donors, problem.config)
+    gaps = [0.0, *pool.gaps_along(donors).tolist(), 0.0]
+    for at, (own, donor) in enumerate(zip(problem.scenario.tolist(), donors.tolist(), strict=True)):
         length, taken = int(segments.lengths[own]), int(segments.lengths[donor])
         yield Substitution(
             group,
-            int(cut.start[place]),
-            int(cut.stop[place]),
+            int(cut.start[at]),
+            int(cut.stop[at]),
             own,
             donor,
             library.clips[segments.clip[donor]].name,
             int(segments.start[donor]),
             int(segments.stop[donor]),
             length / taken - 1.0,
+            float(costs[at]),
+            gaps[at],
+            gaps[at + 1],
         )
 
 

@@ -5,10 +5,12 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mograft._arrays import BoolArray, IntArray
+from mograft import rotations
+from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body, up_axis
 from mograft.bvh import read_bvh
@@ -20,6 +22,9 @@ from mograft.groups import JointGroups
 from mograft.motion import Motion
 from mograft.segmentation import Segments, segment
 from mograft.substitution import Candidates, Pool
+
+if TYPE_CHECKING:
+    from mograft.constraints import Constraint
 
 __all__ = ["Library"]
 
@@ -178,14 +183,32 @@ class Library:
         joints = feature_joints(self.clips[0].skeleton, self.joints(group))
         n = len(self.segments)
         first, last = np.empty((n, len(joints), 4)), np.empty((n, len(joints), 4))
+        leaving, reaching = np.empty((n, len(joints), 3)), np.empty((n, len(joints), 3))
         for index, clip in enumerate(self.clips):
             own = self.segments.of_clip(index)
-            first[own] = clip.rotations[self.segments.start[own][:, None], joints]
-            last[own] = clip.rotations[self.segments.stop[own][:, None], joints]
+            start, stop = self.segments.start[own], self.segments.stop[own]
+            first[own] = clip.rotations[start[:, None], joints]
+            last[own] = clip.rotations[stop[:, None], joints]
+            leaving[own] = _velocities(clip, start, joints)
+            reaching[own] = _velocities(clip, stop, joints)
         base = self.groups.base
-        return Pool(self.segments, self.labels[base], self.is_donor, first, last, self.rate)
+        compared = self.embedding[base]
+        return Pool(
+            self.segments,
+            self.labels[base],
+            self.is_donor,
+            first,
+            last,
+            self.rate,
+            leaving,
+            reaching,
+            None if compared is None else compared.points,
+            self.sigma[base],
+        )
 
-    def candidates(self, segment: int, group: str) -> Candidates:
+    def candidates(
+        self, segment: int, group: str, constraints: Sequence["Constraint"] = ()
+    ) -> Candidates:
         """Return which segments may lend one their part of a group, and why others may not.
 
         Parameters
@@ -194,6 +217,9 @@ class Library:
             Index of the base segment.
         group : str
             The group to graft.
+        constraints : sequence of Constraint, optional
+            What a motion on the segment's clip must do; hard ones refuse donors that miss
+            them as they are, put in the segment's place.
 
         Returns
         -------
@@ -209,8 +235,13 @@ class Library:
             raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
         if group == self.groups.base:
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")
-        base = self.embedding[self.groups.base]
-        return self.pool(group).judge(segment, None if base is None else base.points, self.config)
+        pool = self.pool(group)
+        judged = pool.judge(segment, pool.points, self.config)
+        if not constraints:
+            return judged
+        from mograft.planning import reasons  # which stands on this module
+
+        return reasons(self, segment, group, judged, constraints)
 
     def relabelled(self, config: Config) -> "Library":
         """Return the library clustered anew, and used by, another configuration.
@@ -312,9 +343,13 @@ class Library:
         samples = normalise(
             [motion], own, self.config, root=self.root, up=self.up, heights=[height]
         )
+        embedding = {
+            group: None if seen is None else _with_points(seen, samples)
+            for group, seen in self.embedding.items()
+        }
         labels = {
             group: np.concatenate(
-                [known, _nearest_cluster(self.embedding[group], known, samples, self.sigma[group])]
+                [known, _nearest_cluster(embedding[group], known, len(own), self.sigma[group])]
             )
             for group, known in self.labels.items()
         }
@@ -326,11 +361,12 @@ class Library:
                 *(np.concatenate([getattr(c, f) for c in cuts]) for f in ("start", "stop", "clip"))
             ),
             is_donor=np.concatenate([self.is_donor, np.zeros(len(own), bool)]),
+            embedding=embedding,
             labels=labels,
         )
 
 
-_SPOILING = ("first_frame", "teleport", "glitch", "flip")
+SPOILING = ("first_frame", "teleport", "glitch", "flip")
 """Kinds of faults that make the frames they are in unfit to be used elsewhere."""
 
 _BUILT_BY = (
@@ -440,7 +476,7 @@ def _without_faults(clips: Sequence[Motion], segments: Segments) -> BoolArray:
     good = np.ones(len(segments), bool)
     for index, clip in enumerate(clips):
         own = segments.of_clip(index)
-        faults = [fault for fault in find_faults(clip) if fault.kind in _SPOILING]
+        faults = [fault for fault in find_faults(clip) if fault.kind in SPOILING]
         for fault in faults:
             first, last = fault.frames
             good[own[(segments.start[own] <= last) & (segments.stop[own] >= first)]] = False
@@ -455,21 +491,36 @@ def _without_faults(clips: Sequence[Motion], segments: Segments) -> BoolArray:
     return good
 
 
+def _velocities(clip: Motion, frames: IntArray, joints: IntArray) -> FloatArray:
+    """Return joints' angular velocities in their own frames, in radians per second."""
+    before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, clip.n_frames - 1)
+    turned = rotations.multiply(
+        rotations.inverse(clip.rotations[before[:, None], joints]),
+        clip.rotations[after[:, None], joints],
+    )
+    per_second: FloatArray = rotations.log(turned) * (clip.rate / (after - before))[:, None, None]
+    return per_second
+
+
+def _with_points(embedding: Embedding, samples: Samples) -> Embedding:
+    """Return the embedding with new segments projected into it, behind those that are there."""
+    matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
+    return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
+
+
 def _nearest_cluster(
-    embedding: Embedding | None, labels: IntArray, samples: Samples, sigma: float
+    embedding: Embedding | None, labels: IntArray, n_new: int, sigma: float
 ) -> IntArray:
     """Return the cluster of each new segment: one that stays within the diameter, or a new one."""
-    n = len(samples.lengths)
-    fresh: IntArray = labels.max(initial=-1) + 1 + np.arange(n)
+    fresh: IntArray = labels.max(initial=-1) + 1 + np.arange(n_new)
     if embedding is None:
         return fresh
-    matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
-    points = embedding.project(matrix)
+    known, points = embedding.points[:-n_new], embedding.points[-n_new:]
     order = np.argsort(labels, kind="stable")
     starts = np.flatnonzero(np.diff(labels[order], prepend=-1))
     chosen = fresh.copy()
     for index, point in enumerate(points):
-        distances = np.linalg.norm(embedding.points[order] - point, axis=1)
+        distances = np.linalg.norm(known[order] - point, axis=1)
         fits = np.maximum.reduceat(distances, starts) <= sigma
         if fits.any():
             nearest = np.where(fits, np.minimum.reduceat(distances, starts), np.inf)

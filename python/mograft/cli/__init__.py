@@ -1,7 +1,7 @@
 """The command line: a thin layer over the public functions.
 
 Results go to stdout, progress and remarks to stderr. Exit codes: 0 done, 1 failed at run
-time, 2 usage, 3 invalid input file, 130 interrupted.
+time, 2 usage, 3 invalid input file, 4 no donors satisfy the constraints, 130 interrupted.
 """
 
 import argparse
@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 
 from mograft import __version__
-from mograft.cli import demo, graft, groups, info
+from mograft.cli import candidates, check, demo, export, graft, groups, info, plot, view
 from mograft.cli._common import say
 from mograft.errors import BvhError, MograftError
 
@@ -60,6 +60,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mograft {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (demo, info, groups, graft):
+    for command in (demo, info, check, groups, candidates, graft, view, plot, export):
         command.add(commands)
     return parser

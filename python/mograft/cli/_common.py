@@ -4,15 +4,32 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft import __version__
+from mograft._files import write_text
 
 if TYPE_CHECKING:
     from mograft.grafting import Graft
+
+__all__ = [
+    "ENDS",
+    "PRESETS",
+    "add_making",
+    "at_least_one",
+    "check_free",
+    "expanded",
+    "print_json",
+    "progress",
+    "say",
+    "whole",
+    "write",
+    "write_report",
+    "write_text",
+]
 
 PRESETS = (
     "lower_upper",
@@ -27,7 +44,7 @@ ENDS = (".bvh", ".json")
 
 def add_making(parser: argparse.ArgumentParser) -> None:
     """Add what every command that makes motions takes."""
-    parser.add_argument("--seed", type=whole, default=0, help="another seed, another motion")
+    parser.add_argument("--seed", type=whole, default=0, help="of what is left to chance")
     parser.add_argument("--force", action="store_true", help="overwrite what is there")
 
 
@@ -78,14 +95,18 @@ def write(graft: "Graft", path: Path) -> Path:
     return path
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file so that it is there whole or not at all."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+def write_report(
+    grafts: "Sequence[Graft]", paths: Sequence[Path], target: Path, *, show: bool
+) -> Path:
+    """Write the page that tells of grafts, with links to their files; show it if wanted."""
+    from mograft.viewing.page import open_file
+    from mograft.viewing.report import report_page
+
+    links = [Path(os.path.relpath(path, target.parent)) for path in paths]
+    report_page(grafts, links).save(target, force=True)
+    if show and not open_file(target):
+        say("no browser was found: open the page yourself")
+    return target
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -17,16 +17,25 @@ from mograft.cli._common import (
     progress,
     say,
     write,
+    write_report,
 )
+from mograft.cli._constraints import add_constraints, constraints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mograft._arrays import IntArray
     from mograft.config import Config
+    from mograft.grafting import Graft
     from mograft.groups import JointGroups
     from mograft.library import Library
     from mograft.motion import Motion
+
+UNMET = 4
+"""Exit code: no choice of donors meets the constraints."""
+
+_REPORTED = 20
+"""Grafts that a report tells of: they are made anew for it and held together."""
 
 _WIDEST = 4.0
 """Clusters of four times the spread of all segments hold them all: more changes nothing."""
@@ -54,6 +63,19 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         "natural, larger more varied. Default: 0.75, and as much more as COUNT motions need",
     )
     graft.add_argument(
+        "--choice",
+        choices=("viterbi", "best", "sample", "nearest", "random"),
+        help="how donors are chosen: those of least cost in all (of several motions each keeps "
+        "away from the others), the several of least cost, drawn by their cost (default), those "
+        "of most similar legs, or by chance as in the paper",
+    )
+    graft.add_argument(
+        "--temperature",
+        type=float,
+        metavar="X",
+        help="with --choice sample: how much dearer than the cheapest a draw may be (default 1)",
+    )
+    graft.add_argument(
         "--scenario",
         default="original",
         metavar="original|graph|N,...",
@@ -73,14 +95,16 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         choices=("auto", "never"),
         help="make feet stand still: auto where the base group does not keep legs and root",
     )
+    graft.add_argument("--report", action="store_true", help="also write a page that shows them")
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
+    add_constraints(graft)
     graft.set_defaults(run=run, usage=graft.error)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.grafting import graft_many
+    from mograft.grafting import graft_many, repair
     from mograft.library import Library
 
     files = expanded(options.files)
@@ -94,15 +118,24 @@ def run(options: argparse.Namespace) -> int:
         else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
     )
     _check_scenario(options)
-    check_free([p.with_suffix(e) for p in paths for e in ENDS], force=options.force)
+    page = options.output.with_suffix(".html") if single else options.output / "index.html"
+    pages = [page] if options.report else []
+    check_free([*(p.with_suffix(e) for p in paths for e in ENDS), *pages], force=options.force)
+    if options.repair and options.count != 1:
+        options.usage("--repair makes one motion: -n must be 1")
+    wanted = constraints(options)
     groups, config = _chosen_groups(options), _chosen_config(options)
     swap = None if options.swap is None else options.swap.split(",")
     with progress() as tell:
         library = Library.build(files, groups, config, progress=tell)
     base = _base(library, options.base)
-    how: dict[str, Any] = {"swap": swap, "seed": options.seed}
-    how["scenario"] = _scenario(library, options)
-    grafts = graft_many(library, base, options.count, **how)
+    many: dict[str, Any] = {"constraints": wanted, "swap": swap, "seed": options.seed}
+    many["scenario"] = _scenario(library, options)
+    grafts: Sequence[Graft]
+    if options.repair:
+        grafts = [repair(library, base, constraints=wanted, swap=swap)]
+    else:
+        grafts = graft_many(library, base, options.count, **many)
     while len(grafts) < options.count and options.sigma_scale is None:
         wider = library.config.sigma_scale * 4 / 3
         if wider > _WIDEST or library.config.sigma not in ("rms", "literal"):
@@ -112,7 +145,19 @@ def run(options: argparse.Namespace) -> int:
             f"{library.config.sigma_scale:.3g}: trying {wider:.3g}, which is less strict"
         )
         library = library.relabelled(replace(library.config, sigma_scale=wider))
-        grafts = graft_many(library, base, options.count, **how)
+        grafts = graft_many(library, base, options.count, **many)
+    if wanted:
+        grafts = list(grafts)
+        missed = [graft for graft in grafts if graft.violations]
+        for graft in missed:
+            for violation in graft.violations:
+                say(f"{graft.motion.name}: {violation.message}")
+        if missed and not options.best_effort:
+            say(
+                f"error: no choice of donors meets the constraints in {len(missed)} of "
+                f"{len(grafts)} motions; nothing is written without --best-effort"
+            )
+            return UNMET
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     documents = []
     for path, graft in zip(paths, grafts, strict=False):
@@ -126,8 +171,14 @@ def run(options: argparse.Namespace) -> int:
             f"warning: the donors allow only {len(documents)} different motions, "
             f"not {options.count}; more clips or a larger --sigma-scale give more"
         )
+    if options.report:
+        shown = [grafts[at] for at in range(min(len(grafts), _REPORTED))]
+        write_report(shown, paths[: len(shown)], page, show=False)
+        if not options.json:
+            print(page)
     if options.json:
-        print_json({"schema": "mograft.grafts/1", "grafts": documents})
+        told = {"schema": "mograft.grafts/1", "grafts": documents}
+        print_json(told | ({"report": str(page)} if options.report else {}))
     return 0
 
 
@@ -181,5 +232,11 @@ def _chosen_config(options: argparse.Namespace) -> "Config":
     from mograft.config import Config
 
     config = Config.paper() if options.preset == "paper" else Config()
-    given = {"sigma_scale": options.sigma_scale, "seam": options.seam, "feet": options.feet}
+    given = {
+        "sigma_scale": options.sigma_scale,
+        "choice": options.choice,
+        "temperature": options.temperature,
+        "seam": options.seam,
+        "feet": options.feet,
+    }
     return replace(config, **{name: value for name, value in given.items() if value is not None})

@@ -34,6 +34,11 @@ pub enum Error {
         /// The segment's place in the list.
         segment: usize,
     },
+    /// A pair of capsules of which one is not there.
+    BadPair {
+        /// The pair's place in the list.
+        pair: usize,
+    },
 }
 
 impl std::error::Error for Error {}
@@ -55,6 +60,7 @@ impl fmt::Display for Error {
             Self::BadSegment { segment } => {
                 write!(f, "segment {segment} must lie within the clip and span at least 1 interval")
             }
+            Self::BadPair { pair } => write!(f, "pair {pair} must name capsules that are there"),
         }
     }
 }

@@ -11,7 +11,9 @@
 //! | [`forward`] | where the joints are in the world |
 //! | [`energy`] | how fast the links turn, and with what energy |
 //! | [`pose`] | how far poses are apart |
+//! | [`capsule`] | how far bodies are apart |
 
+pub mod capsule;
 pub mod energy;
 mod error;
 pub mod forward;

@@ -2,8 +2,8 @@
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
-use mograft_kinematics::{Error, forward, pose, resample, rotation};
-use numpy::{PyReadonlyArray1, PyUntypedArrayMethods as _};
+use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation};
+use numpy::{IntoPyArray as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -253,4 +253,54 @@ pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -
         .detach(|| pose::pose_gaps(from, to, n_joints))
         .map_err(value_error)?;
     into_array(py, gaps, &shape)
+}
+
+/// See `mograft.substitution.velocity_gaps`.
+#[pyfunction]
+pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -> Array<'py> {
+    let n_joints = ends.shape()[1];
+    let shape = [ends.shape()[0], starts.shape()[0]];
+    let (from, to) = (as_vecs(&ends)?, as_vecs(&starts)?);
+    let gaps = py
+        .detach(|| pose::velocity_gaps(from, to, n_joints))
+        .map_err(value_error)?;
+    into_array(py, gaps, &shape)
+}
+
+/// See `mograft.capsules.clearance`.
+#[pyfunction]
+pub fn clearance<'py>(
+    py: Python<'py>,
+    ends: Floats<'py>,
+    radii: Floats<'py>,
+    others: Floats<'py>,
+    other_radii: Floats<'py>,
+    at: Indices<'py>,
+    pairs: Vec<(usize, usize)>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let (own, far) = (as_vecs(&ends)?, as_vecs(&others)?);
+    let (radii, other_radii, at) = (radii.as_slice()?, other_radii.as_slice()?, as_usizes(&at)?);
+    let (distances, which) = py
+        .detach(|| capsule::clearance(own, radii, far, other_radii, &at, &pairs))
+        .map_err(value_error)?;
+    let n_frames = distances.len();
+    Ok((into_array(py, distances, &[n_frames])?.into_any(), which.into_pyarray(py).into_any()))
+}
+
+/// See `mograft.capsules.box_clearance`.
+#[pyfunction]
+pub fn box_clearance<'py>(
+    py: Python<'py>,
+    ends: Floats<'py>,
+    radii: Floats<'py>,
+    center: [f64; 3],
+    half: [f64; 3],
+    rotation: [f64; 4],
+) -> Array<'py> {
+    let (own, widths) = (as_vecs(&ends)?, radii.as_slice()?);
+    let (center, half, turn) = (center.into(), half.into(), DQuat::from_array(rotation));
+    let distances = py
+        .detach(|| capsule::box_clearance(own, widths, center, half, turn))
+        .map_err(value_error)?;
+    into_array(py, distances, &ends.shape()[..2])
 }

@@ -1,0 +1,168 @@
+"""Experiment 5.2: a dance beside a copy of itself, and only what collides is replaced.
+
+Run as ``python benches/collision.py FILE.bvh... [-o FOLDER]``; without files the built-in
+dancer is used. The copy is moved aside, facing the same way or turned about, to the place
+where its arms collide in the most frames while the rest of its body does not at all. Prints
+collisions before and after, the share of segments changed and the milliseconds; with ``-o``
+draws both motions at the worst collisions before and after.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import mograft as mg
+from mograft.anatomy import anatomy
+from mograft.planning import Problem, take
+
+RATE = 30.0
+DISTANCES = np.arange(0.25, 1.0, 0.05)
+DIRECTIONS = np.radians(np.arange(0, 360, 30))
+
+
+def copies(motion, poses):
+    """Characters at all distances and in all directions, facing either way."""
+    level = [axis for axis in range(3) if axis != poses.up]
+    for yaw in (0.0, np.pi):
+        # A copy that is turned about dances elsewhere: it is brought back to this one's middle.
+        own = poses.positions[:, 0].mean(axis=0)
+        home = own - (own if yaw == 0 else turn_about(own, poses.up))
+        for distance in DISTANCES:
+            for angle in DIRECTIONS:
+                offset = home.copy()
+                offset[level] += distance * poses.height * np.array([np.cos(angle), np.sin(angle)])
+                yield mg.Character(motion, tuple(offset), yaw), distance, np.degrees([angle, yaw])
+
+
+def turn_about(place, up):
+    turned = -place
+    turned[up] = place[up]
+    return turned
+
+
+def worst_place(motion, problem):
+    """The copy that meets the arms most often, and the rest of the body never."""
+    poses = problem.poses
+    # Trunk and head ride on the hips, which are kept: no arm that is replaced moves them.
+    arms = anatomy(motion.skeleton).joints("upper_arm", "forearm", "hand", "finger")
+    grafted = np.isin(np.arange(motion.n_joints), arms)
+    some = slice(None, None, 2)
+    thin = poses.at(poses.frames[some], poses.rotations[some], poses.positions[some])
+    found = None
+    for other, distance, angles in copies(motion, poses):
+        avoid = mg.Avoid(other)
+        if (avoid.errors(thin, ~grafted)[0] > 1).any():
+            continue
+        count = int((avoid.errors(thin, grafted)[0] > 1).sum())
+        if count and (found is None or count > found[0]):
+            if (avoid.errors(poses, ~grafted)[0] > 1).any():
+                continue
+            found = (count, other, distance, angles)
+    return found
+
+
+def strip(path, base, graft, other, frames, flesh):
+    """Draw both motions at some frames, before and after."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    poses = mg.Poses.of(base)
+    level = [axis for axis in range(3) if axis != poses.up]
+    away = np.array(other.offset)[level] if np.any(np.array(other.offset)[level]) else [1.0, 0.0]
+    across = np.array(away) / np.linalg.norm(away)
+    figure, axes = plt.subplots(2, len(frames), figsize=(3.2 * len(frames), 7), squeeze=False)
+    theirs, radii = other._flesh
+    for row, (name, motion) in enumerate((("before", base), ("after", graft.motion))):
+        own = mg.Poses.of(motion)
+        error, joint = mg.Avoid(other).errors(own)
+        for axis, frame in zip(axes[row], frames, strict=True):
+            for ends, widths, color in (
+                (own.ends[frame], flesh.radii, "tab:blue"),
+                (theirs[frame], radii, "tab:gray"),
+            ):
+                for capsule, radius in zip(ends, widths, strict=True):
+                    x, y = capsule[:, level] @ across, capsule[:, poses.up]
+                    hit = color == "tab:blue" and error[frame] > 1
+                    at = flesh.joints[int(np.argmin(np.abs(ends[:, 0] - capsule[0]).sum(axis=1)))]
+                    shade = "tab:red" if hit and at == joint[frame] else color
+                    axis.plot(
+                        x,
+                        y,
+                        color=shade,
+                        linewidth=max(radius / poses.height * 130, 1),
+                        solid_capstyle="round",
+                        alpha=0.6,
+                    )
+            depth = error[frame] * 0.005
+            axis.set_title(f"{name}, frame {frame}: {depth:.3f} heights", fontsize=9)
+            axis.set_aspect("equal")
+            axis.axis("off")
+    figure.tight_layout()
+    figure.savefig(path, dpi=70)
+    plt.close(figure)
+
+
+def run(motion, folder):
+    library = mg.Library.build(motion)
+    scenario = library.segments.of_clip(0)
+    cut = take(library.segments, scenario)
+    problem = Problem.of(library, motion, scenario, cut, ["upper"], [])
+    found = worst_place(motion, problem)
+    if found is None:
+        print(f"{motion.name}: no place where only the arms collide")
+        return True
+    _, other, distance, (angle, yaw) = found
+    avoid = mg.Avoid(other)
+    before, _ = avoid.errors(problem.poses)
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        graft = mg.repair(library, constraints=[avoid])
+        times.append(time.perf_counter() - start)
+    after, _ = avoid.errors(mg.Poses.of(graft.motion))
+    changed = sum(not s.is_own for s in graft.substitutions)
+    touched = (graft.motion.rotations != motion.rotations).any(axis=(1, 2)).mean()
+    print(
+        f"{motion.name}: {motion.n_frames} frames, {len(scenario)} segments; copy at "
+        f"{distance:.2f} heights, {angle:.0f}°, turned {yaw:.0f}°\n"
+        f"  before: {(before > 1).sum()} frames collide, {before.max() * 0.005:.4f} heights deep\n"
+        f"  after:  {(after > 1).sum()} frames collide, {after.max() * 0.005:.4f} heights deep\n"
+        f"  changed: {changed} of {len(scenario)} segments ({changed / len(scenario):.1%}), "
+        f"{touched:.1%} of frames, at sigma_scale {graft.library.config.sigma_scale:.2f}; "
+        f"{statistics.median(times) * 1e3:.0f} ms"
+    )
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        runs = np.flatnonzero(np.diff(before > 1, prepend=False, append=False)).reshape(-1, 2)
+        runs = sorted(runs.tolist(), key=lambda own: -before[own[0] : own[1]].max())[:4]
+        frames = sorted(own[0] + int(before[own[0] : own[1]].argmax()) for own in runs)
+        strip(folder / f"{motion.name}.png", motion, graft, other, frames, problem.poses.capsules)
+    return after.max() <= 1.0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="*")
+    parser.add_argument("-o", "--output", type=Path)
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    if options.files:
+        motions = [mg.read_bvh(path) for path in options.files]
+    else:
+        from mograft.dancer import dance
+
+        motions = [dance(seed=1, strides=3).motion]
+    motions = [m.resample(RATE) if m.rate > RATE + 5 else m for m in motions]
+    met = [run(motion, options.output) for motion in motions]  # every one, whatever the first
+    return 0 if all(met) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

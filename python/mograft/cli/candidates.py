@@ -1,0 +1,88 @@
+"""``mograft candidates``: who may lend a segment its part, and why the rest may not."""
+
+import argparse
+import math
+from dataclasses import asdict
+from typing import Any
+
+from mograft.cli._common import PRESETS, expanded, print_json, progress, whole
+from mograft.cli._constraints import add_constraints, constraints
+
+
+def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "candidates", help="who may lend a segment its part, and why the rest may not"
+    )
+    parser.add_argument("files", nargs="+", metavar="FILE", help="BVH files")
+    parser.add_argument("--clip", metavar="NAME", help="the segment's clip; default: the first")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--segment", type=whole, metavar="N", help="its number in the clip, from 0")
+    where.add_argument("--frame", type=whole, metavar="N", help="or a frame that it holds")
+    parser.add_argument("--groups", default="lower_upper", choices=PRESETS, metavar="NAME")
+    parser.add_argument("--group", metavar="GROUP", help="the group to graft; default: the first")
+    parser.add_argument("--json", action="store_true", help="all of it as a JSON document")
+    add_constraints(parser)
+    parser.set_defaults(run=run, usage=parser.error)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from mograft.library import Library
+
+    wanted = constraints(options)
+    with progress() as tell:
+        library = Library.build(expanded(options.files), options.groups, progress=tell)
+    _, clip = library.holding(options.clip)
+    own = library.segments.of_clip(clip)
+    if options.segment is not None:
+        if options.segment >= len(own):
+            raise ValueError(f"--segment must be 0 to {len(own) - 1}, got {options.segment}")
+        segment = int(own[options.segment])
+    else:
+        stops = library.segments.stop[own]
+        if options.frame > stops[-1]:
+            raise ValueError(f"--frame must be 0 to {stops[-1]}, got {options.frame}")
+        segment = int(own[(stops < options.frame).sum()])
+    others = [name for name in library.groups.names if name != library.groups.base]
+    group = options.group or others[0]
+    found = library.candidates(segment, group, wanted)
+    start, stop = int(library.segments.start[segment]), int(library.segments.stop[segment])
+    names = [one.name for one in library.clips]
+
+    def row(candidate: Any) -> dict[str, Any]:  # noqa: ANN401 - a Candidate
+        plain = asdict(candidate)
+        plain["clip"] = names[candidate.clip]
+        return {
+            name: None if isinstance(value, float) and math.isnan(value) else value
+            for name, value in plain.items()
+        }
+
+    if options.json:
+        print_json(
+            {
+                "schema": "mograft.candidates/1",
+                "clip": names[clip],
+                "segment": segment - int(own[0]),
+                "frames": [start, stop],
+                "group": group,
+                "allowed": [row(c) for c in found.allowed],
+                "refused": [row(c) for c in found.refused],
+                "of_other_clusters": found.elsewhere,
+            }
+        )
+        return 0
+    print(f"{names[clip]}, frames {start} to {stop}: {group} of {len(found)} donors")
+    width = max(len(name) for name in names)
+    for candidate in (*found.allowed, *found.refused):
+        place = f"{names[candidate.clip]:{width}} {candidate.start:6}-{candidate.stop:<6}"
+        seams = "/".join(
+            f"{math.degrees(gap):.0f}°" for gap in (candidate.gap_before, candidate.gap_after)
+        )
+        mark = "-" if candidate.refused else "+"
+        print(
+            f" {mark} {place} cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
+            f"seams {seams:8} {candidate.refused}".rstrip()
+        )
+    print(f"   {found.elsewhere} segments are of other clusters")
+    return 0

@@ -1,0 +1,97 @@
+"""``mograft plot``: pictures of motions and of what was found in them."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mograft.cli._common import PRESETS, at_least_one, check_free, expanded, print_json
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters")
+ENDINGS = (".png", ".svg", ".pdf")
+
+
+def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
+    """Add the command to the parser."""
+    plot = commands.add_parser("plot", help="pictures of motions and of their clusters")
+    plot.add_argument("kind", choices=KINDS)
+    plot.add_argument("files", nargs="+", metavar="FILE", help="BVH files")
+    plot.add_argument(
+        "-o", "--output", type=Path, required=True, help="a .png, .svg or .pdf to write"
+    )
+    plot.add_argument("--groups", choices=PRESETS, default="lower_upper", help="joint groups")
+    plot.add_argument("--group", metavar="NAME", help="the one to show; default: the base group")
+    plot.add_argument("--poses", type=at_least_one, default=12, help="of a strip (default 12)")
+    plot.add_argument(
+        "--frames", type=_frames, metavar="FIRST-LAST", help="of a timeline, strip or energy curve"
+    )
+    plot.add_argument("--dark", action="store_true", help="light on dark")
+    plot.add_argument("--dpi", type=at_least_one, default=150, help="of a .png (default 150)")
+    plot.add_argument("--json", action="store_true", help="tell as JSON what was written")
+    plot.add_argument("--force", action="store_true", help="overwrite what is there")
+    plot.set_defaults(run=run, usage=plot.error)
+
+
+def _frames(text: str) -> tuple[int, int]:
+    first, dash, last = text.partition("-")
+    if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
+        raise argparse.ArgumentTypeError(f"must be FIRST-LAST, as 100-400, got {text}")
+    return int(first), int(last)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    target: Path = options.output
+    if target.suffix.lower() not in ENDINGS:
+        options.usage(f"-o must end in {', '.join(ENDINGS)}, got {target.name}")
+    check_free([target], force=options.force)
+    try:
+        import matplotlib as mpl
+    except ImportError as error:
+        raise ValueError("plots need matplotlib: pip install 'mograft[plot]'") from error
+    mpl.use("agg")
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
+    from matplotlib import pyplot
+
+    with mpl.rc_context(), pyplot.style.context("dark_background" if options.dark else "default"):
+        # The same input gives the same bytes: no date, and names of parts that do not change.
+        mpl.rcParams["svg.hashsalt"] = "mograft"
+        figure = _draw(options).get_figure(root=True)
+        assert figure is not None  # The axes were made with theirs.
+        draft = target.with_name(f".draft-{target.name}")
+        try:
+            figure.savefig(draft, dpi=options.dpi, metadata=metadata)
+            draft.replace(target)
+        finally:
+            draft.unlink(missing_ok=True)
+            pyplot.close("all")
+    if options.json:
+        print_json({"schema": "mograft.plot/1", "file": str(target), "kind": options.kind})
+    else:
+        print(target)
+    return 0
+
+
+def _draw(options: argparse.Namespace) -> "Axes":
+    from mograft import plot
+    from mograft.bvh import read_bvh
+    from mograft.library import Library
+
+    files = expanded(options.files)
+    if options.kind in ("strip", "energy"):
+        if len(files) != 1:
+            raise ValueError(f"{options.kind} shows one file, got {len(files)}")
+        motion = read_bvh(files[0])
+        if options.frames is not None:
+            motion = motion[options.frames[0] : options.frames[1] + 1]
+        if options.kind == "energy":
+            return plot.energy(motion)
+        return plot.strip(motion, options.poses, groups=options.groups)
+    library = Library.build(files, options.groups)
+    if options.kind == "timeline":
+        return plot.timeline(library, frames=options.frames)
+    return {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}[
+        options.kind
+    ](library, options.group)

@@ -1,0 +1,970 @@
+"""What a new motion must do, or should: collision, targets, and where donors come from.
+
+A constraint is a small frozen value. Its errors are counted in its own tolerance, so that 1
+is the most that is met. Without a weight it is hard: a motion that does not meet it is told
+as a violation. With one it is soft, and costs ``weight · error²``. Lengths of bodies and
+tolerances are in skeleton heights, places and sizes of things in the file's unit, frames are
+of the base motion, both ends included.
+"""
+
+import fnmatch
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from mograft import rotations
+from mograft._arrays import BoolArray, FloatArray, IntArray, as_floats
+from mograft.anatomy import anatomy
+from mograft.body import body, up_axis
+from mograft.capsules import Capsules, box_clearance, capsules, clearance
+from mograft.motion import Motion
+from mograft.segmentation import Segments
+from mograft.skeleton import Skeleton
+
+__all__ = [
+    "Avoid",
+    "AvoidSelf",
+    "Box",
+    "Capsule",
+    "Character",
+    "Constraint",
+    "Custom",
+    "Face",
+    "HalfSpace",
+    "KeepOriginal",
+    "KeepOut",
+    "MaxAngle",
+    "MaxStretch",
+    "NotFrom",
+    "Obstacle",
+    "OnlyFrom",
+    "Poses",
+    "Reach",
+    "Sphere",
+    "Violation",
+    "violations",
+]
+
+Vector = tuple[float, float, float]
+Span = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """A body in some frames, as constraints see it.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+        Whose it is.
+    frames : ndarray of int, shape (n,)
+        Frames of the base motion; one may come several times, in different poses.
+    rotations : ndarray, shape (n, n_joints, 4)
+        World rotations.
+    positions : ndarray, shape (n, n_joints, 3)
+        World positions.
+    frame_time : float
+        Seconds from one frame to the next.
+    capsules : Capsules
+        The flesh.
+    height : float
+        Stature in the file's unit.
+    up : int
+        The axis that points up.
+    """
+
+    skeleton: Skeleton
+    frames: IntArray
+    rotations: FloatArray
+    positions: FloatArray
+    frame_time: float
+    capsules: Capsules
+    height: float
+    up: int
+
+    @classmethod
+    def of(cls, motion: Motion, flesh: Capsules | None = None) -> "Poses":
+        """Return all frames of a motion.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion.
+        flesh : Capsules, optional
+            Its capsules. Default: those of `capsules`.
+        """
+        skeleton = motion.skeleton
+        return cls(
+            skeleton,
+            np.arange(motion.n_frames),
+            *motion.world(),
+            motion.frame_time,
+            capsules(skeleton) if flesh is None else flesh,
+            body(skeleton).height,
+            up_axis(motion),
+        )
+
+    def at(self, frames: IntArray, turned: FloatArray, placed: FloatArray) -> "Poses":
+        """Return the same body in other poses."""
+        return Poses(
+            self.skeleton,
+            frames,
+            turned,
+            placed,
+            self.frame_time,
+            self.capsules,
+            self.height,
+            self.up,
+        )
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @cached_property
+    def ends(self) -> FloatArray:
+        """Both ends of each capsule, shape (n, n_capsules, 2, 3)."""
+        return self.capsules.ends(self.rotations, self.positions)
+
+    def place(self, joint: str) -> FloatArray:
+        """Return where a joint is in the world, shape (n, 3)."""
+        return self.positions[:, self.skeleton.index(joint)]
+
+
+Errors = tuple[FloatArray, IntArray]
+"""For each pose the error, in tolerances, and the joint that has it; -1 where none has."""
+
+
+class Obstacle(Protocol):
+    """Something that a body can be near to."""
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return for each pose how far the nearest of some capsules is, and which that is."""
+        ...
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball.
+
+    Parameters
+    ----------
+    center : tuple of float
+        Its middle, in the file's unit.
+    radius : float
+        In the file's unit.
+    """
+
+    center: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        _vector(self, "center")
+        _not_negative(self, "radius")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        return Capsule(self.center, self.center, self.radius).distances(poses, counted)
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A pole with round ends.
+
+    Parameters
+    ----------
+    start, stop : tuple of float
+        The ends of its axis, in the file's unit.
+    radius : float
+        In the file's unit.
+    """
+
+    start: Vector
+    stop: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        _vector(self, "start")
+        _vector(self, "stop")
+        _not_negative(self, "radius")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        ends = np.array([[[self.start, self.stop]]])
+        return _nearest(poses, counted, ends, np.array([self.radius]), None)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box, turned as one likes.
+
+    Parameters
+    ----------
+    center : tuple of float
+        Its middle, in the file's unit.
+    half : tuple of float
+        Half of its length along each of its own axes.
+    rotation : tuple of float
+        A unit quaternion, xyzw. Default: along the axes of the world.
+    """
+
+    center: Vector
+    half: Vector
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        _vector(self, "center")
+        _vector(self, "half")
+        if min(self.half) < 0:
+            raise ValueError(f"half must not be negative, got {self.half}")
+        turn = as_floats("rotation", self.rotation, (4,))
+        if abs(np.linalg.norm(turn) - 1) > 1e-6:
+            raise ValueError(f"rotation must be a unit quaternion, got {self.rotation}")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        apart = box_clearance(
+            poses.ends[:, counted],
+            poses.capsules.radii[counted],
+            np.array(self.center, float),
+            np.array(self.half, float),
+            np.array(self.rotation, float),
+        )
+        return _least(apart, counted)
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """All that is behind a plane, such as a wall or the floor.
+
+    Parameters
+    ----------
+    point : tuple of float
+        A point of the plane, in the file's unit.
+    normal : tuple of float
+        Points to where the body may be; of any length.
+    """
+
+    point: Vector
+    normal: Vector
+
+    def __post_init__(self) -> None:
+        _vector(self, "point")
+        _vector(self, "normal")
+        if not any(self.normal):
+            raise ValueError("normal must not be zero")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        normal = np.array(self.normal, float) / np.linalg.norm(self.normal)
+        above = (poses.ends[:, counted] - np.array(self.point, float)) @ normal
+        return _least(above.min(axis=2) - poses.capsules.radii[counted], counted)
+
+
+@dataclass(frozen=True, eq=False)
+class Character:
+    """Somebody else who moves.
+
+    Parameters
+    ----------
+    motion : Motion
+        What they do, on a skeleton of their own. Before and after it they stand still.
+    offset : tuple of float
+        Where they are moved to, in the file's unit.
+    yaw : float
+        By what angle they are turned about the upward axis of the world first, in radians.
+    delay : float
+        How many seconds after the base motion they begin.
+    radius : float
+        Factor on the radii of their capsules.
+    """
+
+    motion: Motion
+    offset: Vector = (0.0, 0.0, 0.0)
+    yaw: float = 0.0
+    delay: float = 0.0
+    radius: float = 1.0
+
+    def __post_init__(self) -> None:
+        _vector(self, "offset")
+        _not_negative(self, "radius")
+
+    @cached_property
+    def _flesh(self) -> tuple[FloatArray, FloatArray]:
+        own = capsules(self.motion.skeleton)
+        ends = own.ends(*self.motion.world())
+        axis = np.zeros(3)
+        axis[up_axis(self.motion)] = 1.0
+        turn = np.broadcast_to(rotations.exp(self.yaw * axis), (*ends.shape[:-1], 4))
+        return rotations.rotate(turn, ends) + np.array(self.offset, float), own.radii * self.radius
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        ends, radii = self._flesh
+        seconds = poses.frames * poses.frame_time - self.delay
+        at = np.round(seconds / self.motion.frame_time).astype(np.int64)
+        return _nearest(poses, counted, ends, radii, at.clip(0, self.motion.n_frames - 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraint:
+    """What all constraints have.
+
+    Parameters
+    ----------
+    weight : float, optional
+        Cost of an error of one tolerance; it grows with the square. Default: hard.
+    frames : tuple of int, optional
+        First and last frame of the base motion in which it holds. Default: all.
+    """
+
+    weight: float | None = None
+    frames: Span | None = None
+
+    def __post_init__(self) -> None:
+        if self.weight is not None and not self.weight >= 0:
+            raise ValueError(f"weight must not be negative, got {self.weight}")
+        if self.frames is not None:
+            first, last = self.frames
+            if not 0 <= first <= last:
+                raise ValueError(f"frames must be first and last, ascending, got {self.frames}")
+
+    @property
+    def is_hard(self) -> bool:
+        """Whether it must be met."""
+        return self.weight is None
+
+    def applies(self, frames: IntArray) -> BoolArray:
+        """Tell in which frames it holds."""
+        if self.frames is None:
+            return np.ones(len(frames), bool)
+        return (frames >= self.frames[0]) & (frames <= self.frames[1])
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:  # noqa: ARG002
+        """Return the error of each pose, in tolerances.
+
+        Parameters
+        ----------
+        poses : Poses
+            The poses.
+        joints : ndarray of bool, shape (n_joints,), optional
+            The joints whose errors count. Default: all.
+
+        Returns
+        -------
+        error : ndarray, shape (n,)
+            At most 1 where it is met; 0 where it does not hold.
+        joint : ndarray of int, shape (n,)
+            The joint that is to blame, or -1.
+        """
+        return np.zeros(len(poses)), np.full(len(poses), -1)
+
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+        """Return by how much donors miss it, whatever their poses.
+
+        Parameters
+        ----------
+        own, donors : Segments
+            Base segments and donors for them, one for each, in their own clips.
+        clips : sequence of str
+            Names of the clips that `donors.clip` counts; the base's segments are donors too.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            0 where it is met; more than 1 where it is not.
+        """
+        del clips
+        return np.zeros(len(own) if len(own) == len(donors) else 0)
+
+    def tell(self, error: float, height: float) -> str:
+        """Say in words what an error is."""
+        del height
+        return f"{error:.3g} tolerances"
+
+
+@dataclass(frozen=True)
+class Avoid(Constraint):
+    """Keep all of the body out of something.
+
+    Parameters
+    ----------
+    obstacle : Obstacle
+        A `Sphere`, `Capsule`, `Box`, `HalfSpace` or `Character`.
+    tolerance : float
+        How deep it may be touched, in skeleton heights.
+    margin : float
+        How far it must be kept away from besides, in skeleton heights.
+    """
+
+    obstacle: Obstacle
+    tolerance: float = 0.005
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _above_zero(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _where(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        counted = _counted(poses.capsules, joints)
+        distance, which = self.obstacle.distances(poses, counted)
+        depth = self.margin * poses.height - distance
+        error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)
+        return error, np.where(which >= 0, poses.capsules.joints[which], -1)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        depth = error * self.tolerance
+        return (
+            f"touched {depth:.3f} heights ({depth * height:.3g}) deep, "
+            f"{self.tolerance:.3f} are allowed"
+        )
+
+
+@dataclass(frozen=True)
+class AvoidSelf(Constraint):
+    """Keep hands and forearms out of the trunk, the head, the thighs and each other.
+
+    Parameters
+    ----------
+    tolerance : float
+        How much deeper they may touch than `captured`, in skeleton heights.
+    captured : float
+        How deep they touch in the captured motion, in skeleton heights: flesh gives way,
+        and hands do lie on hips. `mograft.graft` sets it where it is 0.
+    """
+
+    tolerance: float = 0.005
+    captured: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _above_zero(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _where(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        flesh = poses.capsules
+        pairs = np.array(
+            [
+                (a, b)
+                for a, (part, side) in enumerate(zip(flesh.parts, flesh.sides, strict=True))
+                for b, (other, other_side) in enumerate(zip(flesh.parts, flesh.sides, strict=True))
+                if part in ("hand", "forearm")
+                and (joints is None or joints[flesh.joints[a]])
+                and (
+                    other in ("pelvis", "trunk", "head", "thigh")
+                    or (other in ("hand", "forearm") and side != other_side)
+                )
+            ],
+            np.int64,
+        ).reshape(-1, 2)
+        distance, which = clearance(
+            poses.ends, flesh.radii, poses.ends, flesh.radii, np.arange(len(poses)), pairs
+        )
+        depth = -distance - self.captured * poses.height
+        error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)
+        return error, np.where(which[:, 0] >= 0, flesh.joints[which[:, 0]], -1)
+
+    def depth(self, poses: Poses) -> float:
+        """Return how deep the body touches itself at most, in skeleton heights."""
+        error, _ = AvoidSelf(tolerance=1.0).errors(poses)
+        return float(error.max(initial=0.0))
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del height
+        depth = error * self.tolerance
+        return (
+            f"touches itself {depth:.3f} heights deeper than captured, "
+            f"{self.tolerance:.3f} are allowed"
+        )
+
+
+@dataclass(frozen=True)
+class Reach(Constraint):
+    """Have a joint in a place at a frame.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    target : tuple of float
+        The place in the world, in the file's unit.
+    frame : int
+        The frame of the base motion.
+    tolerance : float
+        How far away it may be, in skeleton heights.
+    """
+
+    joint: str
+    target: Vector
+    frame: int
+    tolerance: float = 0.03
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _vector(self, "target")
+        _above_zero(self, "tolerance")
+        if self.frame < 0:
+            raise ValueError(f"frame must not be negative, got {self.frame}")
+        object.__setattr__(self, "frames", (self.frame, self.frame))
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _where(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        at = poses.skeleton.index(self.joint)
+        if joints is not None and not joints[at]:
+            return np.zeros(len(poses)), np.full(len(poses), -1)
+        apart = np.linalg.norm(poses.positions[:, at] - np.array(self.target), axis=1)
+        return apart / (self.tolerance * poses.height), np.full(len(poses), at)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        apart = error * self.tolerance
+        return (
+            f"{self.joint} is {apart:.3f} heights ({apart * height:.3g}) away, "
+            f"{self.tolerance:.3f} are allowed"
+        )
+
+
+@dataclass(frozen=True)
+class Face(Constraint):
+    """Have a joint look at a place.
+
+    Parameters
+    ----------
+    target : tuple of float
+        The place in the world, in the file's unit.
+    joint : str, optional
+        The joint that looks. Default: the head.
+    tolerance : float
+        By what angle it may look past it, in radians. Default: 20°.
+    """
+
+    target: Vector
+    joint: str | None = None
+    tolerance: float = float(np.radians(20.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _vector(self, "target")
+        _above_zero(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _where(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        at = body(poses.skeleton).head
+        if self.joint is not None:
+            at = poses.skeleton.index(self.joint)
+        if at is None:
+            raise ValueError("joint must be given: the skeleton has no head")
+        if joints is not None and not joints[at]:
+            return np.zeros(len(poses)), np.full(len(poses), -1)
+        ahead = np.broadcast_to(_forward(poses.skeleton, poses.up), (len(poses), 3))
+        looks = rotations.rotate(poses.rotations[:, at], ahead)
+        way = np.array(self.target) - poses.positions[:, at]
+        across = np.linalg.norm(np.cross(looks, way), axis=1)
+        angle = np.arctan2(across, (looks * way).sum(axis=1))
+        return angle / self.tolerance, np.full(len(poses), at)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del height
+        angle, limit = np.degrees([error * self.tolerance, self.tolerance])
+        return f"looks {angle:.1f}° past it, {limit:.1f}° are allowed"
+
+
+@dataclass(frozen=True)
+class KeepOut(Constraint):
+    """Keep one joint out of a region, or in it.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint; it counts as a point.
+    region : Obstacle
+        A `Sphere`, `Capsule`, `Box` or `HalfSpace`.
+    inside : bool
+        Whether the joint must be in the region instead.
+    tolerance : float
+        How far it may be beyond the region's surface, in skeleton heights.
+    """
+
+    joint: str
+    region: Obstacle
+    inside: bool = False
+    tolerance: float = 0.005
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _above_zero(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _where(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        at = poses.skeleton.index(self.joint)
+        if joints is not None and not joints[at]:
+            return np.zeros(len(poses)), np.full(len(poses), -1)
+        dot = Capsules(np.array([at]), ("",), ("",), np.zeros((1, 3)), np.zeros(1))
+        point = Poses(
+            poses.skeleton,
+            poses.frames,
+            poses.rotations,
+            poses.positions,
+            poses.frame_time,
+            dot,
+            poses.height,
+            poses.up,
+        )
+        distance, _ = self.region.distances(point, np.array([0]))
+        beyond = distance if self.inside else -distance
+        error = np.maximum(beyond, 0.0) / (self.tolerance * poses.height)
+        return error, np.full(len(poses), at)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del height
+        where = "outside" if self.inside else "inside"
+        return (
+            f"{self.joint} is {error * self.tolerance:.3f} heights {where}, "
+            f"{self.tolerance:.3f} are allowed"
+        )
+
+
+@dataclass(frozen=True)
+class Custom(Constraint):
+    """A constraint of one's own.
+
+    Parameters
+    ----------
+    function : callable
+        Takes `Poses` of n frames and returns n errors in tolerances: at most 1 where the pose
+        is as it should be, and growing with what is wrong.
+    name : str
+        What to call it.
+    joint : str, optional
+        The joint that is to blame; its group is searched. Default: all are.
+    """
+
+    function: Callable[[Poses], FloatArray]
+    name: str = "custom"
+    joint: str | None = None
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        at = -1 if self.joint is None else poses.skeleton.index(self.joint)
+        if joints is not None and at >= 0 and not joints[at]:
+            return np.zeros(len(poses)), np.full(len(poses), -1)
+
+        def own(some: Poses) -> Errors:
+            error = as_floats(f"what {self.name} returns", self.function(some), (len(some),))
+            return error, np.full(len(some), at)
+
+        return _where(self, poses, own)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del height
+        return f"{self.name}: {error:.3g} tolerances"
+
+
+@dataclass(frozen=True)
+class KeepOriginal(Constraint):
+    """Keep the captured parts: of every segment that has one of the `frames`."""
+
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+        """As `Constraint.misses`."""
+        del clips
+        return np.where(_is_own(own, donors), 0.0, 2.0)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del error, height
+        return "the captured part is kept here"
+
+
+@dataclass(frozen=True)
+class OnlyFrom(Constraint):
+    """Take donors only from some clips; the captured parts may stay.
+
+    Parameters
+    ----------
+    clips : str or sequence of str
+        Names of clips, or patterns such as ``"waltz*"``.
+    clip_frames : tuple of int, optional
+        First and last frame of those clips that donors lie in. Default: all.
+    """
+
+    clips: str | Sequence[str]
+    clip_frames: Span | None = None
+
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+        """As `Constraint.misses`."""
+        within = _lies_in(donors, clips, self.clips, self.clip_frames, whole=True)
+        return np.where(within | _is_own(own, donors), 0.0, 2.0)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del error, height
+        return f"not from {_listed(self.clips, self.clip_frames)}"
+
+
+@dataclass(frozen=True)
+class NotFrom(Constraint):
+    """Take no donors from some clips; the captured parts may stay.
+
+    Parameters
+    ----------
+    clips : str or sequence of str
+        Names of clips, or patterns such as ``"walk*"``.
+    clip_frames : tuple of int, optional
+        First and last frame of those clips that no donor may have any of. Default: all.
+    """
+
+    clips: str | Sequence[str]
+    clip_frames: Span | None = None
+
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+        """As `Constraint.misses`."""
+        within = _lies_in(donors, clips, self.clips, self.clip_frames, whole=False)
+        return np.where(within & ~_is_own(own, donors), 2.0, 0.0)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del error, height
+        return f"from {_listed(self.clips, self.clip_frames)}"
+
+
+@dataclass(frozen=True)
+class MaxStretch(Constraint):
+    """Let no donor be stretched or shrunk by more than a part of its length.
+
+    Parameters
+    ----------
+    limit : float
+        The greatest part of the base segment's length that a donor's may differ by.
+    """
+
+    limit: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _not_negative(self, "limit")
+
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+        """As `Constraint.misses`."""
+        del clips
+        stretch = np.abs(own.lengths - donors.lengths) / own.lengths
+        over = stretch > self.limit * (1 + 1e-9)
+        return np.where(over, stretch / max(self.limit, 1e-3), 0.0)
+
+    def tell(self, error: float, height: float) -> str:
+        """As `Constraint.tell`."""
+        del height
+        return f"stretched by {error * max(self.limit, 1e-3):.2f}, {self.limit:.2f} is allowed"
+
+
+@dataclass(frozen=True)
+class MaxAngle(Constraint):
+    """Let no seam be wider than an angle; narrower than `Config.max_angle`, and hard.
+
+    Parameters
+    ----------
+    limit : float
+        Greatest mean joint angle between the poses that meet, in radians.
+    """
+
+    limit: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _above_zero(self, "limit")
+        if self.weight is not None or self.frames is not None:
+            raise ValueError("MaxAngle takes neither weight nor frames: it holds at every seam")
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Frames in which a hard constraint is not met.
+
+    Attributes
+    ----------
+    constraint : Constraint
+        Which one.
+    frames : tuple of int
+        The first and the last of them.
+    worst : int
+        The frame of the greatest error.
+    error : float
+        That error, in tolerances.
+    joint : str
+        The joint that has it; empty where none has.
+    message : str
+        All this in words, with how much is allowed.
+    """
+
+    constraint: Constraint
+    frames: Span
+    worst: int
+    error: float
+    joint: str
+    message: str
+
+
+def violations(
+    constraints: Sequence[Constraint], poses: Poses, joints: BoolArray | None = None
+) -> list[Violation]:
+    """Return where poses in successive frames do not meet hard constraints.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The constraints; soft ones are passed over.
+    poses : Poses
+        Of successive frames.
+    joints : ndarray of bool, shape (n_joints,), optional
+        The joints whose errors count. Default: all.
+
+    Returns
+    -------
+    list of Violation
+        One for each run of frames, by constraint and frame.
+    """
+    found = []
+    for constraint in constraints:
+        if not constraint.is_hard:
+            continue
+        error, blamed = constraint.errors(poses, joints)
+        edges = np.flatnonzero(np.diff(error > 1.0, prepend=False, append=False))
+        for start, stop in edges.reshape(-1, 2).tolist():
+            worst = start + int(error[start:stop].argmax())
+            joint = "" if blamed[worst] < 0 else poses.skeleton.names[blamed[worst]]
+            frames = (int(poses.frames[start]), int(poses.frames[stop - 1]))
+            at = int(poses.frames[worst])
+            told = constraint.tell(float(error[worst]), poses.height)
+            name = type(constraint).__name__
+            where = (
+                f"at frame {at}"
+                if frames[0] == frames[1]
+                else (f"in frames {frames[0]} to {frames[1]}, worst at {at}")
+            )
+            by = f" by {joint}" if joint and joint not in told else ""
+            message = f"{name} is not met {where}{by}: {told}"
+            found.append(Violation(constraint, frames, at, float(error[worst]), joint, message))
+    return found
+
+
+def _vector(owner: object, name: str) -> None:
+    numbers = as_floats(name, getattr(owner, name), (3,))
+    object.__setattr__(owner, name, tuple(numbers.tolist()))
+
+
+def _above_zero(owner: object, name: str) -> None:
+    if not getattr(owner, name) > 0:
+        raise ValueError(f"{name} must be above 0, got {getattr(owner, name)}")
+
+
+def _not_negative(owner: object, name: str) -> None:
+    if not getattr(owner, name) >= 0:
+        raise ValueError(f"{name} must not be negative, got {getattr(owner, name)}")
+
+
+def _where(constraint: Constraint, poses: Poses, errors: Callable[[Poses], Errors]) -> Errors:
+    """Ask for errors only in the frames where a constraint holds."""
+    holds = constraint.applies(poses.frames)
+    if holds.all():
+        return errors(poses)
+    error, joint = np.zeros(len(poses)), np.full(len(poses), -1)
+    if holds.any():
+        some = poses.at(poses.frames[holds], poses.rotations[holds], poses.positions[holds])
+        error[holds], joint[holds] = errors(some)
+    return error, joint
+
+
+def _counted(flesh: Capsules, joints: BoolArray | None) -> IntArray:
+    return np.arange(len(flesh)) if joints is None else np.flatnonzero(joints[flesh.joints])
+
+
+def _nearest(
+    poses: Poses, counted: IntArray, others: FloatArray, radii: FloatArray, at: IntArray | None
+) -> tuple[FloatArray, IntArray]:
+    distance, which = clearance(
+        poses.ends[:, counted], poses.capsules.radii[counted], others, radii, at
+    )
+    return distance, np.where(which[:, 0] >= 0, counted[which[:, 0]], -1) if len(counted) else (
+        which[:, 0]
+    )
+
+
+def _least(apart: FloatArray, counted: IntArray) -> tuple[FloatArray, IntArray]:
+    if not len(counted):
+        return np.full(len(apart), np.inf), np.full(len(apart), -1)
+    nearest = apart.argmin(axis=1)
+    return apart[np.arange(len(apart)), nearest], counted[nearest]
+
+
+def _forward(skeleton: Skeleton, up: int) -> FloatArray:
+    """Return where the body faces at rest."""
+    known, rest = anatomy(skeleton), skeleton.rest_positions()
+    left, right = (known.joints("thigh", "upper_arm", side=side) for side in ("left", "right"))
+    if not left or not right:
+        raise ValueError("where the body faces is known only of left and right limbs; it has none")
+    lateral = rest[left].mean(axis=0) - rest[right].mean(axis=0)
+    head = body(skeleton).head
+    top = rest[known.hips] if head is None else rest[head]
+    feet = [foot.ankle for foot in body(skeleton).feet]
+    upward = np.zeros(3)
+    upward[up] = 1.0 if not feet or top[up] >= rest[feet].mean(axis=0)[up] else -1.0
+    ahead = np.cross(lateral, upward)
+    forward: FloatArray = ahead / np.linalg.norm(ahead)
+    return forward
+
+
+def _is_own(own: Segments, donors: Segments) -> BoolArray:
+    same: BoolArray = (
+        (own.clip == donors.clip) & (own.start == donors.start) & (own.stop == donors.stop)
+    )
+    return same
+
+
+def _lies_in(
+    donors: Segments,
+    clips: Sequence[str],
+    patterns: str | Sequence[str],
+    frames: Span | None,
+    *,
+    whole: bool,
+) -> BoolArray:
+    wanted = [patterns] if isinstance(patterns, str) else list(patterns)
+    named = np.array([any(fnmatch.fnmatchcase(clip, p) for p in wanted) for clip in clips], bool)
+    for pattern in wanted:
+        if not any(fnmatch.fnmatchcase(clip, pattern) for clip in clips):
+            raise ValueError(f"clips must name clips of {', '.join(clips)}; got {pattern!r}")
+    inside: BoolArray = named[donors.clip]
+    if frames is not None:
+        first, last = frames
+        if whole:
+            inside = inside & (donors.start >= first) & (donors.stop <= last)
+        else:
+            inside = inside & (donors.start <= last) & (donors.stop >= first)
+    return inside
+
+
+def _listed(clips: str | Sequence[str], frames: Span | None) -> str:
+    names = clips if isinstance(clips, str) else ", ".join(clips)
+    return names if frames is None else f"{names}, frames {frames[0]} to {frames[1]}"

@@ -1,0 +1,360 @@
+"""GLB: the binary form of glTF 2.0, which browsers, Blender, Unreal and Unity read."""
+
+import json
+import os
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft import rotations
+from mograft._arrays import FloatArray, IntArray
+from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft._files import write_bytes
+from mograft.body import body, up_axis
+from mograft.groups import JointGroups
+from mograft.motion import Motion
+from mograft.skeleton import Skeleton
+
+__all__ = ["UNITS", "unit_of", "write_glb"]
+
+UNITS = {"m": 1.0, "CMU": 0.056444, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
+"""Metres in a unit; CMU's is 1/0.45 inches."""
+
+_STATURE = 1.7
+_FLOAT, _BYTE, _SHORT = 5126, 5121, 5123
+_VERTICES = 34962
+_PALETTE = ("3b6ea8", "d9596b", "2b8a57", "b08a00", "8a5cb8", "2492ad", "9c5a2e", "6b7280")
+
+
+def unit_of(skeleton: Skeleton) -> str:
+    """Return the unit that makes a skeleton's stature most like a grown human's.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+
+    Returns
+    -------
+    str
+        A key of `UNITS`. BVH files do not tell their unit, so this is a guess, and wrong for
+        small children and for animals.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> unit_of(dance(strides=1).motion.skeleton)
+    'cm'
+    """
+    height = body(skeleton).height
+    return min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / _STATURE)))
+
+
+def write_glb(
+    motions: Motion | Sequence[Motion],
+    path: str | os.PathLike[str],
+    *,
+    scale: float | None = None,
+    groups: JointGroups | str | None = None,
+) -> float:
+    """Write motions of one skeleton as a skinned, animated figure.
+
+    Parameters
+    ----------
+    motions : Motion or sequence of Motion
+        The motions, each an animation of the motion's name. Those after the first may differ
+        in offsets and frame rate.
+    path : str or path
+        The file to write.
+    scale : float, optional
+        Metres in a unit of the motion's lengths. Default: as `unit_of` guesses.
+    groups : JointGroups or str, optional
+        Joint groups that the bones are coloured by, or the name of a preset. Default: trunk,
+        arms and legs.
+
+    Returns
+    -------
+    float
+        The scale that was used; the file tells it too, in ``asset.extras``.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        If the hierarchies differ.
+    ValueError
+        If there is no motion, the scale is not above 0, or the groups do not fit.
+
+    Notes
+    -----
+    As glTF wants it: metres, y up, the rest pose with all rotations zero. What is up in the
+    motion is turned to y by the root alone, so that the other joints keep their rotations.
+    Each bone is a slim octahedron bound to its joint; engines import no skeleton without a
+    mesh. Keys are those of the frames, with spherical linear interpolation between.
+    """
+    several = [motions] if isinstance(motions, Motion) else list(motions)
+    if not several:
+        raise ValueError("motions must hold at least one, got none")
+    first = several[0]
+    for motion in several[1:]:
+        first.skeleton.check_same_hierarchy(motion.skeleton, motion.name or "a motion")
+    unit = None
+    if scale is None:
+        unit = unit_of(first.skeleton)
+        scale = UNITS[unit]
+    if not (np.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale must be above 0 metres in a unit, got {scale}")
+    turn = _to_y_up(first)
+    file = _File()
+    document = _document(file, several, float(scale), turn, _members(first.skeleton, groups))
+    document["asset"]["extras"] = {
+        "metres_in_a_unit": float(scale),
+        "unit": unit or "given",
+        "up_in_the_motion": "xyz"[up_axis(first)],
+    }
+    write_bytes(Path(path), file.packed(document))
+    return float(scale)
+
+
+@dataclass
+class _File:
+    """The buffer of a GLB while it is filled, and what points into it."""
+
+    data: bytearray = field(default_factory=bytearray)
+    views: list[dict[str, Any]] = field(default_factory=list)
+    accessors: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(
+        self,
+        array: npt.NDArray[Any],
+        kind: str,
+        *,
+        component: int = _FLOAT,
+        bounds: bool = False,
+        vertices: bool = False,
+    ) -> int:
+        """Append an array; return the index of its accessor."""
+        array = np.ascontiguousarray(array)
+        view: dict[str, Any] = {
+            "buffer": 0,
+            "byteOffset": len(self.data),
+            "byteLength": array.nbytes,
+        }
+        if vertices:
+            view["target"] = _VERTICES
+        accessor = {
+            "bufferView": len(self.views),
+            "componentType": component,
+            "count": len(array),
+            "type": kind,
+        }
+        if bounds:
+            rows = array.reshape(len(array), -1)
+            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        # Every row is of whole words, so that each array begins at one, as it must.
+        self.data += array.tobytes()
+        self.views.append(view)
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+    def packed(self, document: dict[str, Any]) -> bytes:
+        """Return the whole file."""
+        document = document | {
+            "buffers": [{"byteLength": len(self.data)}],
+            "bufferViews": self.views,
+            "accessors": self.accessors,
+        }
+        text = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
+        head = text.encode("utf-8", "replace")
+        head += b" " * (-len(head) % 4)
+        return b"".join(
+            [
+                struct.pack("<4sII", b"glTF", 2, 28 + len(head) + len(self.data)),
+                struct.pack("<I4s", len(head), b"JSON"),
+                head,
+                struct.pack("<I4s", len(self.data), b"BIN\0"),
+                bytes(self.data),
+            ]
+        )
+
+
+def _document(
+    file: _File, motions: Sequence[Motion], scale: float, turn: FloatArray, group: IntArray
+) -> dict[str, Any]:
+    skeleton = motions[0].skeleton
+    rest = scale * rotations.rotate(turn, skeleton.rest_positions())
+    nodes: list[dict[str, Any]] = []
+    for joint, name in enumerate(skeleton.names):
+        place = scale * skeleton.offsets[joint]
+        node: dict[str, Any] = {"name": name, "translation": place.tolist()}
+        if joint == 0:
+            node["translation"] = rest[0].tolist()
+            node["rotation"] = turn.tolist()
+        if skeleton.children[joint]:
+            node["children"] = list(skeleton.children[joint])
+        nodes.append(node)
+    nodes.append({"name": "bones", "mesh": 0, "skin": 0})
+    # A joint's own axes at rest are those of the turned root.
+    inverse = np.zeros((skeleton.n_joints, 4, 4))
+    inverse[:, :3, :3] = rotations.rotate(rotations.inverse(turn), np.eye(3)).T
+    inverse[:, :3, 3] = -rotations.rotate(rotations.inverse(turn), rest)
+    inverse[:, 3, 3] = 1.0
+    columns = inverse.transpose(0, 2, 1).astype("<f4")
+    return {
+        "asset": {"version": "2.0", "generator": f"mograft {VERSION}"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, skeleton.n_joints]}],
+        "nodes": nodes,
+        "meshes": [{"name": "bones", "primitives": [_mesh(file, skeleton, scale, turn, group)]}],
+        "materials": [
+            {
+                "name": "bones",
+                "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.8},
+            }
+        ],
+        "skins": [
+            {
+                "joints": list(range(skeleton.n_joints)),
+                "skeleton": 0,
+                "inverseBindMatrices": file.add(columns, "MAT4"),
+            }
+        ],
+        "animations": [
+            _animation(file, motion, scale, turn, scale * skeleton.offsets) for motion in motions
+        ],
+    }
+
+
+def _animation(
+    file: _File, motion: Motion, scale: float, turn: FloatArray, offsets: FloatArray
+) -> dict[str, Any]:
+    """Return a motion as keys for nodes that rest at `offsets`, shape (n_joints, 3)."""
+    skeleton = motion.skeleton
+    times = (np.arange(motion.n_frames) * motion.frame_time).astype("<f4")
+    # Accessors that nothing refers to are frowned upon: each is added when it is needed.
+    inputs: dict[int, int] = {}
+    samplers: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
+    for joint in range(skeleton.n_joints):
+        quats = motion.rotations[:, joint]
+        places = scale * motion.positions[:, joint]
+        if joint == 0:
+            quats = rotations.multiply(np.broadcast_to(turn, quats.shape), quats)
+            places = rotations.rotate(turn, places)
+        tracks: list[tuple[str, str, FloatArray]] = []
+        tracks.append(("rotation", "VEC4", rotations.continuous(quats[:, None])[:, 0]))
+        if joint == 0 or (places != offsets[joint]).any():
+            tracks.append(("translation", "VEC3", places))
+        for target, kind, values in tracks:
+            keys = values if np.ptp(values, axis=0).any() else values[:1]
+            if len(keys) not in inputs:
+                inputs[len(keys)] = file.add(times[: len(keys)], "SCALAR", bounds=True)
+            output = file.add(keys.astype("<f4"), kind)
+            samplers.append({"input": inputs[len(keys)], "output": output})
+            where = {"node": joint, "path": target}
+            channels.append({"sampler": len(samplers) - 1, "target": where})
+    return {"name": motion.name or "motion", "samplers": samplers, "channels": channels}
+
+
+def _mesh(
+    file: _File, skeleton: Skeleton, scale: float, turn: FloatArray, group: IntArray
+) -> dict[str, Any]:
+    rest = scale * rotations.rotate(turn, skeleton.rest_positions())
+    thick = 0.016 * scale * body(skeleton).height
+    bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
+    for site in skeleton.end_sites:
+        end = rest[site.parent] + scale * rotations.rotate(turn, site.offset)
+        bones.append((site.parent, end))
+    places: list[FloatArray] = []
+    normals: list[FloatArray] = []
+    owners: list[int] = []
+    for joint, end in bones:
+        shape = _octahedron(rest[joint], end, thick)
+        if shape is not None:
+            places.append(shape[0])
+            normals.append(shape[1])
+            owners.append(joint)
+    if not places:
+        # A skin needs a mesh: a lone joint is shown by a bone of its own.
+        lone = _octahedron(rest[0], rest[0] + [0, max(thick, 0.01), 0], thick)
+        assert lone is not None  # Its length is not 0.
+        places, normals, owners = [lone[0]], [lone[1]], [0]
+    owner = np.repeat(owners, 24)
+    colours = np.array([[int(c[i : i + 2], 16) / 255 for i in (0, 2, 4)] for c in _PALETTE])
+    few = skeleton.n_joints <= 256
+    joints = np.zeros((len(owner), 4), "u1" if few else "<u2")
+    joints[:, 0] = owner
+    weights = np.zeros((len(owner), 4), "<f4")
+    weights[:, 0] = 1.0
+    linear = colours[group[owner] % len(colours)] ** 2.2
+    return {
+        "attributes": {
+            "POSITION": file.add(
+                np.concatenate(places).astype("<f4"), "VEC3", bounds=True, vertices=True
+            ),
+            "NORMAL": file.add(np.concatenate(normals).astype("<f4"), "VEC3", vertices=True),
+            "COLOR_0": file.add(linear.astype("<f4"), "VEC3", vertices=True),
+            "JOINTS_0": file.add(joints, "VEC4", component=_BYTE if few else _SHORT, vertices=True),
+            "WEIGHTS_0": file.add(weights, "VEC4", vertices=True),
+        },
+        "material": 0,
+    }
+
+
+def _octahedron(
+    start: FloatArray, end: FloatArray, thick: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the corners and normals of a bone's eight faces, (24, 3) each; None of no length."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    # float32 would lose the shape of anything smaller.
+    if length < max(1e-5, 1e-4 * thick, 1e-5 * float(np.abs(start).max())):
+        return None
+    along = along / length
+    aside = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    aside /= np.linalg.norm(aside)
+    round_ = np.cross(along, aside)
+    waist = start + 0.15 * length * along
+    wide = min(thick, 0.25 * length)
+    corners = [waist + wide * way for way in (aside, round_, -aside, -round_)]
+    faces = []
+    for at in range(4):
+        here, there = corners[at], corners[(at + 1) % 4]
+        faces += [(start, there, here), (end, here, there)]
+    points = np.array(faces)
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return points.reshape(-1, 3), np.repeat(normals, 3, axis=0)
+
+
+def _to_y_up(motion: Motion) -> FloatArray:
+    """Return the rotation that turns what is up in a motion to y, xyzw."""
+    axis = up_axis(motion)
+    known = body(motion.skeleton)
+    feet = [foot.ankle for foot in known.feet] or [known.hips]
+    high = known.head if known.head is not None else known.hips
+    world = motion.world_positions()[..., axis]
+    half = np.sqrt(0.5)
+    turn = np.array([[0, 0, half, half], [0, 0, 0, 1.0], [-half, 0, 0, half]][axis])
+    if world[:, high].mean() < world[:, feet].mean():
+        turn = rotations.multiply(np.array([0, 0, 1.0, 0]), turn)
+    return turn
+
+
+def _members(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
+    """Return the index of each joint's group."""
+    if isinstance(groups, str):
+        groups = JointGroups.preset(groups, skeleton)
+    if groups is None:
+        try:
+            groups = JointGroups.preset("lower_torso_larm_rarm", skeleton)
+        except ValueError:
+            return np.zeros(skeleton.n_joints, np.int64)
+    group = np.zeros(skeleton.n_joints, np.int64)
+    for index, joints in enumerate(groups.resolve(skeleton).values()):
+        group[joints] = index
+    return group

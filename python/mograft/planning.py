@@ -1,0 +1,578 @@
+"""Donors for a base motion under constraints: what they cost, and what must change.
+
+A constraint is looked at twice. Before the search every candidate is put in its place, as it
+is, and what it misses becomes a cost. After it the motion is put together, seams and all: what
+is missed then is taken out and the search runs again about that place, and where that does not
+help, the cheapest rows of a few donors are tried one after the other as they are put together.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+
+from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.config import Config
+from mograft.constraints import AvoidSelf, Constraint, MaxAngle, Poses
+from mograft.library import Library
+from mograft.motion import Motion
+from mograft.resample import segments as resampled
+from mograft.search import Chain, best, viterbi
+from mograft.segmentation import Segments
+from mograft.substitution import BEYOND, Candidates, Pool, Row
+from mograft.transplant import Part, recombine, transplant
+
+__all__ = ["Donors", "Problem", "reasons", "take"]
+
+Donors = dict[str, IntArray]
+"""For every grafted group the donor at each position."""
+
+_ROUNDS = 8
+_NEAR = 3
+"""Positions about a missed one that a repair may come to change."""
+_TRIALS = 48
+_LONGEST = 8
+"""Positions of a stretch whose rows are tried: of longer ones a few rows are no help."""
+
+_CHUNK = 20_000
+"""Poses that are looked at at a time: some hundred megabytes."""
+
+
+def take(segments: Segments, chosen: IntArray) -> Segments:
+    """Return some of the segments, in the order given."""
+    return Segments(segments.start[chosen], segments.stop[chosen], segments.clip[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A base motion, its donors and what is demanded. Made by `Problem.of`.
+
+    Attributes
+    ----------
+    library : Library
+        Where the donors come from.
+    base : Motion
+        The motion whose base group is kept.
+    scenario : ndarray of int, shape (n_positions,)
+        Its segments in the library.
+    cut : Segments
+        The same in frames of the base.
+    pools : dict of str to Pool
+        For every grafted group what the search sees.
+    candidates : dict of str to list of ndarray of int
+        For every grafted group the donors that pass at each position.
+    constraints : tuple of Constraint
+        What is demanded.
+    config : Config
+        The library's, narrowed by the constraints.
+    """
+
+    library: Library
+    base: Motion
+    scenario: IntArray
+    cut: Segments
+    pools: Mapping[str, Pool]
+    candidates: Mapping[str, list[IntArray]]
+    constraints: tuple[Constraint, ...]
+    config: Config
+
+    @classmethod
+    def of(
+        cls,
+        library: Library,
+        base: Motion,
+        scenario: IntArray,
+        cut: Segments,
+        groups: Sequence[str],
+        constraints: Sequence[Constraint],
+    ) -> "Problem":
+        """Return the problem, with those donors that pass by cluster, length and origin.
+
+        Parameters
+        ----------
+        library, base, scenario, cut
+            As the attributes.
+        groups : sequence of str
+            The groups to graft.
+        constraints : sequence of Constraint
+            What is demanded.
+
+        Returns
+        -------
+        Problem
+            With the groups in the order in which they hang on each other.
+
+        Raises
+        ------
+        TypeError
+            If something is no constraint.
+        ValueError
+            If a constraint names a joint, a clip or a frame that is not there.
+        """
+        for constraint in constraints:
+            if not isinstance(constraint, Constraint):
+                raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
+            if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
+                raise ValueError(
+                    f"frames of {type(constraint).__name__} must be within 0 to "
+                    f"{base.n_frames - 1}, got {constraint.frames[0]}"
+                )
+        angles = [own.limit for own in constraints if isinstance(own, MaxAngle)]
+        config = library.config
+        config = replace(config, max_angle=min([config.max_angle, *angles]))
+        if config.choice == "random":  # which may take any
+            config = replace(config, max_candidates=len(library.segments))
+        groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
+        pools = {group: library.pool(group) for group in groups}
+        poses = Poses.of(base)
+        constraints = [
+            replace(own, captured=own.depth(poses))
+            if isinstance(own, AvoidSelf) and own.captured == 0
+            else own
+            for own in constraints
+        ]
+        candidates = {
+            group: pool.candidate_lists(scenario, config) for group, pool in pools.items()
+        }
+        problem = cls(library, base, scenario, cut, pools, candidates, tuple(constraints), config)
+        for constraint in constraints:  # what it names is looked for now, not in the search
+            constraint.errors(
+                poses.at(poses.frames[:1], *(p[:1] for p in (poses.rotations, poses.positions)))
+            )
+        return replace(problem, candidates={group: problem._passing(group)[0] for group in groups})
+
+    @cached_property
+    def poses(self) -> Poses:
+        """The base motion's own poses."""
+        return Poses.of(self.base)
+
+    @cached_property
+    def owner(self) -> dict[str, BoolArray]:
+        """For every grafted group the joints that it moves and no group below it does."""
+        skeleton = self.base.skeleton
+        name = [""] * skeleton.n_joints
+        own = {int(j): group for group in self.pools for j in self.library.joints(group)}
+        for joint, parent in enumerate(skeleton.parents):
+            name[joint] = own.get(joint, name[parent] if parent >= 0 else "")
+        return {group: np.array([n == group for n in name]) for group in self.pools}
+
+    def narrowed(self, chosen: Donors) -> "Problem":
+        """Return the problem with other donors only where a choice misses something, and near."""
+        excess = self.excess(chosen)
+        candidates = {}
+        for group, lists in self.candidates.items():
+            near = self._missed(excess[group])
+            for _ in range(_NEAR):
+                near = _widened(near)
+            candidates[group] = [
+                mates if free else np.unique([own, donor])
+                for mates, free, own, donor in zip(
+                    lists, near, self.scenario, chosen[group], strict=True
+                )
+            ]
+        return replace(self, candidates=candidates)
+
+    @property
+    def own(self) -> Donors:
+        """Every segment in its own place."""
+        return {group: self.scenario.copy() for group in self.pools}
+
+    def _passing(self, group: str) -> tuple[list[IntArray], list[FloatArray]]:
+        """Return the candidates that pass by their origin, and what soft limits on it cost."""
+        lists = self.candidates[group]
+        counts = [len(own) for own in lists]
+        at, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
+        library = self.library
+        own, given = (take(library.segments, of) for of in (self.scenario[at], donors))
+        names = [clip.name for clip in library.clips]
+        costs, passes = np.zeros(len(donors)), np.ones(len(donors), bool)
+        for constraint in self.constraints:
+            miss = constraint.misses(own, given, names)
+            if constraint.frames is not None:
+                first, last = constraint.frames
+                holds = (self.cut.start[at] <= last) & (self.cut.stop[at] >= first)
+                miss = np.where(holds, miss, 0.0)
+            if constraint.weight is None:
+                passes &= miss <= 1.0
+            else:
+                costs += constraint.weight * miss**2
+        passes |= donors == self.scenario[at]
+        ends = np.cumsum(counts)[:-1]
+        kept = np.split(passes, ends)
+        return (
+            [mates[keep] for mates, keep in zip(lists, kept, strict=True)],
+            [price[keep] for price, keep in zip(np.split(costs, ends), kept, strict=True)],
+        )
+
+    def misses(self, group: str, others: Donors) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return what every candidate of a group misses in its place, as it is.
+
+        Parameters
+        ----------
+        group : str
+            The group.
+        others : dict of str to ndarray of int
+            Donors of the groups that are chosen already; the rest is as captured.
+
+        Returns
+        -------
+        hard : list of ndarray
+            At each position the greatest error of each candidate, in tolerances, of any hard
+            constraint.
+        soft : list of ndarray
+            What it misses of soft ones, as a cost.
+        """
+        lists = self.candidates[group]
+        hard = [np.zeros(len(own)) for own in lists]
+        _, soft = self._passing(group)
+        posed = [c for c in self.constraints if type(c).errors is not Constraint.errors]
+        if not posed:
+            return hard, soft
+        spans = [(0, self.base.n_frames) if c.frames is None else c.frames for c in posed]
+        active = [
+            position
+            for position, (start, stop) in enumerate(
+                zip(self.cut.start.tolist(), self.cut.stop.tolist(), strict=True)
+            )
+            if any(start <= last and stop >= first for first, last in spans)
+        ]
+        rows = [len(lists[p]) * (int(self.cut.lengths[p]) + 1) for p in active]
+        chunk = np.cumsum(rows) // _CHUNK
+        context = self._assembled(others).rotations if others else self.base.rotations
+        for _, members in groupby(zip(chunk.tolist(), active, strict=True), lambda own: own[0]):
+            positions = np.array([position for _, position in members])
+            self._look(group, positions, context, posed, hard, soft)
+        return hard, soft
+
+    def _look(
+        self,
+        group: str,
+        positions: IntArray,
+        context: FloatArray,
+        posed: Sequence[Constraint],
+        hard: list[FloatArray],
+        soft: list[FloatArray],
+    ) -> None:
+        """Add to `hard` and `soft` what candidates at some positions miss."""
+        lists = self.candidates[group]
+        at = np.repeat(positions, [len(lists[p]) for p in positions])
+        poses = self.candidate_poses(
+            group, at, np.concatenate([lists[p] for p in positions]), context
+        )
+        counts = self.cut.lengths[at] + 1
+        starts = np.cumsum(counts) - counts
+        worst, price = np.zeros(len(at)), np.zeros(len(at))
+        for constraint in posed:
+            error, _ = constraint.errors(poses, self.owner[group])
+            most = np.maximum.reduceat(error, starts)
+            if constraint.weight is None:
+                worst = np.maximum(worst, most)
+            else:
+                price += constraint.weight * most**2
+        ends = np.cumsum([len(lists[p]) for p in positions])[:-1]
+        for position, errors, prices in zip(
+            positions.tolist(), np.split(worst, ends), np.split(price, ends), strict=True
+        ):
+            hard[position] = errors
+            soft[position] = soft[position] + prices
+
+    def candidate_poses(
+        self, group: str, at: IntArray, donors: IntArray, context: FloatArray | None = None
+    ) -> Poses:
+        """Return the body with donors' parts in their places, before any seam is closed.
+
+        Parameters
+        ----------
+        group : str
+            The group.
+        at, donors : ndarray of int, shape (n,)
+            Positions and donors for them.
+        context : ndarray, shape (n_frames, n_joints, 4), optional
+            Local rotations of the other joints. Default: the base's.
+
+        Returns
+        -------
+        Poses
+            All frames of the first donor's place, then of the second's, and so on.
+        """
+        library, joints = self.library, self.library.joints(group)
+        taken = take(library.segments, donors)
+        counts = self.cut.lengths[at] + 1
+        starts = np.cumsum(counts) - counts
+        step = np.arange(counts.sum()) - np.repeat(starts, counts)
+        frames = np.repeat(self.cut.start[at], counts) + step
+        local = (self.base.rotations if context is None else context)[frames]
+        which = np.repeat(taken.clip, counts)
+        for clip in np.unique(taken.clip):
+            own = taken.clip == clip
+            track = np.ascontiguousarray(library.clips[clip].rotations[:, joints])
+            turned = resampled(track, taken.start[own], taken.stop[own], counts[own])
+            local[np.ix_(which == clip, joints)] = turned
+        moved = replace(
+            self.base, rotations=local, positions=self.base.positions[frames], channel_values=None
+        )
+        return self.poses.at(frames, *moved.world())
+
+    def row(self, group: str, others: Donors) -> Row:
+        """Return what donors of a group cost, constraints included."""
+        hard, soft = self.misses(group, others)
+        # Beyond one tolerance dearer than any seam, and the more so the worse.
+        more = [
+            price + np.where(error > 1.0, BEYOND * (1.0 + error), 0.0)
+            for error, price in zip(hard, soft, strict=True)
+        ]
+        return Row.of(self.pools[group], self.scenario, self.candidates[group], self.config, more)
+
+    def passing(self, group: str) -> list[IntArray]:
+        """Return the candidates that meet hard constraints, or all where none does."""
+        hard, _ = self.misses(group, {})
+        return [
+            own[error <= 1.0] if (error <= 1.0).any() else own
+            for own, error in zip(self.candidates[group], hard, strict=True)
+        ]
+
+    def _parts(self, donors: Donors, first: int, stop: int) -> Motion:
+        begin, end = int(self.cut.start[first]), int(self.cut.stop[stop - 1])
+        base = self.base if (first, stop) == (0, len(self.cut)) else self.base[begin : end + 1]
+        some = slice(first, stop)
+        cut = Segments(self.cut.start[some] - begin, self.cut.stop[some] - begin)
+        parts: list[Part] = []
+        for group, chosen in donors.items():
+            taken = take(self.library.segments, chosen[some])
+            joints = self.library.joints(group)
+            parts.append(
+                transplant(base, cut, taken, self.library.clips, joints, self.library.config)
+            )
+        return recombine(base, parts, "")
+
+    def _assembled(self, donors: Donors) -> Motion:
+        return self._parts(donors, 0, len(self.cut))
+
+    def excess(
+        self, donors: Donors, first: int = 0, stop: int | None = None
+    ) -> dict[str, FloatArray]:
+        """Return by how much the motion of some donors misses hard constraints.
+
+        Parameters
+        ----------
+        donors : dict of str to ndarray of int
+            The donors.
+        first, stop : int
+            Positions to look at; the last is not included. Default: all.
+
+        Returns
+        -------
+        dict of str to ndarray
+            For every group the greatest error in each frame from the first position's first
+            to the last position's last, in tolerances beyond 1.
+        """
+        stop = len(self.cut) if stop is None else stop
+        # A segment's seams reach to its ends: two neighbours more make the inner ones whole.
+        low, high = max(first - 2, 0), min(stop + 2, len(self.cut))
+        motion = self._parts(donors, low, high)
+        begin = int(self.cut.start[low])
+        poses = self.poses.at(begin + np.arange(motion.n_frames), *motion.world())
+        inner = slice(int(self.cut.start[first]) - begin, int(self.cut.stop[stop - 1]) - begin + 1)
+        found = {}
+        for group in self.pools:
+            most = np.zeros(motion.n_frames)
+            for constraint in self.constraints:
+                if constraint.is_hard:
+                    error, _ = constraint.errors(poses, self.owner[group])
+                    most = np.maximum(most, error - 1.0)
+            found[group] = most[inner]
+        return found
+
+    def settled(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
+        """Change donors until the motion put together meets the hard constraints, if it can.
+
+        Parameters
+        ----------
+        donors : dict of str to ndarray of int
+            The choice so far.
+        rows : mapping of str to Row
+            What all donors cost.
+
+        Returns
+        -------
+        dict of str to ndarray of int
+            Of all choices that were tried the one that misses least, and of those the first.
+            Nothing is changed but where a constraint is missed, and next to it.
+        """
+        if not any(own.is_hard for own in self.constraints):
+            return donors
+        # What is not looked at any more, of many candidates, gives way to the captured part.
+        chosen = {
+            group: np.array(
+                [
+                    donor if donor in mates else own
+                    for donor, mates, own in zip(
+                        donors[group], row.candidates, self.scenario, strict=True
+                    )
+                ],
+                np.int64,
+            )
+            for group, row in rows.items()
+        }
+        dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in rows.items()}
+        least, kept = np.inf, chosen
+        for _ in range(_ROUNDS):
+            excess = self.excess(chosen)
+            total = sum(float(own.sum()) for own in excess.values())
+            if total < least:
+                least, kept = total, {group: own.copy() for group, own in chosen.items()}
+            if total == 0:
+                return kept
+            for group, row in rows.items():
+                missed = self._missed(excess[group])
+                if not missed.any():
+                    continue
+                choices = row.choices(chosen[group])
+                for position in np.flatnonzero(missed).tolist():
+                    frames = slice(self.cut.start[position], self.cut.stop[position] + 1)
+                    dearer[group][position][choices[position]] += BEYOND * (
+                        1.0 + float(excess[group][frames].max())
+                    )
+                chain = row.chain.plus(dearer[group])
+                for low, high in _runs(_widened(missed)):
+                    choices[low:high] = viterbi(_between(chain, choices, low, high))
+                chosen[group] = row.donors(choices)
+        return self._tried(kept, rows)
+
+    def _missed(self, excess: FloatArray) -> BoolArray:
+        """Tell which positions have a frame in which something is missed."""
+        count = np.concatenate([[0], np.cumsum(excess > 0)])
+        missed: BoolArray = count[self.cut.stop + 1] > count[self.cut.start]
+        return missed
+
+    def _tried(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
+        """Try rows of a few donors, one after the other, where constraints are still missed.
+
+        First those of least cost, then those that miss least as they are and whose seams,
+        which pull at the poses, are the narrowest.
+        """
+        chosen = dict(donors)
+        for group, row in rows.items():
+            missed = self._missed(self.excess(chosen)[group])
+            windows = [own for own in _runs(_widened(missed)) if own[1] - own[0] <= _LONGEST]
+            if not windows:
+                continue
+            hard, _ = self.misses(group, {name: chosen[name] for name in rows if name != group})
+            alone = [
+                error[np.searchsorted(every, own)]
+                for error, every, own in zip(
+                    hard, self.candidates[group], row.candidates, strict=True
+                )
+            ]
+            nearest = Chain(tuple(alone), row.chain.after)
+            for low, high in windows:
+                first, stop = max(low - 1, 0), min(high + 1, len(self.cut))
+
+                def missing(trial: Donors, first: int = first, stop: int = stop) -> float:
+                    found = self.excess(trial, first, stop)
+                    return sum(float(own.sum()) for own in found.values())
+
+                choices = row.choices(chosen[group])
+                least = missing(chosen)
+                within = Chain(nearest.alone[low:high], nearest.after[low : high - 1])
+                cheapest = best(_between(row.chain, choices, low, high), _TRIALS)
+                for few in cheapest + best(within, 4 * _TRIALS):
+                    if least == 0:
+                        break
+                    trial = choices.copy()
+                    trial[low:high] = few
+                    tried = {**chosen, group: row.donors(trial)}
+                    total = missing(tried)
+                    if total < least:
+                        least, chosen = total, tried
+        return chosen
+
+
+def _widened(missed: BoolArray) -> BoolArray:
+    """Return also the neighbours."""
+    wide = missed.copy()
+    wide[1:] |= missed[:-1]
+    wide[:-1] |= missed[1:]
+    return wide
+
+
+def _runs(mask: BoolArray) -> list[tuple[int, int]]:
+    """Return where runs of true start and stop, the stop not included."""
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
+    return [(int(low), int(high)) for low, high in edges]
+
+
+def _between(chain: Chain, choices: IntArray, low: int, high: int) -> Chain:
+    """Return a stretch of the chain; all beyond it is as chosen."""
+    alone = list(chain.alone[low:high])
+    if low > 0:
+        alone[0] = alone[0] + chain.after[low - 1][choices[low - 1]]
+    if high < len(chain):
+        alone[-1] = alone[-1] + chain.after[high - 1][:, choices[high]]
+    return Chain(tuple(alone), chain.after[low : high - 1])
+
+
+def reasons(
+    library: Library,
+    segment: int,
+    group: str,
+    judged: Candidates,
+    constraints: Sequence[Constraint],
+) -> Candidates:
+    """Refuse those candidates too that miss hard constraints in a segment's place.
+
+    Parameters
+    ----------
+    library : Library
+        The segments.
+    segment : int
+        The base segment.
+    group : str
+        The group to graft.
+    judged : Candidates
+        What the library's limits leave and refuse.
+    constraints : sequence of Constraint
+        What a motion on the segment's clip must do.
+
+    Returns
+    -------
+    Candidates
+        With what each refused one misses, and by how much; the base segment's own part too.
+    """
+    clip = int(library.segments.clip[segment])
+    scenario = library.segments.of_clip(clip)
+    base, cut = library.clips[clip], take(library.segments, scenario)
+    problem = Problem.of(library, base, scenario, cut, [group], constraints)
+    position = int(np.searchsorted(scenario, segment))
+    everyone = [*judged.allowed, *judged.refused]
+    donors = np.array([c.segment for c in everyone], np.int64)
+    at = np.full(len(donors), position)
+    told: list[list[str]] = [[c.refused] if c.refused else [] for c in everyone]
+    own, given = (take(library.segments, of) for of in (scenario[at], donors))
+    poses = problem.candidate_poses(group, at, donors)
+    counts = np.full(len(donors), int(cut.lengths[position]) + 1)
+    starts = np.cumsum(counts) - counts
+    for constraint in problem.constraints:
+        if not constraint.is_hard:
+            continue
+        error, _ = constraint.errors(poses, problem.owner[group])
+        worst = np.maximum.reduceat(error, starts)
+        span = constraint.frames
+        if span is None or (cut.start[position] <= span[1] and cut.stop[position] >= span[0]):
+            names = [c.name for c in library.clips]
+            worst = np.maximum(worst, constraint.misses(own, given, names))
+        for index in np.flatnonzero(worst > 1.0).tolist():
+            name = type(constraint).__name__
+            said = constraint.tell(float(worst[index]), problem.poses.height)
+            told[index].append(f"{name}: {said}")
+    final = [
+        replace(candidate, refused="; ".join(why))
+        for candidate, why in zip(everyone, told, strict=True)
+    ]
+    return Candidates(
+        tuple(c for c in final if not c.refused),
+        tuple(c for c in final if c.refused),
+        judged.elsewhere,
+    )
