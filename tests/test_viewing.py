@@ -70,6 +70,8 @@ class Tags(HTMLParser):
 
 def data_of(page):
     text = re.search(r'id="mograft-data">(.*?)</script>', page.html, re.DOTALL)[1]
+    # Browsers end a script at "</script " too, which Python's parser does not.
+    assert not set("<>&") & set(text)
     return json.loads(text)
 
 

@@ -4,45 +4,75 @@ The way of the data: `read_bvh` → `Motion` → `segment` → `Library.build` (
 clustering) → `graft` → `Graft.motion` → `write_bvh`.
 """
 
-from mograft import resample, rotations, scenario
+import importlib
+from typing import TYPE_CHECKING
+
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
-from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
-from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
-from mograft.config import Config
-from mograft.constraints import (
-    Avoid,
-    AvoidSelf,
-    Box,
-    Capsule,
-    Character,
-    Constraint,
-    Custom,
-    Face,
-    HalfSpace,
-    KeepOriginal,
-    KeepOut,
-    MaxAngle,
-    MaxStretch,
-    NotFrom,
-    OnlyFrom,
-    Poses,
-    Reach,
-    Sphere,
-    Violation,
-)
-from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
-from mograft.faults import Fault, find_faults
-from mograft.footskate import FeetReport, foot_skate, plant_feet
-from mograft.formats import read_npz, write_csv, write_glb, write_npz
-from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
-from mograft.groups import JointGroups, subtree
-from mograft.interop import from_pybvh, to_pybvh
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.segmentation import Segments, kinetic_energy, segment
-from mograft.skeleton import EndSite, Skeleton
-from mograft.substitution import Candidate, Candidates
-from mograft.viewing import Page, report_page, view
+
+# Names are fetched when they are first used: NumPy and what stands on it take longer to load
+# than `mograft --help` to answer.
+if TYPE_CHECKING:
+    from mograft import plot, resample, rotations, scenario
+    from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
+    from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
+    from mograft.config import Config
+    from mograft.constraints import (
+        Avoid,
+        AvoidSelf,
+        Box,
+        Capsule,
+        Character,
+        Constraint,
+        Custom,
+        Face,
+        HalfSpace,
+        KeepOriginal,
+        KeepOut,
+        MaxAngle,
+        MaxStretch,
+        NotFrom,
+        OnlyFrom,
+        Poses,
+        Reach,
+        Sphere,
+        Violation,
+    )
+    from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
+    from mograft.faults import Fault, find_faults
+    from mograft.footskate import FeetReport, foot_skate, plant_feet
+    from mograft.formats import read_npz, write_csv, write_glb, write_npz
+    from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
+    from mograft.groups import JointGroups, subtree
+    from mograft.interop import from_pybvh, to_pybvh
+    from mograft.library import Library
+    from mograft.motion import Motion
+    from mograft.segmentation import Segments, kinetic_energy, segment
+    from mograft.skeleton import EndSite, Skeleton
+    from mograft.substitution import Candidate, Candidates
+    from mograft.viewing import Page, report_page, view
+
+_HOMES = {
+    "bvh": "BvhSummary read_bvh scan_bvh write_bvh",
+    "clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
+    "config": "Config",
+    "constraints": "Avoid AvoidSelf Box Capsule Character Constraint Custom Face HalfSpace "
+    "KeepOriginal KeepOut MaxAngle MaxStretch NotFrom OnlyFrom Poses Reach Sphere Violation",
+    "errors": "BvhError LibraryError MograftError SkeletonMismatchError",
+    "faults": "Fault find_faults",
+    "footskate": "FeetReport foot_skate plant_feet",
+    "formats": "read_npz write_csv write_glb write_npz",
+    "grafting": "Graft Grafts Seam Substitution graft graft_many repair",
+    "groups": "JointGroups subtree",
+    "interop": "from_pybvh to_pybvh",
+    "library": "Library",
+    "motion": "Motion",
+    "segmentation": "Segments kinetic_energy segment",
+    "skeleton": "EndSite Skeleton",
+    "substitution": "Candidate Candidates",
+    "viewing": "Page report_page view",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+_MODULES = ("plot", "resample", "rotations", "scenario")
 
 __all__ = [
     "Avoid",
@@ -97,6 +127,7 @@ __all__ = [
     "linkage",
     "linkage_condensed",
     "plant_feet",
+    "plot",
     "read_bvh",
     "read_npz",
     "repair",
@@ -115,3 +146,17 @@ __all__ = [
     "write_glb",
     "write_npz",
 ]
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        if name in _MODULES:
+            return importlib.import_module(f"mograft.{name}")
+        if name not in _HOME_OF:
+            raise AttributeError(f"module 'mograft' has no attribute {name!r}")
+        value = getattr(importlib.import_module(f"mograft.{_HOME_OF[name]}"), name)
+        globals()[name] = value
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

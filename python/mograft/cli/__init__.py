@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 
 from mograft import __version__
-from mograft.cli import candidates, check, demo, export, graft, groups, info, plot, view
+from mograft.cli import candidates, check, demo, doctor, export, graft, groups, info, plot, view
 from mograft.cli._common import say
 from mograft.errors import BvhError, MograftError
 
@@ -60,6 +60,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mograft {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (demo, info, check, groups, candidates, graft, view, plot, export):
+    for command in (demo, info, check, groups, candidates, graft, view, plot, export, doctor):
         command.add(commands)
     return parser
