@@ -23,7 +23,7 @@ const MEASURED: f64 = 4.0;
 ///
 /// Each of them is measured for nothing. In many dimensions, where the bound is loose, this
 /// and not the number of neighbours sets the limit.
-const SUSPECTS: f64 = 16.0;
+const SUSPECTS: f64 = 40.0;
 
 /// Where the parts end that are sampled alike if space is uneven, of clusters in order.
 const PARTS: [f64; 4] = [0.0, 1.0 / 64.0, 1.0 / 8.0, 1.0];
