@@ -62,3 +62,21 @@ def test_names_that_type_checkers_see_are_those_that_are_fetched():
 def test_what_is_no_name_of_it_is_said():
     with pytest.raises(AttributeError, match="module 'mograft' has no attribute 'wings'"):
         _ = mograft.wings
+
+
+def test_a_reader_that_has_had_enough_is_no_error(tmp_path):
+    from mograft import write_bvh
+    from mograft.dancer import dance
+
+    write_bvh(dance(strides=1).motion[:20], tmp_path / "a.bvh")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mograft", "groups", tmp_path / "a.bvh"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    process.stdout.close()
+    told = process.stderr.read()
+    process.stderr.close()
+    assert process.wait() == 1
+    assert told == ""

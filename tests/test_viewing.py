@@ -155,6 +155,27 @@ def test_end_sites_are_drawn_where_they_are(motion):
         assert clip["parents"][motion.n_joints + index] == site.parent
 
 
+def test_eyes_are_no_second_head(motion):
+    skeleton = motion.skeleton
+    head = skeleton.index("Head")
+    with_eyes = Skeleton(
+        [*skeleton.names, "LeftEye"],
+        [*skeleton.parents, head],
+        np.concatenate([skeleton.offsets, [[3, 8, 8]]]),
+        end_sites=(EndSite(head, [0, 20, 0]), EndSite(18, [0, 0, 2])),
+    )
+    still = Motion(with_eyes, 0.1, [[[0, 0, 0, 1]] * 19], with_eyes.offsets[None])
+    width = data_of(view(still, show=False))["clips"][0]["width"]
+    eye, crown, sight = width[18:]
+    assert eye == sight < 1 < crown
+    bare = replace(with_eyes, end_sites=(EndSite(18, [0, 0, 2]),))
+    still = replace(still, skeleton=bare)
+    clip = data_of(view(still, show=False))["clips"][0]
+    assert clip["parents"][-1] == head
+    assert clip["width"][-1] == crown
+    assert np.linalg.norm(np.diff(places_of(clip)[0, [head, -1]], axis=0)) > 1
+
+
 def test_a_graft_is_shown_after_its_base_with_where_its_parts_come_from(motion, new):
     data = data_of(view(motion, new, show=False))
     assert [clip["name"] for clip in data["clips"]] == ["dance", "dance_graft0"]

@@ -5,6 +5,8 @@ time, 2 usage, 3 invalid input file, 4 no donors satisfy the constraints, 130 in
 """
 
 import argparse
+import os
+import sys
 import warnings
 from collections.abc import Sequence
 
@@ -35,9 +37,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
         try:
             code: int = options.run(options)
+            sys.stdout.flush()
         except BvhError as error:
             say(f"error: {error}")
             code = 3
+        except BrokenPipeError:
+            # Whoever read the output, as `head`, has had enough: that is no error to tell. The
+            # interpreter would complain once more at its end, when it flushes.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = 1
         except (MograftError, OSError, ValueError) as error:
             say(f"error: {_in_words(error)}")
             code = 1

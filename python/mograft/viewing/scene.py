@@ -308,10 +308,17 @@ class _Drawn:
             joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
             for site in skeleton.end_sites
         ]
-        places = _upright(np.concatenate([joints, *(s[:, None] for s in sites)], axis=1), motion)
         parents = [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
-        height = body(skeleton).height
-        parts = anatomy(skeleton).parts
+        known = anatomy(skeleton)
+        figure = body(skeleton)
+        height, head = figure.height, figure.head
+        on_head = {node for node, parent in enumerate(parents) if parent == head}
+        if head is not None and on_head and on_head <= set(known.details):
+            # Nothing but eyes: the head itself ends where its mass is taken to.
+            sites.append(joints[:, head] + rotations.rotate(turns[:, head], figure.bone[head]))
+            parents.append(head)
+        places = _upright(np.concatenate([joints, *(s[:, None] for s in sites)], axis=1), motion)
+        parts = known.parts
         widths = [_WIDTHS.get(part, 1.0) for part in parts]
         above = [max(parent, 0) for parent in parents]
         bones = [widths[node] for node in above]
@@ -319,6 +326,10 @@ class _Drawn:
             # From the trunk to a limb, beside the spine.
             if bones[joint] == _WIDTHS["trunk"] and part not in ("trunk", "neck", "head"):
                 bones[joint] = 1.1
+        for node, parent in enumerate(above):
+            # Eyes and markers would make a second head.
+            if {node, parent} & set(known.details):
+                bones[node] = 0.4
         inner = {parent for parent in parents if parent >= 0}
         # Fingers are many and all go the same way.
         tips = [

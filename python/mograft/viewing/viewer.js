@@ -122,7 +122,10 @@
     ink.dark = style.getPropertyValue("--dark").trim() === "1";
     ink.group = Array.from({ length: 8 }, (_, i) => style.getPropertyValue(`--group${i}`).trim());
   }
-  const groupColour = (name) => ink.group[scene.groups.indexOf(name) % ink.group.length];
+  function groupColour(name) {
+    const index = scene.groups.indexOf(name);
+    return index < 0 ? ink.faint : ink.group[index % ink.group.length];
+  }
   function clusterColour(cluster) {
     if (cluster < 0) return ink.line;
     const hue = (cluster * 137.508 + 200) % 360;
