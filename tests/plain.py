@@ -356,6 +356,8 @@ def capsule_distances(ends, radii, others, other_radii):
     tiny = 1e-300
     spread = aa * ee - both**2
     s = np.where(spread > 0, ((both * f - g * ee) / np.maximum(spread, tiny)).clip(0, 1), 0.0)
+    # Of a point there is nothing to slide along: the nearest place on the other is free.
+    s = np.where(ee > 0, s, (-g / np.maximum(aa, tiny)).clip(0, 1))
     t = (both * s + f) / np.maximum(ee, tiny)
     s = np.where(t < 0, (-g / np.maximum(aa, tiny)).clip(0, 1), s)
     s = np.where(t > 1, ((both - g) / np.maximum(aa, tiny)).clip(0, 1), s)

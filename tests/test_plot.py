@@ -162,7 +162,7 @@ def test_what_cannot_be_drawn_is_named(motion, library):
         plot.timeline(motion, frames=(5, 5))
     with pytest.raises(ValueError, match="at least 2 frames"):
         plot.energy(motion[:1])
-    with pytest.warns(UserWarning, match="too few to be compared"):
+    with pytest.warns(UserWarning, match="too few to compare"):
         single = Library.build(motion[:4], config=Config(min_length=1.0))
     with pytest.raises(ValueError, match="must have segments that were compared"):
         plot.dendrogram(single)

@@ -61,7 +61,9 @@ def test_segments_grafted_onto_themselves_are_the_input(source):
     clip = read_bvh(path if path.is_file() else sorted(path.rglob("*.bvh"))[0])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        library = Library.build(clip, config=Config(sigma=1e-12))
+        # Where segments are each other's copies, what they have captured is what costs nothing.
+        config = Config(sigma=1e-12, choice="viterbi", novelty=0.0)
+        library = Library.build(clip, config=config)
     np.testing.assert_array_equal(graft(library).motion.channel_numbers(), clip.channel_values)
 
 
