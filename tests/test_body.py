@@ -147,8 +147,9 @@ def test_markers_and_faces_weigh_nothing():
         " | Chest > Head {Jaw | LeftEye}}"
     )
     skeleton = skeleton.with_offsets(np.arange(33.0).reshape(11, 3))
-    found = body(skeleton)
     light = [skeleton.index(name) for name in ("L_Femur_RIGMESH", "Jaw", "LeftEye")]
+    sites = tuple(EndSite(joint, (0, 3, 0)) for joint in light)
+    found = body(Skeleton(skeleton.names, skeleton.parents, skeleton.offsets, end_sites=sites))
     assert not found.mass[light].any()
     np.testing.assert_array_equal(
         found.bone[skeleton.index("LeftHip")], skeleton.offsets[skeleton.index("LeftKnee")]

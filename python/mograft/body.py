@@ -360,7 +360,7 @@ def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
     feet = []
     for ankle in known.joints("foot"):
         parent = int(skeleton.parents[ankle])
-        if ankle in known.details or (parent >= 0 and known.parts[parent] == "foot"):
+        if parent >= 0 and known.parts[parent] == "foot":
             continue
         below = {ankle}
         toes = []
