@@ -42,8 +42,8 @@ def _words_of(text: str) -> frozenset[str]:
 
 
 # The first row with a word of the name decides, so that of `torso_head` the head is moved, and
-# `LeftHandThumb1` is a finger; `fore+arm` means both words. A name with one of the three words of
-# `_UNSURE` is a part that only its neighbours tell.
+# `LeftHandThumb1` is a finger; `fore+arm` means both words. Which part a leg, a shoulder or
+# a hip is only its neighbours tell: `_settle`.
 _NAMES = (
     ("tail", "tail"),
     ("finger", "thumb finger fingers knuckle metacarpal metacarpals carpal fore+paw front+paw"),
@@ -71,7 +71,6 @@ _NAMES = (
     ("pelvis", "hips pelvis buttock sacrum"),
     ("hip", "hip"),
 )
-_UNSURE = ("leg", "shoulder", "hip")
 # These are fingers only beside a hand or alone: there is also SpineMid and BrowMid.
 _FINGERS = _words_of("index middle mid ring pinky pinkie little")
 # Handles of an animator: such a joint is not the part that it is named after.
@@ -342,7 +341,7 @@ def _vertebra(name: str) -> str:
 
 
 def _part_of(words: tuple[str, ...]) -> str:
-    """Return the part that the words of one name tell, one of `_UNSURE`, or nothing."""
+    """Return the part that the words of one name tell, or leg, shoulder, hip, or nothing."""
     own = set(words)
     if own & _HANDLES:
         return ""
