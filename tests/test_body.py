@@ -315,7 +315,6 @@ def test_bodies_of_recordings(path):
     assert found.mass.sum() == pytest.approx(1)
     assert (found.model == "de Leva") == anatomy(skeleton).human
     if found.model == "de Leva":
-        # Both shoulders and both hips of a body are where a tape measure finds them.
         assert found.height_from in ("legs and head", "legs")
         assert [foot.side for foot in found.feet] == ["left", "right"]
         assert 0.002 < found.inertia.sum() < 0.02
