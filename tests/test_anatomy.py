@@ -141,7 +141,7 @@ SCHEMES = {
     " {Side}Leg=shank > {Side}Foot=foot > {Side}Sole=toe"
     " | Spine=trunk {Zzz=trunk > Head=head > Hat=head | {Side}Arm=upper_arm > {Side}Hand=hand >"
     " {Side}Blob=finger}}",
-    "legs of one word": "Hips=pelvis {{Side}Leg=thigh > {Side}Knee=shank"
+    "legs of one word": "Hips=pelvis {{Side}Leg=thigh > {Side}LegTwist=thigh > {Side}Knee=shank"
     " | Spine=trunk > {Side}Arm=upper_arm}",
 }
 
@@ -227,8 +227,8 @@ def test_sides_run_together_with_words():
 @pytest.mark.parametrize(
     "dress",
     [
-        lambda name: f"actor:{name.split(':')[-1]}",
-        lambda name: f"|group|{name}",
+        lambda name: f"LeftHand:{name.split(':')[-1]}",
+        lambda name: f"|Head|{name}",
         lambda name: f"Fred_{name}",
         lambda name: f"Fred-{name}-rig",
     ],
@@ -296,17 +296,47 @@ def test_without_names_the_axes_do_not_matter(turns, more):
     assert anatomy(turned).sides == anatomy(nameless).sides
 
 
-def test_names_of_one_limb_pair_are_enough_for_the_other():
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_names_of_one_limb_pair_are_enough_for_the_other(mirror):
     """Legs of unknown names beside known arms are found by symmetry, and sided by the arms."""
     words = {"Hip": "Pata", "Knee": "Jarrete", "Ankle": "Casco"}
     skeleton = renamed(
         human(), lambda j, own: next((f"{w}{j}" for k, w in words.items() if k in own[4:]), own)
     )
     skeleton = renamed(skeleton, lambda _, own: "Pata16" if own == "RightHip" else own)
-    found = anatomy(skeleton)
+    found = anatomy(skeleton.with_offsets(skeleton.offsets * [mirror, 1, 1]))
     assert found.parts == anatomy(human()).parts
     assert found.sides == anatomy(human()).sides
     assert found.scheme == "structure"
+
+
+def test_without_names_long_collars_and_rolls_do_not_mislead():
+    skeleton, _ = written(
+        "Hips {LeftUpLeg > LeftUpLegRoll > LeftLeg > LeftLegRoll > LeftFoot"
+        " | RightUpLeg > RightUpLegRoll > RightLeg > RightLegRoll > RightFoot"
+        " | Spine {Head | LeftShoulder > LeftArm > LeftForeArm > LeftHand"
+        " | RightShoulder > RightArm > RightForeArm > RightHand}}"
+    )
+    leg = [(0, 0, 0), (0, -40, 0), (0, 0, 0), (0, -40, 0)]
+    arm = [(2, 0, 0), (22, 0, 0), (28, 0, 0), (21, 0, 0)]
+    right = [(-x, y, z) for x, y, z in arm]
+    places = [(0, 0, 0), (9, 0, 0), *leg, (-9, 0, 0), *leg, (0, 50, 0), (0, 9, 0), *arm, *right]
+    skeleton = skeleton.with_offsets(places)
+    nameless = renamed(skeleton, lambda joint, _: f"j{joint}")
+    assert anatomy(nameless).parts == anatomy(skeleton).parts
+
+
+def test_short_pairs_are_no_limbs():
+    skeleton, _ = written("a {b | c | d}")
+    body = human()
+    shift = skeleton.n_joints
+    joined = Skeleton(
+        [f"j{joint}" for joint in range(shift + body.n_joints)],
+        [*skeleton.parents, 0, *(int(parent) + shift for parent in body.parents[1:])],
+        [(0, 0, 0), (7, 0, 0), (-7, 0, 0), (0, 0, 3), *body.offsets],
+    )
+    assert anatomy(joined).hips == shift
+    assert anatomy(joined).parts[shift:] == anatomy(body).parts
 
 
 @given(st.data())

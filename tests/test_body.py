@@ -148,8 +148,9 @@ def test_markers_and_faces_weigh_nothing():
         " | Chest > Head {Jaw | LeftEye}}"
     )
     skeleton = skeleton.with_offsets(np.arange(33.0).reshape(11, 3))
-    found = body(skeleton)
     light = [skeleton.index(name) for name in ("L_Femur_RIGMESH", "Jaw", "LeftEye")]
+    sites = tuple(EndSite(joint, (0, 3, 0)) for joint in light)
+    found = body(Skeleton(skeleton.names, skeleton.parents, skeleton.offsets, end_sites=sites))
     assert not found.mass[light].any()
     np.testing.assert_array_equal(
         found.bone[skeleton.index("LeftHip")], skeleton.offsets[skeleton.index("LeftKnee")]
@@ -315,7 +316,6 @@ def test_bodies_of_recordings(path):
     assert found.mass.sum() == pytest.approx(1)
     assert (found.model == "de Leva") == anatomy(skeleton).human
     if found.model == "de Leva":
-        # Both shoulders and both hips of a body are where a tape measure finds them.
         assert found.height_from in ("legs and head", "legs")
         assert [foot.side for foot in found.feet] == ["left", "right"]
         assert 0.002 < found.inertia.sum() < 0.02

@@ -172,13 +172,13 @@ def test_unencodable_names_are_written_as_indices():
 
 def test_markers_go_with_their_parent():
     skeleton, _ = written(
-        "joint_Root {Prop | Hips {LeftUpLeg {LeftLeg | Sticker} | Spine {Gadget |"
+        "joint_Root {Prop | Hips {LeftUpLeg {LeftLeg | Sticker} | Spine {Gadget | Tail |"
         " LeftArm > Watch}}}"
     )
     found = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
     assert {name: names_of(skeleton, joints) for name, joints in found.items()} == {
         "lower": ["joint_Root", "Prop", "Hips", "LeftUpLeg", "LeftLeg", "Sticker"],
-        "torso": ["Spine", "Gadget"],
+        "torso": ["Spine", "Gadget", "Tail"],
         "arms": ["LeftArm", "Watch"],
     }
 
@@ -197,6 +197,12 @@ def test_entries_are_names_globs_indices_and_subtrees():
     assert repr(groups) == (
         "JointGroups(feet: *Foot 5; lower: Hips LeftLeg; upper: subtree('Sp?ne'); base lower)"
     )
+
+
+def test_a_subtree_reaches_down_to_the_leaves():
+    skeleton, _ = written("Hips {Spine > Neck {Head > Jaw | Arm > Hand} | Leg > Foot}")
+    groups = JointGroups({"lower": ["Hips", subtree("Leg")], "upper": [subtree("Spine")]})
+    assert groups.resolve(skeleton)["upper"].tolist() == [1, 2, 3, 4, 5, 6]
 
 
 def test_a_name_is_a_glob_only_if_no_joint_has_it():

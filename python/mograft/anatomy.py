@@ -42,8 +42,8 @@ def _words_of(text: str) -> frozenset[str]:
 
 
 # The first row with a word of the name decides, so that of `torso_head` the head is moved, and
-# `LeftHandThumb1` is a finger; `fore+arm` means both words. A name with one of the three words of
-# `_UNSURE` is a part that only its neighbours tell.
+# `LeftHandThumb1` is a finger; `fore+arm` means both words. Which part a leg, a shoulder or
+# a hip is only its neighbours tell: `_settle`.
 _NAMES = (
     ("tail", "tail"),
     ("finger", "thumb finger fingers knuckle metacarpal metacarpals carpal fore+paw front+paw"),
@@ -71,10 +71,8 @@ _NAMES = (
     ("pelvis", "hips pelvis buttock sacrum"),
     ("hip", "hip"),
 )
-_UNSURE = ("leg", "shoulder", "hip")
 # These are fingers only beside a hand or alone: there is also SpineMid and BrowMid.
 _FINGERS = _words_of("index middle mid ring pinky pinkie little")
-_ENDS = _words_of("end nub")
 # Handles of an animator: such a joint is not the part that it is named after.
 _HANDLES = _words_of("ik pole target ctrl control prop weapon")
 _ANIMAL = _words_of("paw hoof tail")
@@ -88,10 +86,9 @@ _KNOWN = frozenset().union(*(phrase for _, phrases in _ROWS for phrase in phrase
 _VOCABULARY = (
     _KNOWN
     | _FINGERS
-    | _ENDS
     | _HANDLES
     | _ANIMAL
-    | _words_of("left right upper up base joint roll twist bend in big small tip top root")
+    | _words_of("left right upper up base joint roll twist bend in big small tip top end nub root")
 )
 _VERTEBRA = re.compile(r"([clt])(\d{1,2})")
 _CAMEL = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
@@ -200,7 +197,7 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
         guessed_sides = [opposite[side] for side in guessed_sides]
     known = [own or other for own, other in zip(named, guess, strict=True)]
     hips = _common_ancestor(skeleton, [joint for joint, part in enumerate(known) if part])
-    parts = _fill(skeleton, known, words, hips)
+    parts = _fill(skeleton, known, hips)
     full_sides: list[str] = []
     for joint, parent in enumerate(skeleton.parents):
         side = sides[joint] or guessed_sides[joint]
@@ -344,7 +341,7 @@ def _vertebra(name: str) -> str:
 
 
 def _part_of(words: tuple[str, ...]) -> str:
-    """Return the part that the words of one name tell, one of `_UNSURE`, or nothing."""
+    """Return the part that the words of one name tell, or leg, shoulder, hip, or nothing."""
     own = set(words)
     if own & _HANDLES:
         return ""
@@ -385,12 +382,12 @@ def _settle(
             settled[joint] = "pelvis" if on_pelvis else "thigh"
         elif part == "leg":
             upper = above not in LEG or bool(below[joint] & {"thigh", "shank"})
-            settled[joint] = "thigh" if upper and named[nearest] != "thigh" else "shank"
+            settled[joint] = "thigh" if upper else "shank"
         elif part == "shoulder":
             leaf = not skeleton.children[joint]
             settled[joint] = "clavicle" if leaf or "upper_arm" in below[joint] else "upper_arm"
         elif part == "foot" and above == "foot" and "ankle" in words[parent]:
-            settled[joint] = "foot" if _ENDS & set(words[joint]) else "toe"
+            settled[joint] = "toe"
     if "head" not in settled:
         above_arms = _above_arms(skeleton, settled)
         for joint in above_arms:
@@ -416,9 +413,7 @@ def _above_arms(skeleton: Skeleton, settled: list[str]) -> list[int]:
     return []
 
 
-def _fill(
-    skeleton: Skeleton, known: list[str], words: list[tuple[str, ...]], hips: int
-) -> list[str]:
+def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
     """Give every joint a part: its own where it fits its place, else that of its parent."""
     carries = set()
     for joint, part in enumerate(known):
@@ -429,7 +424,6 @@ def _fill(
     for joint, parent in enumerate(skeleton.parents):
         own = known[joint]
         above = parts[parent] if parent >= 0 else ""
-        end = bool(_ENDS & set(words[joint])) and not skeleton.children[joint]
         if joint in above_hips:
             part = "other"
         elif joint == hips and not own:
@@ -437,7 +431,7 @@ def _fill(
         elif joint in carries and own not in LEG:
             # Whatever its name: what the legs hang on moves them, and belongs to them.
             part = above if above in LEG else "pelvis"
-        elif above in ("head", "finger", "toe") or (end and above != "other"):
+        elif above in ("head", "finger", "toe"):
             part = above
         elif own:
             # No head on a leg, no forearm on a hand: such names are of markers.
