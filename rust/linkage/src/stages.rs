@@ -60,6 +60,7 @@ pub(crate) fn merges(
         if limit >= most {
             return Ok(merges);
         }
+        debug_assert!(!merged.pairs.is_empty(), "the limit is no less than some pair's distance");
         if merged.pairs.len() * POOR < m {
             let most = if is_thin { MOST_NEIGHBOURS } else { MANY_NEIGHBOURS };
             degree = (degree * 1.5).min(most).max(degree);
