@@ -13,6 +13,8 @@
 //! squared radius of that ball. A few steps of Frank and Wolfe's method towards that maximum
 //! get near enough (Bădoiu and Clarkson 2003).
 
+use std::cmp::Reverse;
+
 use crate::Error;
 use crate::parallel::Crew;
 use crate::points::{Points, squared_distance};
@@ -30,6 +32,9 @@ const MOST_STEPS: u16 = 1000;
 ///
 /// Each of its moves, at most [`MOST_STEPS`] and a few, rounds by two units of 2^-53 at most.
 const DRIFT: f64 = 1.0 / (1_u64 << 41) as f64;
+
+/// Members of clusters of this size stand in order of their distance from the centre.
+pub(crate) const SORTED_FROM: usize = 64;
 
 /// Clusters to be handled together: how many one job takes.
 const PER_JOB: usize = 256;
@@ -70,7 +75,7 @@ impl Clusters {
         self.reps.len()
     }
 
-    /// The rows of a cluster's points.
+    /// The rows of a cluster's points; of [`SORTED_FROM`] or more, the farthest out first.
     pub fn members(&self, cluster: usize) -> &[u32] {
         &self.members[self.starts[cluster] as usize..self.starts[cluster + 1] as usize]
     }
@@ -185,9 +190,16 @@ impl Clusters {
         self.radii[union] = f64::NAN;
     }
 
-    /// Shrink the balls of new clusters, those without a radius.
+    /// Shrink the balls of new clusters, those without a radius, and sort their members.
     fn refine(&mut self, crew: &Crew<'_>, points: &Points) -> Result<(), Error> {
-        let (dim, starts, members) = (self.dim, &self.starts, &self.members);
+        let (dim, starts) = (self.dim, &self.starts);
+        let mut rest = self.members.as_mut_slice();
+        let mut members = Vec::with_capacity(starts.len().div_ceil(PER_JOB));
+        for ends in starts.windows(2).collect::<Vec<_>>().chunks(PER_JOB) {
+            let (own, others) = rest.split_at_mut((ends[ends.len() - 1][1] - ends[0][0]) as usize);
+            members.push(own);
+            rest = others;
+        }
         let balls = self
             .centres
             .chunks_mut(dim * PER_JOB)
@@ -196,24 +208,23 @@ impl Clusters {
                 self.radii
                     .chunks_mut(PER_JOB)
                     .zip(self.steps.chunks_mut(PER_JOB)),
-            )
-            .enumerate();
-        let refine = |job: usize, balls: &mut dyn Iterator<Item = Ball<'_>>| {
-            for (i, ball) in balls.enumerate().filter(|(_, ball)| ball.radius.is_nan()) {
-                let cluster = job * PER_JOB + i;
-                let range = starts[cluster] as usize..starts[cluster + 1] as usize;
-                ball.refine(points, &members[range]);
-            }
-        };
+            );
         crew.each(
-            balls,
+            members.into_iter().zip(balls).enumerate(),
             || (),
-            |(), (job, ((centres, spreads), (radii, steps)))| {
+            |(), (job, (mut members, ((centres, spreads), (radii, steps))))| {
                 let states = spreads.iter_mut().zip(radii).zip(steps);
-                let mut balls = centres.chunks_mut(dim).zip(states).map(
-                    |(centre, ((spread, radius), steps))| Ball { centre, spread, radius, steps },
-                );
-                refine(job, &mut balls);
+                for (i, (centre, ((spread, radius), steps))) in
+                    centres.chunks_mut(dim).zip(states).enumerate()
+                {
+                    let cluster = job * PER_JOB + i;
+                    let size = (starts[cluster + 1] - starts[cluster]) as usize;
+                    let (own, others) = members.split_at_mut(size);
+                    members = others;
+                    if radius.is_nan() {
+                        Ball { centre, spread, radius, steps }.refine(points, own);
+                    }
+                }
             },
         )?;
         Ok(())
@@ -229,7 +240,8 @@ struct Ball<'a> {
 }
 
 impl Ball<'_> {
-    fn refine(self, points: &Points, members: &[u32]) {
+    /// Shrink the ball; if members are many, sort them, the farthest from its centre first.
+    fn refine(self, points: &Points, members: &mut [u32]) {
         let Self { centre, spread, radius, steps } = self;
         if *steps > MOST_STEPS {
             // Start again from a point, which is its own average without any rounding.
@@ -238,7 +250,7 @@ impl Ball<'_> {
         }
         for step in 0..=STEPS {
             let mut farthest = (members[0], -1.0);
-            for &member in members {
+            for &member in &*members {
                 let apart = squared_distance(points.row(member), centre);
                 if apart > farthest.1 {
                     farthest = (member, apart);
@@ -247,13 +259,19 @@ impl Ball<'_> {
             let (member, apart) = farthest;
             *radius = apart;
             if step == STEPS || apart <= *spread * NEAR_ENOUGH {
-                return;
+                break;
             }
             // The variance, a parabola in the weight, is largest here.
             let weight = ((apart - *spread) / (2.0 * apart)).clamp(0.0, 1.0);
             move_towards(centre, points.row(member), weight);
             *spread = (1.0 - weight) * (*spread + weight * apart);
             *steps += 1;
+        }
+        if members.len() >= SORTED_FROM {
+            members.sort_by_cached_key(|&member| {
+                // The bits of floats that are not negative rise with them.
+                Reverse(squared_distance(points.row(member), centre).to_bits())
+            });
         }
     }
 }

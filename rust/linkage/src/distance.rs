@@ -8,11 +8,13 @@
 //!    too far apart, and this pair shows it.
 //! 2. A member nearer to the other's centre than the pair's distance less the other's radius
 //!    belongs to no farther pair. The few that remain are compared with each other.
+//!    (Members of a large cluster stand in order of their distance from its centre, so of most
+//!    nothing needs to be read at all.)
 //! 3. All this in f32, relative to the clusters' centres. Pairs that could be the farthest, as
 //!    far as f32 can tell, are looked at again in f64: the largest of those is the distance.
 
 use crate::Error;
-use crate::clusters::Clusters;
+use crate::clusters::{Clusters, SORTED_FROM};
 use crate::parallel::Crew;
 use crate::points::{Points, squared_distance};
 use crate::simd::{self, Isa, LANES, Lanes, ROWS};
@@ -41,6 +43,8 @@ pub(crate) struct Gauge<'a> {
     packed: Vec<Lanes>,
     /// Where each cluster's blocks begin.
     starts: Vec<usize>,
+    /// Of each block of a large cluster, how far from the centre its farthest member is.
+    tops: Vec<f64>,
     /// Radius of each cluster's ball.
     radii: Vec<f64>,
     /// What rounding may have added to the bound of each cluster.
@@ -82,6 +86,8 @@ impl Limit {
 struct Pair {
     a: usize,
     c: usize,
+    /// The distance of their centres at most.
+    apart: f64,
     /// What f32 may add to their points' distances, or take from them.
     slack: f64,
     /// The distance beyond which theirs is of no interest.
@@ -100,22 +106,32 @@ impl<'a> Gauge<'a> {
             starts.push(starts[cluster] + blocks * dim);
         }
         let mut packed = vec![[0.0; LANES]; starts[m]];
-        let mut rest = packed.as_mut_slice();
+        let mut tops = vec![0.0; starts[m] / dim];
+        let mut rest = (packed.as_mut_slice(), tops.as_mut_slice());
         let mut jobs = Vec::with_capacity(m.div_ceil(PER_JOB));
         for first in (0..m).step_by(PER_JOB) {
             let last = (first + PER_JOB).min(m);
-            let (own, others) = rest.split_at_mut(starts[last] - starts[first]);
-            rest = others;
-            jobs.push((first..last, own));
+            let length = starts[last] - starts[first];
+            let (blocks, other_blocks) = rest.0.split_at_mut(length);
+            let (tops, other_tops) = rest.1.split_at_mut(length / dim);
+            rest = (other_blocks, other_tops);
+            jobs.push((first..last, blocks, tops));
         }
         crew.each(
             jobs.into_iter(),
             || (),
-            |(), (range, mut room)| {
+            |(), (range, blocks, tops)| {
+                let first = starts[range.start];
                 for cluster in range {
-                    let (own, others) = room.split_at_mut(starts[cluster + 1] - starts[cluster]);
-                    room = others;
-                    pack(points, clusters.members(cluster), clusters.centre(cluster), own);
+                    let own = starts[cluster] - first..starts[cluster + 1] - first;
+                    let (members, centre) = (clusters.members(cluster), clusters.centre(cluster));
+                    pack(points, members, centre, &mut blocks[own.clone()]);
+                    if members.len() >= SORTED_FROM {
+                        let tops = &mut tops[own.start / dim..own.end / dim];
+                        for (top, &member) in tops.iter_mut().zip(members.iter().step_by(LANES)) {
+                            *top = squared_distance(points.row(member), centre).sqrt();
+                        }
+                    }
                 }
             },
         )?;
@@ -126,7 +142,7 @@ impl<'a> Gauge<'a> {
             .collect();
         let drifts = (0..m).map(|cluster| clusters.drift(cluster)).collect();
         let (isa, rounding) = (crew.isa, simd::rounding(dim));
-        Ok(Self { isa, points, clusters, packed, starts, radii, drifts, rounding })
+        Ok(Self { isa, points, clusters, packed, starts, tops, radii, drifts, rounding })
     }
 
     /// The squared distance of clusters `a` and `c` if it is no more than the limit's.
@@ -173,7 +189,7 @@ impl<'a> Gauge<'a> {
         let apart = scratch.way.iter().map(|x| x * x).sum::<f32>();
         let apart = f64::from(apart).sqrt() * 1.01;
         let slack = 4.0 * HALF_UNIT * (apart + self.radii[a] + self.radii[c]) + VANISHING;
-        let pair = Pair { a, c, slack, limit: limit.root };
+        let pair = Pair { a, c, apart, slack, limit: limit.root };
         let best = self.there_and_back(&pair, start, scratch)?;
         self.thin_out(&pair, best, scratch);
         self.compare(&pair, best, scratch)
@@ -200,12 +216,22 @@ impl<'a> Gauge<'a> {
     /// A squared distance, as f32 sees it, that is nearly the largest, and none if that shows
     /// that the clusters are too far apart. Starts from a member of A.
     fn there_and_back(&self, pair: &Pair, start: usize, scratch: &mut Scratch) -> Option<f32> {
-        let Pair { a, c, .. } = *pair;
+        let Pair { a, c, slack, .. } = *pair;
         let Scratch { way, from, far, .. } = scratch;
         let too_far = self.too_far(pair);
         from.clear();
         self.seen_from(c, a, start, way, from);
-        let mut best = self.sweep(c, from, far);
+        let mut blocks = self.blocks(c).len() / self.points.dim;
+        if self.clusters.members(c).len() >= SORTED_FROM {
+            // Those farthest out show how far out the others must be to matter.
+            let best = self.sweep_first(pair, 1, from, far);
+            if best > too_far {
+                return None;
+            }
+            let worth = f64::from(best).sqrt() * (1.0 - self.rounding) - 2.0 * slack;
+            blocks = self.blocks_beyond(pair, worth);
+        }
+        let mut best = self.sweep_first(pair, blocks, from, far);
         if best > too_far {
             return None;
         }
@@ -244,9 +270,10 @@ impl<'a> Gauge<'a> {
         }
         from.clear();
         from.extend(way.iter().map(|x| -x));
-        self.sweep(c, from, far);
+        let blocks = self.blocks_beyond(pair, worth);
+        self.sweep_first(pair, blocks, from, far);
         let least = square((worth - self.radii[a]) * (1.0 - self.rounding));
-        for (i, &member) in others.iter().enumerate() {
+        for (i, &member) in others.iter().enumerate().take(blocks * LANES) {
             if lane(far, i as u32) >= least {
                 self.thin(c, i, members.len(), thinned);
                 members.push(member);
@@ -353,6 +380,26 @@ impl<'a> Gauge<'a> {
         for (lanes, x) in blocks[first..].iter_mut().zip(self.lanes(cluster, i)) {
             lanes[place % LANES] = x;
         }
+    }
+
+    /// How many of C's blocks may hold a member of a pair at a distance of `worth` or more.
+    ///
+    /// That member is no nearer to its centre than this less the distance of the other, and
+    /// the other's is that of the centres and A's radius at most.
+    fn blocks_beyond(&self, pair: &Pair, worth: f64) -> usize {
+        let dim = self.points.dim;
+        let range = self.starts[pair.c] / dim..self.starts[pair.c + 1] / dim;
+        if self.clusters.members(pair.c).len() < SORTED_FROM {
+            return range.len();
+        }
+        let least = (worth - pair.apart - self.radii[pair.a]) * (1.0 - 1e-9) - pair.slack;
+        self.tops[range].partition_point(|&top| top >= least).max(1)
+    }
+
+    /// As [`Self::sweep`], over some of C's first blocks.
+    fn sweep_first(&self, pair: &Pair, blocks: usize, from: &[f32], out: &mut Vec<Lanes>) -> f32 {
+        out.resize(blocks, [0.0; LANES]);
+        simd::sweep(self.isa, from, &self.blocks(pair.c)[..blocks * from.len()], out)
     }
 
     /// Squared distances of `from`, an offset from its centre, to a cluster's members; the

@@ -3,8 +3,8 @@
 //! A good limit leaves a cluster with some ten neighbours on average: enough that most find
 //! their nearest among them and merge, few enough to be measured and kept. It is estimated from a
 //! sample of clusters, spread evenly over the order and so over space; nothing is drawn by
-//! chance. Where some are packed much closer than others, and stand first, the neighbours are
-//! all theirs: then more of those are sampled, and count for less.
+//! chance. Where some are packed much closer than others, the neighbours are all theirs: then
+//! more of those are sampled, and each counts for less.
 
 use crate::Error;
 use crate::clusters::Clusters;
@@ -25,28 +25,31 @@ const MEASURED: f64 = 4.0;
 /// and not the number of neighbours sets the limit.
 const SUSPECTS: f64 = 40.0;
 
-/// Where the parts end that are sampled alike if space is uneven, of clusters in order.
+/// Where the parts end that are sampled alike if space is uneven, the closest packed first.
 const PARTS: [f64; 4] = [0.0, 1.0 / 64.0, 1.0 / 8.0, 1.0];
 
 /// A squared limit with about `degree` neighbours to a cluster; some pair is within it.
 ///
-/// If `is_uneven`, clusters stand in order of how closely they are packed. Takes O(m d) time
-/// for m clusters.
+/// `by_gap` lists the clusters by how closely they are packed, if that is uneven. Takes O(m d)
+/// time for m clusters.
 pub(crate) fn choose(
     crew: &Crew<'_>,
     clusters: &Clusters,
     gauge: &Gauge<'_>,
     degree: f64,
-    is_uneven: bool,
+    by_gap: Option<&[u32]>,
 ) -> Result<f64, Error> {
     let m = clusters.len();
-    let parts: &[f64] = if is_uneven { &PARTS } else { &[0.0, 1.0] };
+    let parts: &[f64] = if by_gap.is_some() { &PARTS } else { &[0.0, 1.0] };
     let mut sample = Vec::new();
     for part in parts.windows(2) {
         let [start, end] = [part[0], part[1]].map(|share| (share * m as f64) as usize);
         let count = SAMPLE.min(end - start);
         let weight = (end - start) as f64 / (m * count) as f64;
-        let place = |i: usize| start + (2 * i + 1) * (end - start) / (2 * count);
+        let place = |i: usize| {
+            let place = start + (2 * i + 1) * (end - start) / (2 * count);
+            by_gap.map_or(place, |by_gap| by_gap[place] as usize)
+        };
         // All neighbours may be those of the clusters up to here.
         let crowding = 1.5 / part[1];
         sample.extend((0..count).map(|i| (place(i), weight, crowding)));

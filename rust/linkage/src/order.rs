@@ -27,11 +27,11 @@ const PER_JOB: usize = 64;
 
 /// The same clusters, neighbours in space near to each other.
 ///
-/// Tells also whether space is uneven; the most closely packed then come first. Takes O(m log m) time for m clusters.
+/// Where space is uneven, returns also a list of them by how closely they are packed. Takes O(m log m) time for m clusters.
 pub(crate) fn in_spatial_order(
     crew: &Crew<'_>,
     clusters: &Clusters,
-) -> Result<(Clusters, bool), Error> {
+) -> Result<(Clusters, Option<Vec<u32>>), Error> {
     let dim = clusters.centres().len() / clusters.len().max(1);
     let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
     by_halves(crew, clusters.centres(), dim, &mut order);
@@ -41,7 +41,7 @@ pub(crate) fn in_spatial_order(
     sorted.sort_unstable_by(f64::total_cmp);
     let (small, large) = (sorted[sorted.len() / 20], sorted[sorted.len() - 1 - sorted.len() / 20]);
     if large <= small * UNEVEN * UNEVEN {
-        return Ok((clusters, false));
+        return Ok((clusters, None));
     }
     let class = |i: u32| ((gaps[i as usize] / small).log2() / (2.0 * CLASS.log2())) as i32;
     order = (0..clusters.len() as u32).collect();
@@ -49,7 +49,12 @@ pub(crate) fn in_spatial_order(
     for alike in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
         by_halves(crew, clusters.centres(), dim, alike);
     }
-    Ok((clusters.rearranged(&order), true))
+    let mut by_gap: Vec<u32> = (0..clusters.len() as u32).collect();
+    by_gap.sort_by(|&a, &b| {
+        let gap = |i: u32| gaps[order[i as usize] as usize];
+        gap(a).total_cmp(&gap(b))
+    });
+    Ok((clusters.rearranged(&order), Some(by_gap)))
 }
 
 /// For each cluster the least squared bound to another of its block.

@@ -21,6 +21,10 @@ const MOST_NEIGHBOURS: f64 = 256.0;
 /// place, and elsewhere there is nothing within the limit.
 const MANY_NEIGHBOURS: f64 = 12.0;
 
+/// Where space is uneven, the part of the neighbours that is looked for. All are those of a few
+/// clusters packed together, each of which has very many.
+const CROWDED: f64 = 0.25;
+
 /// Fewer edges than this part of those looked for are few.
 const THIN: f64 = 0.125;
 
@@ -40,15 +44,16 @@ pub(crate) fn merges(
     let mut degree = tuning.degree;
     while clusters.len() > tuning.finish.max(1) {
         let m = clusters.len();
-        let is_uneven;
-        (clusters, is_uneven) = order::in_spatial_order(crew, &clusters)?;
+        let by_gap;
+        (clusters, by_gap) = order::in_spatial_order(crew, &clusters)?;
         let gauge = Gauge::new(crew, points, &clusters)?;
-        let limit = limit::choose(crew, &clusters, &gauge, degree, is_uneven)?.min(most);
+        let wanted = if by_gap.is_some() { CROWDED * degree } else { degree };
+        let limit = limit::choose(crew, &clusters, &gauge, wanted, by_gap.as_deref())?.min(most);
         let near = near_ones(crew, &clusters, &gauge, limit, degree, tuning.crowd)?;
         let (merged, limit, is_thin) = match near {
             Near::Edges(edges, limit) => {
                 drop(gauge);
-                let is_thin = (edges.len() as f64) < THIN * degree * m as f64;
+                let is_thin = (edges.len() as f64) < THIN * wanted * m as f64;
                 (merging::merge(crew, &clusters.reps, edges)?, limit, is_thin)
             }
             Near::Plateau(level) => (plateau::merge(crew, &clusters, &gauge, level)?, level, false),
@@ -60,6 +65,7 @@ pub(crate) fn merges(
         if limit >= most {
             return Ok(merges);
         }
+        debug_assert!(!merged.pairs.is_empty(), "the limit is no less than some pair's distance");
         if merged.pairs.len() * POOR < m {
             let most = if is_thin { MOST_NEIGHBOURS } else { MANY_NEIGHBOURS };
             degree = (degree * 1.5).min(most).max(degree);

@@ -160,6 +160,18 @@ fn labels_of(tree: &[[f64; 4]], diameter: f64) -> Vec<i64> {
 }
 
 #[test]
+fn a_plateau_waits_for_pairs_that_are_nearer() {
+    // A grid whose edges are too many, all of one length, and one shorter pair far behind it.
+    let mut points: Vec<f64> = (0..1000)
+        .flat_map(|i| [i % 10, i / 10 % 10, i / 100].map(f64::from))
+        .collect();
+    points.extend([1e3, 0.0, 0.0, 1e3 + 0.5, 0.0, 0.0]);
+    let tuning = Tuning { degree: 0.5, finish: 2, crowd: 0, ..Tuning::default() };
+    let tree = linkage(&points, 3, &Options { memory: 0, tuning, ..Options::default() }).unwrap();
+    assert!(tree == linkage_by_chain(&points, 3).unwrap());
+}
+
+#[test]
 fn a_condensed_matrix_grows_the_same_tree_on_the_matrix_and_by_the_chain() {
     let mut noise = Noise(0x7777_5678_0000_1111);
     for round in 0..60 {
