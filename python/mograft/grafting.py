@@ -1,7 +1,7 @@
 """From a library and a base motion to new motions: choose, recombine, report."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, overload
 
 import numpy as np
@@ -133,8 +133,8 @@ class Graft:
         """Return how the motion was made, as a JSON document: its provenance."""
         library = self.library
         clips = [
-            {"name": clip.name, "file": None if clip.path is None else clip.path.name}
-            for clip in library.clips
+            {"name": entry.name, "file": library.file_name(index)}
+            for index, entry in enumerate(library.entries)
         ]
         return {
             "schema": "mograft.graft/1",
@@ -146,7 +146,7 @@ class Graft:
             "frame_time": self.motion.frame_time,
             "config": library.config.as_dict(),
             "groups": {
-                name: [library.clips[0].skeleton.names[j] for j in library.joints(name)]
+                name: [library.skeleton.names[j] for j in library.joints(name)]
                 for name in library.groups.names
             },
             "base_group": library.groups.base,
@@ -236,8 +236,13 @@ class _Plan:
         seams: list[Seam] = []
         for group, donors in chosen.items():
             taken = _take(segments, donors)
+            # Only the clips that lend something: of a stored library, each has to be read.
+            used, clip = np.unique(taken.clip, return_inverse=True)
+            clips = [library.clips[index] for index in used]
             joints = library.joints(group)
-            part = transplant(self.base, own, taken, library.clips, joints, library.config)
+            part = transplant(
+                self.base, own, replace(taken, clip=clip), clips, joints, library.config
+            )
             parts.append(part)
             substitutions += _substitutions(library, group, self.scenario, donors)
             seams += _seams(group, part)
@@ -360,7 +365,7 @@ def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
     if not wanted:
         raise ValueError(f"swap must name at least one group of {', '.join(others)}, got none")
     if library.root not in library.joints(base):
-        carrier = library.clips[0].skeleton.names[library.root]
+        carrier = library.skeleton.names[library.root]
         raise ValueError(
             f"the base group {base!r} must hold {carrier}, which carries the body through the world"
         )
@@ -383,7 +388,7 @@ def _substitutions(
             int(segments.stop[own]),
             own,
             donor,
-            library.clips[segments.clip[donor]].name,
+            library.entries[segments.clip[donor]].name,
             int(segments.start[donor]),
             int(segments.stop[donor]),
             length / taken - 1.0,
