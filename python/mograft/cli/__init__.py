@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 
 from mograft import __version__
-from mograft.cli import demo, graft, groups, info
+from mograft.cli import demo, graft, groups, index, info, lib
 from mograft.cli._common import say
 from mograft.errors import BvhError, MograftError
 
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except BvhError as error:
             say(f"error: {error}")
             code = 3
-        except (MograftError, OSError, ValueError) as error:
+        except (MograftError, ModuleNotFoundError, OSError, ValueError) as error:
             say(f"error: {_in_words(error)}")
             code = 1
         except KeyboardInterrupt:
@@ -60,6 +60,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mograft {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (demo, info, groups, graft):
+    for command in (demo, info, groups, index, lib, graft):
         command.add(commands)
     return parser
