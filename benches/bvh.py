@@ -20,7 +20,7 @@ import mograft as mg
 from mograft import _core
 
 N_JOINTS = 31
-SMALL, LARGE = 2_700, 2_700
+SMALL, LARGE = 2_700, 98_000
 TURNS = 9
 # Seconds that one reader may take on one file before it takes no further turns.
 BUDGET = 15.0
@@ -115,14 +115,12 @@ def readers(path, n_head, installed):
         quaternions["pymotion"] = lambda: load(to_quaternions=True)
     if "bvhio" in installed:
         numbers["bvhio"] = lambda: installed["bvhio"].readAsBvh(str(path))
-        quaternions["bvhio"] = numbers["bvhio"]
     return numbers, quaternions
 
 
 def writers(path, folder, installed):
     """Return what writes the file's motion."""
     motion = mg.read_bvh(path)
-    derived = motion[:]
     derived = mg.Motion(motion.skeleton, motion.frame_time, motion.rotations, motion.positions)
     tasks = {
         "mograft write_bvh": lambda: mg.write_bvh(motion, folder / "a.bvh"),

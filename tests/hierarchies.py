@@ -4,11 +4,29 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 
-from mograft import EndSite, Skeleton
+from mograft import EndSite, Skeleton, read_bvh
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
+DANCES = (
+    "bandai_ds1/dataset-1_dance-short_normal_001",
+    "dance_cmu60_salsa/60_01",
+    "dance_cmu94_indian_30fps/94_01_1",
+)
+"""Dances of three sources."""
+
+
+def recording(name):
+    """Return a recording at no more than 60 fps, without a rest pose before it."""
+    path = DATA / f"{name}.bvh"
+    if not path.exists():
+        pytest.skip(f"the recording {name} is not here")
+    motion = read_bvh(path)
+    step = np.abs(np.diff(motion.positions[:3, motion.locomotion_root()], axis=0)).max(axis=-1)
+    motion = motion[1:] if step[0] > 5 * max(step[1], 1e-9) else motion
+    return motion.resample(30.0) if motion.rate > 60 else motion
 
 
 def written(text, offsets=None):

@@ -309,17 +309,33 @@ def choose(rotations, bounds, found, config, rng):
     return np.array(chosen)
 
 
+def stretched(rotations, start, stop, count):
+    """Return `count` frames spread evenly over a segment, by a curve through the whole clip."""
+    velocity = tangents(log(multiply(inverse(rotations[:-1]), rotations[1:])))
+    result = np.empty((count, *rotations.shape[1:]))
+    for sample in range(count):
+        whole, rest = divmod(sample * (stop - start), count - 1)
+        at = start + whole
+        result[sample] = rotations[at]
+        if rest:
+            ends = (rotations[at], rotations[at + 1], velocity[at], velocity[at + 1])
+            result[sample] = hermite(*ends, rest / (count - 1))
+    return result
+
+
 def transplant(rotations, bounds, chosen, rate, config):
     """Return rotations (F, J, 4) with every segment replaced, displaced and smoothed."""
     n = np.diff(bounds)
     pieces = []
     for i, k in enumerate(chosen):
-        pieces.append(resample(rotations[bounds[k] : bounds[k + 1] + 1], n[i] + 1))
+        pieces.append(stretched(rotations, bounds[k], bounds[k + 1], n[i] + 1))
     seams = [
         i
         for i in range(len(n) - 1)
         if chosen[i + 1] != chosen[i] + 1 or n[chosen[i]] != n[i] or n[chosen[i + 1]] != n[i + 1]
     ]
+    if config.seam == "offset":
+        return offset(rotations, bounds, chosen, pieces, seams, rate, config.seam_blend)
     starts = [np.zeros((rotations.shape[1], 3)) for _ in n]
     ends = [np.zeros((rotations.shape[1], 3)) for _ in n]
     for i in seams:
@@ -351,6 +367,53 @@ def transplant(rotations, bounds, chosen, rate, config):
             t = (frame - left) / width
             smooth[frame] = hermite(moved[left], moved[right], leaving, reaching, t)
     return smooth
+
+
+def offset(rotations, bounds, chosen, pieces, seams, rate, blend):
+    """Return rotations (F, J, 4) whose sides of a seam meet half way in pose and velocity."""
+    n = np.diff(bounds)
+    velocity = tangents(log(multiply(inverse(rotations[:-1]), rotations[1:]))) * rate
+    starts, ends = [0, *[i + 1 for i in seams]], [*seams, len(n) - 1]  # of pieces, as segments
+    ways = np.zeros((bounds[-1] + 1, rotations.shape[1], 3))
+    joined = np.empty_like(ways[..., :1].repeat(4, axis=-1))
+    for i, piece in enumerate(pieces):
+        joined[bounds[i] : bounds[i + 1] + 1] = piece
+    sides = {}
+    for i in seams:
+        a, b = pieces[i][-1], pieces[i + 1][0]
+        middle = multiply(a, exp(log(multiply(inverse(a), b)) / 2))
+        way = {-1: log(multiply(inverse(a), middle)), 1: log(multiply(inverse(b), middle))}
+        speed = {
+            -1: velocity[bounds[chosen[i] + 1]] * (n[chosen[i]] / n[i]),
+            1: velocity[bounds[chosen[i + 1]]] * (n[chosen[i + 1]] / n[i + 1]),
+        }
+        seen = {
+            s: Rotation.from_rotvec(-way[s].reshape(-1, 3)).apply(speed[s].reshape(-1, 3))
+            for s in (-1, 1)
+        }
+        mean = (seen[-1] + seen[1]) / 2
+        for s in (-1, 1):
+            # How the way changes, by differences: exp(way + h·change) = exp(way)·exp(h·lack).
+            lack, h = mean - seen[s], 1e-5
+            steps = [log(multiply(exp(way[s]), exp(h * sign * lack))) for sign in (1, -1)]
+            sides[i, s] = way[s], (steps[0] - steps[1]) / (2 * h)
+    for first, last in zip(starts, ends, strict=True):
+        duration = (bounds[last + 1] - bounds[first]) / rate
+        window = min(blend, duration)
+        for frame in range(bounds[first], bounds[last + 1] + 1):
+            for seam, s in ((first - 1, 1), (last, -1)):
+                if (seam, s) not in sides:
+                    continue
+                u = abs(frame - bounds[seam + 1]) / rate / window
+                if u < 1:
+                    d, c = sides[seam, s]
+                    c = c * s * window
+                    fallen = (2 * d + c) * u**3 - (3 * d + 2 * c) * u**2 + c * u + d
+                    # At the seam itself both sides give the same pose: take the later.
+                    if s == 1 and frame == bounds[first]:
+                        ways[frame] = 0
+                    ways[frame] += fallen
+    return multiply(joined, exp(ways))
 
 
 def euler_degrees(rotations, order, before):

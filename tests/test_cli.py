@@ -1,6 +1,7 @@
 """The command line as users meet it: what it prints, writes, refuses and returns."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,32 @@ def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):
     assert target.read_bytes() == before
 
 
+def test_the_choice_and_its_seed_are_the_users(capsys, folder, tmp_path):
+    def donors(name, *options):
+        code, out, _ = run(capsys, "graft", folder, "-o", tmp_path / name, "--json", *options)
+        assert code == 0
+        document = json.loads(out)["grafts"][0]
+        return document["config"]["choice"], document["substitutions"]
+
+    assert donors("a.bvh")[0] == "sample"
+    assert donors("b.bvh", "--seed", 1) != donors("c.bvh", "--seed", 2)
+    least = [donors(f"{s}.bvh", "--choice", "viterbi", "--seed", s) for s in (1, 2)]
+    assert least[0] == least[1]
+    assert donors("d.bvh", "--temperature", "0.001")[1] == least[0][1]
+    assert donors("f.bvh", "--preset", "paper")[0] == "random"
+
+
+def test_the_seam_can_be_chosen(capsys, folder, tmp_path):
+    told = {}
+    for seam in ("offset", "paper"):
+        path = tmp_path / f"{seam}.bvh"
+        assert run(capsys, "graft", folder, "--seam", seam, "-o", path)[0] == 0
+        assert json.loads(path.with_suffix(".json").read_text())["config"]["seam"] == seam
+        told[seam] = path.read_bytes()
+    assert run(capsys, "graft", folder, "-o", tmp_path / "default.bvh")[0] == 0
+    assert (tmp_path / "default.bvh").read_bytes() == told["offset"] != told["paper"]
+
+
 def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path):
     motion = read_bvh(folder / "a.bvh")
     write_bvh(motion[:40], tmp_path / "short.bvh")
@@ -100,6 +127,38 @@ def test_info_describes_files(capsys, folder):
     assert document["schema"] == "mograft.info/1"
     assert document["files"][0]["joints"] == 18
     assert document["files"][0]["groups"]["lower"][0] == "Hips"
+
+
+def test_large_files_are_described_without_being_held(capsys, folder, monkeypatch):
+    whole = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
+    monkeypatch.setattr("mograft.cli.info._LARGE", 1000)
+    streamed = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
+    assert streamed.pop("faults") is None
+    assert whole.pop("faults") == []
+    assert streamed == whole
+    assert "see mograft check" in run(capsys, "info", folder / "a.bvh")[1]
+
+
+def test_check_judges_every_file(capsys, folder, tmp_path):
+    assert run(capsys, "check", folder)[0] == 0
+    motion = read_bvh(folder / "a.bvh")
+    places = motion.positions.copy()
+    places[100:] += 400.0
+    write_bvh(replace(motion, positions=places, channel_values=None), tmp_path / "leap.bvh")
+    text = (folder / "a.bvh").read_text()
+    (tmp_path / "short.bvh").write_text(text.replace("Frames: 600", "Frames: 601"))
+    (tmp_path / "bad.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
+    code, out, err = run(capsys, "check", tmp_path)
+    assert code == 3
+    assert "bad.bvh:4:2: expected OFFSET" in err
+    assert "teleport: frames 99 to 100" in out
+    assert "tolerated: " in out
+    assert run(capsys, "check", tmp_path / "short.bvh")[0] == 0
+    assert run(capsys, "check", "--strict", tmp_path / "short.bvh")[0] == 3
+    code, out, _ = run(capsys, "check", "--json", tmp_path)
+    document = json.loads(out)
+    assert document["schema"] == "mograft.check/1"
+    assert [bool(file["error"]) for file in document["files"]] == [True, False, False]
 
 
 def test_groups_can_be_edited_and_passed_back(capsys, folder, tmp_path):
@@ -153,6 +212,7 @@ def test_clips_of_different_skeletons_are_refused(capsys, folder, tmp_path):
         ["graft", "a.bvh", "-o", "out", "-n", "0"],
         ["graft", "a.bvh", "-o", "out", "--seed", "-1"],
         ["graft", "a.bvh", "-o", "out", "--groups", "wings"],
+        ["graft", "a.bvh", "-o", "out", "--choice", "whim"],
     ],
 )
 def test_wrong_usage_ends_with_2(arguments, capsys):

@@ -23,6 +23,7 @@ from mograft import (
     write_bvh,
 )
 from mograft.dancer import dance
+from mograft.grafting import _cheapest_sums, _side_by_side
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,10 @@ def motion():
 @pytest.fixture(scope="module", params=["lower_upper", "lower_torso_larm_rarm"])
 def library(request, motion):
     return Library.build(motion, request.param)
+
+
+def chosen_by(library, choice, **changes):
+    return replace(library, config=replace(library.config, choice=choice, **changes))
 
 
 def columns(motion, joints):
@@ -57,16 +62,19 @@ def test_feet_stand_where_they_stood(library, motion):
 
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(library, motion, tmp_path):
     paths = [tmp_path / f"{i}.bvh" for i in range(3)]
-    for path, seed in zip(paths, (7, 7, 8), strict=True):
-        write_bvh(graft(library, motion, seed=seed).motion, path)
-    first, again, other = (path.read_bytes() for path in paths)
-    assert first == again != other
+    for choice in ("sample", "random"):
+        chancy = chosen_by(library, choice)
+        for path, seed in zip(paths, (7, 7, 8), strict=True):
+            write_bvh(graft(chancy, motion, seed=seed).motion, path)
+        first, again, other = (path.read_bytes() for path in paths)
+        assert first == again != other
 
 
 SCRIPT = """
 import sys
 from mograft import Library, graft, write_bvh
 from mograft.dancer import dance
+from mograft.grafting import _cheapest_sums, _side_by_side
 library = Library.build(dance(seed=1, strides=2).motion)
 write_bvh(graft(library, seed=7).motion, sys.argv[1])
 """
@@ -133,10 +141,53 @@ def test_a_duplicate_of_the_clip_gives_the_clip(motion):
     np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 
-def test_several_grafts_differ(library):
-    several = list(graft_many(library, count=4, seed=3))
+@pytest.mark.parametrize("choice", ["viterbi", "best", "sample", "nearest", "random"])
+def test_several_grafts_differ(library, choice):
+    several = list(graft_many(chosen_by(library, choice), count=4, seed=3))
     assert len({g.motion.rotations.tobytes() for g in several}) == 4
     assert [g.motion.name for g in several] == [f"dance_graft{i}" for i in range(4)]
+
+
+def total(new):
+    """Mean seam gap and number of exchanged parts."""
+    return sum(seam.gap for seam in new.seams), sum(not s.is_own for s in new.substitutions)
+
+
+def test_the_cheapest_has_closer_seams_than_the_papers_choice(library):
+    gaps, parts = total(graft(chosen_by(library, "viterbi")))
+    for seed in range(3):
+        by_chance, as_many = total(graft(chosen_by(library, "random"), seed=seed))
+        assert gaps / parts < by_chance / as_many
+
+
+def test_the_best_come_in_order_of_their_cost(library):
+    """What the first has in each group the second has too, but for the cheapest change."""
+    several = list(graft_many(chosen_by(library, "best"), count=5))
+    first = [s.donor for s in several[0].substitutions]
+    assert first == [s.donor for s in graft(chosen_by(library, "viterbi")).substitutions]
+    changes = [
+        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in several
+    ]
+    assert changes[0] == 0
+    assert all(changes[1:])
+    # Those that are asked to be diverse differ from each other in more places.
+    diverse = list(graft_many(chosen_by(library, "viterbi"), count=5))
+    apart = [
+        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in diverse
+    ]
+    assert sum(apart) > sum(changes)
+
+
+def test_without_a_gain_the_captured_motion_is_the_cheapest(library, motion):
+    new = graft(chosen_by(library, "viterbi", novelty=0.0))
+    np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
+
+
+def test_groups_are_combined_in_order_of_their_costs():
+    costs = [[0.0, 1.0, 4.0], [0.0, 2.0]]
+    assert _cheapest_sums(costs, 4) == [(0, 0), (1, 0), (0, 1), (1, 1)]
+    assert _side_by_side([3, 2], 5) == [(0, 0), (1, 1), (2, 0), (0, 1), (1, 0)]
+    assert len(_side_by_side([3, 2], 99)) == 6
 
 
 def test_one_group_of_several_can_be_swapped(motion):

@@ -233,6 +233,7 @@ def test_candidates_are_listed_with_reasons(library):
         library.candidates(99_999, "upper")
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of leaps and the like, which are random here
 @settings(max_examples=20)
 @given(motions(min_frames=60, min_joints=3), st.integers(0, 1))
 def test_any_skeleton_goes_with_groups_of_its_own(motion, paper):

@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from mograft import Config, Segments
-from mograft.substitution import Pool, choose, combinations, length_fits, pose_gaps, reachable
+from mograft.search import viterbi
+from mograft.substitution import (
+    BEYOND,
+    Pool,
+    Row,
+    choose,
+    combinations,
+    length_fits,
+    pose_gaps,
+    reachable,
+    velocity_gaps,
+)
 from tests import plain
 from tests.strategies import SEEDS, quaternions, wander
 
@@ -22,6 +33,7 @@ def make_pool(seed, n=12, n_labels=3, spread=0.5):
     lengths = rng.integers(1, 12, n)
     stops = np.cumsum(lengths)
     poses = wander(rng, n + 1, 3, speed=spread)
+    speeds = rng.normal(size=(n + 1, 3, 3))
     return Pool(
         Segments(stops - lengths, stops),
         rng.integers(0, n_labels, n),
@@ -29,6 +41,10 @@ def make_pool(seed, n=12, n_labels=3, spread=0.5):
         poses[:-1],
         poses[1:],
         30.0,
+        speeds[:-1],
+        speeds[1:],
+        rng.normal(size=(n, 4)),
+        2.0,
     )
 
 
@@ -62,6 +78,71 @@ def test_candidates_are_those_of_the_plain_version(seed, config):
         found = pool.candidates(segment, config)
         np.testing.assert_array_equal(found, expected[segment])
         assert segment in found
+    scenario = np.random.default_rng(seed).integers(0, len(pool.segments), 20)
+    for segment, found in zip(scenario, pool.candidate_lists(scenario, config), strict=True):
+        np.testing.assert_array_equal(found, expected[segment])
+
+
+@given(SEEDS, st.sampled_from([1, 3, 100]))
+def test_rows_cost_what_the_formula_says(seed, most):
+    pool = make_pool(seed)
+    config = Config(max_stretch=2.0, max_candidates=most, max_angle=0.5)
+    scenario = np.arange(len(pool.segments))
+    row = Row.of(pool, scenario, pool.candidate_lists(scenario, config), config)
+    lengths = pool.segments.lengths
+
+    def alone(i, k):
+        ratio = min(lengths[i], lengths[k]) / max(lengths[i], lengths[k])
+        apart = np.linalg.norm(pool.points[i] - pool.points[k]) / pool.sigma
+        return 1 - ratio + 0.25 * apart - config.novelty * (i != k)
+
+    for i, (own, costs) in enumerate(zip(row.candidates, row.chain.alone, strict=True)):
+        np.testing.assert_allclose(costs, [alone(i, k) for k in own], atol=1e-12)
+        everyone = pool.candidates(i, config)
+        dropped = np.setdiff1d(everyone, own)
+        assert i in own
+        assert len(own) == min(most, len(everyone))
+        kept = [alone(i, k) for k in own if k != i]
+        assert all(alone(i, k) >= max(kept, default=-np.inf) - 1e-12 for k in dropped)
+    for p, costs in enumerate(row.chain.after):
+        for a, left in enumerate(row.candidates[p]):
+            for b, right in enumerate(row.candidates[p + 1]):
+                angle = plain.gap(pool.last[left], pool.first[right])
+                speed = np.linalg.norm(
+                    pool.last_velocity[left] - pool.first_velocity[right], axis=1
+                )
+                expected = (angle / np.radians(20)) ** 2 + (speed.mean() / np.radians(200)) ** 2
+                expected += BEYOND * (angle > 0.5)
+                assert costs[a, b] == pytest.approx(expected, abs=1e-9)
+    np.testing.assert_array_equal(row.choices(row.donors(viterbi(row.chain))), viterbi(row.chain))
+
+
+@given(SEEDS)
+def test_the_cheapest_row_keeps_the_transition_limit_and_its_seams_are_no_worse(seed):
+    pool = make_pool(seed, n_labels=2)
+    config = Config(max_angle=0.4, max_stretch=2.0, novelty=0.0, distance_weight=0.0)
+    scenario = np.arange(len(pool.segments))
+    row = Row.of(pool, scenario, pool.candidate_lists(scenario, config), config)
+    donors = row.donors(viterbi(row.chain))
+    assert (np.diag(pool.gaps(donors[:-1], donors[1:])) <= 0.4).all()
+    # Nothing is gained by an exchange, so that nothing is exchanged.
+    assert row.chain.cost(viterbi(row.chain)) == pytest.approx(0.0, abs=1e-12)
+
+
+@given(SEEDS)
+def test_the_nearest_are_others_wherever_there_are_others(seed):
+    pool = make_pool(seed, n_labels=4)
+    config = Config(choice="nearest", max_stretch=2.0, max_angle=np.pi)
+    scenario = np.arange(len(pool.segments))
+    lists = pool.candidate_lists(scenario, config)
+    row = Row.of(pool, scenario, lists, config)
+    for i, (own, donor) in enumerate(zip(lists, row.donors(viterbi(row.chain)), strict=True)):
+        others = own[own != i]
+        if len(others):
+            apart = np.linalg.norm(pool.points[others] - pool.points[i], axis=1)
+            assert donor == others[apart.argmin()]
+        else:
+            assert donor == i
 
 
 @given(SEEDS)
@@ -96,12 +177,21 @@ def test_pose_gaps_are_mean_angles(ends, starts):
     np.testing.assert_allclose(pose_gaps(starts, ends), gaps.T, atol=1e-12)
 
 
+def test_velocity_gaps_are_mean_lengths_of_differences():
+    rng = np.random.default_rng(0)
+    ends, starts = rng.normal(size=(4, 2, 3)), rng.normal(size=(3, 2, 3))
+    expected = np.linalg.norm(ends[:, None] - starts, axis=-1).mean(axis=-1)
+    np.testing.assert_allclose(velocity_gaps(ends, starts), expected, atol=1e-12)
+
+
 @given(SEEDS)
 def test_neighbours_in_a_clip_have_no_gap(seed):
     pool = make_pool(seed)
     n = len(pool.segments)
     gaps = pool.gaps(np.arange(n - 1), np.arange(1, n))
     np.testing.assert_allclose(np.diag(gaps), 0.0, atol=1e-15)
+    speeds = pool.velocity_gaps(np.arange(n - 1), np.arange(1, n))
+    np.testing.assert_array_equal(np.diag(speeds), 0.0)
 
 
 @given(SEEDS, st.floats(0.05, 1.0))

@@ -7,7 +7,7 @@ clustering) → `graft` → `Graft.motion` → `write_bvh`.
 from mograft import resample, rotations
 from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
 from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
-from mograft.clustering import cut, linkage, linkage_condensed, threshold
+from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
 from mograft.config import Config
 from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
 from mograft.faults import Fault, find_faults
@@ -19,12 +19,14 @@ from mograft.motion import Motion
 from mograft.segmentation import Segments, kinetic_energy, segment
 from mograft.skeleton import EndSite, Skeleton
 from mograft.substitution import Candidate, Candidates
+from mograft.viewing import Page, view
 
 __all__ = [
     "BvhError",
     "BvhSummary",
     "Candidate",
     "Candidates",
+    "CompleteLinkage",
     "Config",
     "EndSite",
     "Fault",
@@ -35,6 +37,7 @@ __all__ = [
     "LibraryError",
     "MograftError",
     "Motion",
+    "Page",
     "Seam",
     "Segments",
     "Skeleton",
@@ -57,5 +60,6 @@ __all__ = [
     "subtree",
     "threshold",
     "to_pybvh",
+    "view",
     "write_bvh",
 ]

@@ -1,6 +1,6 @@
 """Compiled kernels of mograft. Private: call the package's own functions instead."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from mograft._arrays import FloatArray, IntArray
@@ -12,6 +12,7 @@ __all__ = [
     "cubic",
     "cubic_positions",
     "cut",
+    "cut_tuned",
     "exp",
     "format_rows",
     "from_channels",
@@ -19,7 +20,9 @@ __all__ = [
     "hermite",
     "kinetic_energy",
     "linkage",
+    "linkage_by_chain",
     "linkage_condensed",
+    "linkage_tuned",
     "log",
     "pose_gaps",
     "scan_numbers",
@@ -27,6 +30,7 @@ __all__ = [
     "segments_positions",
     "slerp",
     "to_euler",
+    "velocity_gaps",
     "world",
 ]
 
@@ -70,6 +74,7 @@ def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,
     rotations: FloatArray,
@@ -77,10 +82,33 @@ def kinetic_energy(
     frame_time: float,
     omega: str,
 ) -> FloatArray: ...
-def linkage(points: FloatArray, threads: int) -> FloatArray: ...
-def linkage_condensed(distances: FloatArray, threads: int) -> FloatArray: ...
-def cut(points: FloatArray, max_diameter: float, threads: int) -> IntArray: ...
 def scan_numbers(
     text: bytes, start: int, out: FloatArray, *, last: bool
 ) -> tuple[int, int, IntArray, bool]: ...
 def format_rows(values: FloatArray) -> bytes: ...
+def linkage(
+    points: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
+) -> FloatArray: ...
+def linkage_condensed(
+    distances: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
+) -> FloatArray: ...
+def cut(
+    points: FloatArray,
+    max_diameter: float,
+    threads: int,
+    memory: int,
+    progress: Callable[[float], object] | None,
+) -> IntArray: ...
+def linkage_tuned(
+    points: FloatArray, threads: int, level: int, degree: float, finish: int, crowd: int
+) -> FloatArray: ...
+def cut_tuned(
+    points: FloatArray,
+    max_diameter: float,
+    threads: int,
+    level: int,
+    degree: float,
+    finish: int,
+    crowd: int,
+) -> IntArray: ...
+def linkage_by_chain(points: FloatArray) -> FloatArray: ...

@@ -15,7 +15,6 @@ relative to its parent and stands for that component of OFFSET, as in Blender; o
 import codecs
 import os
 import re
-import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -40,7 +39,7 @@ Source: TypeAlias = str | os.PathLike[str] | IO[Any]
 _PIECE = 1 << 18
 # No word or name of a BVH file is this long; so far ahead is looked.
 _AHEAD = 1 << 16
-# Numbers turned into text at a time.
+# Numbers turned into text, or looked through, at a time.
 _BLOCK = 1 << 15
 # Levels of indentation written: a chain of thousands of joints would be mostly tabs.
 _DEEPEST = 40
@@ -169,7 +168,8 @@ def read_bvh(source: Source, *, strict: bool = False, add_offsets: bool = False)
         values = _read_values(text, head)
     skeleton = head.skeleton
     rotated, placed = poses(skeleton, values, add_offsets=add_offsets)
-    path = None if text.path is None else Path(text.path)
+    # An open file may bear the name of none, as standard input does.
+    path = Path(text.label) if os.path.exists(text.label) else None
     return Motion(
         skeleton,
         head.frame_time,
@@ -208,7 +208,7 @@ def scan_bvh(source: Source, *, strict: bool = False) -> BvhSummary:
     """
     with _opened(source, strict=strict) as text:
         head = _read_head(text)
-        lines, scratch = _Lines(text, head), np.empty(_PIECE // 8)
+        lines, scratch = _Lines(text, head), np.empty(_BLOCK)
         while _fill(text, lines, scratch):
             pass
         n_frames, _ = lines.end()
@@ -273,7 +273,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
         with path.open("wb") as stream:
             stream.writelines(pieces)
         return
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    partial = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
     try:
         with partial.open("xb") as stream:
             stream.writelines(pieces)
@@ -289,9 +289,8 @@ def write_bvh(motion: Motion, target: Source) -> None:
 class _Text:
     """The text of a file as UTF-8, a piece at a time, and the place reached in it."""
 
-    def __init__(self, stream: IO[Any], path: str | None, *, strict: bool) -> None:
-        self.path = path
-        self.label = "<stream>" if path is None else path
+    def __init__(self, stream: IO[Any], label: str, *, strict: bool) -> None:
+        self.label = label
         self.strict = strict
         self.buffer = b""
         self.at = 0
@@ -471,7 +470,7 @@ def _opened(source: Source, *, strict: bool) -> Iterator[_Text]:
             yield _Text(stream, os.fspath(source), strict=strict)
     elif hasattr(source, "read"):
         name = getattr(source, "name", None)
-        yield _Text(source, name if isinstance(name, str) else None, strict=strict)
+        yield _Text(source, name if isinstance(name, str) else "<stream>", strict=strict)
     else:
         raise TypeError(f"source must be a path or a file object, got {type(source).__name__}")
 
@@ -779,7 +778,7 @@ class _Lines:
         text, declared, width = self._text, self._head.n_frames, self._width
         if not self._before:
             text.skip_white()
-            text.fail(f"expected {declared} frames, got {_shown(text.word())}")
+            text.fail(f"expected {max(declared, 1)} frames, got {_shown(text.word())}")
         n_frames, left = divmod(self._before, width)
         all_fit = self._before == declared * width
         place = (self._across or self._wrapped or self._joined, 1)
@@ -824,7 +823,7 @@ class _Lines:
             self._alike = False
         elif len(unlike):
             self._shorter = True
-            self._alike = bool(counts[-1] < self._first_count)
+            self._alike = self._alike and bool(counts[-1] < self._first_count)
         phases = (before + np.cumsum(counts) - counts) % width
         starts = phases == 0
         begun = np.maximum.accumulate(np.where(starts, lines, self._frame_line))
@@ -865,8 +864,8 @@ def _fill(text: _Text, lines: _Lines, out: FloatArray) -> int:
             return filled
         if filled == len(out) or text.ended:
             return filled
-        if len(text.buffer) - text.at >= _PIECE:
-            # Nothing was read: a number without end.
+        if len(text.buffer) - text.at >= _AHEAD:
+            # Left is what may go on in the next piece; this is a number without end.
             text.word()
         text.fill()
 
@@ -896,7 +895,7 @@ def _read_values(text: _Text, head: _Head) -> FloatArray:
     values = np.empty(max(min(head.n_frames * width, text.size // 2), width))
     filled = _fill(text, lines, values)
     while filled == len(values):
-        more = np.empty(max(len(values), _PIECE // 8))
+        more = np.empty(max(len(values), _BLOCK))
         added = _fill(text, lines, more)
         if not added:
             break

@@ -50,13 +50,44 @@ class Config:
         Difference in seconds that is allowed whatever the length; 0 for eq. 19 alone, strictly.
     max_angle : float
         Greatest mean joint angle, in radians, between the poses that meet at a seam (4.4).
-    choice : {"random"}
-        How a donor is chosen among those that pass: uniformly at random (4.4).
-    seam : {"paper", "displacement"}
-        How the poses that meet at a seam are made one (4.5): "displacement" spreads the gap
-        over the segments, "paper" also rounds off what is left of a kink.
+    choice : {"viterbi", "best", "sample", "nearest", "random"}
+        How donors are chosen among those that pass. "sample" draws with probability
+        exp(-cost / `temperature`), so that every seed gives another motion; "viterbi" takes
+        those of least cost in all, whatever the seed, and of several motions each pays for
+        what the ones before it took; "best" takes the several of least cost, which differ
+        little; "nearest" looks at nothing but how alike the base parts are; "random", the
+        paper's way, at nothing but the limits (4.4).
+    length_weight : float
+        Cost of a donor of no length; that of one is its weight times 1 - shorter / longer.
+    distance_weight : float
+        Cost of a donor whose base part is as far from the base segment's as two of one
+        cluster can be.
+    angle_scale : float
+        Mean joint angle at a seam, in radians, that costs 1; the cost grows with its square.
+    velocity_scale : float
+        Mean difference of joint velocities at a seam, in radians per second, that costs 1;
+        the cost grows with its square.
+    novelty : float
+        What is gained by an exchange. At 0 the captured motion costs nothing and wins.
+    temperature : float
+        Cost that makes a choice of "sample" less likely by the factor e: towards 0 it is
+        "viterbi", towards infinity every choice that passes is alike.
+    diversity : float
+        With "viterbi", what a donor costs more for every earlier motion that has it in the
+        same place.
+    max_candidates : int
+        Donors that are looked at in one place, at most: those of least cost. "random" looks
+        at all.
+    seam : {"offset", "paper", "displacement", "inertial", "dead"}
+        How motions that meet at a seam are made one (4.5). "offset" bends both sides so that
+        they meet in pose and velocity; "displacement" spreads the gap in the pose over the
+        segments, "paper" also lays the frames about the seam anew, which takes detail away;
+        "inertial" and "dead" change only what comes after the seam: the first lets the gap
+        die down, the second fades over from what came before, going on.
     seam_window : float
         Seconds on either side of a seam within which "paper" lays its curve anew.
+    seam_blend : float
+        Seconds beside a seam within which "offset", "inertial" and "dead" change frames.
 
     Raises
     ------
@@ -89,20 +120,29 @@ class Config:
     max_stretch: float = 0.15
     length_slack: float = FRAME
     max_angle: float = math.radians(45.0)
-    choice: Literal["random"] = "random"
-    seam: Literal["paper", "displacement"] = "paper"
+    choice: Literal["viterbi", "best", "sample", "nearest", "random"] = "sample"
+    length_weight: float = 1.0
+    distance_weight: float = 0.25
+    angle_scale: float = math.radians(20.0)
+    velocity_scale: float = math.radians(200.0)
+    novelty: float = 3.0
+    temperature: float = 1.0
+    diversity: float = 1.0
+    max_candidates: int = 32
+    seam: Literal["offset", "paper", "displacement", "inertial", "dead"] = "offset"
     seam_window: float = 5 * FRAME
+    seam_blend: float = 0.3
 
     def __post_init__(self) -> None:
         for name, allowed in (
             ("omega", ("world", "local")),
             ("inertia", ("own", "subtree", "unit")),
-            ("choice", ("random",)),
-            ("seam", ("paper", "displacement")),
+            ("choice", ("viterbi", "best", "sample", "nearest", "random")),
+            ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
         ):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
-        for name, least in (("samples", 2), ("components", 1)):
+        for name, least in (("samples", 2), ("components", 1), ("max_candidates", 1)):
             value = getattr(self, name)
             if not isinstance(value, int) or value < least:
                 raise ValueError(
@@ -110,6 +150,7 @@ class Config:
                 )
         named = ("rms", "literal")
         above_zero = ["min_length", "max_length", "sigma_scale", "max_stretch", "max_angle"]
+        above_zero += ["seam_blend"]
         if isinstance(self.sigma, str):
             if self.sigma not in named:
                 raise ValueError(f"sigma must be one of {named} or a number, got {self.sigma!r}")
@@ -117,6 +158,8 @@ class Config:
             above_zero.append("sigma")
         not_negative = ["smoothing", "rotation_floor", "position_floor", "length_floor"]
         not_negative += ["length_slack", "seam_window"]
+        above_zero += ["angle_scale", "velocity_scale", "temperature"]
+        not_negative += ["length_weight", "distance_weight", "novelty", "diversity"]
         for name in above_zero + not_negative:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float):
@@ -155,6 +198,8 @@ class Config:
             sigma="literal",
             sigma_scale=1.0,
             length_slack=0.0,
+            choice="random",
+            seam="paper",
         )
         return replace(literal, **changes)
 

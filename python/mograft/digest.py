@@ -17,6 +17,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.body import body, up_axis
 from mograft.bvh import poses, read_bvh
@@ -361,10 +362,26 @@ def edges(motion: Motion, cut: Segments) -> dict[str, FloatArray]:
 
     Returns
     -------
-    dict of str to ndarray, shape (n_segments, n_joints, 4)
-        ``first`` and ``last``: the poses, local rotations, in the first and the last frame.
+    dict of str to ndarray, shape (n_segments, n_joints, 4 or 3)
+        As `Pool` names them: ``first`` and ``last``, the local rotations in the first and
+        the last frame; ``first_velocity`` and ``last_velocity``, the angular velocities
+        there in the joints' own frames, in radians per second.
     """
-    return {"first": motion.rotations[cut.start], "last": motion.rotations[cut.stop]}
+    return {
+        "first": motion.rotations[cut.start],
+        "last": motion.rotations[cut.stop],
+        "first_velocity": _velocities(motion, cut.start),
+        "last_velocity": _velocities(motion, cut.stop),
+    }
+
+
+def _velocities(motion: Motion, frames: IntArray) -> FloatArray:
+    before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, motion.n_frames - 1)
+    turned = rotations.multiply(
+        rotations.inverse(motion.rotations[before]), motion.rotations[after]
+    )
+    per_second: FloatArray = rotations.log(turned) * (motion.rate / (after - before))[:, None, None]
+    return per_second
 
 
 def ask(task: Task) -> tuple[Task, Facts]:

@@ -103,13 +103,15 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     ...     print(fault.kind, fault.frames, fault.message)
     frozen (0, 39) nothing moves for 1.30 s
     """
-    return (
-        *_frame_time(motion),
-        *_leaps(motion),
-        *_turns(motion),
-        *_frozen(motion),
-        *_wraps(motion),
-    )
+    # Places beyond all measure overflow; no limit is above that.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (
+            *_frame_time(motion),
+            *_leaps(motion),
+            *_turns(motion),
+            *_frozen(motion),
+            *_wraps(motion),
+        )
 
 
 def _frame_time(motion: Motion) -> Iterator[Fault]:

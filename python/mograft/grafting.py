@@ -1,7 +1,8 @@
 """From a library and a base motion to new motions: choose, recombine, report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, islice, product
 from typing import Any, overload
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from mograft._arrays import IntArray
 from mograft.library import Library
 from mograft.motion import Motion
+from mograft.search import best, diverse, sample
 from mograft.segmentation import Segments
-from mograft.substitution import choose, reachable
+from mograft.substitution import Pool, Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
 __all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many"]
@@ -108,6 +110,12 @@ class Graft:
         new = sum(not s.is_own for s in self.substitutions)
         return f"Graft({self.motion.name}: {new} of {len(self.substitutions)} parts exchanged)"
 
+    def _repr_html_(self) -> str:
+        # Pages stand at the end of the way of the data: only notebooks need them here.
+        from mograft.viewing.page import embedded
+
+        return embedded(self)
+
     def report(self) -> str:
         """Return in words what was exchanged, what was kept and why, and the seams."""
         lines = [f"{self.motion.name}: {self.base.n_frames} frames of {self.base.name}"]
@@ -204,8 +212,8 @@ class _Plan:
     library: Library
     base: Motion
     scenario: IntArray
-    alive: dict[str, list[IntArray]]
-    gaps: dict[str, list[Any]]
+    pools: dict[str, Pool]
+    candidates: dict[str, list[IntArray]]
 
     @classmethod
     def make(
@@ -214,19 +222,54 @@ class _Plan:
         groups = _swapped(library, swap)
         library, at = library.holding(base)
         scenario = library.segments.of_clip(at)
-        alive, gaps = {}, {}
-        for group in groups:
-            pool = library.pool(group)
-            positions = [pool.candidates(int(own), library.config) for own in scenario]
-            alive[group], gaps[group] = reachable(pool, positions, library.config)
-        return cls(library, library.clips[at], scenario, alive, gaps)
-
-    def choose(self, rng: np.random.Generator) -> dict[str, IntArray]:
-        config = self.library.config
-        return {
-            group: choose(alive, self.gaps[group], config, rng)
-            for group, alive in self.alive.items()
+        pools = {group: library.pool(group) for group in groups}
+        candidates = {
+            group: pool.candidate_lists(scenario, library.config) for group, pool in pools.items()
         }
+        return cls(library, library.clips[at], scenario, pools, candidates)
+
+    def draws(self, count: int, seed: int) -> list[dict[str, IntArray]]:
+        """Choose donors for several motions, each different from the others."""
+        config = self.library.config
+        rng = np.random.default_rng(seed)
+        if config.choice == "random":
+            ways = {
+                group: reachable(pool, self.candidates[group], config)
+                for group, pool in self.pools.items()
+            }
+            return _different(
+                lambda: {group: choose(*way, config, rng) for group, way in ways.items()}, count
+            )
+        rows = {
+            group: Row.of(pool, self.scenario, self.candidates[group], config)
+            for group, pool in self.pools.items()
+        }
+        if config.choice == "sample":
+
+            def draw() -> dict[str, IntArray]:
+                return {
+                    group: row.donors(sample(row.chain, config.temperature, rng))
+                    for group, row in rows.items()
+                }
+
+            return _different(draw, count)
+        if config.choice == "best":
+            lists = [best(row.chain, count) for row in rows.values()]
+            costs = [
+                [row.chain.cost(choices) for choices in own]
+                for row, own in zip(rows.values(), lists, strict=True)
+            ]
+            combined = _cheapest_sums(costs, count)
+        else:
+            lists = [diverse(row.chain, count, config.diversity) for row in rows.values()]
+            combined = _side_by_side([len(own) for own in lists], count)
+        return [
+            {
+                group: row.donors(own[at])
+                for (group, row), own, at in zip(rows.items(), lists, places, strict=True)
+            }
+            for places in combined
+        ]
 
     def build(self, chosen: dict[str, IntArray], seed: int, index: int) -> Graft:
         library, segments = self.library, self.library.segments
@@ -253,7 +296,7 @@ class _Plan:
             library,
             tuple(substitutions),
             tuple(seams),
-            {group: np.array([len(own) - 1 for own in self.alive[group]]) for group in chosen},
+            {group: np.array([len(own) - 1 for own in self.candidates[group]]) for group in chosen},
             seed,
             index,
         )
@@ -278,7 +321,8 @@ def graft(
     swap : sequence of str, optional
         The groups to graft. Default: all but the base group.
     seed : int
-        Another seed, another motion; the same seed, the same numbers.
+        Of what is left to chance, with ``Config(choice="sample")`` and "random": another
+        seed, another motion. The same seed gives the same numbers.
 
     Returns
     -------
@@ -324,8 +368,9 @@ def graft_many(
     Returns
     -------
     Grafts
-        The motions, each made when it is asked for. Fewer than wanted where the donors allow
-        no more different ones (a hundred draws in a row give none).
+        The motions, each made when it is asked for. With the default choice the first is the
+        cheapest, and each pays for what the ones before it took. Fewer than wanted where the
+        donors allow no more different ones (a hundred draws in a row give none).
 
     Raises
     ------
@@ -337,18 +382,40 @@ def graft_many(
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
     plan = _Plan.make(library, base, swap)
-    rng = np.random.default_rng(seed)
+    return Grafts(plan, tuple(plan.draws(count, seed)), seed)
+
+
+def _different(draw: Callable[[], dict[str, IntArray]], count: int) -> list[dict[str, IntArray]]:
+    """Draw until there are as many different ones, or a hundred draws in a row give none."""
     draws: dict[bytes, dict[str, IntArray]] = {}
     while len(draws) < count:
         for _ in range(100):
-            chosen = plan.choose(rng)
+            chosen = draw()
             key = b"".join(donors.tobytes() for donors in chosen.values())
             if key not in draws:
                 break
         else:
             break
         draws[key] = chosen
-    return Grafts(plan, tuple(draws.values()), seed)
+    return list(draws.values())
+
+
+def _cheapest_sums(costs: Sequence[Sequence[float]], count: int) -> list[tuple[int, ...]]:
+    """Return the places, one in each list of ascending costs, whose costs sum to the least."""
+    sums: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
+    for own in costs:
+        longer = [
+            (total + cost, (*places, at)) for total, places in sums for at, cost in enumerate(own)
+        ]
+        sums = sorted(longer)[:count]
+    return [places for _, places in sums]
+
+
+def _side_by_side(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
+    """Return different places in lists of some lengths, each list's in turn."""
+    turns = [tuple(turn % length for length in lengths) for turn in range(max(lengths))]
+    others = product(*(range(length) for length in lengths))
+    return list(islice(dict.fromkeys(chain(turns, others)), count))
 
 
 def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:

@@ -34,13 +34,12 @@ def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
     joints = [node for node in clip.nodes if not node.is_end_site()]
     index = {id(node): joint for joint, node in enumerate(joints)}
     end_sites: list[EndSite] = []
-    for joint, node in enumerate(joints):
-        before = 0
-        for child in node.children:
-            if child.is_end_site():
-                end_sites.append(EndSite(joint, np.array(child.offset), before))
-            else:
-                before += 1
+    for node in clip.nodes:
+        if node.is_end_site():
+            siblings = [id(child) for child in node.parent.children]
+            elder = siblings[: siblings.index(id(node))]
+            before = sum(sibling in index for sibling in elder)
+            end_sites.append(EndSite(index[id(node.parent)], np.array(node.offset), before))
     channels = [[f"{axis}rotation" for axis in node.rot_channels] for node in joints]
     channels[0] = [f"{axis}position" for axis in clip.root.pos_channels] + channels[0]
     skeleton = Skeleton(

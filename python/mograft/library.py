@@ -113,8 +113,8 @@ class Library:
     entries : tuple of Entry
         What is known of each clip besides its frames: name, file, own rate, faults, tags.
     edges : dict of str to dict of str to ndarray
-        For each group ``first`` and ``last``, the poses of its feature joints at the ends of
-        the segments, shape (n_segments, n_joints, 4).
+        For each group the poses and velocities of its feature joints at the ends of the
+        segments, as `Pool` has them.
     samples : source of Samples
         The segments as they are compared.
     refused : dict of str to str
@@ -492,8 +492,15 @@ class Library:
         if group not in self.edges:
             raise ValueError(f"group must be one of {', '.join(self.edges)}, got {group!r}")
         base = self.groups.base
+        compared = self.embedding[base]
         return Pool(
-            self.segments, self.labels[base], self.is_donor, **self.edges[group], rate=self.rate
+            self.segments,
+            self.labels[base],
+            self.is_donor,
+            rate=self.rate,
+            points=None if compared is None else compared.points,
+            sigma=self.sigma[base],
+            **self.edges[group],
         )
 
     def candidates(self, segment: int, group: str) -> Candidates:
@@ -520,8 +527,8 @@ class Library:
             raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
         if group == self.groups.base:
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")
-        base = self.embedding[self.groups.base]
-        return self.pool(group).judge(segment, None if base is None else base.points, self.config)
+        pool = self.pool(group)
+        return pool.judge(segment, pool.points, self.config)
 
     def relabelled(self, config: Config) -> "Library":
         """Return the library clustered anew, and used by, another configuration.
@@ -629,9 +636,13 @@ class Library:
         m, n_joints = self.config.samples, motion.n_joints
         samples = Samples.unpack(samples.packed(), m, n_joints)
         ends = edges(motion, own)
+        embedding = {
+            group: None if seen is None else _with_points(seen, samples)
+            for group, seen in self.embedding.items()
+        }
         labels = {
             group: np.concatenate(
-                [known, _nearest_cluster(self.embedding[group], known, samples, self.sigma[group])]
+                [known, _nearest_cluster(embedding[group], known, len(own), self.sigma[group])]
             )
             for group, known in self.labels.items()
         }
@@ -643,6 +654,7 @@ class Library:
                 *(np.concatenate([getattr(c, f) for c in cuts]) for f in ("start", "stop", "clip"))
             ),
             is_donor=np.concatenate([self.is_donor, np.zeros(len(own), bool)]),
+            embedding=embedding,
             labels=labels,
             entries=(*self.entries, _entry_of(motion, motion.name)),
             edges={
@@ -741,7 +753,7 @@ class _Digesting:
     executor: Executor | None
     tell: Progress
     strict: bool
-    refused: dict[str, str]
+    refused: dict[str, Exception]
 
     def settled(
         self,
@@ -756,6 +768,7 @@ class _Digesting:
             facts = self.once(slots, tasks, keep, take, terms)
             settled = settle(in_order(facts), self.config, self.rate)
             if settled.agrees(terms):
+                self.check_refused()
                 return terms
             forget()
             terms = settled
@@ -770,7 +783,7 @@ class _Digesting:
     ) -> list[tuple[Key, Facts]]:
         """Digest clips by some terms; return what they say of themselves."""
         facts: list[tuple[Key, Facts]] = []
-        refusals: list[Refusal] = []
+        self.refused.clear()
         outcomes = digest_all(tasks, terms, keep, self.executor)
         for done, (slot, outcome) in enumerate(zip(slots, outcomes, strict=True)):
             self.tell("reading", done + 1, len(slots))
@@ -779,17 +792,20 @@ class _Digesting:
             if isinstance(outcome, Digest):
                 take(slot, outcome)
                 continue
-            refusals.append(outcome)
-            if self.strict and outcome.facts is None:
-                raise outcome.error
-        if not facts:
-            raise ValueError(f"no clip can be used: {refusals[0].error}") from refusals[0].error
-        self.refused.clear()
-        self.refused.update({refusal.what: str(refusal.error) for refusal in refusals})
-        settled = settle(in_order(facts), self.config, self.rate)
-        if refusals and self.strict and settled.agrees(terms):
-            raise refusals[0].error
+            self.refused[outcome.what] = outcome.error
+            if outcome.facts is None:
+                self.check_refused()
         return facts
+
+    def check_refused(self) -> None:
+        """Raise the first refusal, where clips that do not fit are not left out."""
+        for error in self.refused.values():
+            if self.strict:
+                raise error
+
+    def reasons(self) -> dict[str, str]:
+        """Return the clips that were left out, and why."""
+        return {what: str(error) for what, error in self.refused.items()}
 
     def _guess(self, tasks: list[Task]) -> tuple[list[Task], Terms]:
         """Ask a few clips spread over all what the terms may be; each is read but once."""
@@ -929,11 +945,8 @@ def _write(
     digesting: _Digesting,
     frame_rates: Mapping[str, float] | None,
     tags: Tags | None,
-) -> bool:
-    """Write a library of files, and of what the generation before has of others.
-
-    Returns whether there was anything to write.
-    """
+) -> None:
+    """Write a library of files, and of what the generation before has of others."""
     slots = [
         _Slot.of((0, way), own, frame_rates) for way, own in by_path(found, draft.final).items()
     ]
@@ -953,17 +966,19 @@ def _write(
     if base is None:
         terms = digesting.settled(slots, "numbers", take, forget)
     else:
-        slots = [slot for slot in slots if _is_new(slot, base)]
+        there = {own.origin.path: own for own in base.entries if own.origin is not None}
+        slots = [slot for slot in slots if _is_new(slot, there)]
         if not slots and not tags:
-            return False
+            return
         kept = _kept(base, slots, tags)
         terms = Terms(base.skeleton, base.rate, base.root, base.up, base.config)
         draft.go_on()
         facts = [(own.key, own.entry.facts(base.skeleton)) for own in kept]
-        if slots:
-            fitting = digesting.once(slots, map(_Slot.task, slots), "numbers", take, terms)
-            facts += [(key, own) for key, own in fitting if own.same_hierarchy(base.skeleton)]
-        settled = settle(in_order(facts), base.config, digesting.rate)
+        new = digesting.once(slots, map(_Slot.task, slots), "numbers", take, terms)
+        facts += [(key, own) for key, own in new if own.same_hierarchy(base.skeleton)]
+        # A clip that is not what it was and does not fit any more is left out, unless no
+        # other is left.
+        settled = settle(in_order(facts), base.config, digesting.rate) if facts else terms
         if not settled.agrees(terms) or draft.is_scattered([own.place for own in kept]):
             # What clips have in common has changed: all are digested anew, the ones that are
             # here from what is here.
@@ -973,7 +988,11 @@ def _write(
             tasks = chain(_tasks_of(base, kept), map(_Slot.task, slots[len(kept) :]))
             kept = []
             digesting.once(slots, tasks, "numbers", take, terms)
+        digesting.check_refused()
 
+    if not kept and not fresh:
+        why = next(iter(digesting.reasons().values()))
+        raise ValueError(f"no clip can be used: {why}")
     shelved = sorted([*kept, *fresh], key=lambda own: own.key)
     names = named([own.entry.own_name for own in shelved])
     entries = tuple(replace(own.entry, name=name) for own, name in zip(shelved, names, strict=True))
@@ -988,7 +1007,7 @@ def _write(
     digesting.tell("clustering", 0, 1)
     labels, sigma = _clusters(embedding, len(segments), terms.config)
     digesting.tell("clustering", 1, 1)
-    refused = {**(base.refused if base is not None else {}), **digesting.refused}
+    refused = {**(base.refused if base is not None else {}), **digesting.reasons()}
     library = Library(
         (),
         groups,
@@ -1008,16 +1027,13 @@ def _write(
         refused,
     )
     _finish(draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate)
-    return True
 
 
-def _is_new(slot: _Slot, base: Library) -> bool:
+def _is_new(slot: _Slot, there: Mapping[str, Entry]) -> bool:
     """Tell whether a file is not in a library as it is now."""
     path = os.path.abspath(str(slot.found.source)) if slot.found is not None else ""
-    for entry in base.entries:
-        if entry.origin is not None and entry.origin.path == path:
-            break
-    else:
+    entry = there.get(path)
+    if entry is None or entry.origin is None:
         return True
     if slot.given_rate is not None and slot.given_rate != entry.given_rate:
         return True
@@ -1181,21 +1197,25 @@ def _opened(contents: store.Contents) -> Library:
     )
 
 
+def _with_points(embedding: Embedding, samples: Samples) -> Embedding:
+    """Return the embedding with new segments projected into it, behind those that are there."""
+    matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
+    return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
+
+
 def _nearest_cluster(
-    embedding: Embedding | None, labels: IntArray, samples: Samples, sigma: float
+    embedding: Embedding | None, labels: IntArray, n_new: int, sigma: float
 ) -> IntArray:
     """Return the cluster of each new segment: one that stays within the diameter, or a new one."""
-    n = len(samples.lengths)
-    fresh: IntArray = labels.max(initial=-1) + 1 + np.arange(n)
+    fresh: IntArray = labels.max(initial=-1) + 1 + np.arange(n_new)
     if embedding is None:
         return fresh
-    matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
-    points = embedding.project(matrix)
+    known, points = embedding.points[:-n_new], embedding.points[-n_new:]
     order = np.argsort(labels, kind="stable")
     starts = np.flatnonzero(np.diff(labels[order], prepend=-1))
     chosen = fresh.copy()
     for index, point in enumerate(points):
-        distances = np.linalg.norm(embedding.points[order] - point, axis=1)
+        distances = np.linalg.norm(known[order] - point, axis=1)
         fits = np.maximum.reduceat(distances, starts) <= sigma
         if fits.any():
             nearest = np.where(fits, np.minimum.reduceat(distances, starts), np.inf)

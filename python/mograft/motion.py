@@ -97,6 +97,12 @@ class Motion:
     def __len__(self) -> int:
         return self.n_frames
 
+    def _repr_html_(self) -> str:
+        # Pages stand at the end of the way of the data: only notebooks need them here.
+        from mograft.viewing.page import embedded
+
+        return embedded(self)
+
     def __getitem__(self, frames: slice) -> "Motion":
         """Return a motion of those frames; a step keeps the time that they take."""
         if not isinstance(frames, slice):

@@ -2,24 +2,32 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from mograft import _core
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.config import Config
+from mograft.search import Chain
 from mograft.segmentation import Segments
 
 __all__ = [
+    "BEYOND",
     "Candidate",
     "Candidates",
     "Pool",
+    "Row",
     "choose",
     "combinations",
     "length_fits",
     "pose_gaps",
     "reachable",
+    "velocity_gaps",
 ]
+
+BEYOND = 1e3
+"""Cost of missing a limit: more than any row of donors within the limits costs at a seam."""
 
 
 def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) -> BoolArray:
@@ -66,6 +74,24 @@ def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
         Angles in radians, 0 to π.
     """
     return _core.pose_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
+
+
+def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return the mean difference of joint velocities between every end and every start.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (n_ends, n_joints, 3)
+        Angular velocities, in each joint's own frame, where some segments end.
+    starts : ndarray, shape (n_starts, n_joints, 3)
+        Those where others start.
+
+    Returns
+    -------
+    ndarray, shape (n_ends, n_starts)
+        In the velocities' unit.
+    """
+    return _core.velocity_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
 
 
 @dataclass(frozen=True)
@@ -139,6 +165,13 @@ class Pool:
         The grafted group's pose in the first and in the last frame of each.
     rate : float
         Frames per second.
+    first_velocity, last_velocity : ndarray, shape (n_segments, n_joints, 3), optional
+        The group's angular velocities there, in radians per second. Without them the seams
+        are judged by their poses alone.
+    points : ndarray, shape (n_segments, n_components), optional
+        The base parts as the clustering sees them. Without them all are alike.
+    sigma : float
+        Greatest distance of two points of one cluster.
     """
 
     segments: Segments
@@ -147,6 +180,10 @@ class Pool:
     first: FloatArray
     last: FloatArray
     rate: float
+    first_velocity: FloatArray | None = None
+    last_velocity: FloatArray | None = None
+    points: FloatArray | None = None
+    sigma: float = 0.0
 
     def candidates(self, segment: int, config: Config) -> IntArray:
         """Return the segments that may take one's place by cluster and length, itself included.
@@ -163,10 +200,40 @@ class Pool:
         ndarray of int
             Ascending.
         """
-        mates = np.flatnonzero((self.labels == self.labels[segment]) & self.is_donor)
-        lengths = self.segments.lengths
-        fits = length_fits(lengths[segment], lengths[mates], self.rate, config)
-        return np.union1d(mates[fits], [segment])
+        return self.candidate_lists(np.array([segment]), config)[0]
+
+    def candidate_lists(self, scenario: IntArray, config: Config) -> list[IntArray]:
+        """Return for each of several segments what `candidates` returns for one.
+
+        Parameters
+        ----------
+        scenario : ndarray of int, shape (n_positions,)
+            The base segments, in any order.
+        config : Config
+            Gives the length rule.
+
+        Returns
+        -------
+        list of ndarray of int
+            One per position, each ascending.
+        """
+        lengths, labels = self.segments.lengths, self.labels
+        members = np.argsort(labels, kind="stable")
+        wanted = np.argsort(labels[scenario], kind="stable")
+        present, starts = np.unique(labels[scenario][wanted], return_index=True)
+        first = np.searchsorted(labels[members], present, side="left")
+        last = np.searchsorted(labels[members], present, side="right")
+        lists: list[IntArray] = [np.zeros(0, np.int64)] * len(scenario)
+        for low, high, places in zip(
+            first.tolist(), last.tolist(), np.split(wanted, starts[1:]), strict=True
+        ):
+            mates = members[low:high]
+            own = scenario[places]
+            fits = length_fits(lengths[own][:, None], lengths[mates], self.rate, config)
+            fits = (fits & self.is_donor[mates]) | (mates == own[:, None])
+            for place, row in zip(places.tolist(), fits, strict=True):
+                lists[place] = mates[row]
+        return lists
 
     def gaps(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the mean joint angle at the seams between segments, in radians.
@@ -182,6 +249,41 @@ class Pool:
             0 where the right one follows the left one in its clip.
         """
         return pose_gaps(self.last[left], self.first[right])
+
+    def velocity_gaps(self, left: IntArray, right: IntArray) -> FloatArray:
+        """Return the mean difference of joint velocities at seams, in radians per second.
+
+        Parameters
+        ----------
+        left, right : ndarray of int
+            As for `gaps`.
+
+        Returns
+        -------
+        ndarray, shape (len(left), len(right))
+            0 where the right one follows the left one in its clip, or nothing is known.
+        """
+        if self.first_velocity is None or self.last_velocity is None:
+            return np.zeros((len(left), len(right)))
+        return velocity_gaps(self.last_velocity[left], self.first_velocity[right])
+
+    def distances(self, own: IntArray, donors: IntArray) -> FloatArray:
+        """Return how far base parts are apart, in greatest distances within a cluster.
+
+        Parameters
+        ----------
+        own, donors : ndarray of int, shape (n,)
+            Base segments and donors, one for each.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            0 where nothing was compared.
+        """
+        if self.points is None or not self.sigma > 0:
+            return np.zeros(len(own))
+        apart: FloatArray = np.linalg.norm(self.points[donors] - self.points[own], axis=1)
+        return apart / self.sigma
 
     def judge(self, segment: int, points: FloatArray | None, config: Config) -> Candidates:
         """Return all members of a segment's cluster with their costs and refusals.
@@ -240,6 +342,115 @@ class Pool:
             )
             (refused if candidate.refused else allowed).append(candidate)
         return Candidates(tuple(allowed), tuple(refused), len(cut) - len(mates))
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """What may be at each position of a scenario, and what it costs.
+
+    Made by `Row.of`.
+
+    Attributes
+    ----------
+    scenario : ndarray of int, shape (n_positions,)
+        The base segments.
+    candidates : tuple of ndarray of int
+        At each position the segments that are looked at, ascending, the base segment itself
+        among them.
+    chain : Chain
+        The costs of these.
+    """
+
+    scenario: IntArray
+    candidates: tuple[IntArray, ...]
+    chain: Chain
+
+    @classmethod
+    def of(
+        cls,
+        pool: Pool,
+        scenario: IntArray,
+        candidates: Sequence[IntArray],
+        config: Config,
+        more: Sequence[FloatArray] | None = None,
+    ) -> "Row":
+        """Return what donors cost at every position of a scenario.
+
+        Parameters
+        ----------
+        pool : Pool
+            The segments.
+        scenario : ndarray of int, shape (n_positions,)
+            The base segments.
+        candidates : sequence of ndarray of int
+            At each position the segments that pass, ascending, the base segment among them.
+        config : Config
+            Gives the weights, and how many candidates are looked at.
+        more : sequence of ndarray, optional
+            Further costs of each candidate.
+
+        Returns
+        -------
+        Row
+            With the cheapest `max_candidates` at each position; of equally cheap ones those
+            of lowest index.
+
+        Notes
+        -----
+        A donor k of segment i costs ``length_weight · (1 - shorter / longer)
+        + distance_weight · d(i, k) / sigma``, and `novelty` less where k is not i. A seam
+        costs ``(angle / angle_scale)² + (velocity / velocity_scale)²``, and `BEYOND` more
+        where the angle exceeds `max_angle`. With ``choice="nearest"`` a donor costs
+        d(i, k) / sigma, the own part `BEYOND`, and seams nothing within the limit.
+        """
+        counts = [len(own) for own in candidates]
+        donors, own = np.concatenate(candidates), np.repeat(scenario, counts)
+        lengths = pool.segments.lengths
+        ratio = np.minimum(lengths[donors], lengths[own]) / np.maximum(
+            lengths[donors], lengths[own]
+        )
+        apart = pool.distances(own, donors)
+        is_own = donors == own
+        if config.choice == "nearest":
+            costs = np.where(is_own, BEYOND, apart)
+        else:
+            costs = config.length_weight * (1.0 - ratio) + config.distance_weight * apart
+            costs -= np.where(is_own, 0.0, config.novelty)
+        if more is not None:
+            costs = costs + np.concatenate(more)
+        ends = np.cumsum(counts)[:-1]
+        kept: list[IntArray] = []
+        alone: list[FloatArray] = []
+        for segment, mates, prices in zip(
+            scenario.tolist(), candidates, np.split(costs, ends), strict=True
+        ):
+            # The base segment stays whatever it costs: with it no seam need be beyond the limit.
+            order = np.lexsort((prices, mates != segment))[: config.max_candidates]
+            order.sort()
+            kept.append(mates[order])
+            alone.append(prices[order])
+        after = [_seam_costs(pool, left, right, config) for left, right in pairwise(kept)]
+        return cls(scenario, tuple(kept), Chain(tuple(alone), tuple(after)))
+
+    def donors(self, choices: IntArray) -> IntArray:
+        """Return the segments that choices of the chain stand for."""
+        pairs = zip(self.candidates, choices.tolist(), strict=True)
+        return np.array([own[at] for own, at in pairs], np.int64)
+
+    def choices(self, donors: IntArray) -> IntArray:
+        """Return which choices of the chain segments are; each must be among its candidates."""
+        pairs = zip(self.candidates, donors.tolist(), strict=True)
+        return np.array([np.searchsorted(own, donor) for own, donor in pairs], np.int64)
+
+
+def _seam_costs(pool: Pool, left: IntArray, right: IntArray, config: Config) -> FloatArray:
+    """Return what it costs that one of `right` follows one of `left`."""
+    angles = pool.gaps(left, right)
+    costs = np.where(angles > config.max_angle, BEYOND, 0.0)
+    if config.choice != "nearest":
+        costs += (angles / config.angle_scale) ** 2
+        costs += (pool.velocity_gaps(left, right) / config.velocity_scale) ** 2
+    return costs
 
 
 def reachable(

@@ -1,6 +1,6 @@
 """Recombination and seams: from chosen segments to one motion (paper, 4.5)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +9,18 @@ from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.config import Config
 from mograft.motion import Motion
-from mograft.resample import segments, segments_positions
+from mograft.resample import cubic, cubic_positions
+from mograft.seams import (
+    SHIFTS,
+    TURNS,
+    Algebra,
+    Ends,
+    Moments,
+    dead,
+    displacement,
+    inertial,
+    offset,
+)
 from mograft.segmentation import Segments
 
 __all__ = ["Part", "recombine", "transplant"]
@@ -63,7 +74,7 @@ def transplant(
     joints : ndarray of int
         The joints of the group.
     config : Config
-        Gives `seam` and `seam_window`.
+        Gives `seam`, `seam_window` and `seam_blend`.
 
     Returns
     -------
@@ -73,39 +84,33 @@ def transplant(
 
     Notes
     -----
-    Every donor is resampled to the length of the segment whose place it takes. At a seam
-    both poses are moved to the one half way between them, and the change spread over the
-    segments (displacement map); with ``seam="paper"`` the frames about the seam are then
-    laid anew on a cubic that meets the velocities at its ends. A joint's translation goes
-    with it only where it moves in some donor's clip: else the base keeps its own bones.
+    Every donor is resampled to the length of the segment whose place it takes, by a curve
+    that knows its neighbours in its clip. Where pieces meet that never met, or were stretched
+    differently, `mograft.seams` closes the seam; with ``seam="paper"`` poses are displaced and
+    the frames about the seam then laid anew on a cubic that meets the velocities at its ends.
+    A joint's translation goes with it only where it moves in some donor's clip: else the base
+    keeps its own bones.
     """
-    packed = _Packed.of(cut)
+    laid = _Laid(cut, donors, base.rate)
+    segment, step = laid.frames()
     tracks = [clip.rotations[:, joints] for clip in clips]
-    turns = _gather(cut, donors, tracks, segments)
-    seams = _true_seams(cut, donors, tracks)
-
-    before, after = turns[packed.last[:-1]], turns[packed.first[1:]]
-    ways = rotations.log(rotations.multiply(rotations.inverse(before), after))
-    ways[(before == after).all(axis=-1)] = 0.0  # a pose shared to the bit is not moved at all
-    turned = rotations.multiply(turns, rotations.exp(packed.spread(ways)))
-    moved = packed.touched(seams)
-    quats = packed.unpack(np.where(moved[:, None, None], turned, turns))
+    seams = laid.true_seams(tracks)
+    turns = _joined(laid, seams, TURNS, tracks, segment, step, config)
+    quats = laid.unpack(segment, step, turns)
 
     places = np.ascontiguousarray(base.positions[:, joints])
     travels = _travels(clips, np.unique(donors.clip), joints)
     if travels.any():
         own = [clip.positions[:, joints[travels]] for clip in clips]
-        shifts = _gather(cut, donors, own, segments_positions)
-        steps = shifts[packed.first[1:]] - shifts[packed.last[:-1]]
-        shifted = shifts + packed.spread(steps)
-        places[:, travels] = packed.unpack(np.where(moved[:, None, None], shifted, shifts))
+        shifts = _joined(laid, seams, SHIFTS, own, segment, step, config)
+        places[:, travels] = laid.unpack(segment, step, shifts)
 
     if config.seam == "paper":
         window = round(config.seam_window * base.rate)
         left, right = _windows(cut, np.flatnonzero(seams), window)
         quats = _smooth_rotations(quats, left, right)
         places[:, travels] = _smooth_positions(places[:, travels], left, right)
-    gaps = np.linalg.norm(ways[seams], axis=-1)
+    gaps = np.linalg.norm(laid.ends(TURNS, tracks, np.flatnonzero(seams)).ways(TURNS), axis=-1)
     return Part(joints, quats, places, cut.stop[:-1][seams], gaps)
 
 
@@ -156,96 +161,136 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class _Packed:
-    """Segments laid one after the other, the frames where they meet counted twice.
+class _Laid:
+    """Donors laid one after the other in the places of segments, each stretched to its place.
 
-    `first` and `last` are the rows of each segment's ends, `segment` and `share` each row's
-    segment and how far through it the row is, 0 to 1; `frame` is the row's frame.
+    A moment is a segment and how many frames, perhaps a fraction, have passed since its start.
     """
 
-    first: IntArray
-    last: IntArray
-    segment: IntArray
-    share: FloatArray
-    frame: IntArray
+    cut: Segments
+    donors: Segments
+    rate: float
 
-    @classmethod
-    def of(cls, cut: Segments) -> "_Packed":
-        counts = cut.lengths + 1
-        last = np.cumsum(counts) - 1
-        first = last - cut.lengths
-        segment = np.repeat(np.arange(len(cut)), counts)
-        step = np.arange(len(segment)) - first[segment]
-        return cls(first, last, segment, step / cut.lengths[segment], cut.start[segment] + step)
+    def frames(self) -> tuple[IntArray, FloatArray]:
+        """Return the moments of all frames; where segments meet, of both."""
+        counts = self.cut.lengths + 1
+        segment = np.repeat(np.arange(len(counts)), counts)
+        step = np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]
+        return segment, step.astype(np.float64)
 
-    def spread(self, ways: FloatArray) -> FloatArray:
-        """Spread half of each seam's way over the segment before it and half over the one after.
-
-        From (n_segments - 1, n_joints, 3) to (n_rows, n_joints, 3).
-        """
-        still = np.zeros((1, *ways.shape[1:]))
-        at_start, at_end = np.concatenate([still, -0.5 * ways]), np.concatenate([0.5 * ways, still])
-        share = self.share[:, None, None]
-        spread: FloatArray = (1.0 - share) * at_start[self.segment] + share * at_end[self.segment]
-        return spread
-
-    def touched(self, seams: BoolArray) -> np.ndarray:
-        """Tell which rows are of a segment with a seam at either end."""
-        beside = np.concatenate([[False], seams]) | np.concatenate([seams, [False]])
-        touched: BoolArray = beside[self.segment]
-        return touched
-
-    def unpack(self, rows: FloatArray) -> FloatArray:
+    def unpack(self, segment: IntArray, step: FloatArray, rows: FloatArray) -> FloatArray:
         """Return one row per frame; where segments meet, the later one's."""
-        frames = np.empty((self.frame[-1] + 1, *rows.shape[1:]))
-        frames[self.frame] = rows
+        frames = np.empty((self.cut.stop[-1] + 1, *rows.shape[1:]))
+        frames[self.cut.start[segment] + step.astype(np.int64)] = rows
         return frames
 
+    def sample(
+        self, algebra: Algebra, tracks: Sequence[FloatArray], segment: IntArray, step: FloatArray
+    ) -> FloatArray:
+        """Return what the donors do at moments; on a frame, that frame bit for bit."""
+        interpolate = cubic if algebra is TURNS else cubic_positions
+        donors = self.donors
+        # In this order whole results of the division are exact.
+        passed = step * donors.lengths[segment] / self.cut.lengths[segment]
+        clip = donors.clip[segment]
+        values = np.empty((len(segment), *tracks[0].shape[1:]))
+        for index in np.unique(clip):
+            own = np.flatnonzero(clip == index)
+            track = np.ascontiguousarray(tracks[index])
+            times = donors.start[segment[own]] + passed[own]
+            values[own] = interpolate(np.arange(len(track)), track, times)
+        return values
 
-def _gather(
-    cut: Segments,
-    donors: Segments,
+    def ends(self, algebra: Algebra, tracks: Sequence[FloatArray], seams: IntArray) -> Ends:
+        """Return what meets where the segments `seams` end and those after them start."""
+        donors = self.donors
+        pace = self.rate * (donors.lengths / self.cut.lengths)[:, None, None]
+        before, leaving = _states(algebra, tracks, donors.clip[seams], donors.stop[seams])
+        after, arriving = _states(algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1])
+        return Ends(before, after, leaving * pace[seams], arriving * pace[seams + 1])
+
+    def pieces(self, seams: IntArray, segment: IntArray, step: FloatArray) -> Moments:
+        """Return moments as times in the pieces between segments `seams` and those after them."""
+        first = np.concatenate([[0], seams + 1])
+        last = np.append(seams, len(self.cut) - 1)
+        piece = np.searchsorted(seams, segment)
+        frames = self.cut.start[segment] - self.cut.start[first[piece]] + step
+        durations = (self.cut.stop[last] - self.cut.start[first]) / self.rate
+        return Moments(piece, frames / self.rate, durations)
+
+    def true_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
+        """Tell where neighbours did not meet in a clip, or were stretched.
+
+        They did meet where the one's clip goes on as the other's does, to the bit, in the
+        frames before, at and after the seam: so a clip's copy is as good as the clip.
+        """
+
+        def around(clips: IntArray, frames: IntArray) -> FloatArray:
+            near = np.full((len(frames), 3, *tracks[0].shape[1:]), np.nan)
+            for clip in np.unique(clips):
+                own = np.flatnonzero(clips == clip)
+                at = frames[own][:, None] + [-1, 0, 1]
+                inside = (at >= 0) & (at < len(tracks[clip]))
+                near[own[:, None], [0, 1, 2]] = np.where(
+                    inside[..., None, None], tracks[clip][at.clip(0, len(tracks[clip]) - 1)], np.nan
+                )
+            return near
+
+        donors = self.donors
+        as_long = donors.lengths == self.cut.lengths
+        ends = around(donors.clip[:-1], donors.stop[:-1])
+        starts = around(donors.clip[1:], donors.start[1:])
+        follows: BoolArray = (ends == starts).all(axis=(1, 2, 3)) & as_long[1:] & as_long[:-1]
+        return ~follows
+
+
+def _joined(
+    laid: _Laid,
+    seams: BoolArray,
+    algebra: Algebra,
     tracks: Sequence[FloatArray],
-    resample: Callable[[FloatArray, IntArray, IntArray, IntArray], FloatArray],
+    segment: IntArray,
+    step: FloatArray,
+    config: Config,
 ) -> FloatArray:
-    """Resample every donor to its place's length; rows as `_Packed` lays them."""
-    counts = cut.lengths + 1
-    order = np.argsort(donors.clip, kind="stable")
-    rows = [
-        resample(tracks[clip], donors.start[own], donors.stop[own], counts[own])
-        for clip in np.unique(donors.clip)
-        for own in [order[donors.clip[order] == clip]]
-    ]
-    starts = np.cumsum(counts) - counts
-    places = np.concatenate([np.arange(starts[i], starts[i] + counts[i]) for i in order])
-    gathered = np.empty((counts.sum(), *rows[0].shape[1:]))
-    gathered[places] = np.concatenate(rows)
-    return gathered
+    """Return what the donors do at moments once their seams are closed.
 
-
-def _true_seams(cut: Segments, donors: Segments, tracks: Sequence[FloatArray]) -> BoolArray:
-    """Tell where neighbours did not meet in a clip, or were stretched.
-
-    They did meet where the one's clip goes on as the other's does, to the bit, in the frames
-    before, at and after the seam: so a clip's copy is as good as the clip.
+    The paper moves whole segments; else a piece is all that goes on without a true seam, and
+    lends its length to what must be changed.
     """
+    values = laid.sample(algebra, tracks, segment, step)
+    if config.seam in ("paper", "displacement"):
+        at = np.arange(len(seams))
+        moments = laid.pieces(at, segment, step)
+        return displacement(algebra, values, moments, laid.ends(algebra, tracks, at))
+    treatment = {"offset": offset, "inertial": inertial, "dead": dead}[config.seam]
+    at = np.flatnonzero(seams)
+    ends, moments = laid.ends(algebra, tracks, at), laid.pieces(at, segment, step)
+    return treatment(algebra, values, moments, ends, config.seam_blend)
 
-    def around(clips: IntArray, frames: IntArray) -> FloatArray:
-        near = np.full((len(frames), 3, *tracks[0].shape[1:]), np.nan)
-        for clip in np.unique(clips):
-            own = np.flatnonzero(clips == clip)
-            at = frames[own][:, None] + [-1, 0, 1]
-            inside = (at >= 0) & (at < len(tracks[clip]))
-            near[own[:, None], [0, 1, 2]] = np.where(
-                inside[..., None, None], tracks[clip][at.clip(0, len(tracks[clip]) - 1)], np.nan
-            )
-        return near
 
-    as_long = donors.lengths == cut.lengths
-    ends = around(donors.clip[:-1], donors.stop[:-1])
-    starts = around(donors.clip[1:], donors.start[1:])
-    follows: BoolArray = (ends == starts).all(axis=(1, 2, 3)) & as_long[1:] & as_long[:-1]
-    return ~follows
+def _states(
+    algebra: Algebra, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return values and velocities per frame at frames of clips.
+
+    The velocity is that of the curve that frames are sampled from: of the parabola through
+    the frame and its neighbours, at a clip's end through the three nearest.
+    """
+    values = np.empty((len(frames), *tracks[0].shape[1:]))
+    velocities = np.empty((*values.shape[:-1], 3))
+    for clip in np.unique(clips):
+        own = np.flatnonzero(clips == clip)
+        track, at = tracks[clip], frames[own]
+        values[own] = track[at]
+        steps = algebra.way(track[:-1], track[1:])
+        before, after = (at - 1).clip(0), at.clip(max=len(steps) - 1)
+        mean = 0.5 * (steps[before] + steps[after])
+        if len(steps) > 1:
+            mean[at == 0] = 1.5 * steps[0] - 0.5 * steps[1]
+            mean[at == len(steps)] = 1.5 * steps[-1] - 0.5 * steps[-2]
+        velocities[own] = mean
+    return values, velocities
 
 
 def _travels(clips: Sequence[Motion], used: IntArray, joints: IntArray) -> BoolArray:

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 
 from mograft import __version__
-from mograft.cli import demo, graft, groups, index, info, lib
+from mograft.cli import check, demo, graft, groups, index, info, lib, view
 from mograft.cli._common import say
 from mograft.errors import BvhError, MograftError
 
@@ -60,6 +60,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mograft {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (demo, info, groups, index, lib, graft):
+    for command in (demo, info, check, groups, index, lib, graft, view):
         command.add(commands)
     return parser

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -10,9 +9,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft import __version__
+from mograft._files import write_text
 
 if TYPE_CHECKING:
     from mograft.grafting import Graft
+
+__all__ = [
+    "ENDS",
+    "PRESETS",
+    "add_making",
+    "at_least_one",
+    "check_free",
+    "expanded",
+    "print_json",
+    "progress",
+    "say",
+    "whole",
+    "write",
+    "write_text",
+]
 
 PRESETS = (
     "lower_upper",
@@ -27,7 +42,7 @@ ENDS = (".bvh", ".json")
 
 def add_making(parser: argparse.ArgumentParser) -> None:
     """Add what every command that makes motions takes."""
-    parser.add_argument("--seed", type=whole, default=0, help="another seed, another motion")
+    parser.add_argument("--seed", type=whole, default=0, help="of what is left to chance")
     parser.add_argument("--force", action="store_true", help="overwrite what is there")
 
 
@@ -76,16 +91,6 @@ def write(graft: "Graft", path: Path) -> Path:
     document = {"mograft": __version__, **graft.as_dict()}
     write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
     return path
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file so that it is there whole or not at all."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -55,6 +55,24 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         help="how unlike the legs may be whose upper bodies are exchanged: smaller is more "
         "natural, larger more varied. Default: 0.75, and as much more as COUNT motions need",
     )
+    graft.add_argument(
+        "--choice",
+        choices=("viterbi", "best", "sample", "nearest", "random"),
+        help="how donors are chosen: those of least cost in all (of several motions each keeps "
+        "away from the others), the several of least cost, drawn by their cost (default), those "
+        "of most similar legs, or by chance as in the paper",
+    )
+    graft.add_argument(
+        "--temperature",
+        type=float,
+        metavar="X",
+        help="with --choice sample: how much dearer than the cheapest a draw may be (default 1)",
+    )
+    graft.add_argument(
+        "--seam",
+        choices=("offset", "paper", "displacement", "inertial", "dead"),
+        help="how motions that meet at a seam are made one; default: offset, or the preset's",
+    )
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
     graft.set_defaults(run=run, usage=graft.error)
@@ -171,5 +189,10 @@ def chosen_config(options: argparse.Namespace) -> "Config":
     from mograft.config import Config
 
     config = Config.paper() if options.preset == "paper" else Config()
-    scale = options.sigma_scale
-    return config if scale is None else replace(config, sigma_scale=scale)
+    given = {
+        "sigma_scale": options.sigma_scale,
+        "choice": options.choice,
+        "temperature": options.temperature,
+        "seam": options.seam,
+    }
+    return replace(config, **{name: value for name, value in given.items() if value is not None})

@@ -1,9 +1,17 @@
 """``mograft info``: joints, rate, length, groups and faults of files."""
 
 import argparse
-from typing import Any
+import os
+from typing import TYPE_CHECKING, Any
 
 from mograft.cli._common import expanded, print_json
+
+if TYPE_CHECKING:
+    from mograft.bvh import BvhSummary
+    from mograft.motion import Motion
+
+_LARGE = 1 << 28
+"""Files of more bytes are not held in memory to be described."""
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -28,12 +36,18 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _describe(name: str) -> dict[str, Any]:
-    from mograft.bvh import read_bvh
+    from mograft.bvh import read_bvh, scan_bvh
     from mograft.faults import find_faults
     from mograft.groups import JointGroups
 
-    motion = read_bvh(name)
-    skeleton = motion.skeleton
+    faults: list[str] | None = None
+    summary: BvhSummary | Motion
+    if os.path.getsize(name) > _LARGE:
+        summary = scan_bvh(name)
+    else:
+        summary = motion = read_bvh(name)
+        faults = [fault.message for fault in find_faults(motion)]
+    skeleton = summary.skeleton
     try:
         members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
         groups = {g: [skeleton.names[j] for j in own] for g, own in members.items()}
@@ -41,15 +55,15 @@ def _describe(name: str) -> dict[str, Any]:
         groups = {}
     return {
         "file": name,
-        "joints": motion.n_joints,
+        "joints": skeleton.n_joints,
         "channels": skeleton.n_channels,
-        "frames": motion.n_frames,
-        "frame_time": motion.frame_time,
-        "rate": motion.rate,
-        "seconds": motion.duration,
+        "frames": summary.n_frames,
+        "frame_time": summary.frame_time,
+        "rate": summary.rate,
+        "seconds": summary.duration,
         "groups": groups,
-        "repairs": list(motion.repairs),
-        "faults": [fault.message for fault in find_faults(motion)],
+        "repairs": list(summary.repairs),
+        "faults": faults,
     }
 
 
@@ -64,5 +78,8 @@ def _description(document: dict[str, Any]) -> str:
     if not groups:
         lines.append("  no groups recognised: see mograft groups and --groups FILE")
     lines += [f"  repaired: {repair}" for repair in document["repairs"]]
-    lines += [f"  warning: {fault}" for fault in document["faults"]]
+    faults = document["faults"]
+    if faults is None:
+        faults = ["a large file, read through but not looked at for faults: see mograft check"]
+    lines += [f"  warning: {fault}" for fault in faults]
     return "\n".join(lines)

@@ -260,12 +260,7 @@ fn segment_knots<K: Knot>(
         for sample in 0..count {
             // In whole numbers, so that a sample on a frame is seen to be on it.
             let (whole, rest) = (sample * length / steps, sample * length % steps);
-            if rest == 0 {
-                let frame = (start + whole) * n_joints;
-                resampled.extend_from_slice(&knots[frame..frame + n_joints]);
-            } else {
-                resampled.extend(span.at(start + whole, rest as f64 / steps as f64));
-            }
+            resampled.extend(span.at(start + whole, rest as f64 / steps as f64));
         }
     }
     Ok(resampled)

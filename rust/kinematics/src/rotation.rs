@@ -276,6 +276,40 @@ mod tests {
     }
 
     #[test]
+    fn channels_turn_each_joint_and_never_change_sign() {
+        // Two joints: Z of column 0 and X of column 3, then Y of column 1; column 2 is no turn.
+        let (starts, turns) = ([0, 2, 3], [(2, 0), (0, 3), (1, 1)]);
+        let values: Vec<f64> = (0..400).map(|n| f64::from(n * n % 97) * 7.0).collect();
+        let rotations = from_channels(&values, 4, &starts, &turns, 0.1).expect("whole frames");
+        for (frame, joints) in values.chunks(4).zip(rotations.chunks(2)) {
+            let first = from_euler(&[0.1 * frame[0], 0.1 * frame[3]], &[2, 0], 1)[0];
+            let second = from_euler(&[0.1 * frame[1]], &[1], 1)[0];
+            assert!(joints[0].abs_diff_eq(first, 1e-14) || joints[0].abs_diff_eq(-first, 1e-14));
+            assert!(joints[1].abs_diff_eq(second, 1e-14) || joints[1].abs_diff_eq(-second, 1e-14));
+        }
+        assert!(rotations[..2].iter().all(|q| q.w >= 0.0));
+        for joint in 0..2 {
+            let track: Vec<_> = rotations.iter().skip(joint).step_by(2).collect();
+            assert!(track.windows(2).all(|pair| pair[0].dot(*pair[1]) >= 0.0));
+        }
+    }
+
+    #[test]
+    fn channels_that_do_not_exist_are_refused() {
+        let refused = |values: &[f64], starts: &[usize], turns: &[(usize, usize)]| {
+            from_channels(values, 2, starts, turns, 1.0).err()
+        };
+        assert_eq!(refused(&[0.0; 4], &[0, 1], &[(2, 1)]), None);
+        let short = Error::LengthMismatch { expected: 2, given: 3 };
+        assert_eq!(refused(&[0.0; 3], &[0, 1], &[(2, 1)]), Some(short));
+        for (starts, turns) in
+            [([0, 2], [(2, 1)]), ([1, 0], [(2, 1)]), ([0, 1], [(3, 1)]), ([0, 1], [(2, 2)])]
+        {
+            assert_eq!(refused(&[0.0; 4], &starts, &turns), Some(Error::BadChannel));
+        }
+    }
+
+    #[test]
     fn gimbal_lock_keeps_the_first_angle_and_the_rotation() {
         for middle in [0.5 * PI, -0.5 * PI] {
             for axes in [[2, 0, 1], [0, 1, 2]] {

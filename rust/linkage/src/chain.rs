@@ -6,6 +6,8 @@
 //! essay these two may be merged at once, whatever else is still to be merged.
 //! (Benzécri 1982; Murtagh 1983; Müllner, arXiv:1109.2378, writes it as it is done here.)
 
+use crate::Error;
+use crate::parallel::Crew;
 use crate::tree::Merge;
 
 /// Distances of `n` things, each pair once: (0, 1), (0, 2), …, (1, 2), ….
@@ -48,12 +50,18 @@ impl Condensed {
 /// All merges of complete linkage, parts before unions, in O(n²) time.
 ///
 /// Among equal distances the pair of the smaller representatives goes first.
-pub(crate) fn chain(mut matrix: Condensed) -> Vec<Merge> {
+///
+/// # Errors
+///
+/// If the caller wants to stop.
+pub(crate) fn chain(crew: &Crew<'_>, mut matrix: Condensed) -> Result<Vec<Merge>, Error> {
     let n = matrix.n;
     let mut active: Vec<u32> = (0..n as u32).collect();
     let mut walk: Vec<u32> = Vec::with_capacity(n);
     let mut merges = Vec::with_capacity(n.saturating_sub(1));
     while active.len() > 1 {
+        crew.report(merges.len() as f64 / n as f64);
+        crew.ask()?;
         let here = walk.pop().unwrap_or(active[0]);
         let (next, height) = nearest(&matrix, &active, here);
         if walk.last() != Some(&next) {
@@ -69,7 +77,7 @@ pub(crate) fn chain(mut matrix: Condensed) -> Vec<Merge> {
         }
         merges.push(merge);
     }
-    merges
+    Ok(merges)
 }
 
 /// The cluster of least key seen from `here`: of equal distances the first.

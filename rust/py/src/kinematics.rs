@@ -254,3 +254,15 @@ pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -
         .map_err(value_error)?;
     into_array(py, gaps, &shape)
 }
+
+/// See `mograft.substitution.velocity_gaps`.
+#[pyfunction]
+pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -> Array<'py> {
+    let n_joints = ends.shape()[1];
+    let shape = [ends.shape()[0], starts.shape()[0]];
+    let (from, to) = (as_vecs(&ends)?, as_vecs(&starts)?);
+    let gaps = py
+        .detach(|| pose::velocity_gaps(from, to, n_joints))
+        .map_err(value_error)?;
+    into_array(py, gaps, &shape)
+}

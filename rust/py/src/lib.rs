@@ -29,11 +29,13 @@ mod _core {
     #[pymodule_export]
     use crate::kinematics::{
         angle, cubic, cubic_positions, exp, from_channels, from_euler, hermite, kinetic_energy,
-        log, pose_gaps, segments, segments_positions, slerp, to_euler, world,
+        log, pose_gaps, segments, segments_positions, slerp, to_euler, velocity_gaps, world,
     };
 
     #[pymodule_export]
-    use crate::linkage::{cut, linkage, linkage_condensed};
+    use crate::linkage::{
+        cut, cut_tuned, linkage, linkage_by_chain, linkage_condensed, linkage_tuned,
+    };
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};

@@ -1,0 +1,43 @@
+"""``mograft view``: motions side by side in the browser."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mograft.cli._common import check_free, expanded, print_json, say
+
+
+def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
+    """Add the command to the parser."""
+    view = commands.add_parser("view", help="show motions side by side in the browser")
+    view.add_argument("files", nargs="+", metavar="FILE", help="BVH files")
+    view.add_argument("--groups", metavar="NAME|FILE", help="joint groups to colour by")
+    view.add_argument("--title", help="title of the page")
+    view.add_argument(
+        "-o", "--output", type=Path, help="page to write; default: a temporary one, opened"
+    )
+    view.add_argument("--open", action="store_true", help="open the page that was written")
+    view.add_argument("--json", action="store_true", help="tell as JSON what was written")
+    view.add_argument("--force", action="store_true", help="overwrite what is there")
+    view.set_defaults(run=run, usage=view.error)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from mograft.groups import JointGroups
+    from mograft.viewing.page import open_file, temporary, view
+
+    if options.output is not None:
+        check_free([options.output], force=options.force)
+    groups = options.groups
+    if groups is not None and Path(groups).exists():
+        groups = JointGroups.from_toml(Path(groups))
+    page = view(*expanded(options.files), groups=groups, title=options.title, show=False)
+    path = page.save(temporary() if options.output is None else options.output, force=True)
+    if options.json:
+        print_json({"schema": "mograft.view/1", "file": str(path), "title": page.title})
+    else:
+        print(path)
+    if (options.output is None or options.open) and not open_file(path):
+        say("no browser was found: open the page yourself")
+    return 0

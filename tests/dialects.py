@@ -1,0 +1,294 @@
+"""Hypothesis strategies for motions, and for the many ways to write them as BVH."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+import mograft as mg
+from mograft.skeleton import CHANNELS
+from tests.strategies import quaternions
+
+WHITE = " \t\v\f"
+
+
+def names():
+    """Joint names that BVH can hold: anything on one line without brace or outer blanks."""
+    usual = st.sampled_from(["Hips", "mixamorig:LeftArm", "Bip01 L Thigh", "toe1-1.R", "2", "End"])
+    character = st.characters(exclude_characters="\r\n{", exclude_categories=["Cs"])
+    unusual = st.text(character, min_size=1, max_size=9)
+    return (usual | unusual).filter(lambda name: name and name.strip(WHITE) == name)
+
+
+def coordinates():
+    """Numbers of lengths and angles, usual and unusual."""
+    return st.one_of(
+        st.integers(-360, 360).map(float),
+        st.floats(-400, 400).map(lambda x: round(x, 4)),
+        st.floats(-400, 400),
+        st.floats(-1e30, 1e30),
+    )
+
+
+@st.composite
+def skeletons(draw, max_joints=6):
+    """Skeletons with any channels, in the order of a file, end sites anywhere."""
+    n_joints = draw(st.integers(1, max_joints))
+    # Of the joints on the way down to the last one, each may be the next one's parent.
+    parents, way = [-1], [0]
+    for joint in range(1, n_joints):
+        way = way[: draw(st.integers(1, len(way)))]
+        parents.append(way[-1])
+        way.append(joint)
+    channels = [
+        tuple(draw(st.lists(st.sampled_from(CHANNELS), unique=True))) for _ in range(n_joints)
+    ]
+    channels[0] = channels[0] or ("Zrotation",)
+    counts = [parents.count(joint) for joint in range(n_joints)]
+    offsets = npst.arrays(np.float64, 3, elements=coordinates())
+    sites = draw(
+        st.lists(
+            st.builds(
+                lambda joint, before, offset, name: mg.EndSite(
+                    joint, offset, before % (counts[joint] + 1), name
+                ),
+                st.integers(0, n_joints - 1),
+                st.integers(0, 9),
+                offsets,
+                st.just("") | names(),
+            ),
+            max_size=4,
+        )
+    )
+    skeleton = mg.Skeleton(
+        tuple(draw(names()) for _ in range(n_joints)),
+        np.array(parents),
+        np.array([draw(offsets) for _ in range(n_joints)]),
+        tuple(channels),
+        tuple(sites),
+    )
+    # End sites in the order in which a file has them.
+    ordered, todo = [], [0]
+    while todo:
+        item = todo.pop()
+        if isinstance(item, mg.EndSite):
+            ordered.append(item)
+        else:
+            todo += reversed(skeleton.below[item])
+    return mg.Skeleton(
+        skeleton.names, skeleton.parents, skeleton.offsets, skeleton.channels, tuple(ordered)
+    )
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What a BVH file says."""
+
+    skeleton: mg.Skeleton
+    frame_time: float
+    values: np.ndarray
+
+
+@st.composite
+def clips(draw, max_frames=4):
+    skeleton = draw(skeletons())
+    shape = (draw(st.integers(1, max_frames)), skeleton.n_channels)
+    frame_time = draw(
+        st.sampled_from([1 / 30, 1 / 120, 0.0417083750417, 2e-7]) | st.floats(1e-9, 1e9)
+    )
+    return Clip(skeleton, frame_time, draw(npst.arrays(np.float64, shape, elements=coordinates())))
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """A way to write BVH; the default is the plain one. Others count as repairs or as layout."""
+
+    line_ends: tuple[str, ...] = ("\n",)
+    blank: str = " "
+    indent: str = "\t"
+    trailing: str = ""
+    blank_lines: bool = False
+    final_newline: bool = True
+    case: str = "as is"
+    channel_case: str = "as is"
+    brace: str = "\n"
+    site: str = "End Site"
+    comment: str = ""
+    frames: str = "Frames: "
+    frame_time: str = "Frame Time: "
+    count: str = "{}"
+    channels_first: bool = False
+    number: str = "repr"
+    rows: str = "a line each"
+    encoding: str = "utf-8"
+    padding: str = ""
+    declared: int = 0
+
+
+def layouts():
+    """Dialects that differ from the plain one in white space alone."""
+    return st.builds(
+        Dialect,
+        line_ends=st.lists(st.sampled_from(["\n", "\r\n", "\r"]), min_size=1, max_size=3).map(
+            tuple
+        ),
+        blank=st.sampled_from([" ", "   ", "\t", " \t "]),
+        indent=st.sampled_from(["", "\t", "  "]),
+        trailing=st.sampled_from(["", " ", "\t "]),
+        blank_lines=st.booleans(),
+        final_newline=st.booleans(),
+        number=st.sampled_from(["repr", "plus", "digits", "exponent"]),
+    )
+
+
+def dialects():
+    """All that a reader should tolerate."""
+    cases = st.sampled_from(["as is", "lower", "upper", "title"])
+    labels = ["Frames: ", "Frames:", "frames : ", "FRAMES\t:", "Frames "]
+    time_labels = ["Frame Time: ", "FrameTime:", "frame time :", "Frames Time: ", "FRAME  TIME: "]
+    rows = ["a line each", "wrapped", "a value each", "joined", "one line"]
+    usual = Dialect()
+
+    def mostly(name, unusual):
+        return st.just(getattr(usual, name)) | st.sampled_from(unusual)
+
+    return st.builds(
+        Dialect,
+        line_ends=st.lists(st.sampled_from(["\n", "\r\n", "\r"]), min_size=1, max_size=3).map(
+            tuple
+        ),
+        blank=st.sampled_from([" ", "   ", "\t", " \t "]),
+        indent=st.sampled_from(["", "\t", "  "]),
+        trailing=st.sampled_from(["", " ", "\t "]),
+        blank_lines=st.booleans(),
+        final_newline=st.booleans(),
+        case=cases,
+        channel_case=cases,
+        brace=mostly("brace", [" ", ""]),
+        site=mostly("site", ["End site", "end  SITE"]),
+        comment=mostly("comment", ["# exported", "// by hand"]),
+        frames=mostly("frames", labels),
+        frame_time=mostly("frame_time", time_labels),
+        count=mostly("count", ["{}.0", "{}.", "+{}"]),
+        channels_first=st.booleans(),
+        number=st.sampled_from(["repr", "plus", "digits", "exponent"]),
+        rows=mostly("rows", rows),
+        encoding=mostly("encoding", ["utf-8-sig", "utf-16"]),
+        padding=mostly("padding", ["\0\0", "\x1a"]),
+        declared=mostly("declared", [-1, 7]),
+    )
+
+
+@dataclass
+class _Lines:
+    dialect: Dialect
+    lines: list = field(default_factory=list)
+
+    def add(self, depth, *words):
+        """Add a line of words, and perhaps a blank one."""
+        line = self.dialect.indent * depth + self.dialect.blank.join(words)
+        self.lines.append(line + self.dialect.trailing)
+        if self.dialect.blank_lines and depth % 2 == 0:
+            self.lines.append(self.dialect.trailing)
+
+    def text(self):
+        ends = self.dialect.line_ends
+        text = "".join(line + ends[n % len(ends)] for n, line in enumerate(self.lines))
+        return text if self.dialect.final_newline else text.rstrip("\r\n \t")
+
+
+def written(clip, dialect):
+    """Return the bytes of a clip in a dialect, by rules that are independent of the package's."""
+    skeleton, values = clip.skeleton, clip.values
+    out = _Lines(dialect)
+
+    def keyword(word):
+        return {"as is": word, "lower": word.lower(), "upper": word.upper(), "title": word.title()}[
+            dialect.case
+        ]
+
+    def channel(word):
+        return {"as is": word, "lower": word.lower(), "upper": word.upper(), "title": word.title()}[
+            dialect.channel_case
+        ]
+
+    def number(value):
+        text = repr(float(value))
+        if dialect.number == "plus" and not text.startswith("-"):
+            return "+" + text
+        if dialect.number == "exponent":
+            return f"{value:.17E}"
+        if dialect.number == "digits" and abs(value) < 1e9:
+            return f"{value:.40f}" if float(f"{value:.40f}") == value else text
+        return text
+
+    def opened(depth, words):
+        if dialect.brace == "\n":
+            out.add(depth, *words)
+            out.add(depth, "{")
+        else:
+            out.add(depth, " ".join(words) + dialect.brace + "{")
+
+    def offset(depth, numbers):
+        out.add(depth, keyword("OFFSET"), *map(number, numbers))
+
+    if dialect.comment:
+        out.add(0, dialect.comment)
+    out.add(0, keyword("HIERARCHY"))
+    todo = [(0, 0)]
+    while todo:
+        item, depth = todo.pop()
+        if item is None:
+            out.add(depth, "}")
+            continue
+        todo.append((None, depth))
+        if isinstance(item, mg.EndSite):
+            opened(depth, [dialect.site, item.name] if item.name else [dialect.site])
+            offset(depth + 1, item.offset)
+            continue
+        opened(depth, [keyword("JOINT" if item else "ROOT"), skeleton.names[item]])
+        own = skeleton.channels[item]
+        if not dialect.channels_first:
+            offset(depth + 1, skeleton.offsets[item])
+        out.add(depth + 1, keyword("CHANNELS"), dialect.count.format(len(own)), *map(channel, own))
+        if dialect.channels_first:
+            offset(depth + 1, skeleton.offsets[item])
+        todo += [(below, depth + 1) for below in reversed(skeleton.below[item])]
+    out.add(0, keyword("MOTION"))
+    declared = len(values)
+    # With rows that are no lines, the declared number is what holds them together.
+    if dialect.rows == "a line each" and declared + dialect.declared > 0:
+        declared += dialect.declared
+    out.add(0, dialect.frames + dialect.count.format(declared))
+    out.add(0, dialect.frame_time + number(clip.frame_time))
+    for line in laid_out(values, dialect.rows):
+        out.add(0, *map(number, line))
+    text = out.text()
+    if dialect.padding:
+        text += "\n" + dialect.padding
+    return text.encode(dialect.encoding)
+
+
+def laid_out(values, rows):
+    """Return the numbers of each line."""
+    if rows == "a line each":
+        return list(values)
+    if rows == "one line":
+        return [values.ravel()]
+    if rows == "a value each":
+        return values.reshape(-1, 1)
+    if rows == "joined":
+        return [values[n : n + 2].ravel() for n in range(0, len(values), 2)]
+    half = -(-values.shape[1] // 2)
+    return [part for row in values for part in (row[:half], row[half:])]
+
+
+@st.composite
+def motions(draw, max_joints=5, max_frames=5):
+    """Motions of any skeleton, whose channels are not known as numbers."""
+    skeleton = draw(skeletons(max_joints))
+    n_frames = draw(st.integers(1, max_frames))
+    shape = (n_frames, skeleton.n_joints)
+    positions = npst.arrays(np.float64, (*shape, 3), elements=st.floats(-1e6, 1e6))
+    return mg.Motion(skeleton, 1 / 30, draw(quaternions(shape)), draw(positions))

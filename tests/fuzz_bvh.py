@@ -1,0 +1,148 @@
+"""Read damaged BVH for as long as one likes: ``python -m tests.fuzz_bvh SECONDS [SEED]``.
+
+Each text is a small good one in some dialect, changed a few times at random. Reading has to
+end soon, in a motion of finite numbers that can be written and read again, or in a
+`BvhError` with a place; and the same whether the text comes whole or in pieces. A text that
+does otherwise is printed with its seed; such seeds belong into `SEEDS`, which the tests run.
+"""
+
+import io
+import random
+import sys
+import time
+from unittest.mock import patch
+
+import numpy as np
+
+import mograft as mg
+from mograft import bvh
+
+# Of texts that once failed.
+SEEDS = (15934, 73354)
+
+PLAIN = b"""\
+HIERARCHY
+ROOT Hips
+{
+\tOFFSET 0.0 0.0 0.0
+\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+\tJOINT Spine 1
+\t{
+\t\tOFFSET 0.0 10.0 0.0
+\t\tCHANNELS 3 Zrotation Xrotation Yrotation
+\t\tEnd Site tip
+\t\t{
+\t\t\tOFFSET 0.0 5.0 0.0
+\t\t}
+\t\tJOINT Head
+\t\t{
+\t\t\tOFFSET 0.0 20.0 1e-7
+\t\t\tCHANNELS 0
+\t\t}
+\t}
+}
+MOTION
+Frames: 3
+Frame Time: 0.04
+0.0 90.0 0.0 1.5 -2.25 3.0 4.0 -5.5 6.0
+0.5 90.5 1.0 2.5 -3.25 4.0 5.0 -6.5 7.0
+1.0 91.0 2.0 3.5 -4.25 5.0 6.0 -7.5 8.0
+"""
+TOKENS = [
+    *b"HIERARCHY ROOT JOINT End Site { } OFFSET CHANNELS MOTION Frames: Frame Time: Frames".split(),
+    *b"0 3 -3 6 1e5 1e308 1e309 -0 .5 5. nan inf 1,5 1_0 0x1 1.5-2 + - . e # // 9999999999".split(),
+    *b"Xposition Zrotation zROTATION Wrotation 1000000000000000000000 1.#IND \xe9 \xff\xfe".split(),
+    b"\0", b"\x1a", b"\r", b"\n", b"\r\n", b"\t", b" ", b"\v", b"\xef\xbb\xbf", b"\xc2\xa0", b"",
+]  # fmt: skip
+
+
+def mutated(seed):
+    """Return a damaged text."""
+    chance = random.Random(seed)
+    text = PLAIN
+    if chance.random() < 0.3:
+        text = text.replace(b"\n", chance.choice([b"\r\n", b"\r", b" \n\n"]))
+    for _ in range(chance.randint(1, 6)):
+        change = chance.randrange(9)
+        start = chance.randint(0, len(text))
+        stop = min(len(text), start + chance.choice([1, 1, 2, 8, 40, 400]))
+        if change == 0:
+            text = text[:start] + text[stop:]
+        elif change == 1:
+            text = text[:start] + text[start:stop] * chance.choice([2, 3, 50]) + text[stop:]
+        elif change == 2:
+            text = text[:start] + chance.randbytes(chance.randint(1, 4)) + text[stop:]
+        elif change in (3, 4):
+            words = text.split(b" ")
+            place = chance.randrange(len(words))
+            words[place] = chance.choice(TOKENS)
+            text = b" ".join(words)
+        elif change == 5:
+            lines = text.split(b"\n")
+            one, other = chance.randrange(len(lines)), chance.randrange(len(lines))
+            lines[one], lines[other] = lines[other], lines[one]
+            text = b"\n".join(lines)
+        elif change == 6:
+            text = text[:start] + chance.choice(TOKENS) + text[start:]
+        elif change == 7:
+            text = text[:start]
+        else:
+            other = chance.randint(0, len(text))
+            text = text[:start] + text[other : other + stop - start] + text[start:]
+    if chance.random() < 0.05:
+        text = text.decode("latin-1").encode("utf-16")
+    return text
+
+
+def outcome(text):
+    """Read a text; return the motion, or what the refusal says."""
+    try:
+        return mg.read_bvh(io.BytesIO(text))
+    except mg.BvhError as refusal:
+        error = refusal
+    assert f"<stream>:{error.line}:{error.column}: expected " in str(error), error
+    return str(error)
+
+
+def check(seed):
+    """Read one damaged text in several ways."""
+    text = mutated(seed)
+    began = time.monotonic()
+    whole = outcome(text)
+    assert time.monotonic() - began < 5.0, "too slow"
+    with patch.multiple(bvh, _PIECE=37, _AHEAD=2500):
+        pieces = outcome(text)
+    if isinstance(whole, str):
+        assert isinstance(pieces, str), (whole, pieces)
+        return False
+    if isinstance(pieces, str):
+        assert "without an end" in pieces, pieces
+        return True
+    assert np.isfinite(whole.channel_values).all()
+    assert whole.repairs == pieces.repairs
+    assert whole.channel_values.tobytes() == pieces.channel_values.tobytes()
+    file = io.BytesIO()
+    mg.write_bvh(whole, file)
+    file.seek(0)
+    again = mg.read_bvh(file)
+    assert again.skeleton.names == whole.skeleton.names
+    assert again.channel_values.tobytes() == whole.channel_values.tobytes()
+    return True
+
+
+def main(seconds, first):
+    end, seed, accepted = time.monotonic() + seconds, first, 0
+    while time.monotonic() < end:
+        try:
+            accepted += check(seed)
+        except BaseException:
+            print(f"seed {seed}: {mutated(seed)!r}", file=sys.stderr)
+            raise
+        seed += 1
+    print(
+        f"{seed - first} texts from seed {first}: {accepted} read, the others refused; no other end"
+    )
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0)
