@@ -1,4 +1,66 @@
-//! Exact complete linkage: points in, tree or labels out; nothing here knows of motion.
+//! Exact complete linkage in linear memory: points in, tree or labels out.
+//!
+//! Complete linkage merges, again and again, the two clusters whose farthest points are
+//! nearest: D(A, C) = max |a − c|. Every textbook algorithm holds all n²/2 distances. This one
+//! holds, at any time, those of a few neighbours of each cluster, and grows the same tree, bit
+//! for bit. Nothing here knows of motion or of Python.
+//!
+//! # Why it is right
+//!
+//! **One order of merging.** Give each pair of clusters the key (D², lower representative,
+//! higher representative), where a cluster's representative is the smallest index among its
+//! points. No two pairs have the same key. And merging brings nothing nearer: of the two keys
+//! of A and B to a third cluster C, that of A ∪ B is never less than the lesser. For where D²
+//! differ, the union takes the larger; where they are equal, the union's representative is that
+//! of A or of B, and its key is theirs.
+//!
+//! **Any order of finding.** So two clusters that are each other's nearest stay so whatever
+//! else merges, until they do: they may as well merge at once. The pair of least key is always
+//! such a pair, and greedy search, the nearest-neighbour chain and rounds of merging all such
+//! pairs at once make the same merges. Their one order is put back at the end ([`tree`]).
+//!
+//! **A limit costs nothing.** Take all pairs of clusters with D ≤ T, exactly, and merge on this
+//! sparse graph until no edge is left. A pair that is no edge is farther than T, so two clusters
+//! that are nearest to each other in the graph are so among all. The graph keeps up with its
+//! merges without any point being looked at: A ∪ B is within T of C if and only if both parts
+//! are, at the larger of the two distances, because D of a union is a maximum. When it is
+//! exhausted, everything up to height T is done. Then comes another *stage*, with the clusters
+//! that there are now and a larger T. **Any T is right**, and so is any number of threads and
+//! any block size; they decide only how long it takes. Flat clusters of diameter t are the same
+//! run with T never above t, stopped when it has been t.
+//!
+//! **Few pairs need a look.** For any weights that add up to one, the weighted mean of |a − c|²
+//! over the points of A and C is |c_A − c_C|² + V_A + V_C, from the weighted centres and
+//! variances alone, and D² is no less. This bound, in blocks of sixteen clusters, leaves few
+//! pairs to measure exactly.
+//!
+//! **No float decides but the right one.** Squared distances are summed in f64, coordinate by
+//! coordinate, never fused or reordered: the same bits on every processor, and SciPy's. f32 is
+//! used to rule pairs out, always with an allowance for its rounding, never to rank them.
+//!
+//! # Where it is
+//!
+//! | module | idea |
+//! |---|---|
+//! | [`stages`] | the loop: limit, graph, merging, clusters anew; few clusters on a matrix |
+//! | [`limit`] | how large a T is worth while, from a sample |
+//! | [`graph`] | all pairs within T: three sieves over blocks of clusters |
+//! | [`distance`] | the exact distance of two clusters, from few of their points |
+//! | [`merging`] | nearest pairs merge on the sparse graph, to exhaustion |
+//! | [`plateau`] | the same where too many pairs are equally far for any graph |
+//! | [`clusters`] | centres, variances and radii, and how unions get theirs |
+//! | [`dense`] | merging on a full matrix, at the speed of memory |
+//! | [`order`] | what is near in space is near in memory |
+//! | [`points`] | scaling, repeated points, the squared distance that decides |
+//! | [`tree`] | merges to SciPy's matrix, or to labels |
+//! | [`mod@chain`] | the plain nearest-neighbour chain: what all is tested against |
+//! | [`simd`] | the inner loops for three instruction sets; all `unsafe` |
+//! | [`parallel`] | sharing out work; progress; stopping |
+//!
+//! Anchors: Müllner, *Modern hierarchical, agglomerative clustering algorithms*,
+//! arXiv:1109.2378 (chain, reducibility); Yu et al., *ParChain*, VLDB 2021 (linear memory by
+//! range queries); Bădoiu and Clarkson, *Smaller core-sets for balls*, SODA 2003 (the balls).
+#![allow(rustdoc::private_intra_doc_links, reason = "the essay is for readers of the source")]
 
 mod chain;
 mod clusters;
@@ -68,7 +130,9 @@ impl Default for Tuning {
 
 /// The whole tree over points, as the rows of SciPy's linkage matrix.
 ///
-/// `points` is row-major, `dim` wide.
+/// `points` is row-major, `dim` wide. Rows come in the order of their keys, unions after their
+/// parts. Takes memory linear in n, and time of O(n²) at worst; of about n to 1.7 on clouds of ten
+/// axes, because most of the n² is done sixteen by sixteen or not at all.
 ///
 /// # Errors
 ///

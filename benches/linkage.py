@@ -1,0 +1,251 @@
+"""Time complete linkage against SciPy and fastcluster, and where they cannot follow.
+
+Every figure is the median of runs in a process of its own, which also tells how much memory
+the call took beyond its input. Ratios are of runs that followed one another. Usage:
+
+    python benches/linkage.py [peers] [large] [real] [hard] [--json FILE] [--plot FILE.svg]
+
+Without names all are run, which takes half an hour and 7 GB, nearly all of it the peers'.
+"""
+
+import argparse
+import json
+import os
+import platform
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+import mograft as mg
+from mograft import _core  # noqa: TID251 - the build profile is told by the kernels alone
+
+REAL = Path(__file__).parents[2] / "shared" / "data" / "embedding_bandai_60k.npy"
+SIGMAS = {"literal": 3.525, "rms": 13.590}
+
+
+def make(kind, n, n_axes=10):
+    """Return points of a kind, the same at every call."""
+    rng = np.random.default_rng(n)
+    decay = np.sqrt(1.0 / np.arange(1, n_axes + 1))
+    if kind == "white":  # whitened scores of a principal component analysis
+        return rng.standard_normal((n, n_axes))
+    if kind == "mixture":  # twenty groups, seven tenths of the variance between them
+        fixed = np.random.default_rng(12345)
+        centres = fixed.standard_normal((20, n_axes)) * np.sqrt(0.7) * decay
+        chosen = rng.choice(20, n, p=fixed.dirichlet(np.ones(20)))
+        return centres[chosen] + rng.standard_normal((n, n_axes)) * np.sqrt(0.3) * decay
+    if kind == "walk":  # phrases of motion: noisy points of closed curves, some visited often
+        fixed = np.random.default_rng(99)
+        centres = fixed.standard_normal((200, n_axes)) * decay
+        waves = fixed.standard_normal((2, 200, 3, n_axes)) * 0.5 * decay
+        share = fixed.pareto(1.2, 200) + 0.05
+        chosen = rng.choice(200, n, p=share / share.sum())
+        angle = rng.random(n) * 2 * np.pi
+        points = centres[chosen] + 0.05 * rng.standard_normal((n, n_axes)) * decay
+        for h in range(3):
+            points += np.cos((h + 1) * angle)[:, None] * waves[0, chosen, h] / (h + 1)
+            points += np.sin((h + 1) * angle)[:, None] * waves[1, chosen, h] / (h + 1)
+        return points
+    if kind == "clump":  # half of the points within 1e-9 of each other
+        points = rng.standard_normal((n, n_axes))
+        points[: n // 2] *= 1e-9
+        return points
+    if kind == "scale-free":  # radii of all sizes alike
+        return rng.standard_normal((n, n_axes)) * 10.0 ** (-8 * rng.random((n, 1)))
+    if kind == "lattice":  # ties without number
+        return rng.integers(0, 8, (n, n_axes)).astype(float)
+    if kind == "tails":
+        return rng.standard_cauchy((n, n_axes))
+    if kind == "real":
+        return np.load(REAL).astype(np.float64)
+    raise ValueError(f"kind must be one of those above, got {kind!r}")
+
+
+def run_scipy(points):
+    from scipy.cluster import hierarchy
+
+    return hierarchy.linkage(points, "complete")
+
+
+def run_fastcluster(points):
+    import fastcluster
+
+    return fastcluster.linkage(points, "complete")
+
+
+def measure(who, kind, n, runs, diameter=None):
+    """Run in this process and print what came of it."""
+    points = make(kind, n)
+    if diameter == "rms":
+        diameter = mg.threshold(points)
+    call = {
+        "mograft": lambda: mg.linkage(points),
+        "cut": lambda: mg.cut(points, diameter),
+        "SciPy": lambda: run_scipy(points),
+        "fastcluster": lambda: run_fastcluster(points),
+    }[who]
+    if who in ("SciPy", "fastcluster"):
+        call_once = {"SciPy": run_scipy, "fastcluster": run_fastcluster}[who]
+        call_once(points[:10])  # imports are not what is measured
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    walls, cpus = [], []
+    for _ in range(runs):
+        wall, cpu = time.perf_counter(), time.process_time()
+        call()
+        walls.append(time.perf_counter() - wall)
+        cpus.append(time.process_time() - cpu)
+    more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    print(json.dumps({"wall": walls, "cpu": cpus, "MB": more / 1024}))
+
+
+def child(who, kind, n, runs=3, diameter=None):
+    """Measure in a process of its own."""
+    task = json.dumps([who, kind, n, runs, diameter])
+    command = [sys.executable, __file__, "--child", task]
+    run = subprocess.run(command, capture_output=True, text=True, check=True)
+    found = json.loads(run.stdout)
+    wall, cpu = statistics.median(found["wall"]), statistics.median(found["cpu"])
+    return {"who": who, "kind": kind, "n": n, "wall": wall, "cpu": cpu, "MB": found["MB"]}
+
+
+def show(row, note=""):
+    label = f"{row['who']:>12} {row['kind']:>10} {row['n']:>8,}"
+    print(f"{label} {row['wall']:9.3f} s {row['cpu']:9.3f} s CPU {row['MB']:8.0f} MB  {note}")
+    sys.stdout.flush()
+
+
+def peers():
+    rows = []
+    for kind in ("white", "mixture"):
+        for n in (1_000, 2_000, 5_000, 10_000, 20_000, 30_000):
+            own = child("mograft", kind, n, runs=7)
+            show(own)
+            rows.append(own)
+            for who in ("SciPy", "fastcluster"):
+                try:
+                    metadata.version(who.lower())
+                except metadata.PackageNotFoundError:
+                    continue
+                row = child(who, kind, n, runs=3 if n <= 10_000 else 1)
+                show(row, f"{row['wall'] / own['wall']:.1f} times mograft")
+                rows.append(row)
+    return rows
+
+
+def large():
+    rows = []
+    for kind in ("white", "mixture", "walk"):
+        for who in ("mograft", "cut"):
+            line = [child(who, kind, n, 3 if n < 500_000 else 1, "rms") for n in LARGE]
+            for row in line:
+                show(row)
+            exponent, exponent_cpu = (
+                np.log(line[-1][time] / line[0][time]) / np.log(LARGE[-1] / LARGE[0])
+                for time in ("wall", "cpu")
+            )
+            print(f"{'':>12} grows as n to {exponent:.2f}, in CPU time {exponent_cpu:.2f}")
+            rows += line
+    return rows
+
+
+LARGE = (50_000, 100_000, 200_000, 500_000)
+
+
+def real():
+    if not REAL.exists():
+        print(f"real: skipped, there is no {REAL.name}")
+        return []
+    n = len(np.load(REAL, mmap_mode="r"))
+    rows = [child("mograft", "real", n)]
+    rows += [child("cut", "real", n, diameter=sigma) for sigma in SIGMAS.values()]
+    for row, note in zip(rows, ("tree", *SIGMAS), strict=True):
+        show(row, note)
+    return rows
+
+
+def hard():
+    rows = [
+        child("mograft", kind, 100_000, runs=1)
+        for kind in ("lattice", "tails", "clump", "scale-free")
+    ]
+    for row in rows:
+        show(row)
+    return rows
+
+
+def plot(rows, file):
+    """Draw time over the number of points, both on logarithmic scales."""
+    import matplotlib as mpl
+
+    mpl.use("svg")
+    mpl.rcParams["svg.hashsalt"] = "mograft"
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6.4, 4.2))
+    colours = {"SciPy": "tab:red", "fastcluster": "tab:orange", "mograft": "tab:blue"}
+    dashes = {"white": "-", "mixture": "--", "walk": ":"}
+    for who, colour in colours.items():
+        for kind, dash in dashes.items():
+            line = {r["n"]: r["wall"] for r in rows if (r["who"], r["kind"]) == (who, kind)}
+            if line:
+                label = f"{who}, {kind}"
+                axes.loglog(*zip(*sorted(line.items()), strict=True), dash, c=colour, label=label)
+    axes.set(xlabel="points of ten axes", ylabel="seconds for the tree")
+    axes.grid(visible=True, alpha=0.3)
+    axes.legend(fontsize="small")
+    figure.tight_layout()
+    figure.savefig(file, metadata={"Date": None})
+
+
+def machine():
+    model = "unknown processor"
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        lines = cpuinfo.read_text().splitlines()
+        model = next((line.split(":")[1].strip() for line in lines if "model name" in line), model)
+    versions = []
+    for name in ("mograft", "numpy", "scipy", "fastcluster"):
+        try:
+            versions.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            versions.append(f"no {name}")
+    load = os.getloadavg()[0]
+    return (
+        f"{model}, {os.cpu_count()} processors, load {load:.1f}; {platform.system()}, "
+        f"Python {platform.python_version()}, {', '.join(versions)}; {_core.BUILD_PROFILE} build"
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = {"peers": peers, "large": large, "real": real, "hard": hard}
+    parser.add_argument("parts", nargs="*", choices=[*parts, []], help="what to run; all")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--plot", type=Path, help="draw them into this file")
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if _core.BUILD_PROFILE != "release":
+        sys.exit("a debug build is not worth timing: maturin develop --release")
+    if args.child:
+        measure(*json.loads(args.child))
+        return
+    print(machine())
+    rows = []
+    for name in args.parts or parts:
+        print(f"-- {name}")
+        rows += parts[name]()
+    print(f"load at the end {os.getloadavg()[0]:.1f}")
+    if args.json:
+        args.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1))
+    if args.plot:
+        plot(rows, args.plot)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""Draw two stages of complete linkage, into docs/linkage-stages.svg."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+import mograft as mg
+
+mpl.use("svg")
+mpl.rcParams.update({"svg.hashsalt": "mograft", "svg.fonttype": "none", "font.size": 9})
+
+from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
+
+PICTURE = Path(__file__).parents[1] / "docs" / "linkage-stages.svg"
+
+
+def draw():
+    rng = np.random.default_rng(4)
+    centres = np.array([[0.0, 0.0], [2.6, 0.4], [1.2, 2.2]])
+    points = np.concatenate([c + 0.55 * rng.standard_normal((8, 2)) for c in centres])
+    limits = (0.7, 1.6)
+    before = np.arange(len(points))
+    figure, panels = plt.subplots(1, 4, figsize=(10, 2.9))
+    for i, limit in enumerate(limits):
+        after = mg.cut(points, limit)
+        graph, merged = panels[2 * i], panels[2 * i + 1]
+        graph.set_title(f"stage {i + 1}: pairs within T = {limit}")
+        merged.set_title("merged until no edge is left")
+        for a in range(before.max() + 1):
+            for b in range(a):
+                one, other = points[before == a], points[before == b]
+                ways = np.linalg.norm(one[:, None] - other, axis=-1)
+                if ways.max() <= limit:
+                    p, q = np.unravel_index(ways.argmax(), ways.shape)
+                    graph.plot(*np.stack([one[p], other[q]]).T, c="tab:orange", lw=0.9)
+        for panel, labels in ((graph, before), (merged, after)):
+            for label in range(labels.max() + 1):
+                ring(panel, points[labels == label])
+            panel.plot(*points.T, "k.", ms=4)
+            panel.set(aspect="equal", xticks=[], yticks=[], xlim=(-1.6, 4.3), ylim=(-1.6, 3.7))
+        before = after
+    figure.tight_layout()
+    figure.savefig(PICTURE, metadata={"Date": None})
+
+
+def ring(panel, members):
+    """Draw a circle around a cluster of two or more."""
+    if len(members) > 1:
+        centre = (members.min(axis=0) + members.max(axis=0)) / 2
+        radius = np.linalg.norm(members - centre, axis=1).max() + 0.09
+        panel.add_patch(plt.Circle(centre, radius, fill=False, color="tab:blue", lw=0.9))
+
+
+if __name__ == "__main__":
+    draw()
