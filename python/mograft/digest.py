@@ -406,6 +406,8 @@ def ask(task: Task) -> tuple[Task, Facts]:
 
 
 def _called(task: Task) -> str:
+    if task.origin is not None:
+        return task.origin.path
     return task.source if isinstance(task.source, str) else task.source.name or "a clip"
 
 

@@ -554,6 +554,8 @@ class Library:
                     f"{name} must be {getattr(self.config, name)!r}, as the library was built by; "
                     f"got {getattr(config, name)!r}"
                 )
+        if (config.sigma, config.sigma_scale) == (self.config.sigma, self.config.sigma_scale):
+            return replace(self, config=config)
         labels, sigma = _clusters(self.embedding, len(self.segments), config)
         return replace(self, config=config, labels=labels, sigma=sigma)
 

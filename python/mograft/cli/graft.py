@@ -152,9 +152,7 @@ def _opened(folder: Path, options: argparse.Namespace) -> "Library":
         if getattr(options, name) is not None:
             options.usage(f"--{name} is settled when a library is made: mograft index --{name}")
     library = Library.open(folder)
-    if options.sigma_scale is None:
-        return library
-    return library.relabelled(replace(library.config, sigma_scale=options.sigma_scale))
+    return library.relabelled(_changed(library.config, options))
 
 
 def _base(library: "Library", name: str | None) -> "Motion | str | None":
@@ -185,14 +183,14 @@ def chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
 
 
 def chosen_config(options: argparse.Namespace) -> "Config":
-    """Return the configuration that ``--preset`` and ``--sigma-scale`` mean."""
+    """Return the configuration that ``--preset`` and the options of single fields mean."""
     from mograft.config import Config
 
-    config = Config.paper() if options.preset == "paper" else Config()
-    given = {
-        "sigma_scale": options.sigma_scale,
-        "choice": options.choice,
-        "temperature": options.temperature,
-        "seam": options.seam,
-    }
+    return _changed(Config.paper() if options.preset == "paper" else Config(), options)
+
+
+def _changed(config: "Config", options: argparse.Namespace) -> "Config":
+    """Return the configuration with those fields changed for which there are options."""
+    names = ("sigma_scale", "choice", "temperature", "seam")
+    given = {name: getattr(options, name, None) for name in names}
     return replace(config, **{name: value for name, value in given.items() if value is not None})
