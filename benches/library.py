@@ -39,7 +39,8 @@ def tell(stage, done, whole):
     now = time.perf_counter()
     stages[last[0]] = stages.get(last[0], 0.0) + now - last[1]
     last[:] = [stage, now]
-way, target, files, jobs = sys.argv[1], sys.argv[2], open(sys.argv[3]).read().split("\\n"), int(sys.argv[4])
+way, target, jobs = sys.argv[1], sys.argv[2], int(sys.argv[4])
+files = open(sys.argv[3]).read().split("\\n")
 if __name__ == "__main__":
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) if jobs > 1 else None
     start = time.perf_counter()

@@ -795,8 +795,8 @@ class _Digesting:
                 take(slot, outcome)
                 continue
             self.refused[outcome.what] = outcome.error
-            if outcome.facts is None:
-                self.check_refused()
+            if outcome.facts is None and self.strict:
+                raise outcome.error
         return facts
 
     def check_refused(self) -> None:
