@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 import mograft as mg
-from mograft import _core  # noqa: TID251 - the build profile is told by the kernels alone
+from mograft import _core
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "embedding_bandai_60k.npy"
 SIGMAS = {"literal": 3.525, "rms": 13.590}
