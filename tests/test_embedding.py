@@ -192,3 +192,18 @@ def test_poses_a_half_turn_from_the_mean_are_warned_of():
     samples = normalise([spun], segment(spun), ROBUST, **PLACE)
     with pytest.warns(UserWarning, match="nearly a half turn from the mean"):
         embed(samples, np.array([1]), ROBUST, root=0, group="arm")
+
+
+def test_what_is_kept_between_passes_changes_nothing(monkeypatch):
+    from mograft import embedding
+
+    monkeypatch.setattr(embedding, "CHUNK", 3)
+    motion = next_motion(np.random.default_rng(3), 4)
+    samples = normalise([motion], segment(motion), ROBUST, **PLACE)
+    assert len(samples) % 3
+    plain = None
+    for room in (0, 8 * 700, 8 * 1500, 1 << 30):
+        monkeypatch.setattr(embedding, "_AT_HAND", room)
+        own = embed(samples, np.arange(4), ROBUST, root=0, group="all")
+        plain = own.points if plain is None else plain
+        np.testing.assert_array_equal(own.points, plain)

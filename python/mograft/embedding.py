@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +21,9 @@ __all__ = ["Embedding", "Samples", "Source", "embed", "features", "normalise", "
 CHUNK = 1024
 """Segments that are held at a time. Sums are taken chunk by chunk in the order of segments, so
 that their last bits depend on this number and on nothing else."""
+
+_AT_HAND = 1 << 27
+"""Bytes of features that are kept between two passes."""
 
 _STILL = 1e-6
 """Features that vary by less are dropped: samples are kept in single precision, whose grain
@@ -398,9 +402,17 @@ def embed(
         reference[joints == root] = rotations.IDENTITY
     everything = np.arange(n_joints)
 
+    at_hand: list[FloatArray] = []
+
     def matrices() -> Iterator[FloatArray]:
-        for part in samples.chunks(joints):
-            yield features(part, everything, reference, has_root=has_root)
+        yield from at_hand
+        known = len(at_hand)
+        for number, part in enumerate(islice(samples.chunks(joints), known, None), known):
+            matrix = features(part, everything, reference, has_root=has_root)
+            # Features are computed anew for the second pass, but for the first that fit.
+            if number == len(at_hand) and 8 * matrix.size * (number + 1) <= _AT_HAND:
+                at_hand.append(matrix)
+            yield matrix
 
     n_rotations = 3 * config.samples * n_joints
     near_the_cut = _NearTheCut(n_rotations)
