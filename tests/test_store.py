@@ -267,7 +267,10 @@ def test_tags_come_from_folders_and_tables(clips, stored, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["threads", "processes", "dask"])
-def test_the_executor_does_not_matter(clips, stored, tmp_path, kind):
+def test_the_executor_does_not_matter(clips, stored, tmp_path, monkeypatch, kind):
+    from mograft import digest
+
+    monkeypatch.setattr(digest, "_BATCH", 1)  # so that five clips are several batches
     if kind == "threads":
         with ThreadPoolExecutor(2) as pool:
             same(Library.index(clips, tmp_path / "l", executor=pool), stored)
