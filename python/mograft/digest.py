@@ -439,7 +439,7 @@ def digest(task: Task, terms: Terms | None, keep: Keep) -> Digest | Refusal:
         if terms is None or isinstance(source, str):
             raise ValueError(f"{what} fits no library")
         motion = _corrected(source, task.rate)
-        terms.skeleton.check_same_hierarchy(motion.skeleton, what)
+        terms.skeleton.check_same_hierarchy(motion.skeleton, motion.name or what)
         even = motion if same_rate(motion.rate, terms.rate) else motion.resample(terms.rate)
         cut = segment(even, terms.config)
         is_donor, faults = _without_faults(even, cut)
