@@ -25,7 +25,7 @@ import mograft as mg
 from mograft import _core
 from mograft.anatomy import feature_joints
 from mograft.body import body, inertia, up_axis
-from mograft.library import SPOILING
+from mograft.digest import SPOILING
 from tests import plain
 
 CONFIG = mg.Config(choice="random", seam="paper")

@@ -10,7 +10,8 @@ from hypothesis.extra import numpy as npst
 from sklearn.decomposition import PCA
 
 from mograft import Config, Segments, rotations, segment
-from mograft.embedding import embed, features, mean_rotations, normalise, pca
+from mograft.embedding import Spread, embed, features, mean_rotations, moments, normalise
+from mograft.embedding import pca as components_of
 from tests import plain
 from tests.strategies import SEEDS, motions, quaternions, same_rotations, wander
 
@@ -19,10 +20,16 @@ LONG = motions(min_frames=60, max_frames=150, min_joints=2)
 PLACE = {"root": 0, "up": 1, "heights": [1.7]}
 
 
+def pca(matrix, n_components, floors):
+    spread = Spread.of([matrix])
+    return spread.mean, *components_of(spread, n_components, floors)
+
+
 def matrix_of(motion, config, joints=None):
     joints = np.arange(motion.n_joints) if joints is None else joints
     samples = normalise([motion], segment(motion, config), config, **PLACE)
-    reference = mean_rotations(samples.rotations[:, :, joints].reshape(-1, len(joints), 4))
+    turned = samples.rotations[:, :, joints].reshape(-1, len(joints), 4)
+    reference = mean_rotations(moments(turned))
     if not config.keep_heading:
         reference[joints == 0] = rotations.IDENTITY
     return features(samples, joints, reference, has_root=0 in joints)
@@ -94,10 +101,9 @@ def test_signs_of_quaternions_do_not_matter(motion, seed):
 @given(SEEDS, quaternions(()))
 def test_the_mean_rotation_is_among_them_and_turns_with_them(seed, turn):
     quats = wander(np.random.default_rng(seed), 30, 2)
-    mean = mean_rotations(quats)
-    same_rotations(
-        mean_rotations(rotations.multiply(turn, quats)), rotations.multiply(turn, mean), 1e-9
-    )
+    mean = mean_rotations(moments(quats))
+    turned = mean_rotations(moments(rotations.multiply(turn, quats)))
+    same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
     assert (
         rotations.angle(quats, mean).mean(axis=0)
         <= rotations.angle(quats, quats[0]).mean(axis=0) + 0.2
@@ -186,3 +192,18 @@ def test_poses_a_half_turn_from_the_mean_are_warned_of():
     samples = normalise([spun], segment(spun), ROBUST, **PLACE)
     with pytest.warns(UserWarning, match="nearly a half turn from the mean"):
         embed(samples, np.array([1]), ROBUST, root=0, group="arm")
+
+
+def test_what_is_kept_between_passes_changes_nothing(monkeypatch):
+    from mograft import embedding
+
+    monkeypatch.setattr(embedding, "CHUNK", 3)
+    motion = next_motion(np.random.default_rng(3), 4)
+    samples = normalise([motion], segment(motion), ROBUST, **PLACE)
+    assert len(samples) % 3
+    plain = None
+    for room in (0, 8 * 700, 8 * 1500, 1 << 30):
+        monkeypatch.setattr(embedding, "_AT_HAND", room)
+        own = embed(samples, np.arange(4), ROBUST, root=0, group="all")
+        plain = own.points if plain is None else plain
+        np.testing.assert_array_equal(own.points, plain)

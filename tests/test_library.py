@@ -59,9 +59,10 @@ def test_labels_are_those_of_the_plain_version(motion, library):
         n_rotations = 30 * len(own.joints)
         matrix[:, n_rotations:-1] /= heights(motion)
         points = plain.embed(matrix, n_rotations, library.config)
-        np.testing.assert_allclose(own.points, points, atol=1e-8)
+        # Samples are kept in single precision.
+        np.testing.assert_allclose(own.points, points, atol=1e-5)
         sigma = plain.sigma(points, library.config)
-        assert library.sigma[group] == pytest.approx(sigma)
+        assert library.sigma[group] == pytest.approx(sigma, rel=1e-6)
         same = plain.cluster(points, sigma)
         pairs = {*zip(same.tolist(), library.labels[group].tolist(), strict=True)}
         assert len(pairs) == same.max() == library.labels[group].max() + 1
@@ -94,7 +95,7 @@ def test_offsets_may_differ_and_sizes_do_not_count(motion):
     pair = Library.build([motion, grown])
     half = len(pair.segments) // 2
     for own in pair.embedding.values():
-        np.testing.assert_allclose(own.points[:half], own.points[half:], atol=1e-8)
+        np.testing.assert_allclose(own.points[:half], own.points[half:], atol=1e-5)
 
 
 def test_other_hierarchies_are_refused_by_joint(motion):

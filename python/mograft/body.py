@@ -1,7 +1,7 @@
 """What a skeleton weighs, how high it stands and what it stands on."""
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -175,9 +175,32 @@ def body(skeleton: Skeleton, *, sex: str = "mean") -> Body:
     >>> round(body(skeleton).height)
     169
     """
-    columns = {"male": [0], "female": [1], "mean": [0, 1]}
-    if sex not in columns:
-        raise ValueError(f"sex must be one of {', '.join(columns)}, got {sex!r}")
+    if sex not in _COLUMNS:
+        raise ValueError(f"sex must be one of {', '.join(_COLUMNS)}, got {sex!r}")
+    return _body(_Bones.of(skeleton), sex)
+
+
+_COLUMNS = {"male": [0], "female": [1], "mean": [0, 1]}
+
+
+@dataclass(frozen=True)
+class _Bones:
+    """A skeleton that equals others of the same names, hierarchy, offsets and end sites."""
+
+    content: tuple[object, ...]
+    skeleton: Skeleton = field(compare=False)
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> "_Bones":
+        sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
+        content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
+        return cls(content, skeleton)
+
+
+# Asked several times of every clip, and the clips of an actor share their bones.
+@lru_cache(maxsize=64)
+def _body(bones: _Bones, sex: str) -> Body:
+    skeleton = bones.skeleton
     known = anatomy(skeleton)
     bone = _bones(skeleton, known)
     lengths = np.linalg.norm(bone, axis=1)
@@ -186,7 +209,7 @@ def body(skeleton: Skeleton, *, sex: str = "mean") -> Body:
     limbs = [(p, s) for p, s in zip(known.parts, known.sides, strict=True) if p in ARM + LEG]
     if known.human and all(side for _, side in limbs):
         model = "de Leva"
-        mass, center, gyration = _de_leva(known, lengths, weighs, columns[sex])
+        mass, center, gyration = _de_leva(known, lengths, weighs, _COLUMNS[sex])
     else:
         model = "rods"
         mass = _shares(np.where(weighs, lengths, 0.0), weighs)

@@ -167,7 +167,7 @@ def read_bvh(source: Source, *, strict: bool = False, add_offsets: bool = False)
         head = _read_head(text)
         values = _read_values(text, head)
     skeleton = head.skeleton
-    rotated, placed = _poses(skeleton, values, add_offsets=add_offsets)
+    rotated, placed = poses(skeleton, values, add_offsets=add_offsets)
     # An open file may bear the name of none, as standard input does.
     path = Path(text.label) if os.path.exists(text.label) else None
     return Motion(
@@ -907,8 +907,8 @@ def _read_values(text: _Text, head: _Head) -> FloatArray:
     return np.ascontiguousarray(values.reshape(n_frames, length)[:, :width])
 
 
-def _poses(
-    skeleton: Skeleton, values: FloatArray, *, add_offsets: bool
+def poses(
+    skeleton: Skeleton, values: FloatArray, *, add_offsets: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Turn channel values into rotations and positions.
 

@@ -188,8 +188,8 @@ class Graft:
         """Return how the motion was made, as a JSON document: its provenance."""
         library = self.library
         clips = [
-            {"name": clip.name, "file": None if clip.path is None else clip.path.name}
-            for clip in library.clips
+            {"name": entry.name, "file": library.file_name(index)}
+            for index, entry in enumerate(library.entries)
         ]
         return {
             "schema": "mograft.graft/1",
@@ -201,14 +201,14 @@ class Graft:
             "frame_time": self.motion.frame_time,
             "config": library.config.as_dict(),
             "groups": {
-                name: [library.clips[0].skeleton.names[j] for j in library.joints(name)]
+                name: [library.skeleton.names[j] for j in library.joints(name)]
                 for name in library.groups.names
             },
             "base_group": library.groups.base,
             "clips": clips,
             "scenario": [
                 {
-                    "clip": library.clips[library.segments.clip[own]].name,
+                    "clip": library.entries[library.segments.clip[own]].name,
                     "clip_frames": [
                         int(library.segments.start[own]),
                         int(library.segments.stop[own]),
@@ -760,7 +760,7 @@ def _substitutions(problem: Problem, group: str, donors: IntArray) -> Iterator[S
             int(cut.stop[at]),
             own,
             donor,
-            library.clips[segments.clip[donor]].name,
+            library.entries[segments.clip[donor]].name,
             int(segments.start[donor]),
             int(segments.stop[donor]),
             length / taken - 1.0,

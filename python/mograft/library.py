@@ -1,26 +1,49 @@
 """Clips cut, compared and labelled: what donors are chosen from."""
 
-import glob
+import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from os import PathLike, fspath
-from typing import TYPE_CHECKING
+from itertools import chain
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mograft import rotations
+from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
-from mograft.body import body, up_axis
-from mograft.bvh import read_bvh
+from mograft.body import body
 from mograft.clustering import cut, threshold
 from mograft.config import Config
-from mograft.embedding import Embedding, Samples, embed, features, normalise
-from mograft.faults import find_faults
+from mograft.digest import (
+    Digest,
+    Facts,
+    Keep,
+    Refusal,
+    Task,
+    Terms,
+    ask,
+    digest,
+    digest_all,
+    edges,
+    joined,
+    origin_of,
+    pack,
+    same_rate,
+    settle,
+)
+from mograft.embedding import CHUNK, Embedding, Packed, Samples, embed, features, normalise
+from mograft.embedding import Source as SampleSource
+from mograft.errors import MograftError
 from mograft.groups import JointGroups
 from mograft.motion import Motion
 from mograft.segmentation import Segments, segment
+from mograft.skeleton import Skeleton
+from mograft.sources import Found, Source, by_path, find, matching, named, way_to
+from mograft.store import Entry, Place
 from mograft.substitution import Candidates, Pool
 
 if TYPE_CHECKING:
@@ -28,20 +51,46 @@ if TYPE_CHECKING:
 
 __all__ = ["Library"]
 
-Source = Motion | str | PathLike[str]
+Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 Progress = Callable[[str, int, int], None]
+Edges = Mapping[str, FloatArray]
+Tags = Mapping[str, Iterable[str]]
+
+
+@dataclass(frozen=True)
+class PackedSamples:
+    """Samples of all segments in memory, in single precision."""
+
+    packed: Packed
+    n_samples: int
+    n_joints: int
+
+    def __len__(self) -> int:
+        return len(self.packed)
+
+    def rows(self) -> Iterator[Packed]:
+        """Yield `CHUNK` rows at a time."""
+        for start in range(0, len(self), CHUNK):
+            yield self.packed[start : start + CHUNK]
+
+    def chunks(self, joints: IntArray) -> Iterator[Samples]:
+        """Yield `CHUNK` segments at a time, with the rotations of some joints alone."""
+        for rows in self.rows():
+            yield Samples.unpack(rows, self.n_samples, self.n_joints, joints)
 
 
 @dataclass(frozen=True, eq=False)
 class Library:
     """Clips of one skeleton, cut into segments whose parts are compared and labelled.
 
-    Made by `Library.build`.
+    Made in memory by `Library.build`, in a folder by `Library.index`; `Library.open` opens
+    one that is in a folder.
 
     Attributes
     ----------
-    clips : tuple of Motion
-        The clips; of one hierarchy and one frame rate, each with its own offsets.
+    clips : sequence of Motion
+        The clips; of one hierarchy and one frame rate, each with its own offsets. Of a
+        library in a folder each is read when it is asked for.
     groups : JointGroups
         The joint groups.
     config : Config
@@ -60,9 +109,24 @@ class Library:
         The joint that carries the body through the world.
     up : int
         The axis that points up: 0, 1 or 2.
+    skeleton : Skeleton
+        One whose joint names and hierarchy all clips have.
+    rate : float
+        Frames per second of all clips, but for how files round frame times.
+    entries : tuple of Entry
+        What is known of each clip besides its frames: name, file, own rate, faults, tags.
+    edges : dict of str to dict of str to ndarray
+        For each group the poses and velocities of its feature joints at the ends of the
+        segments, as `Pool` has them.
+    samples : source of Samples
+        The segments as they are compared.
+    refused : dict of str to str
+        Files that were left out, and why.
+    folder : Path or None
+        Where the library is; None in memory.
     """
 
-    clips: tuple[Motion, ...]
+    clips: Sequence[Motion]
     groups: JointGroups
     config: Config
     segments: Segments
@@ -72,12 +136,20 @@ class Library:
     sigma: Mapping[str, float]
     root: int
     up: int
+    skeleton: Skeleton
+    rate: float
+    entries: tuple[Entry, ...]
+    edges: Mapping[str, Edges]
+    samples: PackedSamples | store.StoredSamples
+    refused: Mapping[str, str]
+    folder: Path | None = None
 
     def __repr__(self) -> str:
         groups = ", ".join(
             f"{name} {labels.max() + 1} clusters" for name, labels in self.labels.items()
         )
-        clips = "1 clip" if len(self.clips) == 1 else f"{len(self.clips)} clips"
+        n = len(self.entries)
+        clips = "1 clip" if n == 1 else f"{n} clips"
         return f"Library({clips}, {len(self.segments)} segments, {groups})"
 
     @classmethod
@@ -87,18 +159,34 @@ class Library:
         groups: JointGroups | str = "lower_upper",
         config: Config | None = None,
         *,
+        rate: float | None = None,
+        frame_rates: Mapping[str, float] | None = None,
+        tags: Tags | None = None,
+        executor: Executor | None = None,
         progress: Progress | None = None,
     ) -> "Library":
-        """Read, cut, compare and label clips.
+        """Read, cut, compare and label clips, in memory.
 
         Parameters
         ----------
-        sources : Motion, path or glob, or several
-            The clips; what a glob finds is taken in order of name.
+        sources : Motion, path, folder or glob, or several
+            The clips; what a folder or glob holds is taken in order of name.
         groups : JointGroups or str
             The joint groups, or the name of a preset.
         config : Config, optional
             The configuration.
+        rate : float, optional
+            Frames per second. Default: the rate of most frames.
+        frame_rates : mapping of str to float, optional
+            The true frames per second of clips whose file gives a wrong rate, by name,
+            file name or glob of these.
+        tags : mapping of str to iterable of str, optional
+            Words to choose clips by, by name, file name or glob of these. The folders between
+            a source and a file are tags of its clip anyway.
+        executor : concurrent.futures.Executor, optional
+            Who reads, cuts and samples the clips, each by itself: a pool of threads or of
+            processes, or ``dask.distributed.Client.get_executor()``; its workers must see
+            the files. The library does not depend on it. Default: this thread.
         progress : callable, optional
             Called with a stage's name, what is done of it and the whole.
 
@@ -112,7 +200,7 @@ class Library:
         BvhError
             If a file is no BVH motion.
         FileNotFoundError
-            If a path or glob finds no file.
+            If a path, folder or glob holds no file.
         SkeletonMismatchError
             If the clips differ in joint names or hierarchy.
         ValueError
@@ -124,6 +212,10 @@ class Library:
             Of clips of another frame rate, which are resampled to the commonest; of faults
             such as a T-pose first frame; of groups with nothing to compare.
 
+        See Also
+        --------
+        Library.index : The same into a folder, in memory that does not grow with the clips.
+
         Examples
         --------
         >>> from mograft.dancer import dance
@@ -132,78 +224,286 @@ class Library:
         ['lower', 'upper']
         """
         config = Config() if config is None else config
-        tell = progress or (lambda *_: None)
-        clips = _one_rate(_named(_read(sources, tell)))
-        first = clips[0]
-        for clip in clips:
-            first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a clip")
-            if clip.n_frames < 2:
-                raise ValueError(f"{clip.name or 'a clip'} must have at least 2 frames, got 1")
-        if isinstance(groups, str):
-            groups = JointGroups.preset(groups, first.skeleton)
-        members = groups.resolve(first.skeleton)
+        tell = progress or _say_nothing
+        found = find(sources)
+        slots = [_Slot.of((index, ()), own, frame_rates) for index, own in enumerate(found)]
+        taken: list[Digest] = []
+        shelf: list[Entry] = []
 
-        cuts = []
-        for index, clip in enumerate(clips):
-            tell("segmenting", index, len(clips))
-            cuts.append(segment(clip, config))
-        segments = _joined(cuts)
-        is_donor = _without_faults(clips, segments)
-        root, up = _locomotion_root(clips), up_axis(max(clips, key=len))
-        heights = [body(clip.skeleton).height for clip in clips]
-        tell("comparing", 0, len(members))
-        samples = normalise(clips, segments, config, root=root, up=up, heights=heights)
-        embedding: dict[str, Embedding | None] = {}
-        for index, (name, joints) in enumerate(members.items()):
-            tell("comparing", index, len(members))
-            counted = feature_joints(first.skeleton, joints)
-            if root in joints:
-                counted = np.union1d(counted, [root])
-            embedding[name] = embed(samples, counted, config, root=root, group=name)
-        tell("comparing", len(members), len(members))
+        def take(slot: _Slot, own: Digest) -> None:
+            taken.append(own)
+            shelf.append(slot.entered(own, tags))
+
+        def forget() -> None:
+            taken.clear()
+            shelf.clear()
+
+        digesting = _Digesting(config, rate, executor, tell, strict=True, refused={})
+        terms = digesting.settled(slots, "motion", take, forget)
+        names = named([own.name for own in taken])
+        skeleton = terms.skeleton
+        if isinstance(groups, str):
+            groups = JointGroups.preset(groups, skeleton)
+        entries = tuple(replace(own, name=name) for own, name in zip(shelf, names, strict=True))
+        _warn(entries, terms.rate)
+        clips = tuple(
+            own.clip if own.clip.name == name else replace(own.clip, name=name)
+            for own, name in zip(taken, names, strict=True)
+            if isinstance(own.clip, Motion)
+        )
+        segments = joined([own.segments for own in taken])
+        samples = PackedSamples(
+            np.concatenate([own.samples for own in taken]), config.samples, skeleton.n_joints
+        )
+        members = _feature_joints(groups, skeleton)
+        embedding = _embedded(samples, groups, terms, tell)
         labels, sigma = _clusters(embedding, len(segments), config)
         return cls(
-            tuple(clips), groups, config, segments, is_donor, embedding, labels, sigma, root, up
+            clips,
+            groups,
+            config,
+            segments,
+            np.concatenate([own.is_donor for own in taken]),
+            embedding,
+            labels,
+            sigma,
+            terms.root,
+            terms.up,
+            skeleton,
+            terms.rate,
+            entries,
+            {
+                group: {
+                    key: np.concatenate([own.edges[key][:, joints] for own in taken])
+                    for key in taken[0].edges
+                }
+                for group, joints in members.items()
+            },
+            samples,
+            {},
         )
 
+    @classmethod
+    def index(
+        cls,
+        sources: Paths,
+        path: str | PathLike[str],
+        groups: JointGroups | str = "lower_upper",
+        config: Config | None = None,
+        *,
+        rate: float | None = None,
+        frame_rates: Mapping[str, float] | None = None,
+        tags: Tags | None = None,
+        strict: bool = False,
+        force: bool = False,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> "Library":
+        """Build a library in a folder, clip by clip.
+
+        Parameters
+        ----------
+        sources : path, folder or glob, or several
+            The files. Their order does not matter: clips stand in the order of their paths.
+        path : path
+            The folder to make.
+        groups, config, rate, frame_rates, tags, executor, progress
+            As for `build`.
+        strict : bool
+            Refuse clips that cannot be read or do not fit, as `build` does. By default they
+            are left out, with a warning, and stand in `refused`.
+        force : bool
+            Take the place of a library that is there.
+
+        Returns
+        -------
+        Library
+            Opened. Until it is complete there is what was there before.
+
+        Raises
+        ------
+        FileExistsError
+            If there is a library already.
+        LibraryError
+            If something else is there, or another process is writing to it.
+        ValueError
+            If the groups do not fit the skeleton, or no clip can be used.
+        BvhError, FileNotFoundError, SkeletonMismatchError
+            As for `build`, where it is strict.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from mograft import write_bvh
+        >>> from mograft.dancer import dance
+        >>> with TemporaryDirectory() as folder:
+        ...     write_bvh(dance(strides=1).motion, f"{folder}/dance.bvh")
+        ...     library = Library.index(folder, f"{folder}/dance.mograft")
+        ...     library.entries[0].name, len(library.clips)
+        ('dance', 1)
+        """
+        config = Config() if config is None else config
+        with store.writing(Path(path), force=force) as draft:
+            digesting = _Digesting(
+                config, rate, executor, progress or _say_nothing, strict=strict, refused={}
+            )
+            _write(draft, None, find(sources), groups, digesting, frame_rates, tags)
+        return cls.open(path)
+
+    def add(
+        self,
+        sources: Paths,
+        *,
+        frame_rates: Mapping[str, float] | None = None,
+        tags: Tags | None = None,
+        strict: bool = False,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> "Library":
+        """Add clips to a library in a folder.
+
+        Parameters
+        ----------
+        sources : path, folder or glob, or several
+            The files. Those that are in the library and have not changed since are not read.
+        frame_rates, tags, strict, executor, progress
+            As for `index`.
+
+        Returns
+        -------
+        Library
+            Opened, as `index` would have made it of all the files. This one stays as it was.
+
+        Raises
+        ------
+        LibraryError
+            If the folder was damaged, or another process is writing to it.
+        ValueError
+            If the library is in memory.
+        BvhError, FileNotFoundError, SkeletonMismatchError
+            As for `build`, where it is strict.
+
+        Notes
+        -----
+        A file counts as unchanged if its size and time of writing are the same, or else its
+        bytes. Files that are gone stay in the library.
+        """
+        if self.folder is None:
+            raise ValueError("the library is in memory: save it first, or build it of all clips")
+        with store.writing(self.folder, add=True) as draft:
+            assert draft.base is not None  # as it was asked for
+            # What is there now: another process may have added to it since this was opened.
+            base = _opened(draft.base)
+            rate = draft.base.manifest["given_rate"]
+            tell = progress or _say_nothing
+            digesting = _Digesting(base.config, rate, executor, tell, strict=strict, refused={})
+            _write(draft, base, find(sources), base.groups, digesting, frame_rates, tags)
+        return Library.open(self.folder)
+
+    def save(self, path: str | PathLike[str], *, force: bool = False) -> None:
+        """Write the library to a folder.
+
+        Parameters
+        ----------
+        path : path
+            The folder to make.
+        force : bool
+            Take the place of a library that is there.
+
+        Raises
+        ------
+        FileExistsError
+            If there is a library already.
+        LibraryError
+            If something else is there, or another process is writing to it.
+        ValueError
+            If a clip was put into the library by `extended`.
+
+        Notes
+        -----
+        What `open` returns has the same numbers, bit for bit. Clips are written at the
+        library's rate.
+        """
+        if len(self.samples) != len(self.segments):
+            raise ValueError("a library that was extended by a base cannot be saved")
+        with store.writing(Path(path), force=force) as draft:
+            entries, places, row = [], [], 0
+            counts = np.bincount(self.segments.clip, minlength=len(self.entries)).tolist()
+            for index, entry in enumerate(self.entries):
+                own = entry
+                if isinstance(self.clips, store.StoredClips):
+                    clip = self.clips.original(index, as_read=True)
+                else:
+                    clip = self.clips[index]
+                    # At the library's rate: what it once was is not known any more.
+                    own = replace(entry, rate=clip.rate, given_rate=None, own_frames=clip.n_frames)
+                entries.append(own)
+                places.append(draft.take_frames(pack(clip), row))
+                row += counts[index]
+            for rows in self.samples.rows():
+                draft.take_samples(rows)
+            _finish(draft, replace(self, entries=tuple(entries)), places, self.edges, None)
+
+    @classmethod
+    def open(cls, path: str | PathLike[str]) -> "Library":
+        """Open a library that is in a folder, to read from.
+
+        Parameters
+        ----------
+        path : path
+            The folder.
+
+        Returns
+        -------
+        Library
+            Of its arrays only those parts are read that are asked for. It stays as it is
+            when another process adds to the folder.
+
+        Raises
+        ------
+        LibraryError
+            If it is damaged, foreign or was made by a newer mograft; says what to do.
+        FileNotFoundError
+            If there is nothing of that name.
+        """
+        return _opened(store.read(Path(path)))
+
     @property
-    def rate(self) -> float:
-        """Frames per second of all clips."""
-        return self.clips[0].rate
+    def tags(self) -> tuple[frozenset[str], ...]:
+        """The tags of each clip."""
+        return tuple(frozenset(entry.tags) for entry in self.entries)
+
+    def file_name(self, clip: int) -> str | None:
+        """Return the name of the file that a clip was read from, if it was and that is known."""
+        origin = self.entries[clip].origin
+        if origin is not None:
+            return Path(origin.path).name
+        if isinstance(self.clips, store.StoredClips):
+            return None
+        path = self.clips[clip].path
+        return None if path is None else path.name
 
     def joints(self, group: str) -> IntArray:
         """Return the joints of a group, ascending."""
-        members = self.groups.resolve(self.clips[0].skeleton)
+        members = self.groups.resolve(self.skeleton)
         if group not in members:
             raise ValueError(f"group must be one of {', '.join(members)}, got {group!r}")
         return members[group]
 
     def pool(self, group: str) -> Pool:
         """Return the segments as the search for one group's donors sees them."""
-        joints = feature_joints(self.clips[0].skeleton, self.joints(group))
-        n = len(self.segments)
-        first, last = np.empty((n, len(joints), 4)), np.empty((n, len(joints), 4))
-        leaving, reaching = np.empty((n, len(joints), 3)), np.empty((n, len(joints), 3))
-        for index, clip in enumerate(self.clips):
-            own = self.segments.of_clip(index)
-            start, stop = self.segments.start[own], self.segments.stop[own]
-            first[own] = clip.rotations[start[:, None], joints]
-            last[own] = clip.rotations[stop[:, None], joints]
-            leaving[own] = _velocities(clip, start, joints)
-            reaching[own] = _velocities(clip, stop, joints)
+        if group not in self.edges:
+            raise ValueError(f"group must be one of {', '.join(self.edges)}, got {group!r}")
         base = self.groups.base
         compared = self.embedding[base]
         return Pool(
             self.segments,
             self.labels[base],
             self.is_donor,
-            first,
-            last,
-            self.rate,
-            leaving,
-            reaching,
-            None if compared is None else compared.points,
-            self.sigma[base],
+            rate=self.rate,
+            points=None if compared is None else compared.points,
+            sigma=self.sigma[base],
+            **self.edges[group],
         )
 
     def candidates(
@@ -267,6 +567,8 @@ class Library:
                     f"{name} must be {getattr(self.config, name)!r}, as the library was built by; "
                     f"got {getattr(config, name)!r}"
                 )
+        if (config.sigma, config.sigma_scale) == (self.config.sigma, self.config.sigma_scale):
+            return replace(self, config=config)
         labels, sigma = _clusters(self.embedding, len(self.segments), config)
         return replace(self, config=config, labels=labels, sigma=sigma)
 
@@ -295,18 +597,21 @@ class Library:
         if base is None:
             return self, 0
         if isinstance(base, str):
-            names = [clip.name for clip in self.clips]
+            names = [entry.name for entry in self.entries]
             if base not in names:
                 raise ValueError(f"base must be a clip, one of {', '.join(names)}; got {base!r}")
             return self, names.index(base)
-        self.clips[0].skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
-        for index, clip in enumerate(self.clips):
+        self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
+        for index, entry in enumerate(self.entries):
+            if entry.n_frames != base.n_frames:
+                continue
+            clip = self.clips[index]
             if base is clip or (
                 np.array_equal(base.rotations, clip.rotations)
                 and np.array_equal(base.positions, clip.positions)
             ):
                 return self, index
-        return self.extended(base), len(self.clips)
+        return self.extended(base), len(self.entries)
 
     def extended(self, motion: Motion) -> "Library":
         """Return the library with one more clip, whose segments lend nothing to others.
@@ -331,8 +636,8 @@ class Library:
             If the hierarchy differs.
         """
         name = motion.name or "the base"
-        self.clips[0].skeleton.check_same_hierarchy(motion.skeleton, name)
-        if not _same_rate(motion.rate, self.rate):
+        self.skeleton.check_same_hierarchy(motion.skeleton, name)
+        if not same_rate(motion.rate, self.rate):
             warnings.warn(
                 f"{name} is resampled from {motion.rate:.6g} to the library's {self.rate:.6g} fps",
                 stacklevel=2,
@@ -343,6 +648,9 @@ class Library:
         samples = normalise(
             [motion], own, self.config, root=self.root, up=self.up, heights=[height]
         )
+        m, n_joints = self.config.samples, motion.n_joints
+        samples = Samples.unpack(samples.packed(), m, n_joints)
+        ends = edges(motion, own)
         embedding = {
             group: None if seen is None else _with_points(seen, samples)
             for group, seen in self.embedding.items()
@@ -353,21 +661,26 @@ class Library:
             )
             for group, known in self.labels.items()
         }
-        cuts = [self.segments, replace(own, clip=np.full(len(own), len(self.clips)))]
+        cuts = [self.segments, replace(own, clip=np.full(len(own), len(self.entries)))]
         return replace(
             self,
-            clips=(*self.clips, motion),
+            clips=store.LongerClips(self.clips, motion),
             segments=Segments(
                 *(np.concatenate([getattr(c, f) for c in cuts]) for f in ("start", "stop", "clip"))
             ),
             is_donor=np.concatenate([self.is_donor, np.zeros(len(own), bool)]),
             embedding=embedding,
             labels=labels,
+            entries=(*self.entries, _entry_of(motion, motion.name)),
+            edges={
+                group: {
+                    key: np.concatenate([known, ends[key][:, joints]])
+                    for key, known in self.edges[group].items()
+                }
+                for group, joints in _feature_joints(self.groups, self.skeleton).items()
+            },
         )
 
-
-SPOILING = ("first_frame", "teleport", "glitch", "flip")
-"""Kinds of faults that make the frames they are in unfit to be used elsewhere."""
 
 _BUILT_BY = (
     "smoothing",
@@ -399,107 +712,504 @@ def _clusters(
     return labels, sigma
 
 
-def _read(sources: Source | Iterable[Source], tell: Progress) -> list[Motion]:
-    several = [sources] if isinstance(sources, Motion | str | PathLike) else list(sources)
-    found: list[Motion | str] = []
-    for source in several:
-        if isinstance(source, Motion):
-            found.append(source)
-            continue
-        path = fspath(source)
-        matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
-        if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
-            raise FileNotFoundError(f"no file matches {path}")
-        found += matches or [path]
-    if not found:
-        raise ValueError("sources must hold at least one clip, got none")
-    clips = []
-    for index, item in enumerate(found):
-        tell("reading", index, len(found))
-        clips.append(item if isinstance(item, Motion) else read_bvh(item))
-    return clips
+def _say_nothing(*_: object) -> None:
+    pass
 
 
-def _named(clips: Sequence[Motion]) -> list[Motion]:
-    """Give every clip a name of its own."""
-    taken: set[str] = set()
-    named = []
-    for index, clip in enumerate(clips):
-        name = plain = clip.name or f"clip{index}"
-        count = 1
-        while name in taken:
-            count += 1
-            name = f"{plain}~{count}"
-        taken.add(name)
-        named.append(clip if name == clip.name else replace(clip, name=name))
-    return named
+def _never_mind() -> None:
+    pass
 
 
-def _same_rate(a: float, b: float) -> bool:
-    # A tenth of a percent: 23.976 and 24 or 29.97 and 30 are told apart no more finely
-    # than files that give 0.033 for 1/30 need.
-    return abs(a - b) <= 1e-3 * b
+Key = tuple[int, tuple[str, ...]]
 
 
-def _one_rate(clips: Sequence[Motion]) -> list[Motion]:
-    """Resample clips to the frame rate of most frames, if they differ."""
-    frames: dict[float, int] = {}
-    for clip in clips:
-        key = next((rate for rate in frames if _same_rate(clip.rate, rate)), clip.rate)
-        frames[key] = frames.get(key, 0) + clip.n_frames
-    rate = max(frames, key=lambda key: frames[key])
-    others = [clip.name for clip in clips if not _same_rate(clip.rate, rate)]
+@dataclass(frozen=True, eq=False)
+class _Slot:
+    """A clip that is to be digested, and where it stands among the others.
+
+    It is either found anew or one of the generation before.
+    """
+
+    key: Key
+    found: Found | None
+    given_rate: float | None
+    entry: Entry | None = None
+
+    @classmethod
+    def of(cls, key: Key, found: Found, frame_rates: Mapping[str, float] | None) -> "_Slot":
+        rates = matching(frame_rates, found.keys)
+        if rates and not 0 < rates[-1] < float("inf"):
+            raise ValueError(f"frame_rates must be above 0 frames per second, got {rates[-1]}")
+        return cls(key, found, float(rates[-1]) if rates else None)
+
+    def task(self) -> Task:
+        if self.found is None:
+            raise RuntimeError("clips of the generation before are read from there")
+        source = self.found.source
+        where = os.path.abspath(source) if isinstance(source, str) else source
+        return Task(where, self.given_rate)
+
+    def entered(self, own: Digest, tags: Tags | None) -> Entry:
+        """Return what is known of the clip, now that it is digested; its name is not yet."""
+        if self.entry is not None:
+            return replace(self.entry, n_frames=own.n_frames, faults=own.faults)
+        words = list(self.found.folders) if self.found is not None else []
+        for more in matching(tags, self.found.keys if self.found is not None else ()):
+            words += more
+        return _entry(own, self.given_rate, tuple(dict.fromkeys(words)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Digesting:
+    """How clips are digested; collects what was refused."""
+
+    config: Config
+    rate: float | None
+    executor: Executor | None
+    tell: Progress
+    strict: bool
+    refused: dict[str, Exception]
+
+    def settled(
+        self,
+        slots: Sequence[_Slot],
+        keep: Keep,
+        take: Callable[[_Slot, Digest], object],
+        forget: Callable[[], object] = _never_mind,
+    ) -> Terms:
+        """Digest clips by terms that are guessed; again, if they turn out to be others."""
+        tasks, terms = self._guess([slot.task() for slot in slots])
+        while True:
+            facts = self.once(slots, tasks, keep, take, terms)
+            settled = settle(in_order(facts), self.config, self.rate)
+            if settled.agrees(terms):
+                self.check_refused()
+                return terms
+            forget()
+            terms = settled
+
+    def once(
+        self,
+        slots: Sequence[_Slot],
+        tasks: Iterable[Task],
+        keep: Keep,
+        take: Callable[[_Slot, Digest], object],
+        terms: Terms,
+    ) -> list[tuple[Key, Facts]]:
+        """Digest clips by some terms; return what they say of themselves."""
+        facts: list[tuple[Key, Facts]] = []
+        self.refused.clear()
+        outcomes = digest_all(tasks, terms, keep, self.executor)
+        for done, (slot, outcome) in enumerate(zip(slots, outcomes, strict=True)):
+            self.tell("reading", done + 1, len(slots))
+            if outcome.facts is not None:
+                facts.append((slot.key, outcome.facts))
+            if isinstance(outcome, Digest):
+                take(slot, outcome)
+                continue
+            self.refused[outcome.what] = outcome.error
+            if outcome.facts is None and self.strict:
+                raise outcome.error
+        return facts
+
+    def check_refused(self) -> None:
+        """Raise the first refusal, where clips that do not fit are not left out."""
+        for error in self.refused.values():
+            if self.strict:
+                raise error
+
+    def reasons(self) -> dict[str, str]:
+        """Return the clips that were left out, and why."""
+        return {what: str(error) for what, error in self.refused.items()}
+
+    def _guess(self, tasks: list[Task]) -> tuple[list[Task], Terms]:
+        """Ask a few clips spread over all what the terms may be; each is read but once."""
+        spread = np.unique(np.linspace(0, len(tasks) - 1, 9).round().astype(int)).tolist()
+        facts: list[Facts] = []
+        for index in [*spread, *range(len(tasks))]:
+            if facts and index not in spread:
+                break
+            try:
+                tasks[index], found = ask(tasks[index])
+            except (MograftError, OSError, ValueError):
+                continue  # it will be refused, with the others of its kind
+            facts.append(found)
+        if not facts:
+            refusal = digest(tasks[0], None, "numbers")
+            if not isinstance(refusal, Refusal):
+                raise RuntimeError("a clip was read that could not be read")
+            if self.strict:
+                raise refusal.error
+            raise ValueError(f"no clip can be used: {refusal.error}") from refusal.error
+        return tasks, settle(facts, self.config, self.rate)
+
+
+def in_order(facts: Sequence[tuple[Key, Facts]]) -> list[Facts]:
+    """Return facts in the order of their clips."""
+    return [own for _, own in sorted(facts, key=lambda pair: pair[0])]
+
+
+def _entry_of(motion: Motion, name: str) -> Entry:
+    """Return what is known of a motion that is its own entry."""
+    facts = Facts.of(motion)
+    return Entry(
+        name,
+        motion.name,
+        None,
+        facts.rate,
+        None,
+        facts.n_frames,
+        facts.n_frames,
+        facts.root,
+        facts.up,
+        (),
+        (),
+    )
+
+
+def _entry(own: Digest, given_rate: float | None, tags: tuple[str, ...]) -> Entry:
+    return Entry(
+        own.name,
+        own.name,
+        own.origin,
+        own.facts.rate,
+        given_rate,
+        own.facts.n_frames,
+        own.n_frames,
+        own.facts.root,
+        own.facts.up,
+        own.faults,
+        tags,
+    )
+
+
+_MOST_WARNINGS = 8
+
+
+def _warn(entries: Sequence[Entry], rate: float) -> None:
+    """Warn of clips that were resampled and of those with faults."""
+    others = [entry.name for entry in entries if not same_rate(entry.rate, rate)]
     if others:
+        more = len(others) - _MOST_WARNINGS
+        listed = ", ".join(others[:_MOST_WARNINGS]) + (f" and {more} more" if more > 0 else "")
         warnings.warn(
-            f"resampled to {rate:.6g} fps, the rate of most frames: {', '.join(others)}",
+            f"resampled to {rate:.6g} fps, the rate of most frames: {listed}", stacklevel=3
+        )
+    faulty = [entry for entry in entries if entry.faults]
+    for entry in faulty[:_MOST_WARNINGS]:
+        more = len(entry.faults) - 3
+        rest = f"; and {more} more" if more > 0 else ""
+        warnings.warn(
+            f"{entry.name}: {'; '.join(entry.faults[:3])}{rest}. "
+            "These frames lend nothing to others",
             stacklevel=3,
         )
-    return [clip if _same_rate(clip.rate, rate) else clip.resample(rate) for clip in clips]
+    if len(faulty) > _MOST_WARNINGS:
+        warnings.warn(
+            f"faults in {len(faulty) - _MOST_WARNINGS} more clips; their frames lend nothing "
+            "to others either",
+            stacklevel=3,
+        )
 
 
-def _joined(cuts: Sequence[Segments]) -> Segments:
-    return Segments(
-        np.concatenate([own.start for own in cuts]),
-        np.concatenate([own.stop for own in cuts]),
-        np.repeat(np.arange(len(cuts)), [len(own) for own in cuts]),
+def _feature_joints(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
+    members = groups.resolve(skeleton)
+    return {name: feature_joints(skeleton, joints) for name, joints in members.items()}
+
+
+def _embedded(
+    samples: SampleSource, groups: JointGroups, terms: Terms, tell: Progress
+) -> dict[str, Embedding | None]:
+    embedding: dict[str, Embedding | None] = {}
+    members = groups.resolve(terms.skeleton)
+    for index, (name, joints) in enumerate(members.items()):
+        tell("comparing", index, len(members))
+        counted = feature_joints(terms.skeleton, joints)
+        if terms.root in joints:
+            counted = np.union1d(counted, [terms.root])
+        embedding[name] = embed(samples, counted, terms.config, root=terms.root, group=name)
+    tell("comparing", len(members), len(members))
+    return embedding
+
+
+# Libraries in folders.
+
+
+@dataclass(frozen=True, eq=False)
+class _Shelved:
+    """A clip of the generation that is written.
+
+    `row` is the first of its segments among those of the generation before, or among those
+    that were taken afresh.
+    """
+
+    key: Key
+    entry: Entry
+    place: Place
+    segments: Segments
+    is_donor: BoolArray
+    row: int
+    is_fresh: bool
+
+
+def _write(
+    draft: store.Draft,
+    base: Library | None,
+    found: Sequence[Found],
+    groups: JointGroups | str,
+    digesting: _Digesting,
+    frame_rates: Mapping[str, float] | None,
+    tags: Tags | None,
+) -> None:
+    """Write a library of files, and of what the generation before has of others."""
+    slots = [
+        _Slot.of((0, way), own, frame_rates) for way, own in by_path(found, draft.final).items()
+    ]
+    fresh: list[_Shelved] = []
+
+    def take(slot: _Slot, own: Digest) -> None:
+        place, entry = draft.take(own), slot.entered(own, tags)
+        fresh.append(
+            _Shelved(slot.key, entry, place, own.segments, own.is_donor, place.row, is_fresh=True)
+        )
+
+    def forget() -> None:
+        fresh.clear()
+        draft.restart()
+
+    kept: list[_Shelved] = []
+    if base is None:
+        terms = digesting.settled(slots, "numbers", take, forget)
+    else:
+        there = {own.origin.path: own for own in base.entries if own.origin is not None}
+        slots = [slot for slot in slots if _is_new(slot, there)]
+        if not slots and not tags:
+            return
+        kept = _kept(base, slots, tags)
+        terms = Terms(base.skeleton, base.rate, base.root, base.up, base.config)
+        draft.go_on()
+        facts = [(own.key, own.entry.facts(base.skeleton)) for own in kept]
+        new = digesting.once(slots, map(_Slot.task, slots), "numbers", take, terms)
+        facts += [(key, own) for key, own in new if own.same_hierarchy(base.skeleton)]
+        # A clip that is not what it was and does not fit any more is left out, unless no
+        # other is left.
+        settled = settle(in_order(facts), base.config, digesting.rate) if facts else terms
+        if not settled.agrees(terms) or draft.is_scattered([own.place for own in kept]):
+            # What clips have in common has changed: all are digested anew, the ones that are
+            # here from what is here.
+            forget()
+            terms = settled
+            slots = [_Slot(own.key, None, own.entry.given_rate, own.entry) for own in kept] + slots
+            tasks = chain(_tasks_of(base, kept), map(_Slot.task, slots[len(kept) :]))
+            kept = []
+            digesting.once(slots, tasks, "numbers", take, terms)
+        digesting.check_refused()
+
+    if not kept and not fresh:
+        why = next(iter(digesting.reasons().values()))
+        raise ValueError(f"no clip can be used: {why}")
+    shelved = sorted([*kept, *fresh], key=lambda own: own.key)
+    names = named([own.entry.own_name for own in shelved])
+    entries = tuple(replace(own.entry, name=name) for own, name in zip(shelved, names, strict=True))
+    segments = joined([own.segments for own in shelved])
+    places = [own.place for own in shelved]
+    extents = [(own.place.shard, own.place.row, len(own.segments)) for own in shelved]
+    samples = draft.samples(extents, terms.config.samples, terms.skeleton.n_joints)
+    if isinstance(groups, str):
+        groups = JointGroups.preset(groups, terms.skeleton)
+    _warn(entries, terms.rate)
+    embedding = _embedded(samples, groups, terms, digesting.tell)
+    digesting.tell("clustering", 0, 1)
+    labels, sigma = _clusters(embedding, len(segments), terms.config)
+    digesting.tell("clustering", 1, 1)
+    refused = {**(base.refused if base is not None else {}), **digesting.reasons()}
+    library = Library(
+        (),
+        groups,
+        terms.config,
+        segments,
+        np.concatenate([own.is_donor for own in shelved]),
+        embedding,
+        labels,
+        sigma,
+        terms.root,
+        terms.up,
+        terms.skeleton,
+        terms.rate,
+        entries,
+        {},
+        samples,
+        refused,
+    )
+    _finish(draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate)
+
+
+def _is_new(slot: _Slot, there: Mapping[str, Entry]) -> bool:
+    """Tell whether a file is not in a library as it is now."""
+    path = os.path.abspath(str(slot.found.source)) if slot.found is not None else ""
+    entry = there.get(path)
+    if entry is None or entry.origin is None:
+        return True
+    if slot.given_rate is not None and slot.given_rate != entry.given_rate:
+        return True
+    try:
+        now = os.stat(path)
+        if (now.st_size, now.st_mtime_ns) == (entry.origin.size, entry.origin.mtime_ns):
+            return False
+        return origin_of(path).sha256 != entry.origin.sha256
+    except OSError:
+        return True  # reading it will say why
+
+
+def _kept(base: Library, slots: Sequence[_Slot], tags: Tags | None) -> list[_Shelved]:
+    """Return the clips of a library that no new ones take the place of."""
+    if base.folder is None or not isinstance(base.clips, store.StoredClips):
+        raise TypeError("the base must be a stored library")
+    anew = {slot.key for slot in slots}
+    bounds = np.searchsorted(base.segments.clip, np.arange(len(base.entries) + 1)).tolist()
+    kept = []
+    for index, (entry, place) in enumerate(zip(base.entries, base.clips.places, strict=True)):
+        key: Key = (1, (f"{index:09}",))
+        own = entry
+        if entry.origin is not None:
+            key = (0, way_to(entry.origin.path, base.folder))
+            found = Found(entry.origin.path)
+            words = [word for more in matching(tags, found.keys) for word in more]
+            own = replace(entry, tags=tuple(dict.fromkeys([*entry.tags, *words])))
+        if key in anew:
+            continue
+        first, stop = bounds[index], bounds[index + 1]
+        cut = Segments(base.segments.start[first:stop], base.segments.stop[first:stop])
+        is_donor = base.is_donor[first:stop]
+        kept.append(_Shelved(key, own, place, cut, is_donor, first, is_fresh=False))
+    return kept
+
+
+def _tasks_of(base: Library, kept: Sequence[_Shelved]) -> Iterator[Task]:
+    """Yield clips of a library to be digested anew, each read when it is its turn."""
+    if not isinstance(base.clips, store.StoredClips):
+        raise TypeError("the base must be a stored library")
+    at = {place: index for index, place in enumerate(base.clips.places)}
+    for own in kept:
+        clip = base.clips.original(at[own.place], as_read=True)
+        yield Task(clip, own.entry.given_rate, own.entry.origin)
+
+
+def _edge_pieces(
+    draft: store.Draft, base: Library | None, shelved: Sequence[_Shelved], library: Library
+) -> dict[str, dict[str, Iterator[FloatArray]]]:
+    """Return the edges of each group, a piece at a time, in the order of segments."""
+    runs = store.merged([(int(own.is_fresh), own.row, len(own.segments)) for own in shelved])
+
+    def pieces(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
+        for is_fresh, first, n in runs:
+            for start in range(first, first + n, CHUNK):
+                stop = min(start + CHUNK, first + n)
+                if is_fresh:
+                    yield draft.fresh_edges(key, start, stop)[:, joints]
+                elif base is not None:
+                    yield base.edges[group][key][start:stop]
+
+    keys = tuple(draft.edge_keys() if base is None else next(iter(base.edges.values())))
+    return {
+        group: {key: pieces(group, key, joints) for key in keys}
+        for group, joints in _feature_joints(library.groups, library.skeleton).items()
+    }
+
+
+def _finish(
+    draft: store.Draft,
+    library: Library,
+    places: Sequence[Place],
+    ends: Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]],
+    given_rate: float | None,
+) -> None:
+    """Write all but frames and samples, and commit."""
+    segments = library.segments
+    for name in ("start", "stop", "clip"):
+        draft.write_array(f"{name}s", "<i8", getattr(segments, name))
+    draft.write_array("donors", "|b1", library.is_donor)
+    about: dict[str, Any] = {}
+    for number, group in enumerate(library.groups.names):
+        own = library.embedding[group]
+        draft.write_array(f"{number}/labels", "<i8", library.labels[group])
+        for key, pieces in ends[group].items():
+            draft.write_array(f"{number}/{key}", "<f8", pieces)
+        about[group] = {
+            "folder": str(number),
+            "sigma": library.sigma[group],
+            "compared": own is not None,
+            "has_root": own is not None and own.has_root,
+            "clusters": int(library.labels[group].max(initial=-1)) + 1,
+        }
+        if own is not None:
+            draft.write_array(f"{number}/joints", "<i8", own.joints)
+            for name in _EMBEDDED:
+                draft.write_array(f"{number}/{name}", "<f8", getattr(own, name))
+    columns = (segments.clip, segments.start, segments.stop, library.is_donor.astype(np.int64))
+    table = np.stack(columns, axis=1)
+    draft.write_catalogue(library.entries, places, library.refused, table, library.labels)
+    draft.commit(
+        {
+            "config": library.config.as_dict(),
+            "groups": library.groups.to_toml(),
+            "group": about,
+            "skeleton": store.skeleton_fields(library.skeleton),
+            "rate": library.rate,
+            "given_rate": given_rate,
+            "root": library.root,
+            "up": library.up,
+            "clips": len(library.entries),
+            "frames": sum(entry.n_frames for entry in library.entries),
+            "segments": len(segments),
+        }
     )
 
 
-def _locomotion_root(clips: Sequence[Motion]) -> int:
-    """Return the first joint that moves through the world in any clip."""
-    roots = [clip.locomotion_root() for clip in clips if np.ptp(clip.positions, axis=0).any()]
-    return min(roots, default=0)
+_EMBEDDED = ("points", "reference", "mean", "scale", "components", "variances")
 
 
-def _without_faults(clips: Sequence[Motion], segments: Segments) -> BoolArray:
-    """Tell which segments hold no fault; warn of those that do."""
-    good = np.ones(len(segments), bool)
-    for index, clip in enumerate(clips):
-        own = segments.of_clip(index)
-        faults = [fault for fault in find_faults(clip) if fault.kind in SPOILING]
-        for fault in faults:
-            first, last = fault.frames
-            good[own[(segments.start[own] <= last) & (segments.stop[own] >= first)]] = False
-        if faults:
-            warnings.warn(
-                f"{clip.name}: "
-                + "; ".join(fault.message for fault in faults[:3])
-                + (f"; and {len(faults) - 3} more" if len(faults) > 3 else "")
-                + ". These frames lend nothing to others",
-                stacklevel=3,
-            )
-    return good
-
-
-def _velocities(clip: Motion, frames: IntArray, joints: IntArray) -> FloatArray:
-    """Return joints' angular velocities in their own frames, in radians per second."""
-    before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, clip.n_frames - 1)
-    turned = rotations.multiply(
-        rotations.inverse(clip.rotations[before[:, None], joints]),
-        clip.rotations[after[:, None], joints],
+def _opened(contents: store.Contents) -> Library:
+    about, arrays = contents.manifest, contents.arrays
+    config, groups = Config.from_dict(about["config"]), JointGroups.from_toml(about["groups"])
+    embedding: dict[str, Embedding | None] = {}
+    labels, ends = {}, {}
+    for group, own in about["group"].items():
+        inside = {
+            key.removeprefix(own["folder"] + "/"): array
+            for key, array in arrays.items()
+            if key.startswith(own["folder"] + "/")
+        }
+        labels[group] = inside.pop("labels")
+        embedding[group] = None
+        if own["compared"]:
+            joints = np.array(inside.pop("joints"))
+            parts = [inside.pop(name) for name in _EMBEDDED]
+            embedding[group] = Embedding(parts[0], joints, own["has_root"], *parts[1:])
+        ends[group] = inside
+    frames = [arrays[f"frames-{shard}"] for shard in about["shards"]]
+    clips = store.StoredClips(
+        contents.entries, contents.places, contents.skeletons, frames, about["rate"]
     )
-    per_second: FloatArray = rotations.log(turned) * (clip.rate / (after - before))[:, None, None]
-    return per_second
+    return Library(
+        clips,
+        groups,
+        config,
+        Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
+        arrays["donors"],
+        embedding,
+        labels,
+        {group: own["sigma"] for group, own in about["group"].items()},
+        about["root"],
+        about["up"],
+        store.skeleton_of(about["skeleton"]),
+        about["rate"],
+        contents.entries,
+        ends,
+        contents.samples(),
+        contents.refused,
+        contents.folder,
+    )
 
 
 def _with_points(embedding: Embedding, samples: Samples) -> Embedding:

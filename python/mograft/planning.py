@@ -186,7 +186,7 @@ class Problem:
         at, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
         library = self.library
         own, given = (take(library.segments, of) for of in (self.scenario[at], donors))
-        names = [clip.name for clip in library.clips]
+        names = [entry.name for entry in library.entries]
         costs, passes = np.zeros(len(donors)), np.ones(len(donors), bool)
         for constraint in self.constraints:
             miss = constraint.misses(own, given, names)
@@ -561,7 +561,7 @@ def reasons(
         worst = np.maximum.reduceat(error, starts)
         span = constraint.frames
         if span is None or (cut.start[position] <= span[1] and cut.stop[position] >= span[0]):
-            names = [c.name for c in library.clips]
+            names = [entry.name for entry in library.entries]
             worst = np.maximum(worst, constraint.misses(own, given, names))
         for index in np.flatnonzero(worst > 1.0).tolist():
             name = type(constraint).__name__

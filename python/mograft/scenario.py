@@ -180,7 +180,7 @@ def walk(
 def _costs(library: Library) -> FloatArray:
     """Return what it costs to go from each segment to each other, in radians."""
     cut = library.segments
-    skeleton = library.clips[0].skeleton
+    skeleton = library.skeleton
     members = library.joints(library.groups.base)
     joints = np.setdiff1d(feature_joints(skeleton, members), [library.root])
     tracks = [clip.rotations[:, joints] for clip in library.clips]

@@ -100,9 +100,12 @@ def transplant(
     A joint's translation goes with it only where it moves in some donor's clip: else the base
     keeps its own bones.
     """
+    # Of a stored library each clip has to be read: only those that lend something are.
+    used, clip = np.unique(donors.clip, return_inverse=True)
+    donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
     tracks = [clip.rotations[:, joints] for clip in clips]
     places = np.ascontiguousarray(base.positions[:, joints])
-    travels = _travels(clips, np.unique(donors.clip), joints)
+    travels = _travels(clips, joints)
     shifts = [clip.positions[:, joints[travels]] for clip in clips]
     laid = _Laid(cut, donors, base.rate)
     seams = laid.true_seams(tracks)
@@ -443,9 +446,9 @@ def _as_local(
     )
 
 
-def _travels(clips: Sequence[Motion], used: IntArray, joints: IntArray) -> BoolArray:
-    """Tell which joints' translations move in one of the clips used."""
-    spreads = [np.ptp(clips[clip].positions[:, joints], axis=0).max(axis=-1) for clip in used]
+def _travels(clips: Sequence[Motion], joints: IntArray) -> BoolArray:
+    """Tell which joints' translations move in one of the clips."""
+    spreads = [np.ptp(clip.positions[:, joints], axis=0).max(axis=-1) for clip in clips]
     travels: BoolArray = np.max(spreads, axis=0) > 0
     return travels
 

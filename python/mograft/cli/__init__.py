@@ -11,7 +11,20 @@ import warnings
 from collections.abc import Sequence
 
 from mograft import __version__
-from mograft.cli import candidates, check, demo, doctor, export, graft, groups, info, plot, view
+from mograft.cli import (
+    candidates,
+    check,
+    demo,
+    doctor,
+    export,
+    graft,
+    groups,
+    index,
+    info,
+    lib,
+    plot,
+    view,
+)
 from mograft.cli._common import say
 from mograft.errors import BvhError, MograftError
 
@@ -46,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             # interpreter would complain once more at its end, when it flushes.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 1
-        except (MograftError, OSError, ValueError) as error:
+        except (MograftError, ModuleNotFoundError, OSError, ValueError) as error:
             say(f"error: {_in_words(error)}")
             code = 1
         except KeyboardInterrupt:
@@ -68,6 +81,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mograft {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (demo, info, check, groups, candidates, graft, view, plot, export, doctor):
+    everything = (
+        demo,
+        info,
+        check,
+        groups,
+        index,
+        lib,
+        candidates,
+        graft,
+        view,
+        plot,
+        export,
+        doctor,
+    )
+    for command in everything:
         command.add(commands)
     return parser

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     group = options.group or others[0]
     found = library.candidates(segment, group, wanted)
     start, stop = int(library.segments.start[segment]), int(library.segments.stop[segment])
-    names = [one.name for one in library.clips]
+    names = [entry.name for entry in library.entries]
 
     def row(candidate: Any) -> dict[str, Any]:  # noqa: ANN401 - a Candidate
         plain = asdict(candidate)

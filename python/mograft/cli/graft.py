@@ -44,17 +44,22 @@ _WIDEST = 4.0
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
     """Add the command to the parser."""
     graft = commands.add_parser("graft", help="make new motions on the legs of a captured one")
-    graft.add_argument("files", nargs="+", metavar="FILE", help="BVH files: where donors come from")
+    graft.add_argument(
+        "files",
+        nargs="+",
+        metavar="LIB|FILE",
+        help="a library, or BVH files: where donors come from",
+    )
     graft.add_argument(
         "--base", metavar="FILE", help="whose base group is kept; default: the first"
     )
-    graft.add_argument("--groups", default="lower_upper", metavar="NAME|FILE")
+    graft.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
     graft.add_argument("--swap", metavar="GROUP,...", help="groups to graft; default: all others")
     graft.add_argument(
         "-n", "--count", type=at_least_one, default=1, help="how many motions (default 1)"
     )
     graft.add_argument("-o", "--output", type=Path, required=True, help="folder, or a .bvh file")
-    graft.add_argument("--preset", choices=("default", "paper"), default="default")
+    graft.add_argument("--preset", choices=("default", "paper"))
     graft.add_argument(
         "--sigma-scale",
         type=float,
@@ -107,11 +112,14 @@ def run(options: argparse.Namespace) -> int:
     from mograft.grafting import graft_many, repair
     from mograft.library import Library
 
-    files = expanded(options.files)
+    folder = _library_folder(options)
+    files = expanded(options.files) if folder is None else []
     single = options.output.suffix.lower() == ".bvh"
     if single and options.count != 1:
         options.usage("-o must be a folder where -n is not 1")
-    stem = Path(options.base or files[0]).stem
+    library = None if folder is None else _opened(folder, options)
+    first = files[0] if library is None else library.entries[0].name
+    stem = Path(options.base or first).stem
     paths = (
         [options.output]
         if single
@@ -124,10 +132,13 @@ def run(options: argparse.Namespace) -> int:
     if options.repair and options.count != 1:
         options.usage("--repair makes one motion: -n must be 1")
     wanted = constraints(options)
-    groups, config = _chosen_groups(options), _chosen_config(options)
     swap = None if options.swap is None else options.swap.split(",")
-    with progress() as tell:
-        library = Library.build(files, groups, config, progress=tell)
+    if library is None:
+        options.groups = options.groups or "lower_upper"
+        with progress() as tell:
+            library = Library.build(
+                files, chosen_groups(options), chosen_config(options), progress=tell
+            )
     base = _base(library, options.base)
     many: dict[str, Any] = {"constraints": wanted, "swap": swap, "seed": options.seed}
     many["scenario"] = _scenario(library, options)
@@ -182,15 +193,39 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _base(library: "Library", name: str | None) -> "Motion | None":
-    """Return the clip that was read from a file, else the file's motion."""
+def _library_folder(options: argparse.Namespace) -> Path | None:
+    """Return the library, if that is what donors are to come from."""
+    folder = Path(options.files[0])
+    if not (folder / "manifest.json").is_file():
+        return None
+    if len(options.files) > 1:
+        options.usage("donors come from one library or from files; mograft index --add joins them")
+    return folder
+
+
+def _opened(folder: Path, options: argparse.Namespace) -> "Library":
+    """Open a library; what it was made by is settled, but for how it is used."""
+    from mograft.library import Library
+
+    for name in ("groups", "preset"):
+        if getattr(options, name) is not None:
+            options.usage(f"--{name} is settled when a library is made: mograft index --{name}")
+    library = Library.open(folder)
+    return library.relabelled(_changed(library.config, options))
+
+
+def _base(library: "Library", name: str | None) -> "Motion | str | None":
+    """Return the clip that was read from a file or has a name, else the file's motion."""
     if name is None:
         return None
     from mograft.bvh import read_bvh
 
-    for clip in library.clips:
-        if clip.path is not None and os.path.samefile(clip.path, name):
-            return clip
+    if library.folder is not None and name in {entry.name for entry in library.entries}:
+        return name
+    there = os.path.realpath(name)
+    for entry in library.entries:
+        if entry.origin is not None and os.path.realpath(entry.origin.path) == there:
+            return entry.name
     return read_bvh(name)
 
 
@@ -217,7 +252,8 @@ def _scenario(library: "Library", options: argparse.Namespace) -> "Sequence[int]
     return [int(word) for word in options.scenario.split(",")]
 
 
-def _chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
+def chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
+    """Return the groups that ``--groups`` means."""
     name: str = options.groups
     if name in PRESETS:
         return name
@@ -228,15 +264,15 @@ def _chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
     return JointGroups.from_toml(Path(name))
 
 
-def _chosen_config(options: argparse.Namespace) -> "Config":
+def chosen_config(options: argparse.Namespace) -> "Config":
+    """Return the configuration that ``--preset`` and the options of single fields mean."""
     from mograft.config import Config
 
-    config = Config.paper() if options.preset == "paper" else Config()
-    given = {
-        "sigma_scale": options.sigma_scale,
-        "choice": options.choice,
-        "temperature": options.temperature,
-        "seam": options.seam,
-        "feet": options.feet,
-    }
+    return _changed(Config.paper() if options.preset == "paper" else Config(), options)
+
+
+def _changed(config: "Config", options: argparse.Namespace) -> "Config":
+    """Return the configuration with those fields changed for which there are options."""
+    names = ("sigma_scale", "choice", "temperature", "seam", "feet")
+    given = {name: getattr(options, name, None) for name in names}
     return replace(config, **{name: value for name, value in given.items() if value is not None})

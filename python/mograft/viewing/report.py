@@ -187,11 +187,11 @@ def center_of_mass(motion: Motion) -> FloatArray:
 def _cards(library: Library) -> str:
     base = library.groups.base
     n = len(library.segments)
-    frames = sum(clip.n_frames for clip in library.clips)
-    seconds = sum(clip.duration for clip in library.clips)
+    frames = sum(entry.n_frames for entry in library.entries)
+    seconds = (frames - len(library.entries)) / library.rate
     whole = combinations(library.labels[base], len(library.groups.names))
     cards = [
-        (_number(len(library.clips)), "clip" if len(library.clips) == 1 else "clips"),
+        (_number(len(library.entries)), "clip" if len(library.entries) == 1 else "clips"),
         (_number(frames), f"frames, {seconds:.0f} s"),
         (_number(n), "segments"),
         *(
@@ -326,6 +326,11 @@ def _funnel(graft: Graft) -> str:
     return _table(head, rows)
 
 
+def _with_file(library: Library, clip: int) -> str:
+    name, file = library.entries[clip].name, library.file_name(clip)
+    return name if file is None else f"{name} ({file})"
+
+
 def _sources(grafts: Sequence[Graft]) -> str:
     library = grafts[0].library
     parts: Counter[str] = Counter()
@@ -337,13 +342,13 @@ def _sources(grafts: Sequence[Graft]) -> str:
                 frames[s.clip] += s.donor_stop - s.donor_start
     rows = [
         [
-            html.escape(clip.name if clip.path is None else f"{clip.name} ({clip.path.name})"),
-            _number(clip.n_frames),
-            f"{clip.duration:.1f} s",
-            _number(parts[clip.name]),
-            _number(frames[clip.name]),
+            html.escape(_with_file(library, index)),
+            _number(entry.n_frames),
+            f"{(entry.n_frames - 1) / library.rate:.1f} s",
+            _number(parts[entry.name]),
+            _number(frames[entry.name]),
         ]
-        for clip in library.clips
+        for index, entry in enumerate(library.entries)
     ]
     return _table(["clip", "frames", "length", "parts lent", "frames lent"], rows)
 
@@ -353,8 +358,8 @@ def _parameters(library: Library) -> str:
         [html.escape(name), html.escape("unlimited" if value is None else _plain(value))]
         for name, value in library.config.as_dict().items()
     ]
-    members: Mapping[str, IntArray] = library.groups.resolve(library.clips[0].skeleton)
-    names = library.clips[0].skeleton.names
+    members: Mapping[str, IntArray] = library.groups.resolve(library.skeleton)
+    names = library.skeleton.names
     rows += [
         [
             html.escape(f"group {group}{' (kept)' if group == library.groups.base else ''}"),

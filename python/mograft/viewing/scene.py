@@ -461,7 +461,7 @@ def _members(
     if groups is not None:
         return groups.resolve(skeleton)
     for library in libraries:
-        if library.clips[0].skeleton.names == skeleton.names:
+        if library.skeleton.names == skeleton.names:
             return library.groups.resolve(skeleton)
     for preset in _PRESETS:
         try:

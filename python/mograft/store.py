@@ -1,0 +1,994 @@
+"""Libraries on disk: a folder of arrays, a catalogue, and a manifest that vouches for both.
+
+::
+
+    NAME/manifest.json        what the library is, and the SHA-256 of every other file
+    NAME/0003/                its third generation
+        catalog.sqlite        clips, skeletons, segments, labels: for SQL, and for opening
+        frames-0001.npy       the clips' numbers as they were read, float64, one after the other
+        frames-0003.npy       those that were added in this generation
+        samples-0001.npy      the segments' samples, float32, one row each
+        starts.npy ...        the segments
+        0/points.npy ...      the first joint group: embedding, labels, poses at the ends
+
+Files of a generation never change, and what the next one has in common with it is linked, not
+copied. A generation counts from the moment when the manifest that names it takes the old
+one's place: whenever writing stops, by a crash or otherwise, there is the old library or the
+new one. Readers need no lock; writers take one, which ends with their process.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import sqlite3
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
+from typing import IO, Any, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._arrays import FloatArray, IntArray
+from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft.digest import Digest, Facts, Kind, Origin, Stored, same_rate, unpack
+from mograft.embedding import CHUNK, Packed, Samples
+from mograft.errors import LibraryError
+from mograft.motion import Motion
+from mograft.skeleton import EndSite, Skeleton
+
+__all__ = [
+    "Contents",
+    "Draft",
+    "Entry",
+    "Place",
+    "StoredClips",
+    "StoredSamples",
+    "leftovers",
+    "read",
+    "verify",
+    "writing",
+]
+
+FORMAT, FORMAT_VERSION = "mograft.library", 1
+MANIFEST, CATALOGUE, LOCK = "manifest.json", "catalog.sqlite", ".lock"
+
+_MOST_SHARDS = 16
+"""Generations whose clips lie in files of their own; one more, and all are written anew."""
+
+_CLIPS_IN_HAND = 16
+"""Clips that are kept once they are read: a graft asks for the same few again and again."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What a library knows of a clip besides its frames.
+
+    Attributes
+    ----------
+    name : str
+        Its name, which no other clip of the library has.
+    own_name : str
+        What it calls itself.
+    origin : Origin or None
+        The file that it was read from, and what that was like then.
+    rate : float
+        Frames per second of the clip itself; the library's clips all have the library's.
+    given_rate : float or None
+        That rate, if it was given because the file has a wrong one.
+    own_frames, n_frames : int
+        Its frames, and those at the library's rate.
+    root, up : int
+        As in `Facts`.
+    faults : tuple of str
+        What was found in it that makes some of its segments unfit to lend.
+    tags : tuple of str
+        Words to choose clips by.
+    """
+
+    name: str
+    own_name: str
+    origin: Origin | None
+    rate: float
+    given_rate: float | None
+    own_frames: int
+    n_frames: int
+    root: int
+    up: int
+    faults: tuple[str, ...]
+    tags: tuple[str, ...]
+
+    def facts(self, skeleton: Skeleton) -> Facts:
+        """Return what the clip says of itself."""
+        return Facts(skeleton, self.rate, self.own_frames, self.root, self.up)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a stored clip is, and how to read it.
+
+    Attributes
+    ----------
+    shard : int
+        Index of the files that hold it, in the order of the manifest.
+    at, size : int
+        Its first number in ``frames`` and how many there are.
+    row : int
+        Its first row in ``samples``.
+    kind, frame_time, repairs
+        As in `Stored`.
+    skeleton : int
+        Index of its skeleton.
+    """
+
+    shard: int
+    at: int
+    size: int
+    row: int
+    kind: Kind
+    frame_time: float
+    repairs: tuple[str, ...]
+    skeleton: int
+
+
+class StoredClips(Sequence[Motion]):
+    """The clips of a stored library, each read when it is asked for."""
+
+    def __init__(
+        self,
+        entries: Sequence[Entry],
+        places: Sequence[Place],
+        skeletons: Sequence[Skeleton],
+        frames: Sequence[FloatArray],
+        rate: float,
+    ) -> None:
+        self.entries, self.places, self.skeletons = entries, places, skeletons
+        self._frames, self._rate = frames, rate
+        self._in_hand: OrderedDict[int, Motion] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    @overload
+    def __getitem__(self, index: int) -> Motion: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
+    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
+        if isinstance(index, slice):
+            return tuple(self[at] for at in range(*index.indices(len(self))))
+        at = range(len(self))[index]
+        known = self._in_hand.get(at)
+        if known is None:
+            known = self.original(at)
+            if not same_rate(known.rate, self._rate):
+                known = known.resample(self._rate)
+            self._in_hand[at] = known
+            if len(self._in_hand) > _CLIPS_IN_HAND:
+                self._in_hand.popitem(last=False)
+        return known
+
+    def original(self, index: int, *, as_read: bool = False) -> Motion:
+        """Return a clip at its own rate; `as_read`, at the one that its file gives."""
+        entry, place = self.entries[index], self.places[index]
+        frame_time = place.frame_time
+        if entry.given_rate is not None and not as_read:
+            frame_time = 1.0 / entry.given_rate
+        return unpack(
+            Stored(
+                place.kind,
+                self._frames[place.shard][place.at : place.at + place.size],
+                self.skeletons[place.skeleton],
+                frame_time,
+                entry.own_frames,
+                entry.own_name if as_read else entry.name,
+                None if entry.origin is None else entry.origin.path,
+                place.repairs,
+            )
+        )
+
+
+class LongerClips(Sequence[Motion]):
+    """Clips and one more."""
+
+    def __init__(self, clips: Sequence[Motion], last: Motion) -> None:
+        self._clips, self._last = clips, last
+
+    def __len__(self) -> int:
+        return len(self._clips) + 1
+
+    @overload
+    def __getitem__(self, index: int) -> Motion: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
+    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
+        if isinstance(index, slice):
+            return tuple(self[at] for at in range(*index.indices(len(self))))
+        at = range(len(self))[index]
+        return self._last if at == len(self._clips) else self._clips[at]
+
+
+@dataclass(frozen=True)
+class StoredSamples:
+    """Samples of all segments, in the order of the library, from the files that hold them.
+
+    Read by `chunks` into memory of their own, not mapped: a page that is mapped and was seen
+    once would count as the process's for as long as it runs.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        The ``samples`` files.
+    extents : tuple of (int, int, int)
+        Runs of rows: file, first row, number of rows.
+    n_samples, n_joints : int
+        What a row holds.
+    """
+
+    files: tuple[Path, ...]
+    extents: tuple[tuple[int, int, int], ...]
+    n_samples: int
+    n_joints: int
+
+    def __len__(self) -> int:
+        return sum(n for _, _, n in self.extents)
+
+    def rows(self) -> Iterator[Packed]:
+        """Yield `CHUNK` rows at a time."""
+        width = self.n_samples * (4 * self.n_joints + 3) + 1
+        with contextlib.ExitStack() as stack:
+            streams = [stack.enter_context(path.open("rb")) for path in self.files]
+            waiting: list[Packed] = []
+            held = 0
+            for shard, first, n in self.extents:
+                done = 0
+                while done < n:
+                    take = min(n - done, CHUNK - held)
+                    streams[shard].seek(_HEADER + 4 * width * (first + done))
+                    part = np.fromfile(streams[shard], "<f4", take * width).reshape(take, width)
+                    waiting.append(part)
+                    held, done = held + take, done + take
+                    if held == CHUNK:
+                        yield waiting[0] if len(waiting) == 1 else np.concatenate(waiting)
+                        waiting, held = [], 0
+            if waiting:
+                yield np.concatenate(waiting)
+
+    def chunks(self, joints: IntArray) -> Iterator[Samples]:
+        """Yield `CHUNK` segments at a time, with the rotations of some joints alone."""
+        for rows in self.rows():
+            yield Samples.unpack(rows, self.n_samples, self.n_joints, joints)
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """A stored library as its files say it.
+
+    Attributes
+    ----------
+    folder : Path
+        The library.
+    manifest : dict
+        Its manifest.
+    entries, places, skeletons
+        The catalogue.
+    refused : dict of str to str
+        Files that were left out, and why.
+    arrays : dict of str to ndarray
+        All arrays but ``samples``, by path within the generation without ending, mapped.
+    """
+
+    folder: Path
+    manifest: dict[str, Any]
+    entries: tuple[Entry, ...]
+    places: tuple[Place, ...]
+    skeletons: tuple[Skeleton, ...]
+    refused: dict[str, str]
+    arrays: dict[str, npt.NDArray[Any]]
+
+    def samples(self) -> StoredSamples:
+        """Return where the samples are."""
+        counts = np.bincount(self.arrays["clips"], minlength=len(self.entries)).tolist()
+        folder = self.folder / self.manifest["generation"]
+        return StoredSamples(
+            tuple(folder / f"samples-{name}.npy" for name in self.manifest["shards"]),
+            merged(
+                [(place.shard, place.row, n) for place, n in zip(self.places, counts, strict=True)]
+            ),
+            self.manifest["config"]["samples"],
+            len(self.manifest["skeleton"]["names"]),
+        )
+
+
+def merged(extents: Sequence[tuple[int, int, int]]) -> tuple[tuple[int, int, int], ...]:
+    """Join runs of rows that follow one another."""
+    found: list[tuple[int, int, int]] = []
+    for shard, first, n in extents:
+        if found and found[-1][0] == shard and sum(found[-1][1:]) == first:
+            found[-1] = (shard, found[-1][1], found[-1][2] + n)
+        else:
+            found.append((shard, first, n))
+    return tuple(found)
+
+
+# Reading.
+
+
+def read(folder: Path) -> Contents:
+    """Open a library.
+
+    Parameters
+    ----------
+    folder : Path
+        The library.
+
+    Returns
+    -------
+    Contents
+        With every array mapped, so that it stays whole when another process writes the next
+        generation.
+
+    Raises
+    ------
+    LibraryError
+        If it is damaged, foreign or newer.
+    FileNotFoundError
+        If there is nothing of that name.
+    """
+    for _ in range(8):
+        manifest = read_manifest(folder)
+        try:
+            return _read_generation(folder, manifest)
+        except FileNotFoundError as error:
+            # Unless another process has just put the next generation in this one's place.
+            if read_manifest(folder) == manifest:
+                raise _damaged(folder, f"{Path(error.filename).name} is missing") from error
+    raise LibraryError(f"{folder} is written again and again; try later")
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of a library, checked."""
+    if not folder.exists():
+        raise FileNotFoundError(2, "no such library", str(folder))
+    try:
+        document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise LibraryError(
+            f"{folder} is no mograft library: it has no {MANIFEST}; "
+            f"make one with: mograft index CLIPS -o {folder}"
+        ) from error
+    except ValueError as error:
+        raise _damaged(folder, f"{MANIFEST} is no JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise LibraryError(f"{folder} is no mograft library: its {MANIFEST} is of another format")
+    version = document.get("version")
+    if not isinstance(version, int):
+        raise _damaged(folder, f"{MANIFEST} has no version")
+    if version > FORMAT_VERSION:
+        raise LibraryError(
+            f"{folder} has format version {version}, made by mograft {document.get('mograft')}; "
+            f"this is mograft {VERSION}, which reads up to version {FORMAT_VERSION}: upgrade it"
+        )
+    if document.get("checksum") != _checksum(document):
+        raise _damaged(folder, f"{MANIFEST} does not agree with its checksum")
+    return document
+
+
+def _read_generation(folder: Path, manifest: dict[str, Any]) -> Contents:
+    arrays = {}
+    inside = manifest["generation"] + "/"
+    for name, seal in manifest["files"].items():
+        path = folder / name
+        size = path.stat().st_size
+        if size != seal["bytes"]:
+            raise _damaged(folder, f"{name} has {size} bytes, not {seal['bytes']}")
+        key = name.removeprefix(inside).removesuffix(".npy")
+        if name.endswith(".npy") and not key.startswith("samples-"):
+            try:
+                arrays[key] = _mapped(path)
+            except ValueError as error:
+                raise _damaged(folder, f"{name}: {error}") from error
+    try:
+        return Contents(folder, manifest, *_read_catalogue(folder / inside / CATALOGUE), arrays)
+    except (sqlite3.Error, KeyError, TypeError, ValueError) as error:
+        raise _damaged(folder, f"{CATALOGUE}: {error}") from error
+
+
+def _mapped(path: Path) -> npt.NDArray[Any]:
+    array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    return array.view(np.ndarray)
+
+
+def _damaged(folder: Path, what: str) -> LibraryError:
+    return LibraryError(
+        f"{folder} is damaged: {what}. Restore it from a copy, or build it anew: "
+        f"mograft index CLIPS -o {folder} --force"
+    )
+
+
+def verify(folder: Path) -> list[str]:
+    """Compare every byte of a library with what was written.
+
+    Parameters
+    ----------
+    folder : Path
+        The library.
+
+    Returns
+    -------
+    list of str
+        What is wrong, file by file; empty if nothing is.
+
+    Raises
+    ------
+    LibraryError
+        If not even the manifest can be read.
+    """
+    manifest = read_manifest(folder)
+    wrong = []
+    seals = _seals(folder, [name for name in manifest["files"] if (folder / name).is_file()])
+    for name, seal in manifest["files"].items():
+        if name not in seals:
+            wrong.append(f"{name} is missing")
+        elif seals[name]["bytes"] != seal["bytes"]:
+            wrong.append(f"{name} has {seals[name]['bytes']} bytes, not {seal['bytes']}")
+        elif seals[name] != seal:
+            wrong.append(f"{name} is not what was written: its SHA-256 differs")
+    if not wrong:
+        try:
+            read(folder)
+        except LibraryError as error:
+            wrong.append(str(error))
+    return wrong
+
+
+def leftovers(folder: Path) -> list[str]:
+    """Return what an interrupted write has left in a library; the next write removes it."""
+    manifest = read_manifest(folder)
+    known = {MANIFEST, LOCK, manifest["generation"]}
+    return sorted(path.name for path in folder.iterdir() if path.name not in known)
+
+
+def _checksum(document: Mapping[str, Any]) -> str:
+    rest = {key: value for key, value in document.items() if key != "checksum"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def _seals(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    def seal(name: str) -> dict[str, Any]:
+        with (folder / name).open("rb") as stream:
+            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+            return {"bytes": stream.tell(), "sha256": sha256}
+
+    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as threads:
+        return dict(zip(names, threads.map(seal, names), strict=True))
+
+
+# Writing.
+
+_HEADER = 128
+
+
+def _npy_header(dtype: str, shape: tuple[int, ...]) -> bytes:
+    """Return a header of the .npy format that has the same length whatever the shape."""
+    text = f"{{'descr': {dtype!r}, 'fortran_order': False, 'shape': {shape!r}, }}"
+    return b"\x93NUMPY\x01\x00v\x00" + text.ljust(_HEADER - 11).encode() + b"\n"
+
+
+class _Growing:
+    """An array file that rows are appended to; its header is written when it is done."""
+
+    def __init__(self, path: Path, dtype: str, row: tuple[int, ...]) -> None:
+        self.path, self.rows = path, 0
+        self._dtype, self._row = np.dtype(dtype), row
+        self._stream = path.open("w+b")
+        self._stream.write(bytes(_HEADER))
+
+    def append(self, rows: npt.NDArray[Any]) -> None:
+        self.rows += len(rows)
+        self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
+
+    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return rows that were appended."""
+        width = int(np.prod(self._row, dtype=np.int64))
+        self._stream.flush()
+        with self.path.open("rb") as stream:
+            stream.seek(_HEADER + start * width * self._dtype.itemsize)
+            found = np.fromfile(stream, self._dtype, (stop - start) * width)
+        return found.reshape(stop - start, *self._row)
+
+    def close(self) -> None:
+        if not self._stream.closed:
+            self._stream.seek(0)
+            self._stream.write(_npy_header(self._dtype.str, (self.rows, *self._row)))
+            self._stream.close()
+
+
+class Draft:
+    """The next generation of a library, while it is written; made by `writing`.
+
+    Attributes
+    ----------
+    base : Contents or None
+        The generation before, if there is one to go on from.
+    shards : list of str
+        Names of the files that hold frames and samples.
+    """
+
+    def __init__(self, root: Path, final: Path, base: Contents | None, number: int) -> None:
+        self.base = base
+        self.shards: list[str] = []
+        self._root, self.final = root, final
+        self._generation = f"{number:04d}"
+        self._seals: dict[str, dict[str, Any]] = {}
+        self._open: dict[str, _Growing] = {}
+        self._names: list[str] = []
+        self._skeletons: dict[str, int] = {}
+        self.folder = root / self._generation
+        self.folder.mkdir()
+
+    def go_on(self) -> None:
+        """Take over the frames and samples of the generation before."""
+        if self.base is None:
+            raise RuntimeError("there is no generation before")
+        before = self.base.manifest
+        for shard in before["shards"]:
+            self.shards.append(shard)
+            for stem in ("frames", "samples"):
+                name = f"{stem}-{shard}.npy"
+                seal = before["files"][f"{before['generation']}/{name}"]
+                self._link(self.base.folder / before["generation"] / name, name)
+                self._seals[f"{self._generation}/{name}"] = seal
+        for skeleton in self.base.skeletons:
+            self._skeleton(skeleton)
+
+    def _link(self, source: Path, name: str) -> None:
+        try:
+            os.link(source, self.folder / name)
+        except OSError:
+            # Not every file system has links.
+            shutil.copyfile(source, self.folder / name)
+
+    def restart(self) -> None:
+        """Forget all that was taken, and begin a shard of this generation's own."""
+        self.close()
+        for path in self.folder.iterdir():
+            path.unlink()
+        self._seals.clear()
+        self._names.clear()
+        self._skeletons.clear()
+        self.shards.clear()
+        self._open.clear()
+
+    def take(self, digest: Digest) -> Place:
+        """Write a clip's numbers, samples and edges."""
+        stored = digest.clip
+        if not isinstance(stored, Stored):
+            raise TypeError("a draft takes clips as numbers")
+        row = 0
+        if f"samples-{self._generation}" in self._open:
+            row = self._open[f"samples-{self._generation}"].rows
+        place = self.take_frames(stored, row)
+        self.take_samples(digest.samples)
+        for key, values in digest.edges.items():
+            self._growing(f"edges-{key}", "<f8", values.shape[1:]).append(values)
+        return place
+
+    def take_frames(self, stored: Stored, row: int) -> Place:
+        """Write a clip's numbers, whose samples will begin in some row."""
+        if self._generation not in self.shards:
+            self.shards.append(self._generation)
+        frames = self._growing(f"frames-{self._generation}", "<f8", ())
+        place = Place(
+            self.shards.index(self._generation),
+            frames.rows,
+            len(stored.numbers),
+            row,
+            stored.kind,
+            stored.frame_time,
+            stored.repairs,
+            self._skeleton(stored.skeleton),
+        )
+        frames.append(stored.numbers)
+        return place
+
+    def take_samples(self, rows: Packed) -> None:
+        """Write samples of clips."""
+        self._growing(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
+
+    def fresh_edges(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return rows of the edges of the clips taken, all joints."""
+        return self._open[f"edges-{key}"].read(start, stop)
+
+    def _growing(self, name: str, dtype: str, row: tuple[int, ...]) -> _Growing:
+        if name not in self._open:
+            self._open[name] = _Growing(self.folder / f"{name}.npy", dtype, row)
+        return self._open[name]
+
+    def _skeleton(self, skeleton: Skeleton) -> int:
+        return self._skeletons.setdefault(_skeleton_text(skeleton), len(self._skeletons))
+
+    def samples(
+        self, extents: Sequence[tuple[int, int, int]], n_samples: int, n_joints: int
+    ) -> StoredSamples:
+        """Return the samples of the library that is being written."""
+        self._shelve()
+        files = tuple(self.folder / f"samples-{shard}.npy" for shard in self.shards)
+        return StoredSamples(files, merged(extents), n_samples, n_joints)
+
+    def _shelve(self) -> None:
+        """Close the files of frames and samples: they are complete."""
+        for name in [name for name in self._open if name.startswith(("samples-", "frames-"))]:
+            self._open.pop(name).close()
+            self._names.append(f"{name}.npy")
+
+    def is_scattered(self, places: Sequence[Place]) -> bool:
+        """Tell whether clips lie in too many files, or these hold too much that is of no use."""
+        if len(self.shards) > _MOST_SHARDS:
+            return True
+        used = sum(place.size for place in places)
+        before = [self.folder / f"frames-{shard}.npy" for shard in self.shards]
+        held = sum(
+            path.stat().st_size for path in before if path.name != f"frames-{self._generation}.npy"
+        )
+        return 8 * used < held / 2
+
+    def edge_keys(self) -> list[str]:
+        """Return the names of the edges taken."""
+        return [name.removeprefix("edges-") for name in self._open if name.startswith("edges-")]
+
+    def write_array(
+        self, name: str, dtype: str, pieces: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
+    ) -> None:
+        """Write an array, piece by piece."""
+        path = self.folder / f"{name}.npy"
+        path.parent.mkdir(exist_ok=True)
+        several = iter([pieces]) if isinstance(pieces, np.ndarray) else pieces
+        growing: _Growing | None = None
+        for piece in several:
+            if growing is None:
+                growing = _Growing(path, dtype, piece.shape[1:])
+            growing.append(piece)
+        if growing is not None:
+            growing.close()
+            self._names.append(f"{name}.npy")
+
+    def write_catalogue(
+        self,
+        entries: Sequence[Entry],
+        places: Sequence[Place],
+        refused: Mapping[str, str],
+        segments: npt.NDArray[np.int64],
+        labels: Mapping[str, IntArray],
+    ) -> None:
+        """Write what is known of clips, segments and labels, as tables.
+
+        `segments` has the columns clip, start, stop and is_donor.
+        """
+        inside = [_inward(entry, self.final) for entry in entries]
+        with contextlib.closing(sqlite3.connect(self.folder / CATALOGUE)) as base, base:
+            base.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _TABLES)
+            base.executemany(
+                "INSERT INTO skeleton VALUES (?, ?)",
+                [(number, text) for text, number in self._skeletons.items()],
+            )
+            base.executemany(
+                f"INSERT INTO clip VALUES ({', '.join('?' * _COLUMNS)})",
+                [
+                    _row(number, entry, place)
+                    for number, (entry, place) in enumerate(zip(inside, places, strict=True))
+                ],
+            )
+            base.executemany("INSERT INTO refused VALUES (?, ?)", list(refused.items()))
+            base.executemany(
+                "INSERT INTO segment VALUES (?, ?, ?, ?, ?)",
+                [(number, *row) for number, row in enumerate(segments.tolist())],
+            )
+            for group, own in labels.items():
+                order = np.argsort(own, kind="stable")
+                rows = zip(own[order].tolist(), order.tolist(), strict=True)
+                base.executemany(
+                    "INSERT INTO label VALUES (?, ?, ?)", [(group, *row) for row in rows]
+                )
+        self._names.append(CATALOGUE)
+
+    def commit(self, about: Mapping[str, Any]) -> None:
+        """Make this generation the library."""
+        self._shelve()
+        self.close()
+        for path in self.folder.glob("edges-*.npy"):
+            path.unlink()
+        names = [f"{self._generation}/{name}" for name in self._names]
+        self._seals |= _seals(self._root, names)
+        document = {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "mograft": VERSION,
+            "generation": self._generation,
+            **about,
+            "shards": self.shards,
+            "files": dict(sorted(self._seals.items())),
+        }
+        document["checksum"] = _checksum(document)
+        for name in names:
+            _sync(self._root / name)
+        _sync(self.folder)
+        draft = self._root / f"{MANIFEST}.{self._generation}"
+        draft.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        _sync(draft)
+        draft.replace(self._root / MANIFEST)
+        _sync(self._root)
+        if self._root != self.final:
+            self._root.rename(self.final)
+            _sync(self.final.parent)
+
+    def close(self) -> None:
+        """Close all files."""
+        for growing in self._open.values():
+            growing.close()
+
+    @property
+    def skeletons(self) -> tuple[Skeleton, ...]:
+        """The skeletons of the clips taken."""
+        return tuple(map(_read_skeleton, self._skeletons))
+
+
+@contextlib.contextmanager
+def writing(path: Path, *, force: bool = False, add: bool = False) -> Iterator[Draft]:
+    """Begin the next generation of a library, which counts once it is committed.
+
+    Parameters
+    ----------
+    path : Path
+        The library.
+    force : bool
+        Put another library in the place of one that is there.
+    add : bool
+        Go on from the library that is there.
+
+    Yields
+    ------
+    Draft
+        What to write to. What is not committed is gone afterwards.
+
+    Raises
+    ------
+    FileExistsError
+        If there is a library already.
+    LibraryError
+        If something else is there, or another process is writing.
+    """
+    final = Path(os.path.abspath(path))
+    final.parent.mkdir(parents=True, exist_ok=True)
+    exists = final.exists() and (not final.is_dir() or any(final.iterdir()))
+    if not exists and not add:
+        _sweep(final)
+        partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        try:
+            with _locked(partial):
+                yield from _drafted(Draft(partial, final, None, 1))
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+        return
+    if exists and not add and not force:
+        raise FileExistsError(17, "is there already; --force (force=True) overwrites", str(path))
+    if not add:
+        _check_ours(final)
+    with _locked(final):
+        base = read(final) if add else None
+        try:
+            number = int(read_manifest(final)["generation"]) + 1
+        except LibraryError:
+            number = _free_number(final)
+        kept = {MANIFEST, LOCK, f"{number - 1:04d}"}
+        _remove(final, kept)
+        draft = Draft(final, final, base, number)
+        try:
+            yield from _drafted(draft)
+        finally:
+            with contextlib.suppress(LibraryError, OSError):
+                _remove(final, {MANIFEST, LOCK, read_manifest(final)["generation"]})
+
+
+def _drafted(draft: Draft) -> Iterator[Draft]:
+    try:
+        yield draft
+    finally:
+        draft.close()
+
+
+def _check_ours(folder: Path) -> None:
+    """Check that what is to be overwritten is a library, though perhaps a damaged one."""
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    if MANIFEST not in names or not all(
+        name in (MANIFEST, LOCK) or name[:4].isdigit() or name.startswith(f"{MANIFEST}.")
+        for name in names
+    ):
+        raise LibraryError(
+            f"{folder} is no mograft library: it is not overwritten; remove it first"
+        )
+
+
+def _free_number(folder: Path) -> int:
+    taken = [int(path.name) for path in folder.iterdir() if path.name.isdigit()]
+    return max(taken, default=0) + 1
+
+
+def _remove(folder: Path, kept: set[str]) -> None:
+    for path in folder.iterdir():
+        if path.name in kept or not (path.name.isdigit() or path.name.startswith(f"{MANIFEST}.")):
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _sweep(final: Path) -> None:
+    """Remove what killed processes have left of libraries of that name."""
+    for path in final.parent.glob(f".{_escaped(final.name)}.partial-*"):
+        with contextlib.suppress(LibraryError, OSError), _locked(path):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _escaped(name: str) -> str:
+    import glob
+
+    return glob.escape(name)
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of those that write to a folder; it ends with the process at the latest."""
+    with (folder / LOCK).open("ab") as stream:
+        _lock(stream, folder)
+        yield
+
+
+def _lock(stream: IO[bytes], folder: Path) -> None:
+    try:
+        import fcntl
+    except ImportError:
+        return
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise LibraryError(f"another process is writing to {folder}; try again later") from error
+
+
+def _sync(path: Path) -> None:
+    """See that a file, or the names in a folder, have reached the disk."""
+    flags = os.O_RDONLY
+    try:
+        handle = os.open(path, flags)
+    except OSError:
+        return  # folders cannot be opened everywhere
+    try:
+        with contextlib.suppress(OSError):
+            os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+# The catalogue.
+
+_TABLES = """
+CREATE TABLE skeleton (id INTEGER PRIMARY KEY, json TEXT NOT NULL);
+CREATE TABLE clip (
+    id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, own_name TEXT NOT NULL,
+    path TEXT, bytes INTEGER, mtime_ns INTEGER, sha256 TEXT,
+    rate REAL NOT NULL, given_rate REAL, own_frames INTEGER NOT NULL, n_frames INTEGER NOT NULL,
+    root INTEGER NOT NULL, up INTEGER NOT NULL, faults TEXT NOT NULL, tags TEXT NOT NULL,
+    shard INTEGER NOT NULL, first_number INTEGER NOT NULL, n_numbers INTEGER NOT NULL,
+    first_row INTEGER NOT NULL, kind TEXT NOT NULL, frame_time REAL NOT NULL,
+    repairs TEXT NOT NULL, skeleton INTEGER NOT NULL REFERENCES skeleton
+);
+CREATE TABLE refused (path TEXT, reason TEXT NOT NULL);
+CREATE TABLE segment (
+    id INTEGER PRIMARY KEY, clip INTEGER NOT NULL REFERENCES clip,
+    start INTEGER NOT NULL, stop INTEGER NOT NULL, is_donor INTEGER NOT NULL
+);
+CREATE TABLE label (
+    joint_group TEXT NOT NULL, cluster INTEGER NOT NULL,
+    segment INTEGER NOT NULL REFERENCES segment,
+    PRIMARY KEY (joint_group, cluster, segment)
+) WITHOUT ROWID;
+"""
+_COLUMNS = 23
+
+
+def _row(number: int, entry: Entry, place: Place) -> tuple[Any, ...]:
+    origin = (None,) * 4 if entry.origin is None else astuple(entry.origin)
+    return (
+        number,
+        entry.name,
+        entry.own_name,
+        *origin,
+        entry.rate,
+        entry.given_rate,
+        entry.own_frames,
+        entry.n_frames,
+        entry.root,
+        entry.up,
+        json.dumps(entry.faults),
+        json.dumps(entry.tags),
+        place.shard,
+        place.at,
+        place.size,
+        place.row,
+        place.kind,
+        place.frame_time,
+        json.dumps(place.repairs),
+        place.skeleton,
+    )
+
+
+def _inward(entry: Entry, folder: Path) -> Entry:
+    """Return the entry with its file's path as seen from the library."""
+    if entry.origin is None:
+        return entry
+    try:
+        path = Path(os.path.relpath(entry.origin.path, folder)).as_posix()
+    except ValueError:  # on another drive there is no way from here
+        path = Path(os.path.abspath(entry.origin.path)).as_posix()
+    return replace(entry, origin=replace(entry.origin, path=path))
+
+
+def _read_catalogue(
+    path: Path,
+) -> tuple[tuple[Entry, ...], tuple[Place, ...], tuple[Skeleton, ...], dict[str, str]]:
+    # As immutable: nothing is ever written beside it, and no lock is asked for.
+    uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
+    folder = str(path.absolute().parent.parent)
+    entries, places = [], []
+    with contextlib.closing(sqlite3.connect(uri, uri=True)) as base:
+        for row in base.execute("SELECT * FROM clip ORDER BY id"):
+            origin = None
+            if row[3] is not None:
+                where = os.path.normpath(os.path.join(folder, row[3]))
+                origin = Origin(where, row[4], row[5], row[6])
+            faults, tags = (tuple(json.loads(text)) if text != "[]" else () for text in row[13:15])
+            facts = row[7], row[8], row[9], row[10], row[11], row[12]
+            entries.append(Entry(row[1], row[2], origin, *facts, faults, tags))
+            repairs = tuple(json.loads(row[21])) if row[21] != "[]" else ()
+            place = row[15], row[16], row[17], row[18], row[19], row[20]
+            places.append(Place(*place, repairs, row[22]))
+        skeletons = tuple(
+            _read_skeleton(text)
+            for (text,) in base.execute("SELECT json FROM skeleton ORDER BY id")
+        )
+        refused = dict(base.execute("SELECT path, reason FROM refused"))
+    return tuple(entries), tuple(places), skeletons, refused
+
+
+def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
+    """Return a skeleton as JSON can hold it."""
+    return {
+        "names": skeleton.names,
+        "parents": skeleton.parents.tolist(),
+        "offsets": skeleton.offsets.tolist(),
+        "channels": skeleton.channels,
+        "end_sites": [
+            [site.parent, site.offset.tolist(), site.before, site.name]
+            for site in skeleton.end_sites
+        ],
+    }
+
+
+def skeleton_of(fields: Mapping[str, Any]) -> Skeleton:
+    """Return the skeleton that `skeleton_fields` made fields of."""
+    rest = {key: value for key, value in fields.items() if key != "end_sites"}
+    return Skeleton(**rest, end_sites=tuple(EndSite(*own) for own in fields["end_sites"]))
+
+
+def _skeleton_text(skeleton: Skeleton) -> str:
+    return json.dumps(skeleton_fields(skeleton))
+
+
+def _read_skeleton(text: str) -> Skeleton:
+    return skeleton_of(json.loads(text))
