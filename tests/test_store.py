@@ -409,7 +409,7 @@ def test_one_writes_at_a_time_and_many_read(clips, tmp_path):
 
 
 ENVIRONMENT = dict(os.environ)
-"""Before a cluster leaves word to use one thread of BLAS: eigenvectors' last bits tell them apart."""
+"""As it was before a cluster leaves word to use one thread of BLAS, which last bits depend on."""
 
 ADDING = """
 import sys, warnings
