@@ -19,22 +19,16 @@ if TYPE_CHECKING:
     from mograft.constraints import (
         Avoid,
         AvoidSelf,
-        Box,
-        Capsule,
-        Character,
         Constraint,
         Custom,
         Face,
-        HalfSpace,
         KeepOriginal,
         KeepOut,
         MaxAngle,
         MaxStretch,
         NotFrom,
         OnlyFrom,
-        Poses,
         Reach,
-        Sphere,
         Violation,
     )
     from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
@@ -46,6 +40,8 @@ if TYPE_CHECKING:
     from mograft.interop import from_pybvh, to_pybvh
     from mograft.library import Library
     from mograft.motion import Motion
+    from mograft.obstacles import Box, Capsule, Character, HalfSpace, Sphere
+    from mograft.poses import Poses
     from mograft.segmentation import Segments, kinetic_energy, segment
     from mograft.skeleton import EndSite, Skeleton
     from mograft.substitution import Candidate, Candidates
@@ -55,8 +51,8 @@ _HOMES = {
     "bvh": "BvhSummary read_bvh scan_bvh write_bvh",
     "clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
     "config": "Config",
-    "constraints": "Avoid AvoidSelf Box Capsule Character Constraint Custom Face HalfSpace "
-    "KeepOriginal KeepOut MaxAngle MaxStretch NotFrom OnlyFrom Poses Reach Sphere Violation",
+    "constraints": "Avoid AvoidSelf Constraint Custom Face KeepOriginal KeepOut MaxAngle "
+    "MaxStretch NotFrom OnlyFrom Reach Violation",
     "errors": "BvhError LibraryError MograftError SkeletonMismatchError",
     "faults": "Fault find_faults",
     "footskate": "FeetReport foot_skate plant_feet",
@@ -66,6 +62,8 @@ _HOMES = {
     "interop": "from_pybvh to_pybvh",
     "library": "Library",
     "motion": "Motion",
+    "obstacles": "Box Capsule Character HalfSpace Sphere",
+    "poses": "Poses",
     "segmentation": "Segments kinetic_energy segment",
     "skeleton": "EndSite Skeleton",
     "substitution": "Candidate Candidates",

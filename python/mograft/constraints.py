@@ -10,302 +10,41 @@ of the base motion, both ends included.
 import fnmatch
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray, as_floats
+from mograft._fields import above_zero, not_negative, vector
 from mograft.anatomy import anatomy
-from mograft.body import body, up_axis
-from mograft.capsules import Capsules, box_clearance, capsules, clearance
-from mograft.motion import Motion
+from mograft.body import body
+from mograft.capsules import Capsules, clearance
+from mograft.obstacles import Obstacle, Vector
+from mograft.poses import Poses
 from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
 
 __all__ = [
     "Avoid",
     "AvoidSelf",
-    "Box",
-    "Capsule",
-    "Character",
     "Constraint",
     "Custom",
     "Face",
-    "HalfSpace",
     "KeepOriginal",
     "KeepOut",
     "MaxAngle",
     "MaxStretch",
     "NotFrom",
-    "Obstacle",
     "OnlyFrom",
-    "Poses",
     "Reach",
-    "Sphere",
     "Violation",
     "violations",
 ]
 
-Vector = tuple[float, float, float]
 Span = tuple[int, int]
-
-
-@dataclass(frozen=True, eq=False)
-class Poses:
-    """A body in some frames, as constraints see it.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-        Whose it is.
-    frames : ndarray of int, shape (n,)
-        Frames of the base motion; one may come several times, in different poses.
-    rotations : ndarray, shape (n, n_joints, 4)
-        World rotations.
-    positions : ndarray, shape (n, n_joints, 3)
-        World positions.
-    frame_time : float
-        Seconds from one frame to the next.
-    capsules : Capsules
-        The flesh.
-    height : float
-        Stature in the file's unit.
-    up : int
-        The axis that points up.
-    """
-
-    skeleton: Skeleton
-    frames: IntArray
-    rotations: FloatArray
-    positions: FloatArray
-    frame_time: float
-    capsules: Capsules
-    height: float
-    up: int
-
-    @classmethod
-    def of(cls, motion: Motion, flesh: Capsules | None = None) -> "Poses":
-        """Return all frames of a motion.
-
-        Parameters
-        ----------
-        motion : Motion
-            The motion.
-        flesh : Capsules, optional
-            Its capsules. Default: those of `capsules`.
-        """
-        skeleton = motion.skeleton
-        return cls(
-            skeleton,
-            np.arange(motion.n_frames),
-            *motion.world(),
-            motion.frame_time,
-            capsules(skeleton) if flesh is None else flesh,
-            body(skeleton).height,
-            up_axis(motion),
-        )
-
-    def at(self, frames: IntArray, turned: FloatArray, placed: FloatArray) -> "Poses":
-        """Return the same body in other poses."""
-        return Poses(
-            self.skeleton,
-            frames,
-            turned,
-            placed,
-            self.frame_time,
-            self.capsules,
-            self.height,
-            self.up,
-        )
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    @cached_property
-    def ends(self) -> FloatArray:
-        """Both ends of each capsule, shape (n, n_capsules, 2, 3)."""
-        return self.capsules.ends(self.rotations, self.positions)
-
-    def place(self, joint: str) -> FloatArray:
-        """Return where a joint is in the world, shape (n, 3)."""
-        return self.positions[:, self.skeleton.index(joint)]
-
 
 Errors = tuple[FloatArray, IntArray]
 """For each pose the error, in tolerances, and the joint that has it; -1 where none has."""
-
-
-class Obstacle(Protocol):
-    """Something that a body can be near to."""
-
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
-        """Return for each pose how far the nearest of some capsules is, and which that is."""
-        ...
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """A ball.
-
-    Parameters
-    ----------
-    center : tuple of float
-        Its middle, in the file's unit.
-    radius : float
-        In the file's unit.
-    """
-
-    center: Vector
-    radius: float
-
-    def __post_init__(self) -> None:
-        _vector(self, "center")
-        _not_negative(self, "radius")
-
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
-        return Capsule(self.center, self.center, self.radius).distances(poses, counted)
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """A pole with round ends.
-
-    Parameters
-    ----------
-    start, stop : tuple of float
-        The ends of its axis, in the file's unit.
-    radius : float
-        In the file's unit.
-    """
-
-    start: Vector
-    stop: Vector
-    radius: float
-
-    def __post_init__(self) -> None:
-        _vector(self, "start")
-        _vector(self, "stop")
-        _not_negative(self, "radius")
-
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
-        ends = np.array([[[self.start, self.stop]]])
-        return _nearest(poses, counted, ends, np.array([self.radius]), None)
-
-
-@dataclass(frozen=True)
-class Box:
-    """A box, turned as one likes.
-
-    Parameters
-    ----------
-    center : tuple of float
-        Its middle, in the file's unit.
-    half : tuple of float
-        Half of its length along each of its own axes.
-    rotation : tuple of float
-        A unit quaternion, xyzw. Default: along the axes of the world.
-    """
-
-    center: Vector
-    half: Vector
-    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        _vector(self, "center")
-        _vector(self, "half")
-        if min(self.half) < 0:
-            raise ValueError(f"half must not be negative, got {self.half}")
-        turn = as_floats("rotation", self.rotation, (4,))
-        if abs(np.linalg.norm(turn) - 1) > 1e-6:
-            raise ValueError(f"rotation must be a unit quaternion, got {self.rotation}")
-
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
-        apart = box_clearance(
-            poses.ends[:, counted],
-            poses.capsules.radii[counted],
-            np.array(self.center, float),
-            np.array(self.half, float),
-            np.array(self.rotation, float),
-        )
-        return _least(apart, counted)
-
-
-@dataclass(frozen=True)
-class HalfSpace:
-    """All that is behind a plane, such as a wall or the floor.
-
-    Parameters
-    ----------
-    point : tuple of float
-        A point of the plane, in the file's unit.
-    normal : tuple of float
-        Points to where the body may be; of any length.
-    """
-
-    point: Vector
-    normal: Vector
-
-    def __post_init__(self) -> None:
-        _vector(self, "point")
-        _vector(self, "normal")
-        if not any(self.normal):
-            raise ValueError("normal must not be zero")
-
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
-        normal = np.array(self.normal, float) / np.linalg.norm(self.normal)
-        above = (poses.ends[:, counted] - np.array(self.point, float)) @ normal
-        return _least(above.min(axis=2) - poses.capsules.radii[counted], counted)
-
-
-@dataclass(frozen=True, eq=False)
-class Character:
-    """Somebody else who moves.
-
-    Parameters
-    ----------
-    motion : Motion
-        What they do, on a skeleton of their own. Before and after it they stand still.
-    offset : tuple of float
-        Where they are moved to, in the file's unit.
-    yaw : float
-        By what angle they are turned about the upward axis of the world first, in radians.
-    delay : float
-        How many seconds after the base motion they begin.
-    radius : float
-        Factor on the radii of their capsules.
-    """
-
-    motion: Motion
-    offset: Vector = (0.0, 0.0, 0.0)
-    yaw: float = 0.0
-    delay: float = 0.0
-    radius: float = 1.0
-
-    def __post_init__(self) -> None:
-        _vector(self, "offset")
-        _not_negative(self, "radius")
-
-    @cached_property
-    def _flesh(self) -> tuple[FloatArray, FloatArray]:
-        own = capsules(self.motion.skeleton)
-        ends = own.ends(*self.motion.world())
-        axis = np.zeros(3)
-        axis[up_axis(self.motion)] = 1.0
-        turn = np.broadcast_to(rotations.exp(self.yaw * axis), (*ends.shape[:-1], 4))
-        return rotations.rotate(turn, ends) + np.array(self.offset, float), own.radii * self.radius
-
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
-        ends, radii = self._flesh
-        seconds = poses.frames * poses.frame_time - self.delay
-        at = np.round(seconds / self.motion.frame_time).astype(np.int64)
-        return _nearest(poses, counted, ends, radii, at.clip(0, self.motion.n_frames - 1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -405,7 +144,7 @@ class Avoid(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _above_zero(self, "tolerance")
+        above_zero(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
@@ -445,7 +184,7 @@ class AvoidSelf(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _above_zero(self, "tolerance")
+        above_zero(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
@@ -512,8 +251,8 @@ class Reach(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _vector(self, "target")
-        _above_zero(self, "tolerance")
+        vector(self, "target")
+        above_zero(self, "tolerance")
         if self.frame < 0:
             raise ValueError(f"frame must not be negative, got {self.frame}")
         object.__setattr__(self, "frames", (self.frame, self.frame))
@@ -558,8 +297,8 @@ class Face(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _vector(self, "target")
-        _above_zero(self, "tolerance")
+        vector(self, "target")
+        above_zero(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
@@ -610,7 +349,7 @@ class KeepOut(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _above_zero(self, "tolerance")
+        above_zero(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
@@ -764,7 +503,7 @@ class MaxStretch(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _not_negative(self, "limit")
+        not_negative(self, "limit")
 
     def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
         """As `Constraint.misses`."""
@@ -793,7 +532,7 @@ class MaxAngle(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _above_zero(self, "limit")
+        above_zero(self, "limit")
         if self.weight is not None or self.frames is not None:
             raise ValueError("MaxAngle takes neither weight nor frames: it holds at every seam")
 
@@ -869,21 +608,6 @@ def violations(
     return found
 
 
-def _vector(owner: object, name: str) -> None:
-    numbers = as_floats(name, getattr(owner, name), (3,))
-    object.__setattr__(owner, name, tuple(numbers.tolist()))
-
-
-def _above_zero(owner: object, name: str) -> None:
-    if not getattr(owner, name) > 0:
-        raise ValueError(f"{name} must be above 0, got {getattr(owner, name)}")
-
-
-def _not_negative(owner: object, name: str) -> None:
-    if not getattr(owner, name) >= 0:
-        raise ValueError(f"{name} must not be negative, got {getattr(owner, name)}")
-
-
 def _where(constraint: Constraint, poses: Poses, errors: Callable[[Poses], Errors]) -> Errors:
     """Ask for errors only in the frames where a constraint holds."""
     holds = constraint.applies(poses.frames)
@@ -898,24 +622,6 @@ def _where(constraint: Constraint, poses: Poses, errors: Callable[[Poses], Error
 
 def _counted(flesh: Capsules, joints: BoolArray | None) -> IntArray:
     return np.arange(len(flesh)) if joints is None else np.flatnonzero(joints[flesh.joints])
-
-
-def _nearest(
-    poses: Poses, counted: IntArray, others: FloatArray, radii: FloatArray, at: IntArray | None
-) -> tuple[FloatArray, IntArray]:
-    distance, which = clearance(
-        poses.ends[:, counted], poses.capsules.radii[counted], others, radii, at
-    )
-    return distance, np.where(which[:, 0] >= 0, counted[which[:, 0]], -1) if len(counted) else (
-        which[:, 0]
-    )
-
-
-def _least(apart: FloatArray, counted: IntArray) -> tuple[FloatArray, IntArray]:
-    if not len(counted):
-        return np.full(len(apart), np.inf), np.full(len(apart), -1)
-    nearest = apart.argmin(axis=1)
-    return apart[np.arange(len(apart)), nearest], counted[nearest]
 
 
 def _forward(skeleton: Skeleton, up: int) -> FloatArray:

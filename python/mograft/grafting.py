@@ -660,8 +660,9 @@ def repair(
 
     Examples
     --------
-    >>> from mograft.constraints import Avoid, Sphere
+    >>> from mograft.constraints import Avoid
     >>> from mograft.dancer import dance
+    >>> from mograft.obstacles import Sphere
     >>> motion = dance(strides=1).motion
     >>> far = Avoid(Sphere((0.0, 900.0, 0.0), 5.0))
     >>> any(not s.is_own for s in repair(Library.build(motion), constraints=[far]).substitutions)

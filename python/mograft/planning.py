@@ -15,9 +15,10 @@ import numpy as np
 
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.config import Config
-from mograft.constraints import AvoidSelf, Constraint, MaxAngle, Poses
+from mograft.constraints import AvoidSelf, Constraint, MaxAngle
 from mograft.library import Library
 from mograft.motion import Motion
+from mograft.poses import Poses
 from mograft.resample import segments as resampled
 from mograft.search import Chain, best, viterbi
 from mograft.segmentation import Segments

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from mograft.constraints import Constraint, Obstacle
+    from mograft.constraints import Constraint
+    from mograft.obstacles import Obstacle
 
 T = TypeVar("T")
 
@@ -90,13 +91,14 @@ def constraints(options: argparse.Namespace) -> "list[Constraint]":
 
     from mograft import constraints as of
     from mograft.bvh import read_bvh
+    from mograft.obstacles import Character
 
     found: list[Constraint] = []
     for kind, numbers in options.avoid:
         if kind in _SHAPES:
             found.append(of.Avoid(_shape(kind, numbers)))
             continue
-        other = of.Character(
+        other = Character(
             read_bvh(kind),
             (numbers[0], numbers[1], numbers[2]),
             float(np.radians(numbers[3])),
@@ -122,7 +124,7 @@ def constraints(options: argparse.Namespace) -> "list[Constraint]":
 
 
 def _shape(kind: str, numbers: list[float]) -> "Obstacle":
-    from mograft import constraints as of
+    from mograft import obstacles as of
 
     x, y, z, *rest = numbers
     if kind == "sphere":

@@ -1,0 +1,211 @@
+"""Things in the world that a body can be near to: balls, poles, boxes, walls, somebody else.
+
+Places and sizes are in the file's unit.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from mograft import rotations
+from mograft._arrays import FloatArray, IntArray, as_floats
+from mograft._fields import not_negative, vector
+from mograft.body import up_axis
+from mograft.capsules import box_clearance, capsules, clearance
+from mograft.motion import Motion
+from mograft.poses import Poses
+
+__all__ = ["Box", "Capsule", "Character", "HalfSpace", "Obstacle", "Sphere", "Vector"]
+
+Vector = tuple[float, float, float]
+
+
+class Obstacle(Protocol):
+    """Something that a body can be near to."""
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return for each pose how far the nearest of some capsules is, and which that is."""
+        ...
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball.
+
+    Parameters
+    ----------
+    center : tuple of float
+        Its middle, in the file's unit.
+    radius : float
+        In the file's unit.
+    """
+
+    center: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        vector(self, "center")
+        not_negative(self, "radius")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        return Capsule(self.center, self.center, self.radius).distances(poses, counted)
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A pole with round ends.
+
+    Parameters
+    ----------
+    start, stop : tuple of float
+        The ends of its axis, in the file's unit.
+    radius : float
+        In the file's unit.
+    """
+
+    start: Vector
+    stop: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        vector(self, "start")
+        vector(self, "stop")
+        not_negative(self, "radius")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        ends = np.array([[[self.start, self.stop]]])
+        return _nearest(poses, counted, ends, np.array([self.radius]), None)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box, turned as one likes.
+
+    Parameters
+    ----------
+    center : tuple of float
+        Its middle, in the file's unit.
+    half : tuple of float
+        Half of its length along each of its own axes.
+    rotation : tuple of float
+        A unit quaternion, xyzw. Default: along the axes of the world.
+    """
+
+    center: Vector
+    half: Vector
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        vector(self, "center")
+        vector(self, "half")
+        if min(self.half) < 0:
+            raise ValueError(f"half must not be negative, got {self.half}")
+        turn = as_floats("rotation", self.rotation, (4,))
+        if abs(np.linalg.norm(turn) - 1) > 1e-6:
+            raise ValueError(f"rotation must be a unit quaternion, got {self.rotation}")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        apart = box_clearance(
+            poses.ends[:, counted],
+            poses.capsules.radii[counted],
+            np.array(self.center, float),
+            np.array(self.half, float),
+            np.array(self.rotation, float),
+        )
+        return _least(apart, counted)
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """All that is behind a plane, such as a wall or the floor.
+
+    Parameters
+    ----------
+    point : tuple of float
+        A point of the plane, in the file's unit.
+    normal : tuple of float
+        Points to where the body may be; of any length.
+    """
+
+    point: Vector
+    normal: Vector
+
+    def __post_init__(self) -> None:
+        vector(self, "point")
+        vector(self, "normal")
+        if not any(self.normal):
+            raise ValueError("normal must not be zero")
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        normal = np.array(self.normal, float) / np.linalg.norm(self.normal)
+        above = (poses.ends[:, counted] - np.array(self.point, float)) @ normal
+        return _least(above.min(axis=2) - poses.capsules.radii[counted], counted)
+
+
+@dataclass(frozen=True, eq=False)
+class Character:
+    """Somebody else who moves.
+
+    Parameters
+    ----------
+    motion : Motion
+        What they do, on a skeleton of their own. Before and after it they stand still.
+    offset : tuple of float
+        Where they are moved to, in the file's unit.
+    yaw : float
+        By what angle they are turned about the upward axis of the world first, in radians.
+    delay : float
+        How many seconds after the base motion they begin.
+    radius : float
+        Factor on the radii of their capsules.
+    """
+
+    motion: Motion
+    offset: Vector = (0.0, 0.0, 0.0)
+    yaw: float = 0.0
+    delay: float = 0.0
+    radius: float = 1.0
+
+    def __post_init__(self) -> None:
+        vector(self, "offset")
+        not_negative(self, "radius")
+
+    @cached_property
+    def _flesh(self) -> tuple[FloatArray, FloatArray]:
+        own = capsules(self.motion.skeleton)
+        ends = own.ends(*self.motion.world())
+        axis = np.zeros(3)
+        axis[up_axis(self.motion)] = 1.0
+        turn = np.broadcast_to(rotations.exp(self.yaw * axis), (*ends.shape[:-1], 4))
+        return rotations.rotate(turn, ends) + np.array(self.offset, float), own.radii * self.radius
+
+    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+        """As `Obstacle.distances`."""
+        ends, radii = self._flesh
+        seconds = poses.frames * poses.frame_time - self.delay
+        at = np.round(seconds / self.motion.frame_time).astype(np.int64)
+        return _nearest(poses, counted, ends, radii, at.clip(0, self.motion.n_frames - 1))
+
+
+def _nearest(
+    poses: Poses, counted: IntArray, others: FloatArray, radii: FloatArray, at: IntArray | None
+) -> tuple[FloatArray, IntArray]:
+    distance, which = clearance(
+        poses.ends[:, counted], poses.capsules.radii[counted], others, radii, at
+    )
+    return distance, np.where(which[:, 0] >= 0, counted[which[:, 0]], -1) if len(counted) else (
+        which[:, 0]
+    )
+
+
+def _least(apart: FloatArray, counted: IntArray) -> tuple[FloatArray, IntArray]:
+    if not len(counted):
+        return np.full(len(apart), np.inf), np.full(len(apart), -1)
+    nearest = apart.argmin(axis=1)
+    return apart[np.arange(len(apart)), nearest], counted[nearest]
