@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from mograft.poses import Poses
     from mograft.segmentation import Segments, kinetic_energy, segment
     from mograft.skeleton import EndSite, Skeleton
+    from mograft.stream import Stream
     from mograft.substitution import Candidate, Candidates
     from mograft.viewing import Page, report_page, view
 
@@ -66,6 +67,7 @@ _HOMES = {
     "poses": "Poses",
     "segmentation": "Segments kinetic_energy segment",
     "skeleton": "EndSite Skeleton",
+    "stream": "Stream",
     "substitution": "Candidate Candidates",
     "viewing": "Page report_page view",
 }
@@ -112,6 +114,7 @@ __all__ = [
     "Skeleton",
     "SkeletonMismatchError",
     "Sphere",
+    "Stream",
     "Substitution",
     "Violation",
     "__version__",

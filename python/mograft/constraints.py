@@ -536,6 +536,14 @@ class MaxAngle(Constraint):
         if self.weight is not None or self.frames is not None:
             raise ValueError("MaxAngle takes neither weight nor frames: it holds at every seam")
 
+    def violation(self, group: str, frame: int, angle: float) -> "Violation":
+        """Return that a group's seam at a frame is too wide."""
+        told = (
+            f"MaxAngle is not met at frame {frame}: the seam of {group} is "
+            f"{np.degrees(angle):.1f}°, {np.degrees(self.limit):.1f}° are allowed"
+        )
+        return Violation(self, (frame, frame), frame, angle / self.limit, "", told)
+
 
 @dataclass(frozen=True)
 class Violation:

@@ -298,7 +298,7 @@ class _Plan:
         constraints: Sequence[Constraint],
         order: Sequence[int] | IntArray | None = None,
     ) -> "_Plan":
-        groups = _swapped(library, swap)
+        groups = swapped(library, swap)
         if order is None:
             library, at = library.holding(base)
             scenario = library.segments.of_clip(at)
@@ -425,13 +425,7 @@ class _Plan:
                 for at, angle in enumerate(problem.pools[group].gaps_along(donors).tolist()):
                     if angle > constraint.limit:
                         frame = int(problem.cut.stop[at])
-                        told = (
-                            f"MaxAngle is not met at frame {frame}: the seam of {group} is "
-                            f"{np.degrees(angle):.1f}°, {np.degrees(constraint.limit):.1f}° are "
-                            "allowed"
-                        )
-                        error = angle / constraint.limit
-                        found.append(Violation(constraint, (frame, frame), frame, error, "", told))
+                        found.append(constraint.violation(group, frame, angle))
         return found
 
     def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
@@ -732,7 +726,7 @@ def _side_by_side(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
     return list(islice(dict.fromkeys(chain(turns, others)), count))
 
 
-def _swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
+def swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
     """Check and return the groups to graft, in the library's order."""
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]

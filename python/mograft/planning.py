@@ -22,10 +22,11 @@ from mograft.poses import Poses
 from mograft.resample import segments as resampled
 from mograft.search import Chain, best, viterbi
 from mograft.segmentation import Segments
+from mograft.skeleton import Skeleton
 from mograft.substitution import BEYOND, Candidates, Pool, Row
 from mograft.transplant import Part, recombine, transplant
 
-__all__ = ["Donors", "Problem", "reasons", "take"]
+__all__ = ["Donors", "Problem", "owners", "reasons", "take"]
 
 Donors = dict[str, IntArray]
 """For every grafted group the donor at each position."""
@@ -44,6 +45,15 @@ _CHUNK = 20_000
 def take(segments: Segments, chosen: IntArray) -> Segments:
     """Return some of the segments, in the order given."""
     return Segments(segments.start[chosen], segments.stop[chosen], segments.clip[chosen])
+
+
+def owners(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
+    """Return for groups of joints the joints that each moves and no group below it does."""
+    name = [""] * skeleton.n_joints
+    own = {int(joint): group for group, joints in members.items() for joint in joints}
+    for joint, parent in enumerate(skeleton.parents):
+        name[joint] = own.get(joint, name[parent] if parent >= 0 else "")
+    return {group: np.array([n == group for n in name]) for group in members}
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,12 +162,8 @@ class Problem:
     @cached_property
     def owner(self) -> dict[str, BoolArray]:
         """For every grafted group the joints that it moves and no group below it does."""
-        skeleton = self.base.skeleton
-        name = [""] * skeleton.n_joints
-        own = {int(j): group for group in self.pools for j in self.library.joints(group)}
-        for joint, parent in enumerate(skeleton.parents):
-            name[joint] = own.get(joint, name[parent] if parent >= 0 else "")
-        return {group: np.array([n == group for n in name]) for group in self.pools}
+        members = {group: self.library.joints(group) for group in self.pools}
+        return owners(self.base.skeleton, members)
 
     def narrowed(self, chosen: Donors) -> "Problem":
         """Return the problem with other donors only where a choice misses something, and near."""

@@ -11,7 +11,7 @@ from mograft.body import inertia as moments
 from mograft.config import Config
 from mograft.motion import Motion
 
-__all__ = ["Segments", "gaussian", "kinetic_energy", "segment"]
+__all__ = ["Cutter", "Segments", "gaussian", "kinetic_energy", "segment"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,13 +128,20 @@ def gaussian(values: FloatArray, sigma: float) -> FloatArray:
     -----
     As ``scipy.ndimage.gaussian_filter1d(mode="reflect", truncate=4)``.
     """
+    kernel = _kernel(sigma)
+    if len(kernel) == 1:
+        return as_floats("values", values, ("n",)).copy()
+    padded = np.pad(as_floats("values", values, ("n",)), len(kernel) // 2, mode="symmetric")
+    return np.convolve(padded, kernel, mode="valid")
+
+
+def _kernel(sigma: float) -> FloatArray:
     radius = int(4.0 * sigma + 0.5)
     if radius == 0:
-        return as_floats("values", values, ("n",)).copy()
-    at = np.arange(-radius, radius + 1)
-    kernel = np.exp(-0.5 * (at / sigma) ** 2)
-    padded = np.pad(as_floats("values", values, ("n",)), radius, mode="symmetric")
-    return np.convolve(padded, kernel / kernel.sum(), mode="valid")
+        return np.ones(1)
+    kernel: FloatArray = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
+    return kernel
 
 
 def extrema(curve: FloatArray) -> IntArray:
@@ -191,6 +198,122 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     bounds = _merge(bounds, smooth, max(round(config.min_length * motion.rate), 1))
     bounds = _split(bounds, config.max_length * motion.rate)
     return Segments(bounds[:-1], bounds[1:])
+
+
+class Cutter:
+    """Cuts a motion that grows, at the extrema of its kinetic energy.
+
+    Parameters
+    ----------
+    rate : float
+        Frames per second.
+    config : Config
+        As for `segment`.
+
+    Attributes
+    ----------
+    bounds : list of int
+        The frames where segments meet, ascending from 0, as far as they are settled: nothing
+        that comes later changes them. The caller may take away the first ones.
+
+    Notes
+    -----
+    `segment` merges short segments beginning with the shortest of all; here with the shortest
+    of those not settled, and the first is settled once there are `_AHEAD` after it. Where a
+    curve does not turn for `Config.max_length` it is cut there, not in equal parts.
+    """
+
+    _AHEAD = 3
+
+    def __init__(self, rate: float, config: Config) -> None:
+        self.bounds: list[int] = []
+        self._sigma = config.smoothing * rate
+        self._least = max(round(config.min_length * rate), 1)
+        self._most = config.max_length * rate
+        self._kernel = _kernel(self._sigma)
+        self._energies: list[float] = []
+        self._curve: list[float] = []
+        self._gone = 0
+        """Frames that are not looked at any more, of the energies as of the curve."""
+        self._settled = 0
+        self._turns: list[int] = []
+        self._rising: bool | None = None
+        self._moved = 0
+        self._top = 0.0
+
+    @property
+    def n_frames(self) -> int:
+        """Frames whose energy is known."""
+        return self._gone + len(self._energies)
+
+    def push(self, energies: FloatArray) -> None:
+        """Take in the kinetic energy of the next frames.
+
+        Parameters
+        ----------
+        energies : ndarray, shape (n,)
+            As `kinetic_energy` gives them.
+        """
+        radius = len(self._kernel) // 2
+        for energy in energies.tolist():
+            self._energies.append(energy)
+            middle = len(self._energies) - 1 - radius
+            if middle < 0:
+                continue
+            first = middle - radius
+            window = self._energies[max(first, 0) : middle + radius + 1]
+            if first < 0:  # only at the very start, which is reflected
+                window = self._energies[-first - 1 :: -1] + window
+            self._follow(float(np.dot(self._kernel, window)))
+
+    def close(self) -> None:
+        """Settle the rest: no frame comes any more."""
+        smooth = gaussian(np.array(self._energies), self._sigma)
+        for value in smooth[len(self._curve) :].tolist():
+            self._follow(value)
+        last = self.n_frames - 1
+        self.bounds += self._tentative([*self._turns, last])[1 if self._settled else 0 :]
+        self._settled, self._turns = last, []
+
+    def _follow(self, value: float) -> None:
+        """Take in the next value of the smooth curve."""
+        at = self._gone + len(self._curve)
+        rise = value - self._curve[-1] if self._curve else 0.0
+        self._curve.append(value)
+        self._top = max(self._top, abs(value))
+        before = len(self._turns)
+        if abs(rise) > 1e-12 * self._top:
+            turn = (self._moved + 1 + at - 1) // 2
+            latest = self._turns[-1] if self._turns else self._settled
+            if self._rising not in (None, rise > 0) and turn > latest:
+                self._turns.append(turn)
+            self._rising, self._moved = rise > 0, at - 1
+        latest = self._turns[-1] if self._turns else self._settled
+        if at - latest > self._most:
+            self._turns.append(latest + int(self._most))
+        if len(self._turns) > before:
+            self._settle()
+
+    def _settle(self) -> None:
+        bounds = self._tentative(self._turns)
+        while len(bounds) - 1 > self._AHEAD:
+            if not self._settled:
+                self.bounds.append(0)
+            self._settled = bounds[1]
+            self.bounds.append(self._settled)
+            self._turns = [turn for turn in self._turns if turn > self._settled]
+            bounds = self._tentative(self._turns)
+        # The smoothing at the end looks back as far as the kernel reaches, twice.
+        spare = min(self._settled, self._gone + len(self._curve) - 2 * len(self._kernel))
+        if spare > self._gone:
+            del self._energies[: spare - self._gone], self._curve[: spare - self._gone]
+            self._gone = spare
+
+    def _tentative(self, turns: list[int]) -> list[int]:
+        """Return bounds from the last settled one as `segment` would have them."""
+        bounds = np.array([self._settled, *turns]) - self._gone
+        merged = _split(_merge(bounds, np.array(self._curve), self._least), self._most)
+        return [int(bound) + self._gone for bound in merged]
 
 
 def _merge(bounds: IntArray, curve: FloatArray, least: int) -> IntArray:

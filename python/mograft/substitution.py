@@ -18,11 +18,14 @@ __all__ = [
     "Candidates",
     "Pool",
     "Row",
+    "cheapest",
     "choose",
     "combinations",
+    "donor_costs",
     "length_fits",
     "pose_gaps",
     "reachable",
+    "seam_costs",
     "velocity_gaps",
 ]
 
@@ -92,6 +95,67 @@ def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
         In the velocities' unit.
     """
     return _core.velocity_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
+
+
+def donor_costs(
+    own: IntArray, donors: IntArray, apart: FloatArray, is_own: BoolArray, config: Config
+) -> FloatArray:
+    """Return what donors cost by themselves, seams apart; see `Row.of`.
+
+    Parameters
+    ----------
+    own, donors : ndarray of int, shape (n,)
+        Lengths of base segments and of donors for them, in intervals.
+    apart : ndarray, shape (n,)
+        How far their base parts are apart, in greatest distances within a cluster.
+    is_own : ndarray of bool, shape (n,)
+        Whether a donor is the base segment itself.
+    config : Config
+        Gives the weights.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The costs.
+    """
+    if config.choice == "nearest":
+        return np.where(is_own, BEYOND, apart)
+    ratio = np.minimum(own, donors) / np.maximum(own, donors)
+    costs = config.length_weight * (1.0 - ratio) + config.distance_weight * apart
+    return costs - np.where(is_own, 0.0, config.novelty)
+
+
+def seam_costs(angles: FloatArray, speeds: FloatArray, config: Config) -> FloatArray:
+    """Return what seams cost; see `Row.of`.
+
+    Parameters
+    ----------
+    angles : ndarray
+        Mean joint angles, in radians.
+    speeds : ndarray, shape of `angles`
+        Mean differences of joint velocities, in radians per second.
+    config : Config
+        Gives the scales and the limit.
+
+    Returns
+    -------
+    ndarray, shape of `angles`
+        The costs.
+    """
+    costs = np.where(angles > config.max_angle, BEYOND, 0.0)
+    if config.choice != "nearest":
+        costs += (angles / config.angle_scale) ** 2 + (speeds / config.velocity_scale) ** 2
+    return costs
+
+
+def cheapest(costs: FloatArray, is_own: BoolArray, config: Config) -> IntArray:
+    """Return which `max_candidates` donors are looked at, ascending; of equals the first.
+
+    The base segment itself stays whatever it costs: with it no seam need be beyond the limit.
+    """
+    order = np.lexsort((costs, ~is_own))[: config.max_candidates]
+    order.sort()
+    return order
 
 
 @dataclass(frozen=True)
@@ -311,13 +375,9 @@ class Pool:
         ndarray, shape (n,)
             The costs.
         """
-        apart, is_own = self.distances(own, donors), donors == own
-        if config.choice == "nearest":
-            return np.where(is_own, BEYOND, apart)
-        a, b = self.segments.lengths[own], self.segments.lengths[donors]
-        ratio = np.minimum(a, b) / np.maximum(a, b)
-        costs = config.length_weight * (1.0 - ratio) + config.distance_weight * apart
-        return costs - np.where(is_own, 0.0, config.novelty)
+        lengths = self.segments.lengths
+        apart = self.distances(own, donors)
+        return donor_costs(lengths[own], lengths[donors], apart, donors == own, config)
 
     def judge(self, segment: int, points: FloatArray | None, config: Config) -> Candidates:
         """Return all members of a segment's cluster with their costs and refusals.
@@ -456,9 +516,7 @@ class Row:
         for segment, mates, prices in zip(
             scenario.tolist(), candidates, np.split(costs, ends), strict=True
         ):
-            # The base segment stays whatever it costs: with it no seam need be beyond the limit.
-            order = np.lexsort((prices, mates != segment))[: config.max_candidates]
-            order.sort()
+            order = cheapest(prices, mates == segment, config)
             kept.append(mates[order])
             alone.append(prices[order])
         after = [_seam_costs(pool, left, right, config) for left, right in pairwise(kept)]
@@ -477,12 +535,7 @@ class Row:
 
 def _seam_costs(pool: Pool, left: IntArray, right: IntArray, config: Config) -> FloatArray:
     """Return what it costs that one of `right` follows one of `left`."""
-    angles = pool.gaps(left, right)
-    costs = np.where(angles > config.max_angle, BEYOND, 0.0)
-    if config.choice != "nearest":
-        costs += (angles / config.angle_scale) ** 2
-        costs += (pool.velocity_gaps(left, right) / config.velocity_scale) ** 2
-    return costs
+    return seam_costs(pool.gaps(left, right), pool.velocity_gaps(left, right), config)
 
 
 def reachable(

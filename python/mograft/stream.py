@@ -1,0 +1,793 @@
+"""Grafting while the base is still growing: segment by segment, and nothing is taken back."""
+
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mograft import rotations
+from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.anatomy import feature_joints
+from mograft.body import body
+from mograft.capsules import capsules
+from mograft.config import Config
+from mograft.constraints import AvoidSelf, Constraint, MaxAngle, Violation, violations
+from mograft.digest import edges, same_rate
+from mograft.embedding import Samples, features, normalise
+from mograft.footskate import legs
+from mograft.grafting import Substitution, swapped
+from mograft.library import Library
+from mograft.motion import Motion
+from mograft.planning import owners, take
+from mograft.poses import Poses
+from mograft.resample import cubic
+from mograft.resample import segments as resampled
+from mograft.seams import TURNS, Ends, Moments, dead, inertial
+from mograft.search import Chain, sample, viterbi
+from mograft.segmentation import Cutter, Segments, kinetic_energy
+from mograft.skeleton import Skeleton
+from mograft.substitution import (
+    BEYOND,
+    cheapest,
+    donor_costs,
+    length_fits,
+    pose_gaps,
+    seam_costs,
+    velocity_gaps,
+)
+from mograft.transplant import Part, recombine, states
+
+__all__ = ["Piece", "Stream", "joined"]
+
+_ROUNDS = 8
+_BESIDE = 2
+"""Frames beside a segment that its velocities, and the curve through it, may depend on."""
+_DONORS_IN_HAND = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """What a stream has committed: a segment of the base with other parts.
+
+    Attributes
+    ----------
+    motion : Motion
+        Its frames: those after the last frame of the piece before, up to the segment's last.
+    start, stop : int
+        The segment's first and last frame in the base; the first is in the piece before,
+        if there is one.
+    substitutions : tuple of Substitution
+        For every grafted group what took the segment's place, itself perhaps. The base counts
+        as one more clip of the library, and its segments as further ones. What comes after is
+        not known yet: `gap_after` is NaN.
+    violations : tuple of Violation
+        Hard constraints that these frames do not meet.
+    """
+
+    motion: Motion
+    start: int
+    stop: int
+    substitutions: tuple[Substitution, ...]
+    violations: tuple[Violation, ...]
+
+
+def joined(pieces: Sequence[Piece], name: str = "stream") -> Motion:
+    """Return successive pieces as one motion.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        At least one.
+    name : str
+        What to call it.
+
+    Returns
+    -------
+    Motion
+        All their frames.
+    """
+    motions = [piece.motion for piece in pieces]
+    values = [m.channel_values for m in motions]
+    return replace(
+        motions[0],
+        rotations=np.concatenate([m.rotations for m in motions]),
+        positions=np.concatenate([m.positions for m in motions]),
+        channel_values=np.concatenate([v for v in values if v is not None])
+        if all(v is not None for v in values)
+        else None,
+        name=name,
+    )
+
+
+class Stream:
+    """New motion on a base that is still growing.
+
+    Frames of the base are pushed as they come. They are cut where that is certain, and what
+    is to be done in a segment is decided, once `horizon` segments are known, by the cheapest
+    row of donors for all of these; then only the first is committed. Of what is committed
+    nothing is taken back: a seam changes only the frames after it.
+
+    Parameters
+    ----------
+    library : Library
+        Where the donors come from. Of one in a folder, clips are read as they are needed.
+    swap : sequence of str, optional
+        The groups to graft, as for `graft`. Legs and root must stay the base's own.
+    constraints : sequence of Constraint, optional
+        What the motion must do from here on, or should. Frames count from the first that is
+        pushed. May be set anew at any time, for all that is not committed yet.
+    seed : int
+        Of what is left to chance, with ``Config(choice="sample")`` and "random".
+    horizon : int
+        Segments that are known before the first of them is committed: the more, the better
+        the choice and the longer the wait. With 1 every donor is the best beside the one
+        before.
+
+    Raises
+    ------
+    TypeError
+        If something is no constraint.
+    ValueError
+        If a group is none, is the base group or holds legs or root, the horizon is below 1, or
+        a constraint names what is not there.
+
+    Notes
+    -----
+    `Config.seam` is "inertial" or "dead"; in place of others, which change what is before a
+    seam, it is "inertial". Of translations the base's own are kept. "random" draws rows of
+    donors within the limits alike, of the `max_candidates` cheapest.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> library, base = Library.build(dance(strides=1).motion), dance(seed=1, strides=1).motion
+    >>> stream = Stream(library, seed=7)
+    >>> pieces = []
+    >>> for first in range(0, base.n_frames, 10):
+    ...     stream.push(base[first : first + 10])
+    ...     pieces += stream.pieces()
+    >>> stream.close()
+    >>> pieces += stream.pieces()
+    >>> joined(pieces).n_frames == base.n_frames
+    True
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        *,
+        swap: Sequence[str] | None = None,
+        constraints: Sequence[Constraint] = (),
+        seed: int = 0,
+        horizon: int = 8,
+    ) -> None:
+        if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
+            raise ValueError(f"horizon must be a whole number from 1, got {horizon!r}")
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
+        groups = sorted(swapped(library, swap), key=lambda own: int(library.joints(own).min()))
+        self._library, self._horizon = library, horizon
+        self._members = {group: library.joints(group) for group in groups}
+        _check_upper(library, self._members)
+        self._rng = np.random.default_rng(seed)
+        self._clusters = _Clusters.of(library)
+        self._donors = _Donors(library)
+        self._names = [entry.name for entry in library.entries]
+        self._base: _Base | None = None
+        self._cutter = Cutter(library.rate, library.config)
+        self._places: list[_Place] = []
+        self._past: dict[str, _Past] = {}
+        self._signs: FloatArray | None = None
+        self._count = 0
+        self._is_closed = False
+        self.constraints = tuple(constraints)
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """What the motion must do, or should, in all that is not committed yet."""
+        return self._constraints
+
+    @constraints.setter
+    def constraints(self, wanted: Sequence[Constraint]) -> None:
+        none = Segments(np.zeros(0, np.int64), np.zeros(0, np.int64))
+        skeleton = self._library.skeleton if self._base is None else self._base.like.skeleton
+        still = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
+        rest = Motion(skeleton, 1.0, still, skeleton.offsets[None])
+        poses = Poses.of(rest)
+        for constraint in wanted:  # what it names is looked for now, not in the search
+            if not isinstance(constraint, Constraint):
+                raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
+            constraint.misses(none, none, [*self._names, "the base"])
+            constraint.errors(poses)
+        self._constraints = tuple(wanted)
+        angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
+        config = self._library.config
+        self._config = replace(config, max_angle=min([config.max_angle, *angles]))
+        self._places = []
+
+    @property
+    def n_known(self) -> int:
+        """Frames of the base that have been pushed."""
+        return 0 if self._base is None else self._base.n_frames
+
+    def push(self, frames: Motion) -> None:
+        """Take in the next frames of the base.
+
+        Parameters
+        ----------
+        frames : Motion
+            One or more, of the library's hierarchy and frame rate.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            If the hierarchy differs.
+        ValueError
+            If the rate differs, the skeleton is not that of the frames before, or the stream
+            is closed.
+        """
+        if self._is_closed:
+            raise ValueError("frames must be pushed before the stream is closed")
+        name = frames.name or "the base"
+        if self._base is None:
+            self._library.skeleton.check_same_hierarchy(frames.skeleton, name)
+        elif not _same_skeleton(frames.skeleton, self._base.like.skeleton):
+            raise ValueError("frames must all be of one skeleton, got another than before")
+        if not same_rate(frames.rate, self._library.rate):
+            raise ValueError(
+                f"frames must come at the library's {self._library.rate:.6g} per second, "
+                f"got {frames.rate:.6g}: resample the base first"
+            )
+        if self._base is None:
+            self._base = _Base(frames)
+        else:
+            self._base.push(frames)
+        known, energy_of = self._cutter.n_frames, self._base.n_frames - 1
+        if energy_of > known:
+            self._cutter.push(self._base.energies(self._config)[: energy_of - known])
+
+    def close(self) -> None:
+        """Say that the base has ended: all that is left can be committed.
+
+        Raises
+        ------
+        ValueError
+            If fewer than two frames have been pushed.
+        """
+        if self._is_closed:
+            return
+        if self._base is None or self._base.n_frames < 2:
+            raise ValueError(f"a stream needs at least 2 frames, got {self.n_known}")
+        self._cutter.push(self._base.energies(self._config))
+        self._cutter.close()
+        self._is_closed = True
+
+    def pieces(self) -> "list[Piece]":
+        """Commit all segments that can be, and return them."""
+        found = []
+        while (piece := self.advance()) is not None:
+            found.append(piece)
+        return found
+
+    def advance(self) -> Piece | None:
+        """Commit the next segment.
+
+        Returns
+        -------
+        Piece or None
+            None where too little of the base is known, or all of it is committed.
+        """
+        bounds = self._cutter.bounds
+        n_known = min(len(bounds) - 1, self._horizon)
+        if self._base is None or n_known < 1 or (n_known < self._horizon and not self._is_closed):
+            return None
+        for start, stop in pairwise(bounds[len(self._places) : n_known + 1]):
+            self._prepare(start, stop)
+        donors, laid, poses = self._settled()
+        piece = self._committed(donors, laid, poses)
+        del bounds[0]
+        del self._places[0]
+        self._count += 1
+        self._base.forget(bounds[0] - _BESIDE)
+        return piece
+
+    def _prepare(self, start: int, stop: int) -> None:
+        """Find what may be in a segment's place, and what it costs."""
+        assert self._base is not None
+        library, config = self._library, self._config
+        base, at = self._base.around(start, stop)
+        cut = _one(at, at + stop - start)
+        label, distances = self._clusters.nearest(base, cut)
+        mates = self._clusters.members(label)
+        lengths = library.segments.lengths
+        mates = mates[length_fits(cut.lengths, lengths[mates], library.rate, config)]
+        mates = mates[library.is_donor[mates]]
+        own = _one(start, stop, len(self._names))
+        prices, passes = self._origins(own, mates)
+        mates, prices = mates[passes], prices[passes]
+        is_own = np.arange(len(mates) + 1) == len(mates)
+        # The base's own part is the last donor, of no number in the library.
+        apart = np.append(distances[mates] if len(distances) else np.zeros(len(mates)), 0.0)
+        taken = np.append(lengths[mates], cut.lengths)
+        costs = donor_costs(cut.lengths, taken, apart, is_own, config)
+        few = cheapest(costs + np.append(prices, 0.0), is_own, config)
+        donors = np.append(mates, -1)[few]
+        ends = edges(base, cut)
+        place = _Place(start, base, at, own, donors, costs[few], {}, {})
+        flat = np.append(prices, 0.0)[few]
+        for group in self._members:
+            joints = _columns(library, group)
+            known = library.edges[group]
+            place.ends[group] = {
+                key: np.concatenate([known[key][donors[:-1]], ends[key][:, joints]])
+                for key in ("first", "last", "first_velocity", "last_velocity")
+            }
+            place.alone[group] = place.costs + flat + self._misses(place, group)
+        self._places.append(place)
+
+    def _origins(self, own: Segments, mates: IntArray) -> tuple[FloatArray, BoolArray]:
+        """Return what soft limits on their origin cost donors, and which pass the hard ones."""
+        given = take(self._library.segments, mates)
+        every = take(own, np.zeros(len(mates), np.int64))
+        names = [*self._names, "the base"]
+        costs, passes = np.zeros(len(mates)), np.ones(len(mates), bool)
+        for constraint in self._constraints:
+            span = constraint.frames
+            if span is not None and not (own.start[0] <= span[1] and own.stop[0] >= span[0]):
+                continue
+            miss = constraint.misses(every, given, names)
+            if constraint.weight is None:
+                passes &= miss <= 1.0
+            else:
+                costs += constraint.weight * miss**2
+        return costs, passes
+
+    def _misses(self, place: "_Place", group: str) -> FloatArray:
+        """Return what donors cost for constraints that they miss in their place, as they are."""
+        posed = [c for c in self._constraints if type(c).errors is not Constraint.errors]
+        cost = np.zeros(len(place.donors))
+        if not posed or not any(c.applies(place.frames).any() for c in posed):
+            return cost
+        joints, length = self._members[group], place.length
+        local = np.tile(place.local, (len(place.donors), 1, 1))
+        turned = self._donors.resampled(place.donors[:-1], length + 1)
+        local[: len(turned), joints] = turned[:, joints]
+        frames = np.tile(place.frames, len(place.donors))
+        spots = np.tile(place.base.positions[place.rows], (len(place.donors), 1, 1))
+        poses = self._posed(place, frames, local, spots)
+        for constraint in self._here(place, posed):
+            error, _ = constraint.errors(poses, self._owner[group])
+            worst = error.reshape(-1, length + 1).max(axis=1)
+            if constraint.weight is not None:
+                cost += constraint.weight * worst**2
+            else:
+                cost += np.where(worst > 1.0, BEYOND * (1.0 + worst), 0.0)
+        return cost
+
+    @property
+    def _owner(self) -> dict[str, BoolArray]:
+        assert self._base is not None
+        return self._base.owner(self._members)
+
+    def _here(self, place: "_Place", some: Sequence[Constraint]) -> list[Constraint]:
+        """Return constraints as they are for a place: the body may touch itself as captured."""
+        still = [c for c in some if not isinstance(c, AvoidSelf) or c.captured > 0]
+        if len(still) == len(some):
+            return still
+        spots = place.base.positions[place.rows]
+        poses = self._posed(place, place.frames, place.local, spots)
+        return [
+            replace(c, captured=c.depth(poses))
+            if isinstance(c, AvoidSelf) and not c.captured
+            else c
+            for c in some
+        ]
+
+    def _posed(
+        self, place: "_Place", frames: IntArray, local: FloatArray, spots: FloatArray
+    ) -> Poses:
+        assert self._base is not None
+        moved = replace(place.base, rotations=local, positions=spots, channel_values=None)
+        return self._base.body(self._library.up).at(frames, *moved.world())
+
+    def _settled(self) -> "tuple[dict[str, int], dict[str, _Laid], Poses | None]":
+        """Choose what is committed in the first place: what the plan of all places has there.
+
+        What misses hard constraints once it is laid is taken out, and the plan made anew; the
+        base's own part is the last that is tried.
+        """
+        place = self._places[0]
+        hard = [c for c in self._constraints if c.is_hard]
+        posed = [c for c in hard if type(c).errors is not Constraint.errors]
+        posed = [c for c in posed if c.applies(place.frames).any()]
+        chains = {group: self._chain(group) for group in self._members}
+        own = dict.fromkeys(self._members, len(place.donors) - 1)
+        least = np.inf
+        kept: tuple[dict[str, int], dict[str, _Laid], Poses | None] | None = None
+        for turn in range(_ROUNDS + 1):
+            chosen = own if turn == _ROUNDS else {g: self._first(c) for g, c in chains.items()}
+            laid = {group: self._lay(place, group, at) for group, at in chosen.items()}
+            if not posed:
+                return chosen, laid, None
+            poses = self._assembled(place, laid)
+            excess = dict.fromkeys(chosen, 0.0)
+            for constraint in self._here(place, posed):
+                for group in chosen:
+                    error, _ = constraint.errors(poses, self._owner[group])
+                    fresh = error[1 if self._count else 0 :]
+                    excess[group] += float(np.maximum(fresh - 1.0, 0.0).sum())
+            total = sum(excess.values())
+            if total < least:
+                least, kept = total, (chosen, laid, poses)
+            if total == 0.0:
+                break
+            for group, missed in excess.items():
+                if missed > 0.0:
+                    chains[group].alone[0][chosen[group]] += BEYOND * (1.0 + missed)
+        assert kept is not None
+        return kept
+
+    def _chain(self, group: str) -> Chain:
+        """Return the costs of all donors that are in sight; those of the first may be changed."""
+        config = self._config
+        alone = [place.alone[group] for place in self._places]
+        after = [
+            place.after(following, group, config) for place, following in pairwise(self._places)
+        ]
+        first = alone[0].copy()
+        if group in self._past:
+            first += self._past[group].costs(self._places[0].ends[group], config)[0]
+        if config.choice == "random":  # within the limits all are alike
+            after = [np.where(costs >= BEYOND, BEYOND, 0.0) for costs in after]
+            alone = [np.where(costs >= BEYOND, costs, 0.0) for costs in alone]
+            first = np.where(first >= BEYOND, first, 0.0)
+        return Chain((first, *alone[1:]), tuple(after))
+
+    def _first(self, chain: Chain) -> int:
+        config = self._config
+        if config.choice in ("sample", "random"):
+            return int(sample(chain, config.temperature, self._rng)[0])
+        return int(viterbi(chain)[0])
+
+    def _lay(self, place: "_Place", group: str, at: int) -> "_Laid":
+        """Put a donor into its place, going on from where the one before has ended."""
+        joints, rate = self._members[group], self._library.rate
+        donor = int(place.donors[at])
+        if donor < 0:
+            track, start, length = place.base.rotations, place.at, place.length
+        else:
+            track, start = self._donors.around(donor)
+            length = int(self._library.segments.lengths[donor])
+        track = np.ascontiguousarray(track[:, joints])
+        steps = np.arange(place.length + 1)
+        values = cubic(np.arange(len(track)), track, start + steps * length / place.length)
+        here = np.array([start, start + length])
+        poses, speeds = states(TURNS, [track], np.zeros(2, np.int64), here)
+        speeds *= rate * length / place.length
+        past = self._past.get(group)
+        if past is not None:
+            treatment = dead if self._config.seam == "dead" else inertial
+            moments = Moments(
+                np.ones(len(steps), np.int64), steps / rate, np.array([1.0, place.length / rate])
+            )
+            ends = Ends(past.pose[None], poses[:1], past.speed[None], speeds[:1])
+            values = treatment(TURNS, values, moments, ends, self._config.seam_blend)
+        return _Laid(values, poses[1], speeds[1])
+
+    def _assembled(self, place: "_Place", laid: "Mapping[str, _Laid]") -> Poses:
+        local = place.local.copy()
+        for group, own in laid.items():
+            local[:, self._members[group]] = own.values
+        return self._posed(place, place.frames, local, place.base.positions[place.rows])
+
+    def _committed(
+        self, chosen: Mapping[str, int], laid: "Mapping[str, _Laid]", poses: Poses | None
+    ) -> Piece:
+        """Return the piece of a choice, and remember how it ends."""
+        place, library = self._places[0], self._library
+        new = slice(1 if self._count else 0, None)
+        base = place.base[place.rows][new]
+        substitutions, missed, parts = [], [], []
+        segment = len(library.segments) + self._count
+        for group, at in chosen.items():
+            donor, ends = int(place.donors[at]), place.ends[group]
+            past = self._past.get(group)
+            gap = 0.0 if past is None else float(past.gaps(ends)[0, at])
+            given = place.own if donor < 0 else take(library.segments, np.array([donor]))
+            substitutions.append(
+                Substitution(
+                    group,
+                    place.start,
+                    place.start + place.length,
+                    segment,
+                    segment if donor < 0 else donor,
+                    (base.name or "the base") if donor < 0 else self._names[given.clip[0]],
+                    int(given.start[0]),
+                    int(given.stop[0]),
+                    place.length / int(given.lengths[0]) - 1.0,
+                    float(place.costs[at]),
+                    gap,
+                    float("nan"),
+                )
+            )
+            missed += [
+                own.violation(group, place.start, gap)
+                for own in self._constraints
+                if isinstance(own, MaxAngle) and gap > own.limit
+            ]
+            joints = self._members[group]
+            values, spots = laid[group].values[new], base.positions[:, joints]
+            parts.append(Part(joints, values, spots, np.zeros(0, np.int64), np.zeros((0, 0))))
+            last = {key: ends[key][at : at + 1] for key in ("last", "last_velocity")}
+            self._past[group] = _Past(laid[group].pose, laid[group].speed, **last)
+        motion = recombine(base, parts, base.name)
+        quats = motion.rotations.copy()
+        if self._signs is not None:
+            quats[:, np.einsum("ji,ji->j", quats[0], self._signs) < 0] *= -1.0
+        self._signs = quats[-1]
+        if poses is not None:
+            fresh = poses.at(poses.frames[new], poses.rotations[new], poses.positions[new])
+            missed += violations(self._here(place, self._constraints), fresh)
+        return Piece(
+            replace(motion, rotations=quats),
+            place.start,
+            place.start + place.length,
+            tuple(substitutions),
+            tuple(missed),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Laid:
+    """A donor in its place, and its own pose and speed per second where it ends."""
+
+    values: FloatArray
+    pose: FloatArray
+    speed: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Past:
+    """How what was committed last ends: all of the group's joints, and those that count."""
+
+    pose: FloatArray
+    speed: FloatArray
+    last: FloatArray
+    last_velocity: FloatArray
+
+    def gaps(self, ends: Mapping[str, FloatArray]) -> FloatArray:
+        return pose_gaps(self.last, ends["first"])
+
+    def costs(self, ends: Mapping[str, FloatArray], config: Config) -> FloatArray:
+        speeds = velocity_gaps(self.last_velocity, ends["first_velocity"])
+        return seam_costs(self.gaps(ends), speeds, config)
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A segment of the base that is not committed yet, and what may be in its place.
+
+    `base` holds its frames and a few beside them; the first of its own is number `at`. The
+    last of the donors is the base's own part, -1. `costs` are theirs by themselves, `alone`
+    with constraints, `ends` as the library's edges.
+    """
+
+    start: int
+    base: Motion
+    at: int
+    own: Segments
+    donors: IntArray
+    costs: FloatArray
+    ends: dict[str, dict[str, FloatArray]]
+    alone: dict[str, FloatArray]
+
+    @property
+    def length(self) -> int:
+        return int(self.own.lengths[0])
+
+    @property
+    def rows(self) -> slice:
+        return slice(self.at, self.at + self.length + 1)
+
+    @property
+    def frames(self) -> IntArray:
+        return np.arange(self.start, self.start + self.length + 1)
+
+    @property
+    def local(self) -> FloatArray:
+        return self.base.rotations[self.rows]
+
+    def after(self, following: "_Place", group: str, config: Config) -> FloatArray:
+        """Return what seams with the donors of the next place cost."""
+        known = self.__dict__.setdefault("_after", {})
+        if group not in known:
+            left, right = self.ends[group], following.ends[group]
+            speeds = velocity_gaps(left["last_velocity"], right["first_velocity"])
+            known[group] = seam_costs(pose_gaps(left["last"], right["first"]), speeds, config)
+        costs: FloatArray = known[group]
+        return costs
+
+
+class _Base:
+    """The frames of the base that are still needed, and what never changes about it."""
+
+    def __init__(self, frames: Motion) -> None:
+        self.like = frames[:1]
+        self._gone = 0
+        self._tracks = self._of(frames)
+        self._keep = 0
+        self._energies_of = 0
+        self._body: Poses | None = None
+        self._owned: dict[str, BoolArray] | None = None
+
+    @staticmethod
+    def _of(frames: Motion) -> dict[str, FloatArray]:
+        tracks = {"rotations": frames.rotations, "positions": frames.positions}
+        if frames.channel_values is not None:
+            tracks["channel_values"] = frames.channel_values
+        return tracks
+
+    @property
+    def n_frames(self) -> int:
+        return self._gone + len(self._tracks["rotations"])
+
+    def push(self, frames: Motion) -> None:
+        spare, new = self._keep - self._gone, self._of(frames)
+        # Numbers of the file are kept only where all have them.
+        both = [key for key in self._tracks if key in new]
+        self._tracks = {key: np.concatenate([self._tracks[key][spare:], new[key]]) for key in both}
+        self._gone += spare
+
+    def forget(self, frame: int) -> None:
+        """Say that frames before one are not needed any more."""
+        self._keep = max(self._keep, min(frame, self._energies_of - 1))
+
+    def motion(self, start: int, stop: int) -> Motion:
+        rows = slice(start - self._gone, stop - self._gone)
+        values = self._tracks.get("channel_values")
+        return replace(
+            self.like,
+            rotations=self._tracks["rotations"][rows],
+            positions=self._tracks["positions"][rows],
+            channel_values=None if values is None else values[rows],
+        )
+
+    def around(self, start: int, stop: int) -> tuple[Motion, int]:
+        """Return a segment's frames and some beside them, and where it starts there."""
+        first = max(start - _BESIDE, self._gone)
+        return self.motion(first, min(stop + _BESIDE + 1, self.n_frames)), start - first
+
+    def energies(self, config: Config) -> FloatArray:
+        """Return the kinetic energies from the first that was not returned to the last frame's.
+
+        The last one's is only right if no frame comes any more.
+        """
+        first = max(self._energies_of - 1, 0)
+        window = self.motion(first, self.n_frames)
+        energy = kinetic_energy(window, omega=config.omega, inertia=config.inertia)
+        fresh = energy[self._energies_of - first :]
+        self._energies_of = self.n_frames - 1
+        return fresh
+
+    def body(self, up: int) -> Poses:
+        if self._body is None:
+            self._body = replace(Poses.of(self.like, capsules(self.like.skeleton)), up=up)
+        return self._body
+
+    def owner(self, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
+        if self._owned is None:
+            self._owned = owners(self.like.skeleton, members)
+        return self._owned
+
+
+@dataclass(frozen=True, eq=False)
+class _Clusters:
+    """The library's clusters of base parts, and where a new segment belongs among them."""
+
+    library: Library
+    order: IntArray
+    starts: IntArray
+    points: FloatArray | None
+
+    @classmethod
+    def of(cls, library: Library) -> "_Clusters":
+        base = library.groups.base
+        labels, known = library.labels[base], library.embedding[base]
+        order = np.argsort(labels, kind="stable")
+        starts = np.flatnonzero(np.diff(labels[order], prepend=-1))
+        return cls(library, order, starts, None if known is None else known.points[order])
+
+    def nearest(self, motion: Motion, cut: Segments) -> tuple[int, FloatArray]:
+        """Return the cluster of a segment, as `Library.extended` has it, and all distances.
+
+        The distances are in greatest distances within a cluster. -1 where none fits.
+        """
+        library = self.library
+        base, config = library.groups.base, library.config
+        known, sigma = library.embedding[base], library.sigma[base]
+        if known is None or self.points is None:
+            return -1, np.zeros(0)
+        height = body(motion.skeleton).height
+        samples = normalise(
+            [motion], cut, config, root=library.root, up=library.up, heights=[height]
+        )
+        samples = Samples.unpack(samples.packed(), config.samples, motion.n_joints)
+        point = known.project(
+            features(samples, known.joints, known.reference, has_root=known.has_root)
+        )
+        apart = np.linalg.norm(self.points - point, axis=1)
+        fits = np.maximum.reduceat(apart, self.starts) <= sigma
+        scaled = np.empty(len(apart))
+        scaled[self.order] = apart / sigma if sigma > 0 else 0.0
+        if not fits.any():
+            return -1, scaled
+        nearest = np.where(fits, np.minimum.reduceat(apart, self.starts), np.inf)
+        return int(nearest.argmin()), scaled
+
+    def members(self, cluster: int) -> IntArray:
+        """Return the segments of a cluster, ascending."""
+        if cluster < 0:
+            return np.zeros(0, np.int64)
+        stops = np.append(self.starts[1:], len(self.order))
+        return self.order[self.starts[cluster] : stops[cluster]]
+
+
+class _Donors:
+    """Frames of donors, each read when it is first needed."""
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+        self._in_hand: OrderedDict[int, tuple[FloatArray, int]] = OrderedDict()
+
+    def around(self, segment: int) -> tuple[FloatArray, int]:
+        """Return a segment's rotations and some beside them, and where it starts there."""
+        known = self._in_hand.get(segment)
+        if known is None:
+            segments = self._library.segments
+            clip = self._library.clips[segments.clip[segment]]
+            first = max(int(segments.start[segment]) - _BESIDE, 0)
+            track = clip.rotations[first : segments.stop[segment] + _BESIDE + 1].copy()
+            known = track, int(segments.start[segment]) - first
+            self._in_hand[segment] = known
+            if len(self._in_hand) > _DONORS_IN_HAND:
+                self._in_hand.popitem(last=False)
+        return known
+
+    def resampled(self, segments: IntArray, count: int) -> FloatArray:
+        """Return segments, each resampled to a number of frames, one after the other."""
+        if not len(segments):
+            return np.zeros((0, self._library.skeleton.n_joints, 4))
+        lengths = self._library.segments.lengths[segments]
+        tracks = []
+        for segment, length in zip(segments.tolist(), lengths.tolist(), strict=True):
+            track, at = self.around(segment)
+            tracks.append(track[at : at + length + 1])
+        starts = np.cumsum(lengths + 1) - lengths - 1
+        counts = np.full(len(segments), count)
+        return resampled(np.concatenate(tracks), starts, starts + lengths, counts)
+
+
+def _one(start: int, stop: int, clip: int = 0) -> Segments:
+    return Segments(np.array([start]), np.array([stop]), np.array([clip]))
+
+
+def _columns(library: Library, group: str) -> IntArray:
+    """Return the joints of a group that count at its seams."""
+    return feature_joints(library.skeleton, library.joints(group))
+
+
+def _same_skeleton(a: Skeleton, b: Skeleton) -> bool:
+    return a is b or (a.names == b.names and np.array_equal(a.offsets, b.offsets))
+
+
+def _check_upper(library: Library, members: Mapping[str, IntArray]) -> None:
+    """Refuse groups that hold the root or legs: what stands where is known only afterwards."""
+    limbs = legs(library.skeleton)
+    held = {library.root, *(j for limb in limbs for j in (limb.hip, limb.knee, limb.ankle))}
+    for group, joints in members.items():
+        if not held.isdisjoint(joints.tolist()):
+            raise ValueError(
+                f"swap must name groups without root and legs, which a stream keeps; got {group!r}"
+            )
