@@ -172,10 +172,15 @@ class Stream:
         self._members = {group: library.joints(group) for group in groups}
         _check_upper(library, self._members)
         self._rng = np.random.default_rng(seed)
-        self._clusters = _Clusters.of(library)
+        self._columns = {
+            group: feature_joints(library.skeleton, joints)
+            for group, joints in self._members.items()
+        }
+        self._lengths = library.segments.lengths
         self._donors = _Donors(library)
         self._names = [entry.name for entry in library.entries]
         self._base: _Base | None = None
+        self._clusters: _Clusters | None = None
         self._cutter = Cutter(library.rate, library.config)
         self._places: list[_Place] = []
         self._past: dict[str, _Past] = {}
@@ -242,6 +247,7 @@ class Stream:
             )
         if self._base is None:
             self._base = _Base(frames)
+            self._clusters = _Clusters.of(self._library, body(frames.skeleton).height)
         else:
             self._base.push(frames)
         known, energy_of = self._cutter.n_frames, self._base.n_frames - 1
@@ -296,20 +302,20 @@ class Stream:
     def _prepare(self, start: int, stop: int) -> None:
         """Find what may be in a segment's place, and what it costs."""
         assert self._base is not None
+        assert self._clusters is not None
         library, config = self._library, self._config
         base, at = self._base.around(start, stop)
         cut = _one(at, at + stop - start)
-        label, distances = self._clusters.nearest(base, cut)
-        mates = self._clusters.members(label)
-        lengths = library.segments.lengths
-        mates = mates[length_fits(cut.lengths, lengths[mates], library.rate, config)]
-        mates = mates[library.is_donor[mates]]
+        mates, apart = self._clusters.mates(base, cut)
+        lengths = self._lengths
+        fits = length_fits(cut.lengths, lengths[mates], library.rate, config)
+        fits &= library.is_donor[mates]
+        mates, apart = mates[fits], apart[fits]
         own = _one(start, stop, len(self._names))
         prices, passes = self._origins(own, mates)
-        mates, prices = mates[passes], prices[passes]
+        mates, apart, prices = mates[passes], np.append(apart[passes], 0.0), prices[passes]
         is_own = np.arange(len(mates) + 1) == len(mates)
         # The base's own part is the last donor, of no number in the library.
-        apart = np.append(distances[mates] if len(distances) else np.zeros(len(mates)), 0.0)
         taken = np.append(lengths[mates], cut.lengths)
         costs = donor_costs(cut.lengths, taken, apart, is_own, config)
         few = cheapest(costs + np.append(prices, 0.0), is_own, config)
@@ -318,8 +324,7 @@ class Stream:
         place = _Place(start, base, at, own, donors, costs[few], {}, {})
         flat = np.append(prices, 0.0)[few]
         for group in self._members:
-            joints = _columns(library, group)
-            known = library.edges[group]
+            joints, known = self._columns[group], library.edges[group]
             place.ends[group] = {
                 key: np.concatenate([known[key][donors[:-1]], ends[key][:, joints]])
                 for key in ("first", "last", "first_velocity", "last_velocity")
@@ -687,51 +692,51 @@ class _Clusters:
     """The library's clusters of base parts, and where a new segment belongs among them."""
 
     library: Library
+    height: float
     order: IntArray
     starts: IntArray
     points: FloatArray | None
 
     @classmethod
-    def of(cls, library: Library) -> "_Clusters":
+    def of(cls, library: Library, height: float) -> "_Clusters":
         base = library.groups.base
         labels, known = library.labels[base], library.embedding[base]
         order = np.argsort(labels, kind="stable")
         starts = np.flatnonzero(np.diff(labels[order], prepend=-1))
-        return cls(library, order, starts, None if known is None else known.points[order])
+        return cls(library, height, order, starts, None if known is None else known.points[order])
 
-    def nearest(self, motion: Motion, cut: Segments) -> tuple[int, FloatArray]:
-        """Return the cluster of a segment, as `Library.extended` has it, and all distances.
+    def mates(self, motion: Motion, cut: Segments) -> tuple[IntArray, FloatArray]:
+        """Return the members of a segment's cluster, the one that `Library.extended` finds.
 
-        The distances are in greatest distances within a cluster. -1 where none fits.
+        Ascending; and how far they are, in greatest distances within a cluster.
         """
+        none = np.zeros(0, np.int64), np.zeros(0)
         library = self.library
         base, config = library.groups.base, library.config
         known, sigma = library.embedding[base], library.sigma[base]
         if known is None or self.points is None:
-            return -1, np.zeros(0)
-        height = body(motion.skeleton).height
+            return none
         samples = normalise(
-            [motion], cut, config, root=library.root, up=library.up, heights=[height]
+            [motion], cut, config, root=library.root, up=library.up, heights=[self.height]
         )
         samples = Samples.unpack(samples.packed(), config.samples, motion.n_joints)
         point = known.project(
             features(samples, known.joints, known.reference, has_root=known.has_root)
         )
-        apart = np.linalg.norm(self.points - point, axis=1)
-        fits = np.maximum.reduceat(apart, self.starts) <= sigma
-        scaled = np.empty(len(apart))
-        scaled[self.order] = apart / sigma if sigma > 0 else 0.0
-        if not fits.any():
-            return -1, scaled
-        nearest = np.where(fits, np.minimum.reduceat(apart, self.starts), np.inf)
-        return int(nearest.argmin()), scaled
+        # A cluster fits with all its members or not at all: most do not with their first.
+        first = np.linalg.norm(self.points[self.starts] - point, axis=1)
+        best = -1, np.zeros(0)
+        for cluster in np.flatnonzero(first <= sigma).tolist():
+            apart = np.linalg.norm(self.points[self._rows(cluster)] - point, axis=1)
+            if apart.max() <= sigma and (best[0] < 0 or apart.min() < best[1].min()):
+                best = cluster, apart
+        if best[0] < 0:
+            return none
+        return self.order[self._rows(best[0])], best[1] / sigma if sigma > 0 else best[1]
 
-    def members(self, cluster: int) -> IntArray:
-        """Return the segments of a cluster, ascending."""
-        if cluster < 0:
-            return np.zeros(0, np.int64)
-        stops = np.append(self.starts[1:], len(self.order))
-        return self.order[self.starts[cluster] : stops[cluster]]
+    def _rows(self, cluster: int) -> slice:
+        last = cluster + 1 == len(self.starts)
+        return slice(self.starts[cluster], None if last else self.starts[cluster + 1])
 
 
 class _Donors:
@@ -771,11 +776,6 @@ class _Donors:
 
 def _one(start: int, stop: int, clip: int = 0) -> Segments:
     return Segments(np.array([start]), np.array([stop]), np.array([clip]))
-
-
-def _columns(library: Library, group: str) -> IntArray:
-    """Return the joints of a group that count at its seams."""
-    return feature_joints(library.skeleton, library.joints(group))
 
 
 def _same_skeleton(a: Skeleton, b: Skeleton) -> bool:
