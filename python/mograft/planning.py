@@ -26,7 +26,7 @@ from mograft.skeleton import Skeleton
 from mograft.substitution import BEYOND, Candidates, Pool, Row
 from mograft.transplant import Part, recombine, transplant
 
-__all__ = ["Donors", "Problem", "owners", "reasons", "take"]
+__all__ = ["Donors", "Problem", "check_names", "owners", "reasons", "take"]
 
 Donors = dict[str, IntArray]
 """For every grafted group the donor at each position."""
@@ -45,6 +45,30 @@ _CHUNK = 20_000
 def take(segments: Segments, chosen: IntArray) -> Segments:
     """Return some of the segments, in the order given."""
     return Segments(segments.start[chosen], segments.stop[chosen], segments.clip[chosen])
+
+
+def check_names(constraints: Sequence[Constraint], poses: Poses) -> None:
+    """Look for what constraints name now, not in the search.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The constraints.
+    poses : Poses
+        Of a skeleton that they are for; its first pose is looked at.
+
+    Raises
+    ------
+    TypeError
+        If something is no constraint.
+    ValueError
+        If a constraint names a joint that is not there.
+    """
+    for constraint in constraints:
+        if not isinstance(constraint, Constraint):
+            raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
+        frame = 0 if constraint.frames is None else constraint.frames[0]
+        constraint.errors(poses.at(np.array([frame]), poses.rotations[:1], poses.positions[:1]))
 
 
 def owners(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
@@ -122,9 +146,9 @@ class Problem:
         ValueError
             If a constraint names a joint, a clip or a frame that is not there.
         """
+        poses = Poses.of(base)
+        check_names(constraints, poses)
         for constraint in constraints:
-            if not isinstance(constraint, Constraint):
-                raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
             if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
                 raise ValueError(
                     f"frames of {type(constraint).__name__} must be within 0 to "
@@ -137,7 +161,6 @@ class Problem:
             config = replace(config, max_candidates=len(library.segments))
         groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
         pools = {group: library.pool(group) for group in groups}
-        poses = Poses.of(base)
         constraints = [
             replace(own, captured=own.depth(poses))
             if isinstance(own, AvoidSelf) and own.captured == 0
@@ -148,10 +171,6 @@ class Problem:
             group: pool.candidate_lists(scenario, config) for group, pool in pools.items()
         }
         problem = cls(library, base, scenario, cut, pools, candidates, tuple(constraints), config)
-        for constraint in constraints:  # what it names is looked for now, not in the search
-            constraint.errors(
-                poses.at(poses.frames[:1], *(p[:1] for p in (poses.rotations, poses.positions)))
-            )
         return replace(problem, candidates={group: problem._passing(group)[0] for group in groups})
 
     @cached_property

@@ -20,7 +20,7 @@ from mograft.footskate import legs
 from mograft.grafting import Substitution, swapped
 from mograft.library import Library
 from mograft.motion import Motion
-from mograft.planning import owners, take
+from mograft.planning import check_names, owners, take
 from mograft.poses import Poses
 from mograft.resample import cubic
 from mograft.resample import segments as resampled
@@ -200,12 +200,9 @@ class Stream:
         skeleton = self._library.skeleton if self._base is None else self._base.like.skeleton
         still = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
         rest = Motion(skeleton, 1.0, still, skeleton.offsets[None])
-        poses = Poses.of(rest)
-        for constraint in wanted:  # what it names is looked for now, not in the search
-            if not isinstance(constraint, Constraint):
-                raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
+        check_names(wanted, Poses.of(rest))
+        for constraint in wanted:
             constraint.misses(none, none, [*self._names, "the base"])
-            constraint.errors(poses)
         self._constraints = tuple(wanted)
         angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
         config = self._library.config
@@ -321,7 +318,8 @@ class Stream:
         few = cheapest(costs + np.append(prices, 0.0), is_own, config)
         donors = np.append(mates, -1)[few]
         ends = edges(base, cut)
-        place = _Place(start, base, at, own, donors, costs[few], {}, {})
+        place = _Place(start, base, at, own, donors, costs[few], (), {}, {}, {})
+        place = replace(place, posed=tuple(self._here(place)))
         flat = np.append(prices, 0.0)[few]
         for group in self._members:
             joints, known = self._columns[group], library.edges[group]
@@ -351,9 +349,8 @@ class Stream:
 
     def _misses(self, place: "_Place", group: str) -> FloatArray:
         """Return what donors cost for constraints that they miss in their place, as they are."""
-        posed = [c for c in self._constraints if type(c).errors is not Constraint.errors]
         cost = np.zeros(len(place.donors))
-        if not posed or not any(c.applies(place.frames).any() for c in posed):
+        if not place.posed:
             return cost
         joints, length = self._members[group], place.length
         local = np.tile(place.local, (len(place.donors), 1, 1))
@@ -362,7 +359,7 @@ class Stream:
         frames = np.tile(place.frames, len(place.donors))
         spots = np.tile(place.base.positions[place.rows], (len(place.donors), 1, 1))
         poses = self._posed(place, frames, local, spots)
-        for constraint in self._here(place, posed):
+        for constraint in place.posed:
             error, _ = constraint.errors(poses, self._owner[group])
             worst = error.reshape(-1, length + 1).max(axis=1)
             if constraint.weight is not None:
@@ -376,18 +373,20 @@ class Stream:
         assert self._base is not None
         return self._base.owner(self._members)
 
-    def _here(self, place: "_Place", some: Sequence[Constraint]) -> list[Constraint]:
-        """Return constraints as they are for a place: the body may touch itself as captured."""
-        still = [c for c in some if not isinstance(c, AvoidSelf) or c.captured > 0]
-        if len(still) == len(some):
-            return still
+    def _here(self, place: "_Place") -> list[Constraint]:
+        """Return what poses in a place must do: the body may touch itself as captured there."""
+        posed = [
+            c
+            for c in self._constraints
+            if type(c).errors is not Constraint.errors and c.applies(place.frames).any()
+        ]
+        if not any(isinstance(c, AvoidSelf) for c in posed):
+            return posed
         spots = place.base.positions[place.rows]
         poses = self._posed(place, place.frames, place.local, spots)
         return [
-            replace(c, captured=c.depth(poses))
-            if isinstance(c, AvoidSelf) and not c.captured
-            else c
-            for c in some
+            replace(c, captured=max(c.captured, c.depth(poses))) if isinstance(c, AvoidSelf) else c
+            for c in posed
         ]
 
     def _posed(
@@ -404,9 +403,7 @@ class Stream:
         base's own part is the last that is tried.
         """
         place = self._places[0]
-        hard = [c for c in self._constraints if c.is_hard]
-        posed = [c for c in hard if type(c).errors is not Constraint.errors]
-        posed = [c for c in posed if c.applies(place.frames).any()]
+        hard = [c for c in place.posed if c.is_hard]
         chains = {group: self._chain(group) for group in self._members}
         own = dict.fromkeys(self._members, len(place.donors) - 1)
         least = np.inf
@@ -414,11 +411,11 @@ class Stream:
         for turn in range(_ROUNDS + 1):
             chosen = own if turn == _ROUNDS else {g: self._first(c) for g, c in chains.items()}
             laid = {group: self._lay(place, group, at) for group, at in chosen.items()}
-            if not posed:
+            if not hard:
                 return chosen, laid, None
             poses = self._assembled(place, laid)
             excess = dict.fromkeys(chosen, 0.0)
-            for constraint in self._here(place, posed):
+            for constraint in hard:
                 for group in chosen:
                     error, _ = constraint.errors(poses, self._owner[group])
                     fresh = error[1 if self._count else 0 :]
@@ -452,9 +449,10 @@ class Stream:
 
     def _first(self, chain: Chain) -> int:
         config = self._config
-        if config.choice in ("sample", "random"):
-            return int(sample(chain, config.temperature, self._rng)[0])
-        return int(viterbi(chain)[0])
+        if config.choice not in ("sample", "random"):
+            return int(viterbi(chain)[0])
+        temperature = config.temperature if config.choice == "sample" else 1.0
+        return int(sample(chain, temperature, self._rng)[0])
 
     def _lay(self, place: "_Place", group: str, at: int) -> "_Laid":
         """Put a donor into its place, going on from where the one before has ended."""
@@ -534,7 +532,7 @@ class Stream:
         self._signs = quats[-1]
         if poses is not None:
             fresh = poses.at(poses.frames[new], poses.rotations[new], poses.positions[new])
-            missed += violations(self._here(place, self._constraints), fresh)
+            missed += violations(place.posed, fresh)
         return Piece(
             replace(motion, rotations=quats),
             place.start,
@@ -576,7 +574,8 @@ class _Place:
 
     `base` holds its frames and a few beside them; the first of its own is number `at`. The
     last of the donors is the base's own part, -1. `costs` are theirs by themselves, `alone`
-    with constraints, `ends` as the library's edges.
+    with the constraints, of which `posed` look at poses; `ends` are as the library's edges,
+    and `seams` the costs beside the next place's donors, once they are known.
     """
 
     start: int
@@ -585,8 +584,10 @@ class _Place:
     own: Segments
     donors: IntArray
     costs: FloatArray
+    posed: tuple[Constraint, ...]
     ends: dict[str, dict[str, FloatArray]]
     alone: dict[str, FloatArray]
+    seams: dict[str, FloatArray]
 
     @property
     def length(self) -> int:
@@ -606,13 +607,12 @@ class _Place:
 
     def after(self, following: "_Place", group: str, config: Config) -> FloatArray:
         """Return what seams with the donors of the next place cost."""
-        known = self.__dict__.setdefault("_after", {})
-        if group not in known:
+        if group not in self.seams:
             left, right = self.ends[group], following.ends[group]
             speeds = velocity_gaps(left["last_velocity"], right["first_velocity"])
-            known[group] = seam_costs(pose_gaps(left["last"], right["first"]), speeds, config)
-        costs: FloatArray = known[group]
-        return costs
+            angles = pose_gaps(left["last"], right["first"])
+            self.seams[group] = seam_costs(angles, speeds, config)
+        return self.seams[group]
 
 
 class _Base:

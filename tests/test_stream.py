@@ -1,0 +1,407 @@
+"""Laws of streams: what is committed depends on what was known, however it came."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft import rotations
+from mograft.dancer import dance
+from mograft.planning import Problem, take
+from mograft.search import Chain
+from mograft.segmentation import Cutter, extrema, gaussian
+from mograft.stream import joined
+from mograft.transplant import transplant
+from tests import plain
+from tests.strategies import SEEDS
+
+HAND = "LeftHand"
+LIGHT = settings(max_examples=12)
+
+
+@pytest.fixture(scope="module")
+def library():
+    clips = [dance(seed=seed, strides=1).motion for seed in (0, 1)]
+    return mg.Library.build([replace(clip, name=f"clip{i}") for i, clip in enumerate(clips)])
+
+
+@pytest.fixture(scope="module")
+def base():
+    return replace(dance(seed=2, strides=1).motion[:260], name="base")
+
+
+def streamed(library, base, chunks=(10_000,), **options):
+    """Push a base in chunks of some sizes, over and over; return what was committed."""
+    stream = mg.Stream(library, **options)
+    pieces, at, turn = [], 0, 0
+    while at < base.n_frames:
+        size = chunks[turn % len(chunks)]
+        stream.push(base[at : at + size])
+        pieces += stream.pieces()
+        at, turn = at + size, turn + 1
+    stream.close()
+    return pieces + stream.pieces()
+
+
+def with_choice(library, choice, **changes):
+    return replace(library, config=replace(library.config, choice=choice, **changes))
+
+
+def donors_of(pieces):
+    return [s.donor for piece in pieces for s in piece.substitutions]
+
+
+def same_bits(a, b):
+    np.testing.assert_array_equal(a.rotations, b.rotations)
+    np.testing.assert_array_equal(a.positions, b.positions)
+
+
+def in_the_way(base):
+    place = base.world_positions()[100, base.skeleton.index(HAND)]
+    return mg.Avoid(mg.Sphere(tuple(place + np.array([0.0, 6.0, 0.0])), 8.0))
+
+
+# What is committed
+
+
+@LIGHT
+@given(
+    st.lists(st.integers(1, 60), min_size=1, max_size=8),
+    st.sampled_from(["viterbi", "sample", "random", "nearest"]),
+    st.integers(1, 10),
+    st.booleans(),
+)
+def test_however_frames_come_the_output_is_the_same(library, base, chunks, choice, horizon, hard):
+    options = {"horizon": horizon, "constraints": [in_the_way(base)] if hard else []}
+    chosen = with_choice(library, choice)
+    whole = streamed(chosen, base, **options)
+    pieces = streamed(chosen, base, chunks, **options)
+    assert repr([p.substitutions for p in pieces]) == repr([p.substitutions for p in whole])
+    assert [p.violations for p in pieces] == [p.violations for p in whole]
+    same_bits(joined(pieces), joined(whole))
+
+
+@LIGHT
+@given(st.integers(2, 259), st.integers(1, 8))
+def test_what_is_committed_does_not_depend_on_what_comes(library, base, n, horizon):
+    """The future is another dance: what was committed before it is the same to the bit."""
+    stream = mg.Stream(library, horizon=horizon)
+    stream.push(base[:n])
+    before = stream.pieces()
+    stream.push(dance(seed=7, strides=1).motion[300:500])
+    after = stream.pieces()
+    whole = streamed(library, base, horizon=horizon)
+    assert len(before) <= len(whole)
+    for own, expected in zip(before, whole, strict=False):
+        assert repr(own.substitutions) == repr(expected.substitutions)
+        same_bits(own.motion, expected.motion)
+    stops = [piece.stop for piece in before + after]
+    assert stops == sorted(set(stops))
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "sample"])
+def test_pieces_tile_the_base_and_keep_all_but_the_grafted_group(library, base, choice):
+    pieces = streamed(with_choice(library, choice), base, (17,))
+    assert pieces[0].start == 0
+    assert pieces[-1].stop == base.n_frames - 1
+    assert all(a.stop == b.start for a, b in pairwise(pieces))
+    assert [p.motion.n_frames for p in pieces[1:]] == [p.stop - p.start for p in pieces[1:]]
+    motion = joined(pieces)
+    assert motion.n_frames == base.n_frames
+    kept = library.joints("lower")
+    np.testing.assert_array_equal(motion.rotations[:, kept], base.rotations[:, kept])
+    np.testing.assert_array_equal(motion.positions, base.positions)
+    columns = np.concatenate([base.skeleton.channel_columns[joint] for joint in kept])
+    old, new = base.channel_numbers(), motion.channel_numbers()
+    np.testing.assert_array_equal(new[:, columns], old[:, columns])
+    assert sum(not s.is_own for p in pieces for s in p.substitutions) > len(pieces) / 2
+
+
+def test_equal_seeds_are_equal_and_others_are_not(library, base):
+    first, again, other = (streamed(library, base, seed=seed) for seed in (5, 5, 6))
+    same_bits(joined(first), joined(again))
+    assert donors_of(first) != donors_of(other)
+
+
+def test_a_stream_that_may_take_nothing_is_its_base(library, base):
+    pieces = streamed(library, base, (9,), constraints=[mg.NotFrom("*")])
+    motion = joined(pieces)
+    same_bits(motion, base)
+    np.testing.assert_array_equal(motion.channel_numbers(), base.channel_numbers())
+    assert all(s.is_own and s.clip == "base" for p in pieces for s in p.substitutions)
+
+
+# What is chosen
+
+
+def offline(library, base):
+    """All that a search that knows the whole base sees."""
+    longer, at = library.holding(base)
+    scenario = longer.segments.of_clip(at)
+    cut = take(longer.segments, scenario)
+    problem = Problem.of(longer, longer.clips[at], scenario, cut, ["upper"], [])
+    return problem, problem.row("upper", {})
+
+
+def test_with_all_in_sight_it_chooses_as_the_search_does(library, base):
+    chosen = with_choice(library, "viterbi")
+    pieces = streamed(chosen, base, horizon=1000)
+    graft = mg.graft(chosen, base)
+    assert donors_of(pieces) == [s.donor for s in graft.substitutions]
+    for piece, expected in zip(pieces, graft.substitutions, strict=True):
+        (own,) = piece.substitutions
+        assert (own.start, own.stop, own.clip) == (expected.start, expected.stop, expected.clip)
+        assert own.cost == pytest.approx(expected.cost)
+        assert own.gap_before == pytest.approx(expected.gap_before)
+    _, row = offline(chosen, base)
+    greedy = [int(row.chain.alone[0].argmin())]
+    for alone, after in zip(row.chain.alone[1:], row.chain.after, strict=True):
+        greedy.append(int((alone + after[greedy[-1]]).argmin()))
+    found = row.choices(np.array(donors_of(pieces)))
+    assert row.chain.cost(found) <= row.chain.cost(np.array(greedy)) + 1e-9
+
+
+@pytest.mark.parametrize("horizon", [1, 3, 8])
+def test_each_choice_is_the_first_of_the_best_plan_in_sight(library, base, horizon):
+    chosen = with_choice(library, "viterbi")
+    _, row = offline(chosen, base)
+    alone, after, taken = row.chain.alone, row.chain.after, []
+    for at in range(len(alone)):
+        seen = list(alone[at : at + horizon])
+        if taken:
+            seen[0] = seen[0] + after[at - 1][taken[-1]]
+        taken.append(int(plain.cheapest(seen, list(after[at : at + len(seen) - 1]))[0]))
+    found = streamed(chosen, base, (25,), horizon=horizon)
+    assert donors_of(found) == row.donors(np.array(taken)).tolist()
+
+
+def test_seams_are_those_of_two_segments_put_together(library, base):
+    """The oracle knows nothing but the donor before, this one, and whole clips."""
+    chosen = with_choice(library, "sample", seam="inertial")
+    problem, _ = offline(chosen, base)
+    longer, joints = problem.library, problem.library.joints("upper")
+    pieces = streamed(chosen, base)
+    motion, donors = joined(pieces), np.array(donors_of(pieces))
+    for at in range(1, len(donors)):
+        two = slice(at - 1, at + 1)
+        cut = mg.Segments(problem.cut.start[two], problem.cut.stop[two])
+        start, stop = int(cut.start[0]), int(cut.stop[1])
+        moved = mg.Segments(cut.start - start, cut.stop - start)
+        part = transplant(
+            problem.base[start : stop + 1],
+            moved,
+            take(longer.segments, donors[two]),
+            longer.clips,
+            joints,
+            longer.config,
+        )
+        own = motion.rotations[cut.start[1] + 1 : stop + 1][:, joints]
+        expected = part.rotations[moved.start[1] + 1 :]
+        gap = rotations.log(rotations.multiply(rotations.inverse(own), expected))
+        if len(part.seams):  # else the oracle lends the change two segments' time
+            assert np.linalg.norm(gap, axis=-1).max() < 1e-9
+        else:
+            before = longer.segments.stop[donors[at - 1]], longer.segments.clip[donors[at - 1]]
+            this = longer.segments.start[donors[at]], longer.segments.clip[donors[at]]
+            assert before == this
+    jumps = np.abs(np.diff(motion.rotations, axis=0)).max()
+    assert jumps < 2 * np.abs(np.diff(library.clips[0].rotations, axis=0)).max()
+
+
+# Constraints
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "sample"])
+def test_hard_constraints_are_met_or_told(library, base, choice):
+    avoid = in_the_way(base)
+    pieces = streamed(with_choice(library, choice), base, constraints=[avoid])
+    free = joined(streamed(with_choice(library, choice), base))
+    motion = joined(pieces)
+    joints = np.isin(np.arange(motion.n_joints), library.joints("upper"))
+    error, _ = avoid.errors(mg.Poses.of(motion), joints)
+    told = np.zeros(motion.n_frames, bool)
+    for violation in (v for piece in pieces for v in piece.violations):
+        told[violation.frames[0] : violation.frames[1] + 1] = True
+    np.testing.assert_array_equal(told, avoid.errors(mg.Poses.of(motion))[0] > 1.0)
+    assert (avoid.errors(mg.Poses.of(free), joints)[0] > 1).sum() > (error > 1).sum()
+
+
+def test_new_constraints_hold_for_all_that_is_not_committed(library, base):
+    stream = mg.Stream(library, horizon=2)
+    stream.push(base)
+    first = [stream.advance() for _ in range(10)]
+    stream.constraints = [mg.OnlyFrom("clip1")]
+    then = [stream.advance() for _ in range(5)]
+    stream.constraints = [mg.KeepOriginal()]
+    last = stream.pieces()
+    stream.close()
+    last += stream.pieces()
+    plainly = streamed(library, base, horizon=2)
+    assert donors_of(first) == donors_of(plainly)[:10]
+    assert "clip0" in {s.clip for p in first for s in p.substitutions}
+    assert {s.clip for p in then for s in p.substitutions} <= {"clip1", "base"}
+    assert all(s.is_own for p in last for s in p.substitutions)
+    assert joined(first + then + last).n_frames == base.n_frames
+
+
+def test_wide_seams_are_told(library, base):
+    limit = np.radians(3.0)
+    pieces = streamed(library, base, constraints=[mg.MaxAngle(limit)])
+    for piece in pieces:
+        wide = [s for s in piece.substitutions if s.gap_before > limit]
+        assert len(piece.violations) == len(wide)
+
+
+# Libraries in folders, and memory
+
+
+def test_a_library_in_a_folder_gives_the_same_and_reads_what_it_needs(library, base, tmp_path):
+    library.save(tmp_path / "two.mograft")
+    stored = mg.Library.open(tmp_path / "two.mograft")
+    same_bits(joined(streamed(stored, base)), joined(streamed(library, base)))
+
+    asked = set()
+
+    class Clips:
+        def __getitem__(self, index):
+            asked.add(int(index))
+            return library.clips[index]
+
+    only = replace(library, clips=Clips())
+    pieces = streamed(only, base, constraints=[mg.OnlyFrom("clip1")])
+    assert any(not s.is_own for p in pieces for s in p.substitutions)
+    assert asked == {1}
+
+
+def test_what_is_past_is_forgotten(library):
+    long = dance(seed=3, strides=1).motion
+    stream = mg.Stream(library)
+    most = 0
+    for at in range(long.n_frames):
+        stream.push(long[at : at + 1])
+        stream.pieces()
+        most = max(most, len(stream._base._tracks["rotations"]), len(stream._cutter._energies))
+    assert most < 400 < long.n_frames
+
+
+# Cutting
+
+
+@given(SEEDS, st.integers(1, 300), st.lists(st.integers(1, 50), min_size=1, max_size=5))
+def test_cuts_of_a_growing_curve_are_settled_and_long_enough(seed, n, chunks):
+    rng = np.random.default_rng(seed)
+    energies = np.abs(np.cumsum(rng.normal(size=n + 1)))
+    energies[rng.integers(n) :][:80] = 1.0  # a stretch where nothing turns
+    config = mg.Config(max_length=1.0)
+    cutter, seen = Cutter(30.0, config), []
+    at, turn = 0, 0
+    while at < len(energies):
+        size = chunks[turn % len(chunks)]
+        cutter.push(energies[at : at + size])
+        assert cutter.bounds[: len(seen)] == seen
+        seen, at, turn = list(cutter.bounds), at + size, turn + 1
+    cutter.close()
+    assert cutter.bounds[: len(seen)] == seen
+    whole = Cutter(30.0, config)
+    whole.push(energies)
+    whole.close()
+    assert whole.bounds == cutter.bounds
+    bounds = np.array(cutter.bounds)
+    assert bounds[0] == 0
+    assert bounds[-1] == n
+    if n >= 3:
+        assert np.diff(bounds).min() >= 3
+    assert np.diff(bounds).max() <= 30
+
+
+@given(SEEDS, st.integers(40, 300))
+def test_where_nothing_is_merged_cuts_are_those_of_the_whole_motion(seed, n):
+    rng = np.random.default_rng(seed)
+    phase, pace = rng.uniform(0, 6), rng.uniform(0.15, 0.4)
+    energies = 2.0 + np.cos(phase + pace * np.arange(n)) + 0.3 * np.sin(0.05 * np.arange(n))
+    config = mg.Config(min_length=1 / 30, max_length=100.0)
+    cutter = Cutter(30.0, config)
+    cutter.push(energies)
+    cutter.close()
+    inner = extrema(gaussian(energies, config.smoothing * 30.0))
+    assert cutter.bounds == [0, *(int(at) for at in inner if 0 < at < n - 1), n - 1]
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_a_growing_dance_is_cut_as_the_whole_one(seed):
+    motion = dance(seed=seed, strides=1).motion
+    cutter = Cutter(motion.rate, mg.Config())
+    cutter.push(mg.kinetic_energy(motion))
+    cutter.close()
+    expected = mg.segment(motion)
+    same = np.isin(cutter.bounds, [0, *expected.stop]).mean()
+    assert same > 0.95
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"horizon": 0}, ValueError, "horizon must be a whole number from 1, got 0"),
+        ({"seed": -1}, ValueError, "seed must be a whole number from 0, got -1"),
+        ({"swap": ["lower"]}, ValueError, "swap must name groups other than the base 'lower'"),
+        ({"constraints": ["none"]}, TypeError, "constraints must be mograft constraints, got 'n"),
+        ({"constraints": [mg.NotFrom("waltz")]}, ValueError, "clips must name clips of clip0, "),
+        ({"constraints": [mg.Reach("Wing", (0, 0, 0), 5)]}, ValueError, "no joint is named 'Wing'"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(library, options, error, message):
+    with pytest.raises(error, match=message):
+        mg.Stream(library, **options)
+
+
+def test_frames_that_do_not_fit_are_refused(library, base):
+    stream = mg.Stream(library)
+    with pytest.raises(ValueError, match="a stream needs at least 2 frames, got 0"):
+        stream.close()
+    with pytest.raises(ValueError, match="frames must come at the library's 30 per second, got 15"):
+        stream.push(base[::2])
+    stream.push(base[:1])
+    with pytest.raises(ValueError, match="a stream needs at least 2 frames, got 1"):
+        stream.close()
+    longer = replace(base.skeleton, offsets=base.skeleton.offsets * 2)
+    with pytest.raises(ValueError, match="frames must all be of one skeleton"):
+        stream.push(replace(base, skeleton=longer))
+    stream.push(base[1:2])
+    stream.close()
+    stream.close()
+    assert joined(stream.pieces()).n_frames == 2
+    assert stream.advance() is None
+    with pytest.raises(ValueError, match="before the stream is closed"):
+        stream.push(base[2:4])
+    odd = mg.Motion(mg.Skeleton(["a"], [-1], [[0, 0, 0]]), 1 / 30, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
+    with pytest.raises(mg.SkeletonMismatchError):
+        mg.Stream(library).push(odd)
+
+
+def test_groups_that_hold_legs_or_root_are_refused(library):
+    members = library.groups.resolve(library.skeleton)
+    names = {group: [library.skeleton.names[j] for j in own] for group, own in members.items()}
+    turned = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
+    with pytest.raises(ValueError, match=r"groups without root and legs.*got 'lower'"):
+        mg.Stream(turned)
+
+
+def test_the_chain_is_not_changed_by_what_is_tried(library, base):
+    """A donor that is taken out in one place may come in the next."""
+    stream = mg.Stream(library, constraints=[in_the_way(base)])
+    stream.push(base)
+    stream.advance()
+    before = [{g: own.copy() for g, own in p.alone.items()} for p in stream._places]
+    chain = stream._chain("upper")
+    assert isinstance(chain, Chain)
+    stream._settled()
+    for place, own in zip(stream._places, before, strict=True):
+        for group, costs in own.items():
+            np.testing.assert_array_equal(place.alone[group], costs)
