@@ -1,13 +1,14 @@
 """Motion: how a skeleton moves, frame by frame."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft import _core, rotations
-from mograft._arrays import FloatArray, as_floats, as_quaternions, as_vectors, frozen
+from mograft._arrays import BoolArray, FloatArray, as_floats, as_quaternions, as_vectors, frozen
 from mograft.resample import segments, segments_positions
 from mograft.skeleton import Skeleton
 
@@ -142,6 +143,12 @@ class Motion:
         """Seconds from the first frame to the last."""
         return (self.n_frames - 1) * self.frame_time
 
+    @cached_property
+    def travels(self) -> BoolArray:
+        """Which joints' translations vary, shape (n_joints,)."""
+        varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
+        return varies
+
     def world(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and positions of all joints in the world, by forward kinematics.
 
@@ -202,8 +209,7 @@ class Motion:
         That is the first whose translation varies: in some files the file's own root is a
         dummy that never moves. The file's root where none does.
         """
-        spread = np.ptp(self.positions, axis=0).max(axis=-1)
-        moving = np.flatnonzero(spread > 0)
+        moving = np.flatnonzero(self.travels)
         return int(moving[0]) if len(moving) else 0
 
     def channel_numbers(self) -> FloatArray:

@@ -398,14 +398,21 @@ def states(
         own = np.flatnonzero(clips == clip)
         track, at = tracks[clip], frames[own]
         values[own] = track[at]
-        steps = algebra.way(track[:-1], track[1:])
-        before, after = (at - 1).clip(0), at.clip(max=len(steps) - 1)
-        mean = 0.5 * (steps[before] + steps[after])
-        if len(steps) > 1:
-            mean[at == 0] = 1.5 * steps[0] - 0.5 * steps[1]
-            mean[at == len(steps)] = 1.5 * steps[-1] - 0.5 * steps[-2]
+        last = len(track) - 2
+        before, after = (at - 1).clip(0), at.clip(max=last)
+        before, after = _steps(algebra, track, before), _steps(algebra, track, after)
+        mean = 0.5 * (before + after)
+        if last > 0:
+            ends = _steps(algebra, track, np.array([0, 1, last - 1, last]))
+            mean[at == 0] = 1.5 * ends[0] - 0.5 * ends[1]
+            mean[at > last] = 1.5 * ends[3] - 0.5 * ends[2]
         velocities[own] = mean
     return values, velocities
+
+
+def _steps(algebra: Algebra, track: FloatArray, frames: IntArray) -> FloatArray:
+    """Return the way from each frame to the next."""
+    return algebra.way(track[frames], track[frames + 1])
 
 
 def _in_the_world(
@@ -448,8 +455,7 @@ def _as_local(
 
 def _travels(clips: Sequence[Motion], joints: IntArray) -> BoolArray:
     """Tell which joints' translations move in one of the clips."""
-    spreads = [np.ptp(clip.positions[:, joints], axis=0).max(axis=-1) for clip in clips]
-    travels: BoolArray = np.max(spreads, axis=0) > 0
+    travels: BoolArray = np.any([clip.travels[joints] for clip in clips], axis=0)
     return travels
 
 
