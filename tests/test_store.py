@@ -20,9 +20,11 @@ from hypothesis import strategies as st
 from mograft import (
     BvhError,
     Config,
+    JointGroups,
     Library,
     LibraryError,
     Motion,
+    Skeleton,
     SkeletonMismatchError,
     graft,
     graft_many,
@@ -106,8 +108,6 @@ def test_a_motion_from_elsewhere_is_grafted_on_a_stored_library(clips, stored):
 @given(motions(min_frames=60, min_joints=3), st.sampled_from((1.0, 2.0, 0.37)), st.booleans())
 def test_what_is_saved_is_what_is_opened(tmp_path, motion, speed, paper):
     """Of any skeleton, at any mixture of rates, with and without channels of a file."""
-    from mograft import JointGroups
-
     names = list(motion.skeleton.names)
     groups = JointGroups({"base": names[:2], "rest": names[2:]}, base="base")
     other = replace(motion, frame_time=motion.frame_time * speed)
@@ -207,6 +207,26 @@ def test_what_clips_have_in_common_may_change_when_some_are_added(clips, tmp_pat
     assert [clip.rate for clip in fixed.clips] == pytest.approx([30.0] * 4, rel=1e-2)
 
 
+def test_a_few_clips_that_a_dummy_carries_do_not_move_the_others(tmp_path):
+    """Some files move by the joint above the hips, most by the hips."""
+    names = ["Dummy", *WHOLE.skeleton.names]
+    parents = [-1, *(WHOLE.skeleton.parents + 1)]
+    offsets = np.concatenate([np.zeros((1, 3)), WHOLE.skeleton.offsets])
+    skeleton = Skeleton(names, parents, offsets)
+    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (WHOLE.n_frames, 1, 4))
+    by_hips = np.concatenate([np.zeros((WHOLE.n_frames, 1, 3)), WHOLE.positions], axis=1)
+    by_dummy = by_hips.copy()
+    by_dummy[:, 0], by_dummy[:, 1] = by_hips[:, 1], 0.0
+    turned = np.concatenate([still, WHOLE.rotations], axis=1)
+    own, other = (Motion(skeleton, 1 / 30, turned, places) for places in (by_hips, by_dummy))
+    groups = JointGroups({"low": names[:8], "high": names[8:]}, base="low")
+    library = Library.build([other[:160], own[160:320], own[320:480]], groups)
+    assert library.root == 1
+    alike = Library.build([own[:160], own[160:320], own[320:480]], groups)
+    for ours, theirs in zip(library.samples.rows(), alike.samples.rows(), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-5)
+
+
 def test_a_wrong_rate_can_be_corrected(clips, tmp_path):
     folder = moved(clips, tmp_path / "part", ["c", "d"])
     with pytest.warns(UserWarning, match="resampled to 30 fps"):
@@ -288,6 +308,28 @@ def test_the_executor_does_not_matter(clips, stored, tmp_path, monkeypatch, kind
             distributed.Client(cluster) as client,
         ):
             same(Library.index(clips, tmp_path / "l", executor=client.get_executor()), stored)
+
+
+INDEXING = """
+import sys
+from mograft import Library
+from mograft.dancer import dance
+Library.build([dance(seed=seed, strides=2).motion for seed in range(3)]).save(sys.argv[1])
+"""
+
+
+def test_the_threads_of_the_blas_do_not_matter(tmp_path):
+    """Nor does it matter which of its kernels they take; there are enough numbers to share."""
+    files = []
+    for threads in ("1", "2", "3"):
+        place = tmp_path / threads
+        names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+        environment = {**os.environ, **dict.fromkeys(names, threads)}
+        command = [sys.executable, "-c", INDEXING, str(place)]
+        subprocess.run(command, env=environment, check=True)
+        files.append(store.read_manifest(place)["files"])
+    assert files[1] == files[0]
+    assert files[2] == files[0]
 
 
 def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
@@ -408,9 +450,6 @@ def test_one_writes_at_a_time_and_many_read(clips, tmp_path):
     assert store.leftovers(tmp_path / "l") == []
 
 
-ENVIRONMENT = dict(os.environ)
-"""As it was before a cluster leaves word to use one thread of BLAS, which last bits depend on."""
-
 ADDING = """
 import sys, warnings
 from mograft import Library
@@ -432,7 +471,7 @@ def test_a_kill_leaves_the_old_library_or_the_new_one(clips, stored, tmp_path, w
         if way != "index":
             shutil.copytree(tmp_path / "old", place)
         command = [sys.executable, "-c", ADDING, way, str(place), str(clips)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, env=ENVIRONMENT)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE)
         process.stdout.readline()
         time.sleep(rng.uniform(0, 0.6))
         process.send_signal(signal.SIGKILL)

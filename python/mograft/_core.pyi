@@ -15,6 +15,7 @@ __all__ = [
     "cubic_positions",
     "cut",
     "cut_tuned",
+    "eigen",
     "exp",
     "format_rows",
     "from_channels",
@@ -26,6 +27,7 @@ __all__ = [
     "linkage_condensed",
     "linkage_tuned",
     "log",
+    "log_from",
     "pose_gaps",
     "scan_numbers",
     "segments",
@@ -41,6 +43,7 @@ VERSION: Final[str]
 
 def exp(vectors: FloatArray) -> FloatArray: ...
 def log(rotations: FloatArray) -> FloatArray: ...
+def log_from(references: FloatArray, rotations: FloatArray) -> FloatArray: ...
 def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
 def from_channels(
     values: FloatArray,
@@ -129,3 +132,4 @@ def cut_tuned(
     crowd: int,
 ) -> IntArray: ...
 def linkage_by_chain(points: FloatArray) -> FloatArray: ...
+def eigen(matrix: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]: ...

@@ -7,7 +7,7 @@ order, by any process on any machine, and come out the same.
 import hashlib
 import math
 import os
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
@@ -524,8 +524,8 @@ def settle(facts: Sequence[Facts], config: Config, rate: float | None = None) ->
     Returns
     -------
     Terms
-        The joint names and hierarchy of most clips, the first joint that carries one of
-        them through the world, the up of the longest. Of equals the first counts.
+        The joint names and hierarchy of most clips, the joint that carries most of them
+        through the world, the up of the longest. Of equals the first counts.
     """
     votes: dict[tuple[object, ...], list[Facts]] = {}
     for own in facts:
@@ -537,7 +537,8 @@ def settle(facts: Sequence[Facts], config: Config, rate: float | None = None) ->
         key = next((known for known in frames if same_rate(own.rate, known)), own.rate)
         frames[key] = frames.get(key, 0) + own.n_frames
     commonest = max(frames, key=lambda key: frames[key])
-    root = min((own.root for own in fitting if own.root >= 0), default=0)
+    carried = Counter(own.root for own in fitting if own.root >= 0)
+    root = carried.most_common(1)[0][0] if carried else 0
     longest = max(fitting, key=lambda own: (own.n_frames - 1) / own.rate)
     return Terms(fitting[0].skeleton, commonest if rate is None else rate, root, longest.up, config)
 

@@ -9,8 +9,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from mograft import rotations
+from mograft import _core, rotations
 from mograft._arrays import FloatArray, IntArray
+from mograft._exact import gram, product
 from mograft.config import FRAME, Config
 from mograft.motion import Motion
 from mograft.resample import segments, segments_positions
@@ -130,8 +131,7 @@ class Embedding:
 
     def project(self, matrix: FloatArray) -> FloatArray:
         """Return the points of feature vectors, shape (n, n_features) to (n, n_components)."""
-        projected: FloatArray = ((matrix - self.mean) / self.scale) @ self.components
-        return projected
+        return product((matrix - self.mean) / self.scale, self.components)
 
 
 def normalise(
@@ -225,25 +225,12 @@ def features(
         heights, then the length in frames of 1/30 s.
     """
     n = len(samples.lengths)
-    vectors = rotations.log(_from(reference, samples.rotations[:, :, joints]))
+    # Quaternions in single precision are unit to 1e-7 only; they are made unit again.
+    vectors = _core.log_from(reference, np.ascontiguousarray(samples.rotations[:, :, joints]))
     parts = [vectors.transpose(0, 2, 1, 3).reshape(n, -1)]
     if has_root:
         parts.append(samples.steps.reshape(n, -1))
     return np.concatenate([*parts, samples.lengths[:, None]], axis=1)
-
-
-def _from(reference: FloatArray, quats: FloatArray) -> FloatArray:
-    """Return reference⁻¹ · q for quaternions (..., n_joints, 4), made unit again.
-
-    As a product with the matrix of left multiplication, which takes a tenth of the time of
-    `rotations.multiply`. Quaternions in single precision are unit to 1e-7 only.
-    """
-    x, y, z, w = (reference * [-1.0, -1.0, -1.0, 1.0]).T
-    left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
-    by_joint = quats.reshape(-1, *quats.shape[-2:]).transpose(1, 0, 2)
-    turned = np.matmul(by_joint, left.transpose(2, 1, 0))
-    turned /= np.sqrt(np.einsum("jni,jni->jn", turned, turned))[..., None]
-    return np.ascontiguousarray(turned.transpose(1, 0, 2)).reshape(quats.shape)
 
 
 def moments(quats: FloatArray) -> FloatArray:
@@ -259,8 +246,7 @@ def moments(quats: FloatArray) -> FloatArray:
     ndarray, shape (n_joints, 4, 4)
         Those of several sets add up to those of their union.
     """
-    by_joint = np.ascontiguousarray(quats.transpose(1, 0, 2))
-    summed: FloatArray = by_joint.transpose(0, 2, 1) @ by_joint
+    summed: FloatArray = np.einsum("nji,njk->jik", quats, quats)
     return summed
 
 
@@ -315,7 +301,7 @@ class Spread:
         for rows in chunks:
             own = rows.mean(axis=0)
             centred = rows - own
-            within = centred.T @ centred
+            within = gram(centred)
             if not n:
                 n, mean, scatter = len(rows), own, within
                 continue
@@ -360,10 +346,10 @@ def pca(
     deviation = spread.deviation
     scale = np.where(deviation < _STILL, np.inf, np.maximum(deviation, floors))
     standard = spread.scatter / (spread.n - 1) / scale / scale[:, None]
-    variances, vectors = np.linalg.eigh(standard)
-    variances, vectors = variances[::-1], vectors[:, ::-1]
+    # Not by NumPy's eigh: the last bits of what LAPACK finds follow the number of threads.
+    variances, vectors = _core.eigen(standard, min(n_components, spread.n - 1))
     rank = int((variances > 1e-12 * max(variances[0], 0.0)).sum())
-    kept = vectors[:, : min(n_components, spread.n - 1, rank)]
+    kept = vectors[:, :rank]
     largest = np.take_along_axis(kept, np.abs(kept).argmax(axis=0)[None], axis=0)
     return scale, kept * np.where(largest < 0, -1.0, 1.0), np.maximum(variances, 0.0)
 

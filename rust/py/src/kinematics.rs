@@ -30,6 +30,20 @@ pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
     from_vecs(py, &vectors, &with_last(&rotations, &[]))
 }
 
+/// See `mograft.embedding.features`.
+#[pyfunction]
+pub fn log_from<'py>(
+    py: Python<'py>,
+    references: Floats<'py>,
+    rotations: Floats<'py>,
+) -> Array<'py> {
+    let (from, to) = (as_quats(&references)?, as_quats(&rotations)?);
+    let vectors = py
+        .detach(|| rotation::log_from(from, to))
+        .map_err(value_error)?;
+    from_vecs(py, &vectors, &with_last(&rotations, &[]))
+}
+
 /// See `mograft.rotations.angle`.
 #[pyfunction]
 pub fn angle<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {

@@ -14,6 +14,7 @@
 mod convert;
 mod kinematics;
 mod linkage;
+mod spectral;
 mod text;
 
 /// Compiled kernels of mograft. Private: call the package's own functions instead.
@@ -29,14 +30,17 @@ mod _core {
     #[pymodule_export]
     use crate::kinematics::{
         angle, box_clearance, clearance, cubic, cubic_positions, exp, from_channels, from_euler,
-        hermite, kinetic_energy, log, pose_gaps, segments, segments_positions, slerp, to_euler,
-        velocity_gaps, world,
+        hermite, kinetic_energy, log, log_from, pose_gaps, segments, segments_positions, slerp,
+        to_euler, velocity_gaps, world,
     };
 
     #[pymodule_export]
     use crate::linkage::{
         cut, cut_tuned, linkage, linkage_by_chain, linkage_condensed, linkage_tuned,
     };
+
+    #[pymodule_export]
+    use crate::spectral::eigen;
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};
