@@ -189,6 +189,23 @@ def test_a_scenario_is_walked_or_given(capsys, folder, tmp_path):
     assert 12.0 <= walked.duration < 14.1
     document = json.loads(path.with_suffix(".json").read_text())
     assert {part["clip"] for part in document["scenario"]} <= {"a", "b"}
+    kinds = {
+        "frames": ["--frames", 301],
+        "beats": ["--beats", 100, "--duration", 6],
+        "path": ["--path=0,0:250,-30", "--feet", "never", "--among", "b"],
+    }
+    made = {}
+    for name, more in kinds.items():
+        target = tmp_path / f"{name}.bvh"
+        own = ["--scenario", "graph", *more, "-o", target]
+        assert run(capsys, "graft", folder, *own)[0] == 0
+        made[name] = read_bvh(target)
+    assert made["frames"].n_frames == 301
+    assert made["beats"].n_frames == 181
+    np.testing.assert_allclose(made["path"].positions[0, 0, [0, 2]], 0.0, atol=1e-6)
+    assert np.linalg.norm(made["path"].positions[-1, 0, [0, 2]] - [250, -30]) < 60
+    parts = json.loads((tmp_path / "path.json").read_text())["scenario"]
+    assert {part["clip"] for part in parts} == {"b"}
     given = tmp_path / "given.bvh"
     assert run(capsys, "graft", folder, "--scenario", "3,4,0", "-o", given)[0] == 0
     assert len(json.loads(given.with_suffix(".json").read_text())["scenario"]) == 3
@@ -201,6 +218,11 @@ def test_a_scenario_is_walked_or_given(capsys, folder, tmp_path):
         (["--scenario", "graph", "--base", "b.bvh"], "--base must not be given with --scenario"),
         (["--duration", "5"], "--duration is for --scenario graph"),
         (["--scenario", "graph", "--duration", "0"], "--duration must be above 0 seconds; got 0"),
+        (["--frames", "9"], "--frames is for --scenario graph"),
+        (["--scenario", "graph", "--frames", "1"], "--frames must be at least 2; got 1"),
+        (["--scenario", "graph", "--frames", "9", "--beats", "90"], "--frames must not be given"),
+        (["--scenario", "graph", "--beats", "0"], "--beats must be above 0 a minute; got 0"),
+        (["--scenario", "graph", "--path", "1,2"], "--path must be two corners or more"),
     ],
 )
 def test_a_wrong_scenario_is_a_usage_error(capsys, folder, tmp_path, options, told):

@@ -7,12 +7,14 @@ from typing import Any, overload
 
 import numpy as np
 
+from mograft import rotations
 from mograft._arrays import BoolArray, IntArray, as_indices
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
 from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors, Problem, take
+from mograft.scenario import Scenario
 from mograft.search import best, diverse, sample, viterbi
 from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
@@ -296,7 +298,7 @@ class _Plan:
         base: Motion | str | None,
         swap: Sequence[str] | None,
         constraints: Sequence[Constraint],
-        order: Sequence[int] | IntArray | None = None,
+        order: Sequence[int] | IntArray | Scenario | None = None,
     ) -> "_Plan":
         groups = swapped(library, swap)
         if order is None:
@@ -306,8 +308,9 @@ class _Plan:
         elif base is not None:
             raise ValueError("base must not be given with a scenario, which is the base itself")
         else:
-            scenario = _checked(order, library)
-            motion, cut = _arranged(library, scenario)
+            wanted = order if isinstance(order, Scenario) else Scenario(_checked(order))
+            scenario = _within(wanted.segments, library)
+            motion, cut = _arranged(library, wanted)
         own_order = () if order is None else tuple(scenario.tolist())
         problem = Problem.of(library, motion, scenario, cut, groups, constraints)
         return cls(problem, own_order)
@@ -466,52 +469,72 @@ def _stands(library: Library, cut: Segments, sources: Sequence[IntArray]) -> Boo
     return stands
 
 
-def _checked(order: Sequence[int] | IntArray, library: Library) -> IntArray:
-    """Return the scenario as an array; each must be a segment."""
+def _checked(order: Sequence[int] | IntArray) -> IntArray:
     scenario = as_indices("scenario", order, ("n",))
-    n = len(library.segments)
     if not len(scenario):
         raise ValueError("scenario must hold at least one segment, got none")
+    return scenario
+
+
+def _within(scenario: IntArray, library: Library) -> IntArray:
+    """Return a scenario, each of which must be a segment."""
+    n = len(library.segments)
     wrong = scenario[(scenario < 0) | (scenario >= n)]
     if len(wrong):
         raise ValueError(f"scenario must be of segments 0 to {n - 1}, got {wrong[0]}")
     return scenario
 
 
-def _arranged(library: Library, scenario: IntArray) -> tuple[Motion, Segments]:
+def _arranged(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     """Return the motion of segments one after the other, on its feet, and where they are in it."""
-    own = take(library.segments, scenario)
-    stops = np.cumsum(own.lengths)
-    cut = Segments(stops - own.lengths, stops)
-    first = library.clips[own.clip[0]]
-    rows = np.concatenate([[own.start[0]], *map(_inside, own.start, own.stop)])
-    clips = np.concatenate([own.clip[:1], np.repeat(own.clip, own.lengths)])
+    own = take(library.segments, scenario.segments)
+    stops = np.cumsum(own.lengths if scenario.lengths is None else scenario.lengths)
+    cut = Segments(np.concatenate([[0], stops[:-1]]), stops)
+    # Each clip is read once: a stored library's are only there while they are asked for.
+    clips = {int(index): library.clips[int(index)] for index in np.unique(own.clip)}
+    numbers, at = np.unique(own.clip, return_inverse=True)
+    own = replace(own, clip=at)
+    several = [clips[index] for index in numbers.tolist()]
+    first = several[at[0]]
+    n_frames = int(stops[-1]) + 1
     bare = replace(
         first,
-        rotations=np.stack(
-            [library.clips[c].rotations[f] for c, f in zip(clips, rows, strict=True)]
-        ),
-        positions=np.stack(
-            [library.clips[c].positions[f] for c, f in zip(clips, rows, strict=True)]
-        ),
+        rotations=np.repeat(first.rotations[own.start[:1]], n_frames, axis=0),
+        positions=np.repeat(first.positions[own.start[:1]], n_frames, axis=0),
         channel_values=None,
         name=f"{first.name}_scenario",
         path=None,
         repairs=(),
     )
+    if scenario.place is not None or scenario.turn:
+        bare = _moved(bare, scenario, library.root, library.up)
     everything = np.arange(first.n_joints)
     part = transplant(
-        bare, cut, own, library.clips, everything, library.config, root=library.root, up=library.up
+        bare, cut, own, several, everything, library.config, root=library.root, up=library.up
     )
     motion = recombine(bare, [part], bare.name)
     if library.config.feet != "never" and len(part.seams):
-        sources = [scenario] * len(legs(first.skeleton))
+        sources = [scenario.segments] * len(legs(first.skeleton))
         motion, _ = plant_feet(motion, _stands(library, cut, sources))
     return motion, cut
 
 
-def _inside(start: int, stop: int) -> IntArray:
-    return np.arange(start + 1, stop + 1)
+def _moved(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
+    """Return a still figure with its root turned about up and put in its place."""
+    turned, placed = motion.world()
+    spot, above = placed[0, root].copy(), int(motion.skeleton.parents[root])
+    if scenario.place is not None:
+        height = spot[up]
+        spot = scenario.place.copy()
+        spot[up] = height
+    quat = rotations.multiply(rotations.about(np.eye(3)[up], scenario.turn), turned[0, root])
+    if above >= 0:
+        back = rotations.inverse(turned[0, above])
+        quat = rotations.multiply(back, quat)
+        spot = rotations.rotate(back, spot - placed[0, above])
+    quats, places = motion.rotations.copy(), motion.positions.copy()
+    quats[:, root], places[:, root] = quat, spot
+    return replace(motion, rotations=quats, positions=places)
 
 
 def _above(skeleton: Skeleton, joint: int, root: int) -> list[int]:
@@ -529,7 +552,7 @@ def graft(
     constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
-    scenario: Sequence[int] | IntArray | None = None,
+    scenario: Sequence[int] | IntArray | Scenario | None = None,
 ) -> Graft:
     """Make one new motion.
 
@@ -547,7 +570,7 @@ def graft(
     seed : int
         Of what is left to chance, with ``Config(choice="sample")`` and "random": another
         seed, another motion. The same seed gives the same numbers.
-    scenario : sequence of int, optional
+    scenario : sequence of int or Scenario, optional
         Segments of the library, one after the other, to be the base instead of a clip: any
         order that is wanted, or one of `mograft.scenario`. Each goes on from where the one
         before has come to.
@@ -590,7 +613,7 @@ def graft_many(
     constraints: Sequence[Constraint] = (),
     swap: Sequence[str] | None = None,
     seed: int = 0,
-    scenario: Sequence[int] | IntArray | None = None,
+    scenario: Sequence[int] | IntArray | Scenario | None = None,
 ) -> "Grafts":
     """Make several new motions, each different from the others.
 
@@ -748,7 +771,7 @@ def _substitutions(problem: Problem, group: str, donors: IntArray) -> Iterator[S
     costs = pool.costs(problem.scenario, donors, problem.config)
     gaps = [0.0, *pool.gaps_along(donors).tolist(), 0.0]
     for at, (own, donor) in enumerate(zip(problem.scenario.tolist(), donors.tolist(), strict=True)):
-        length, taken = int(segments.lengths[own]), int(segments.lengths[donor])
+        length, taken = int(cut.lengths[at]), int(segments.lengths[donor])
         yield Substitution(
             group,
             int(cut.start[at]),

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mograft.groups import JointGroups
     from mograft.library import Library
     from mograft.motion import Motion
+    from mograft.scenario import Scenario
 
 UNMET = 4
 """Exit code: no choice of donors meets the constraints."""
@@ -89,6 +90,24 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument(
         "--duration", type=float, metavar="S", help="seconds of --scenario graph (default 60)"
+    )
+    graft.add_argument(
+        "--frames", type=int, metavar="N", help="of --scenario graph: exactly so many frames"
+    )
+    graft.add_argument(
+        "--path",
+        metavar="X,Z:X,Z:...",
+        help="of --scenario graph: along these corners on the floor, in the file's unit (X,Y "
+        "where z points up)",
+    )
+    graft.add_argument(
+        "--beats",
+        type=float,
+        metavar="BPM",
+        help="of --scenario graph: come to rest on every beat, so many a minute",
+    )
+    graft.add_argument(
+        "--among", metavar="CLIP,...", help="clips that --scenario graph walks through; globs do"
     )
     graft.add_argument(
         "--seam",
@@ -236,20 +255,56 @@ def _check_scenario(options: argparse.Namespace) -> None:
         options.usage(f"--scenario must be original, graph or numbers of segments; got {scenario}")
     if scenario != "original" and options.base is not None:
         options.usage("--base must not be given with --scenario, which is the base itself")
-    if options.duration is not None and scenario != "graph":
-        options.usage("--duration is for --scenario graph")
-    if options.duration is not None and not options.duration > 0:
-        options.usage(f"--duration must be above 0 seconds; got {options.duration:g}")
+    given = [name for name in _WALKS if getattr(options, name) is not None]
+    if scenario != "graph" and given:
+        options.usage(f"--{given[0]} is for --scenario graph")
+    lengths = [name for name in given if name in ("duration", "frames", "path")]
+    if len(lengths) > 1 or ("beats" in given and lengths not in ([], ["duration"])):
+        options.usage(f"--{lengths[-1]} must not be given with --{lengths[0]} or --beats")
+    for name, unit in (("duration", "seconds"), ("beats", "a minute")):
+        value = getattr(options, name)
+        if value is not None and not 0 < value < float("inf"):
+            options.usage(f"--{name} must be above 0 {unit}; got {value:g}")
+    if options.frames is not None and options.frames < 2:
+        options.usage(f"--frames must be at least 2; got {options.frames}")
+    if options.path is not None:
+        _corners(options)
 
 
-def _scenario(library: "Library", options: argparse.Namespace) -> "Sequence[int] | IntArray | None":
+_WALKS = ("duration", "frames", "path", "beats", "among")
+
+
+def _corners(options: argparse.Namespace) -> list[list[float]]:
+    try:
+        corners = [[float(word) for word in own.split(",")] for own in options.path.split(":")]
+    except ValueError:
+        corners = []
+    if len(corners) < 2 or any(len(own) != 2 for own in corners):
+        options.usage(f"--path must be two corners or more, as 0,0:300,0; got {options.path}")
+    return corners
+
+
+def _scenario(
+    library: "Library", options: argparse.Namespace
+) -> "Sequence[int] | IntArray | Scenario | None":
     if options.scenario == "original":
         return None
-    if options.scenario == "graph":
-        from mograft.scenario import walk
+    if options.scenario != "graph":
+        return [int(word) for word in options.scenario.split(",")]
+    import numpy as np
 
-        return walk(library, options.duration or 60.0, options.seed)
-    return [int(word) for word in options.scenario.split(",")]
+    from mograft.scenario import fill, follow, to_beats, transitions, walk
+
+    seed, duration = options.seed, options.duration or 60.0
+    graph = transitions(library, options.among and options.among.split(","))
+    if options.frames is not None:
+        return fill(library, options.frames, seed, graph=graph)
+    if options.path is not None:
+        return follow(library, _corners(options), graph=graph)
+    if options.beats is not None:
+        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
+        return to_beats(library, beats, seed, graph=graph)
+    return walk(library, duration, seed, graph=graph)
 
 
 def chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
