@@ -25,6 +25,9 @@ if path.endswith(".bvh"):
     bpy.ops.import_anim.bvh(filepath=path, axis_forward="-Z", axis_up="Y",
                             update_scene_fps=True, update_scene_duration=True)
     first, step = bpy.context.scene.frame_start, 1.0
+elif path.endswith(".usdc"):
+    bpy.ops.wm.usd_import(filepath=path)
+    first, step = 0, 1.0
 else:
     bpy.ops.import_scene.gltf(filepath=path)
     scene = bpy.context.scene

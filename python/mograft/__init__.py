@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
     from mograft.faults import Fault, find_faults
     from mograft.footskate import FeetReport, foot_skate, plant_feet
-    from mograft.formats import read_npz, write_csv, write_glb, write_npz
+    from mograft.formats import read_npz, write_csv, write_glb, write_npz, write_usd
     from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
     from mograft.groups import JointGroups, subtree
     from mograft.interop import from_pybvh, to_pybvh
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from mograft.skeleton import EndSite, Skeleton
     from mograft.stream import Stream
     from mograft.substitution import Candidate, Candidates
-    from mograft.viewing import Page, report_page, view
+    from mograft.viewing import Page, report_page, view, write_video
 
 _HOMES = {
     "bvh": "BvhSummary read_bvh scan_bvh write_bvh",
@@ -57,7 +57,7 @@ _HOMES = {
     "errors": "BvhError LibraryError MograftError SkeletonMismatchError",
     "faults": "Fault find_faults",
     "footskate": "FeetReport foot_skate plant_feet",
-    "formats": "read_npz write_csv write_glb write_npz",
+    "formats": "read_npz write_csv write_glb write_npz write_usd",
     "grafting": "Graft Grafts Seam Substitution graft graft_many repair",
     "groups": "JointGroups subtree",
     "interop": "from_pybvh to_pybvh",
@@ -69,7 +69,7 @@ _HOMES = {
     "skeleton": "EndSite Skeleton",
     "stream": "Stream",
     "substitution": "Candidate Candidates",
-    "viewing": "Page report_page view",
+    "viewing": "Page report_page view write_video",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 _MODULES = ("plot", "resample", "rotations", "scenario")
@@ -146,6 +146,8 @@ __all__ = [
     "write_csv",
     "write_glb",
     "write_npz",
+    "write_usd",
+    "write_video",
 ]
 
 if not TYPE_CHECKING:

@@ -13,6 +13,7 @@ from mograft.anatomy import anatomy
 from mograft.body import body, up_axis
 from mograft.clustering import linkage
 from mograft.config import Config
+from mograft.formats.figure import PALETTE
 from mograft.grafting import Graft
 from mograft.groups import JointGroups
 from mograft.library import Library
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["PALETTE", "clusters", "dendrogram", "energy", "pca", "strip", "timeline"]
-
-PALETTE = ("#3b6ea8", "#d9596b", "#2b8a57", "#b08a00", "#8a5cb8", "#2492ad", "#9c5a2e", "#6b7280")
-"""Colours of joint groups, in their order; the pages use the same."""
 
 
 def strip(

@@ -14,6 +14,8 @@ from mograft import __version__
 from mograft.cli import (
     candidates,
     check,
+    completion,
+    config,
     demo,
     doctor,
     export,
@@ -26,6 +28,7 @@ from mograft.cli import (
     view,
 )
 from mograft.cli._common import say
+from mograft.cli._settings import command_parsers, parse, settable
 from mograft.errors import BvhError, MograftError
 
 __all__ = ["main"]
@@ -44,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
-    options = _parser().parse_args(arguments)
+    options = parse(_parser(), arguments)
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
@@ -94,7 +97,17 @@ def _parser() -> argparse.ArgumentParser:
         plot,
         export,
         doctor,
+        config,
+        completion,
     )
     for command in everything:
         command.add(commands)
+    for name, own in command_parsers(parser).items():
+        own.set_defaults(command=name)
     return parser
+
+
+def command_names() -> dict[str, set[str]]:
+    """Return the commands with the names of their settings."""
+    everything = command_parsers(_parser())
+    return {name: {a.dest for a in settable(own)} for name, own in everything.items()}

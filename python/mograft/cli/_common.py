@@ -22,6 +22,8 @@ __all__ = [
     "at_least_one",
     "check_free",
     "expanded",
+    "frames",
+    "given",
     "print_json",
     "progress",
     "say",
@@ -64,6 +66,20 @@ def at_least_one(text: str) -> int:
     return number
 
 
+def frames(text: str) -> tuple[int, int]:
+    """Read the first and last of some frames, for argparse."""
+    first, dash, last = text.partition("-")
+    if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
+        raise argparse.ArgumentTypeError(f"must be FIRST-LAST, as 100-400, got {text}")
+    return int(first), int(last)
+
+
+def given(options: argparse.Namespace, *names: str) -> list[str]:
+    """Return those of the options that this command line gives, not a setting or a default."""
+    own = [name for name in names if name not in options.origins]
+    return [name for name in own if getattr(options, name) not in (None, False)]
+
+
 def expanded(names: Iterable[str]) -> list[str]:
     """Put the BVH files of a folder in its place, in order of name."""
     files: list[str] = []
@@ -89,9 +105,10 @@ def write(graft: "Graft", path: Path) -> Path:
     """Write a graft's motion, and beside it where every part comes from."""
     from mograft.bvh import write_bvh
 
-    write_bvh(graft.motion, path)
     document = {"mograft": __version__, **graft.as_dict()}
+    # First, so that whenever this is interrupted no motion lies there without its provenance.
     write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
+    write_bvh(graft.motion, path)
     return path
 
 

@@ -15,6 +15,11 @@ from mograft.cli._common import print_json
 NEEDED = ("numpy",)
 EXTRAS = {
     "matplotlib": "mograft plot",
+    "pillow": "films, mograft export -o x.gif",
+    "imageio-ffmpeg": "films, mograft export -o x.mp4, unless ffmpeg is there",
+    "usd-core": "mograft export -o x.usd",
+    "pyarrow": "mograft lib export --parquet",
+    "shtab": "mograft completion",
     "pybvh": "mograft.to_pybvh, mograft.from_pybvh",
 }
 

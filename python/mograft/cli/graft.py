@@ -13,6 +13,7 @@ from mograft.cli._common import (
     at_least_one,
     check_free,
     expanded,
+    given,
     print_json,
     progress,
     say,
@@ -226,9 +227,8 @@ def _opened(folder: Path, options: argparse.Namespace) -> "Library":
     """Open a library; what it was made by is settled, but for how it is used."""
     from mograft.library import Library
 
-    for name in ("groups", "preset"):
-        if getattr(options, name) is not None:
-            options.usage(f"--{name} is settled when a library is made: mograft index --{name}")
+    for name in given(options, "groups", "preset"):
+        options.usage(f"--{name} is settled when a library is made: mograft index --{name}")
     library = Library.open(folder)
     return library.relabelled(_changed(library.config, options))
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mograft.cli._common import PRESETS, check_free, write_text
+from mograft.cli._common import PRESETS, check_free, print_json, write_text
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -14,6 +14,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     groups.add_argument("--preset", choices=PRESETS, default="lower_upper")
     groups.add_argument("-o", "--output", type=Path, help="TOML file to write; default: stdout")
     groups.add_argument("--force", action="store_true", help="overwrite what is there")
+    groups.add_argument("--json", action="store_true", help="as one JSON document")
     groups.set_defaults(run=run)
 
 
@@ -22,11 +23,23 @@ def run(options: argparse.Namespace) -> int:
     from mograft.bvh import read_bvh
     from mograft.groups import JointGroups
 
-    text = JointGroups.preset(options.preset, read_bvh(options.file).skeleton).to_toml()
-    if options.output is None:
-        print(text, end="")
+    skeleton = read_bvh(options.file).skeleton
+    groups = JointGroups.preset(options.preset, skeleton)
+    target: Path | None = options.output
+    if target is not None:
+        check_free([target], force=options.force)
+        write_text(target, groups.to_toml())
+    if options.json:
+        members = groups.resolve(skeleton).items()
+        document = {
+            "schema": "mograft.groups/1",
+            "file": None if target is None else str(target),
+            "base": groups.base,
+            "groups": {name: [skeleton.names[j] for j in joints] for name, joints in members},
+        }
+        print_json(document)
+    elif target is None:
+        print(groups.to_toml(), end="")
     else:
-        check_free([options.output], force=options.force)
-        write_text(options.output, text)
-        print(options.output)
+        print(target)
     return 0

@@ -1,15 +1,16 @@
 """``mograft index``: a library of many files, in a folder."""
 
 import argparse
-import multiprocessing
 import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any
 
-from mograft.cli._common import at_least_one, print_json, progress, say
+from mograft.cli._common import at_least_one, given, print_json, progress, say
 from mograft.cli.graft import chosen_config, chosen_groups
 
 
@@ -53,10 +54,9 @@ def run(options: argparse.Namespace) -> int:
     from mograft.library import Library
     from mograft.sources import read_table
 
-    fixed = ("groups", "preset", "sigma_scale", "rate", "force")
-    given = [name for name in fixed if getattr(options, name) not in (None, False)]
-    if options.add and given:
-        options.usage(f"--{given[0].replace('_', '-')} is settled when a library is made: no --add")
+    fixed = given(options, "groups", "preset", "sigma_scale", "rate", "force")
+    if options.add and fixed:
+        options.usage(f"--{fixed[0].replace('_', '-')} is settled when a library is made: no --add")
     rates = _true_rates(options)
     tags = None if options.tags is None else read_table(options.tags)
     with progress() as tell, _pool(options.jobs) as executor:
@@ -121,9 +121,27 @@ def _pool(jobs: int) -> Iterator[Executor | None]:
     # Spawned, not forked, as threads and open files do not survive a fork.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=context)
+    pool = ProcessPoolExecutor(jobs, mp_context=_Context())
     try:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+class _Worker(SpawnProcess):
+    """A process that Ctrl-C does not reach: who started it ends it, and one tells of it."""
+
+    def start(self) -> None:
+        if not hasattr(signal, "pthread_sigmask"):
+            super().start()
+            return
+        # What is blocked here is blocked from the first moment there; here it only waits.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Context(SpawnContext):
+    Process = _Worker

@@ -33,6 +33,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         kind.add_argument(f"--{name}", dest="kind", action="store_const", const=name)
     export.add_argument("-o", "--output", type=Path, required=True, help="folder; npz: a file")
     export.add_argument("--force", action="store_true", help="overwrite what is there")
+    export.add_argument("--json", action="store_true", help="tell as JSON what was written")
     export.set_defaults(run=run_export)
 
 
@@ -133,6 +134,9 @@ def run_export(options: argparse.Namespace) -> int:
 
     library = Library.open(options.library)
     check_free([options.output], force=options.force)
-    for path in export(library, options.output, options.kind):
-        print(path)
+    paths = [str(path) for path in export(library, options.output, options.kind)]
+    if options.json:
+        print_json({"schema": "mograft.tables/1", "kind": options.kind, "files": paths})
+    else:
+        print("\n".join(paths))
     return 0

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import PRESETS, at_least_one, check_free, expanded, print_json
+from mograft.cli._common import PRESETS, at_least_one, check_free, expanded, frames, print_json
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,20 +25,13 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     plot.add_argument("--group", metavar="NAME", help="the one to show; default: the base group")
     plot.add_argument("--poses", type=at_least_one, default=12, help="of a strip (default 12)")
     plot.add_argument(
-        "--frames", type=_frames, metavar="FIRST-LAST", help="of a timeline, strip or energy curve"
+        "--frames", type=frames, metavar="FIRST-LAST", help="of a timeline, strip or energy curve"
     )
     plot.add_argument("--dark", action="store_true", help="light on dark")
     plot.add_argument("--dpi", type=at_least_one, default=150, help="of a .png (default 150)")
     plot.add_argument("--json", action="store_true", help="tell as JSON what was written")
     plot.add_argument("--force", action="store_true", help="overwrite what is there")
     plot.set_defaults(run=run, usage=plot.error)
-
-
-def _frames(text: str) -> tuple[int, int]:
-    first, dash, last = text.partition("-")
-    if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
-        raise argparse.ArgumentTypeError(f"must be FIRST-LAST, as 100-400, got {text}")
-    return int(first), int(last)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -15,44 +15,16 @@ from mograft import rotations
 from mograft._arrays import FloatArray, IntArray
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._files import write_bytes
-from mograft.body import body, up_axis
+from mograft.body import up_axis
+from mograft.formats.figure import PALETTE, bones, members, scale_of, to_y_up
 from mograft.groups import JointGroups
 from mograft.motion import Motion
 from mograft.skeleton import Skeleton
 
-__all__ = ["UNITS", "unit_of", "write_glb"]
+__all__ = ["write_glb"]
 
-UNITS = {"m": 1.0, "CMU": 0.056444, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
-"""Metres in a unit; CMU's is 1/0.45 inches."""
-
-_STATURE = 1.7
 _FLOAT, _BYTE, _SHORT = 5126, 5121, 5123
 _VERTICES = 34962
-_PALETTE = ("3b6ea8", "d9596b", "2b8a57", "b08a00", "8a5cb8", "2492ad", "9c5a2e", "6b7280")
-
-
-def unit_of(skeleton: Skeleton) -> str:
-    """Return the unit that makes a skeleton's stature most like a grown human's.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-
-    Returns
-    -------
-    str
-        A key of `UNITS`. BVH files do not tell their unit, so this is a guess, and wrong for
-        small children and for animals.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> unit_of(dance(strides=1).motion.skeleton)
-    'cm'
-    """
-    height = body(skeleton).height
-    return min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / _STATURE)))
 
 
 def write_glb(
@@ -102,22 +74,17 @@ def write_glb(
     first = several[0]
     for motion in several[1:]:
         first.skeleton.check_same_hierarchy(motion.skeleton, motion.name or "a motion")
-    unit = None
-    if scale is None:
-        unit = unit_of(first.skeleton)
-        scale = UNITS[unit]
-    if not (np.isfinite(scale) and scale > 0):
-        raise ValueError(f"scale must be above 0 metres in a unit, got {scale}")
-    turn = _to_y_up(first)
+    scale, unit = scale_of(first.skeleton, scale)
     file = _File()
-    document = _document(file, several, float(scale), turn, _members(first.skeleton, groups))
+    group = members(first.skeleton, groups)
+    document = _document(file, several, scale, to_y_up(first), group)
     document["asset"]["extras"] = {
-        "metres_in_a_unit": float(scale),
-        "unit": unit or "given",
+        "metres_in_a_unit": scale,
+        "unit": unit,
         "up_in_the_motion": "xyz"[up_axis(first)],
     }
     write_bytes(Path(path), file.packed(document))
-    return float(scale)
+    return scale
 
 
 @dataclass
@@ -263,28 +230,8 @@ def _animation(
 def _mesh(
     file: _File, skeleton: Skeleton, scale: float, turn: FloatArray, group: IntArray
 ) -> dict[str, Any]:
-    rest = scale * rotations.rotate(turn, skeleton.rest_positions())
-    thick = 0.016 * scale * body(skeleton).height
-    bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
-    for site in skeleton.end_sites:
-        end = rest[site.parent] + scale * rotations.rotate(turn, site.offset)
-        bones.append((site.parent, end))
-    places: list[FloatArray] = []
-    normals: list[FloatArray] = []
-    owners: list[int] = []
-    for joint, end in bones:
-        shape = _octahedron(rest[joint], end, thick)
-        if shape is not None:
-            places.append(shape[0])
-            normals.append(shape[1])
-            owners.append(joint)
-    if not places:
-        # A skin needs a mesh: a lone joint is shown by a bone of its own.
-        lone = _octahedron(rest[0], rest[0] + [0, max(thick, 0.01), 0], thick)
-        assert lone is not None  # Its length is not 0.
-        places, normals, owners = [lone[0]], [lone[1]], [0]
-    owner = np.repeat(owners, 24)
-    colours = np.array([[int(c[i : i + 2], 16) / 255 for i in (0, 2, 4)] for c in _PALETTE])
+    places, normals, owner = bones(skeleton, scale, turn)
+    colours = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in PALETTE])
     few = skeleton.n_joints <= 256
     joints = np.zeros((len(owner), 4), "u1" if few else "<u2")
     joints[:, 0] = owner
@@ -293,68 +240,11 @@ def _mesh(
     linear = colours[group[owner] % len(colours)] ** 2.2
     return {
         "attributes": {
-            "POSITION": file.add(
-                np.concatenate(places).astype("<f4"), "VEC3", bounds=True, vertices=True
-            ),
-            "NORMAL": file.add(np.concatenate(normals).astype("<f4"), "VEC3", vertices=True),
+            "POSITION": file.add(places.astype("<f4"), "VEC3", bounds=True, vertices=True),
+            "NORMAL": file.add(normals.astype("<f4"), "VEC3", vertices=True),
             "COLOR_0": file.add(linear.astype("<f4"), "VEC3", vertices=True),
             "JOINTS_0": file.add(joints, "VEC4", component=_BYTE if few else _SHORT, vertices=True),
             "WEIGHTS_0": file.add(weights, "VEC4", vertices=True),
         },
         "material": 0,
     }
-
-
-def _octahedron(
-    start: FloatArray, end: FloatArray, thick: float
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return the corners and normals of a bone's eight faces, (24, 3) each; None of no length."""
-    along = end - start
-    length = float(np.linalg.norm(along))
-    # float32 would lose the shape of anything smaller.
-    if length < max(1e-5, 1e-4 * thick, 1e-5 * float(np.abs(start).max())):
-        return None
-    along = along / length
-    aside = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
-    aside /= np.linalg.norm(aside)
-    round_ = np.cross(along, aside)
-    waist = start + 0.15 * length * along
-    wide = min(thick, 0.25 * length)
-    corners = [waist + wide * way for way in (aside, round_, -aside, -round_)]
-    faces = []
-    for at in range(4):
-        here, there = corners[at], corners[(at + 1) % 4]
-        faces += [(start, there, here), (end, here, there)]
-    points = np.array(faces)
-    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return points.reshape(-1, 3), np.repeat(normals, 3, axis=0)
-
-
-def _to_y_up(motion: Motion) -> FloatArray:
-    """Return the rotation that turns what is up in a motion to y, xyzw."""
-    axis = up_axis(motion)
-    known = body(motion.skeleton)
-    feet = [foot.ankle for foot in known.feet] or [known.hips]
-    high = known.head if known.head is not None else known.hips
-    world = motion.world_positions()[..., axis]
-    half = np.sqrt(0.5)
-    turn = np.array([[0, 0, half, half], [0, 0, 0, 1.0], [-half, 0, 0, half]][axis])
-    if world[:, high].mean() < world[:, feet].mean():
-        turn = rotations.multiply(np.array([0, 0, 1.0, 0]), turn)
-    return turn
-
-
-def _members(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
-    """Return the index of each joint's group."""
-    if isinstance(groups, str):
-        groups = JointGroups.preset(groups, skeleton)
-    if groups is None:
-        try:
-            groups = JointGroups.preset("lower_torso_larm_rarm", skeleton)
-        except ValueError:
-            return np.zeros(skeleton.n_joints, np.int64)
-    group = np.zeros(skeleton.n_joints, np.int64)
-    for index, joints in enumerate(groups.resolve(skeleton).values()):
-        group[joints] = index
-    return group

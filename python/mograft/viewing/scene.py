@@ -20,7 +20,7 @@ from mograft.motion import Motion
 from mograft.segmentation import gaussian, kinetic_energy, segment
 from mograft.skeleton import Skeleton
 
-__all__ = ["POINTS", "Figure", "Row", "Scene", "quantised", "unpacked"]
+__all__ = ["POINTS", "Drawn", "Figure", "Row", "Scene", "quantised", "unpacked"]
 
 _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
 POINTS = 6_000_000
@@ -193,7 +193,7 @@ class Scene:
         dict
             Of what JSON can hold. Places are turned to y up.
         """
-        drawn = [_Drawn.of(figure.motion) for figure in self.figures]
+        drawn = [Drawn.of(figure.motion) for figure in self.figures]
         whole = sum(own.places.shape[0] * own.places.shape[1] for own in drawn)
         step = max(1, -(-whole // points))
         donors: dict[str, int] = {}
@@ -289,8 +289,24 @@ def _packed(data: bytes) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
-    """What is drawn of a motion: its joints, then its end sites, as nodes; y up."""
+class Drawn:
+    """What is drawn of a motion: its joints, then its end sites, as nodes; y up.
+
+    Attributes
+    ----------
+    places : ndarray, shape (n_frames, n_nodes, 3)
+        Where the nodes are, in the motion's unit.
+    parents : list of int
+        The node at which each one's bone begins; -1 where there is none.
+    root : int
+        The joint that carries the body through the world.
+    height, floor : float
+        The figure's height, and how high its floor lies.
+    widths : list of float
+        How thick each node's bone is, in about a fiftieth of the height.
+    tips : list of int
+        The nodes at the ends of limbs.
+    """
 
     places: FloatArray
     parents: list[int]
@@ -301,7 +317,8 @@ class _Drawn:
     tips: list[int]
 
     @classmethod
-    def of(cls, motion: Motion) -> "_Drawn":
+    def of(cls, motion: Motion) -> "Drawn":
+        """Return what is drawn of a motion."""
         skeleton = motion.skeleton
         turns, joints = motion.world()
         sites = [
@@ -364,7 +381,7 @@ def _upright(places: FloatArray, motion: Motion) -> FloatArray:
     return upright
 
 
-def _group_of_nodes(figure: Figure, drawn: _Drawn) -> list[int]:
+def _group_of_nodes(figure: Figure, drawn: Drawn) -> list[int]:
     """Return each node's group as an index; an end site goes with its joint."""
     group = np.zeros(len(drawn.parents), np.int64)
     for index, joints in enumerate(figure.members.values()):
