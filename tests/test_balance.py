@@ -149,7 +149,7 @@ def test_a_lifted_clip_is_all_flight_if_the_floor_is_given():
 
 
 def upright(lean=0.0):
-    """A figure that stands as its dance began, bent over by an angle at the hips' joint."""
+    """A figure that stands as its dance began, bent at the spine."""
     still = DANCE[:1]
     quats = np.repeat(still.rotations, 40, axis=0)
     hips = rotations.exp(np.array([lean, 0.0, 0.0]))
@@ -164,7 +164,7 @@ def test_who_stands_still_has_one_balance_and_who_leans_over_falls():
     still = static_balance(upright(), like=DANCE)
     moving = dynamic_balance(upright(), like=DANCE)
     np.testing.assert_allclose(moving.distance, still.distance, atol=1e-9)
-    far = static_balance(upright(1.4), like=DANCE)
+    far = static_balance(upright(-1.4), like=DANCE)
     assert still.distance[0] < 0 < far.distance[0]
     cut = Segments([0, 10], [10, 39])
     for rule in RULES:
