@@ -282,7 +282,7 @@ def support(motion: Motion, *, like: Motion | None = None) -> Support:
     for frame, hull in enumerate(hulls):
         if len(hull):
             polygons[frame] = hull[np.minimum(np.arange(polygons.shape[1]), len(hull) - 1)]
-    touching = touches.any(axis=2)
+    touching = np.asarray(touches.any(axis=2), bool)
     return Support(
         polygons, sizes, touching, axes, ground.up, float(ground.floors.min()), ground.height
     )
@@ -300,7 +300,8 @@ def _forward(motion: Motion, ground: _Ground) -> FloatArray:
 
 def _units(vectors: FloatArray) -> FloatArray:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    units: FloatArray = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return units
 
 
 def _sole(
