@@ -439,6 +439,8 @@ class BalanceRow:
     ----------
     kind, rule : str
         "static" or "dynamic", and "all", "majority" or "any" of the grounded frames.
+    margin : float
+        Heights outside of the support that still count as balanced.
     method : str
         How the motions were made.
     rate : Estimate
@@ -457,6 +459,7 @@ class BalanceRow:
 
     kind: str
     rule: str
+    margin: float
     method: str
     rate: Estimate
     spread: float
@@ -470,6 +473,7 @@ class BalanceRow:
         return {
             "kind": self.kind,
             "rule": self.rule,
+            "margin": self.margin,
             "method": self.method,
             "rate": self.rate.as_dict(),
             "spread_of_runs": self.spread if math.isfinite(self.spread) else None,
@@ -545,6 +549,7 @@ def balance_row(
     return BalanceRow(
         kind,
         rule,
+        margin,
         method,
         average(values, "segments times runs"),
         float(per_run.std(ddof=1)) if runs > 1 else math.nan,

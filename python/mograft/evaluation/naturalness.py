@@ -475,17 +475,7 @@ def _trained(
     repeats: int,
 ) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
     """Return what scores pairs, shape (repeats, n_pairs), and the parameters chosen for it."""
-    decomposition, selection = needed("sklearn.decomposition"), needed("sklearn.model_selection")
-    scaling, machine = needed("sklearn.preprocessing"), needed("sklearn.svm")
-    pipeline = needed("sklearn.pipeline").make_pipeline
-    halves = []
-    for part in (lower, upper):
-        count = min(_COMPONENTS, part.shape[1], len(train) - 1)
-        reduced = pipeline(
-            scaling.StandardScaler(),
-            decomposition.PCA(count, svd_solver="full"),
-        ).fit(part[train])
-        halves.append(reduced.transform(part))
+    halves = [_reduced(part, train) for part in (lower, upper)]
     inner = _split(np.unique(together[train], return_inverse=True)[1], _INNER, seed)
     some = rng.permutation(len(train))[:_MOST]
     some.sort()
@@ -508,25 +498,12 @@ def _trained(
         labels = np.repeat([1, 0], len(train))
         return joined(pairs[keep]), labels[keep], np.tile(inner, 2)[keep]
 
-    def classifier(**chosen: float) -> Any:  # noqa: ANN401 - scikit-learn's
-        svm = machine.SVC(kernel="rbf", class_weight="balanced", **chosen)
-        return pipeline(scaling.StandardScaler(), svm)
-
     features, labels, fold = sample()
-    chosen = {"C": 1.0, "gamma": 0.03}
-    if len(np.unique(fold)) > 1:
-        search = selection.GridSearchCV(
-            classifier(),
-            {f"svc__{name}": values for name, values in _GRID.items()},
-            scoring="roc_auc",
-            cv=selection.PredefinedSplit(fold),
-            refit=False,
-        ).fit(features, labels)
-        chosen = {name: float(search.best_params_[f"svc__{name}"]) for name in _GRID}
-    machines = [classifier(**chosen).fit(features, labels)]
+    chosen = _searched(features, labels, fold)
+    machines = [_classifier(chosen).fit(features, labels)]
     for _ in range(repeats - 1):
         features, labels, _ = sample()
-        machines.append(classifier(**chosen).fit(features, labels))
+        machines.append(_classifier(chosen).fit(features, labels))
 
     def scores(pairs: IntArray) -> FloatArray:
         if not len(pairs):
@@ -535,6 +512,41 @@ def _trained(
         return np.stack([own.decision_function(given) for own in machines])
 
     return scores, chosen
+
+
+def _reduced(part: FloatArray, train: IntArray) -> FloatArray:
+    """Return all segments on the principal components of some."""
+    count = min(_COMPONENTS, part.shape[1], len(train) - 1)
+    steps = needed("sklearn.pipeline").make_pipeline(
+        needed("sklearn.preprocessing").StandardScaler(),
+        needed("sklearn.decomposition").PCA(count, svd_solver="full"),
+    )
+    reduced: FloatArray = steps.fit(part[train]).transform(part)
+    return reduced
+
+
+def _classifier(chosen: Mapping[str, float]) -> Any:  # noqa: ANN401 - scikit-learn's
+    svm = needed("sklearn.svm").SVC(kernel="rbf", class_weight="balanced", **chosen)
+    scaler = needed("sklearn.preprocessing").StandardScaler()
+    return needed("sklearn.pipeline").make_pipeline(scaler, svm)
+
+
+def _searched(features: FloatArray, labels: IntArray, fold: IntArray) -> dict[str, float]:
+    """Return the parameters that do best when each fold is judged by the others."""
+    whole = [own for own in np.unique(fold) if len(np.unique(labels[fold == own])) > 1]
+    if len(whole) < 2:
+        return {"C": 1.0, "gamma": 0.03}
+    selection = needed("sklearn.model_selection")
+    # A fold of one kind alone is learned from and not judged.
+    judged = np.where(np.isin(fold, whole), fold, -1)
+    search = selection.GridSearchCV(
+        _classifier({}),
+        {f"svc__{name}": values for name, values in _GRID.items()},
+        scoring="roc_auc",
+        cv=selection.PredefinedSplit(judged),
+        refit=False,
+    ).fit(features, labels)
+    return {name: float(search.best_params_[f"svc__{name}"]) for name in _GRID}
 
 
 @dataclass(frozen=True, eq=False)
