@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mograft import Config, Library, Motion, Skeleton, graft, graft_many, read_bvh, write_bvh
-from mograft.body import body
+from mograft.body import body, center_of_mass
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.viewing import center_of_mass, report_page
+from mograft.viewing import report_page
 from tests.browser import chromium, opened
 from tests.test_viewing import HOSTILE, Tags, data_of
 

@@ -12,7 +12,7 @@ from mograft._core import VERSION as __version__  # noqa: TID251 - the crates ho
 # Names are fetched when they are first used: NumPy and what stands on it take longer to load
 # than `mograft --help` to answer.
 if TYPE_CHECKING:
-    from mograft import plot, resample, rotations, scenario
+    from mograft import evaluation, plot, resample, rotations, scenario
     from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
     from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
     from mograft.config import Config
@@ -31,7 +31,13 @@ if TYPE_CHECKING:
         Reach,
         Violation,
     )
-    from mograft.errors import BvhError, LibraryError, MograftError, SkeletonMismatchError
+    from mograft.errors import (
+        BvhError,
+        InsufficientDataError,
+        LibraryError,
+        MograftError,
+        SkeletonMismatchError,
+    )
     from mograft.faults import Fault, find_faults
     from mograft.footskate import FeetReport, foot_skate, plant_feet
     from mograft.formats import read_npz, write_csv, write_glb, write_npz, write_usd
@@ -54,7 +60,7 @@ _HOMES = {
     "config": "Config",
     "constraints": "Avoid AvoidSelf Constraint Custom Face KeepOriginal KeepOut MaxAngle "
     "MaxStretch NotFrom OnlyFrom Reach Violation",
-    "errors": "BvhError LibraryError MograftError SkeletonMismatchError",
+    "errors": "BvhError InsufficientDataError LibraryError MograftError SkeletonMismatchError",
     "faults": "Fault find_faults",
     "footskate": "FeetReport foot_skate plant_feet",
     "formats": "read_npz write_csv write_glb write_npz write_usd",
@@ -72,7 +78,7 @@ _HOMES = {
     "viewing": "Page report_page view write_video",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
-_MODULES = ("plot", "resample", "rotations", "scenario")
+_MODULES = ("evaluation", "plot", "resample", "rotations", "scenario")
 
 __all__ = [
     "Avoid",
@@ -95,6 +101,7 @@ __all__ = [
     "Graft",
     "Grafts",
     "HalfSpace",
+    "InsufficientDataError",
     "JointGroups",
     "KeepOriginal",
     "KeepOut",
@@ -119,6 +126,7 @@ __all__ = [
     "Violation",
     "__version__",
     "cut",
+    "evaluation",
     "find_faults",
     "foot_skate",
     "from_pybvh",

@@ -6,12 +6,13 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from mograft import rotations
 from mograft._arrays import FloatArray, frozen
 from mograft.anatomy import ARM, LEG, Anatomy, anatomy
 from mograft.motion import Motion
 from mograft.skeleton import Skeleton
 
-__all__ = ["Body", "Foot", "body", "inertia", "up_axis"]
+__all__ = ["Body", "Foot", "body", "center_of_mass", "inertia", "up_axis"]
 
 # de Leva 1996, trunk and head turned to proximal = hips and neck: mass, place of the centre of
 # mass from the proximal end and transverse radius of gyration, in % of body mass and segment
@@ -290,6 +291,35 @@ def inertia(body: Body, skeleton: Skeleton, kind: str = "own") -> FloatArray:
         second[parent] += second[joint]
     about = second - 2 * (first * joints).sum(axis=1) + mass * (joints**2).sum(axis=1)
     return np.where(below_hips, np.maximum(about, 0.0), 0.0) / body.height**2
+
+
+def center_of_mass(motion: Motion) -> FloatArray:
+    """Return where the centre of mass is, by the masses of `body`.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3)
+        In the file's unit.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> center_of_mass(dance(strides=1).motion)[0].round().tolist()
+    [-0.0, 91.0, 7.0]
+    """
+    known = body(motion.skeleton)
+    turns, joints = motion.world()
+    # One joint at a time: the whole of a long clip at once is many arrays of its size.
+    center = np.zeros((motion.n_frames, 3))
+    for joint, mass in enumerate(known.mass.tolist()):
+        along = known.bone[joint] * known.center[joint]
+        center += mass * (joints[:, joint] + rotations.rotate(turns[:, joint], along))
+    return center
 
 
 def up_axis(motion: Motion) -> int:

@@ -2,7 +2,13 @@
 
 from pathlib import Path
 
-__all__ = ["BvhError", "LibraryError", "MograftError", "SkeletonMismatchError"]
+__all__ = [
+    "BvhError",
+    "InsufficientDataError",
+    "LibraryError",
+    "MograftError",
+    "SkeletonMismatchError",
+]
 
 
 class MograftError(Exception):
@@ -52,3 +58,7 @@ class SkeletonMismatchError(MograftError, ValueError):
 
 class LibraryError(MograftError):
     """A library on disk that is damaged, foreign or of another version."""
+
+
+class InsufficientDataError(MograftError, ValueError):
+    """Data that cannot support a measure; says what is missing."""

@@ -175,11 +175,11 @@ def embedded(item: Motion | Graft) -> str:
 
 def viewer(scene: Scene, points: int = POINTS) -> str:
     """Return the part of a page that shows a scene; a page holds one at most."""
-    return f"{_part('viewer.html')}\n{_data(scene.as_dict(points))}"
+    return f"{_part('viewer.html')}\n{data(scene.as_dict(points))}"
 
 
-def assembled(title: str, body: str, kind: str, style: str = "") -> Page:
-    """Return a whole page that may run the viewer's script and nothing else.
+def assembled(title: str, body: str, kind: str, style: str = "", script: str | None = None) -> Page:
+    """Return a whole page that may run one script and nothing else.
 
     Parameters
     ----------
@@ -191,6 +191,8 @@ def assembled(title: str, body: str, kind: str, style: str = "") -> Page:
         Whether the viewer fills the page.
     style : str
         More style.
+    script : str, optional
+        The script. Default: the viewer's.
 
     Returns
     -------
@@ -199,7 +201,8 @@ def assembled(title: str, body: str, kind: str, style: str = "") -> Page:
     """
     # A name in a file may hold half a pair of surrogates, which no page can.
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
-    script, sheet = _part("viewer.js"), _part("viewer.css") + style
+    script = _part("viewer.js") if script is None else script
+    sheet = _part("viewer.css") + style
     # Names in the page come from files: should one slip through as a tag after all, it finds
     # that no script but this and no address at all is allowed.
     policy = (
@@ -258,7 +261,7 @@ def _wants_browser() -> bool:
     return sys.stdout is not None and sys.stdout.isatty()
 
 
-def _data(values: dict[str, Any]) -> str:
+def data(values: dict[str, Any]) -> str:
     """Return values as JSON that no text in it can break out of."""
     text = json.dumps(values, separators=(",", ":"), ensure_ascii=True)
     for letter in "<>&":

@@ -9,18 +9,16 @@ from urllib.parse import quote
 
 import numpy as np
 
-from mograft import rotations
 from mograft._arrays import FloatArray, IntArray
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.body import body
+from mograft.body import body, center_of_mass
 from mograft.grafting import Graft
 from mograft.library import Library
-from mograft.motion import Motion
 from mograft.substitution import combinations, length_fits
 from mograft.viewing.page import Page, assembled, viewer
 from mograft.viewing.scene import Scene
 
-__all__ = ["center_of_mass", "report_page"]
+__all__ = ["report_page"]
 
 _SHOWN = 4
 """Grafts that the viewer shows at once: more are too small to be judged."""
@@ -153,35 +151,6 @@ _WHY = (
     "too long or too short, or hold a fault; of those that fit some would leave a gap wider "
     "than the limit at every neighbour they could have. Segments without a donor keep their own."
 )
-
-
-def center_of_mass(motion: Motion) -> FloatArray:
-    """Return where the centre of mass is, by the masses of `body`.
-
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, 3)
-        In the file's unit.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> center_of_mass(dance(strides=1).motion)[0].round().tolist()
-    [-0.0, 91.0, 7.0]
-    """
-    known = body(motion.skeleton)
-    turns, joints = motion.world()
-    # One joint at a time: the whole of a long clip at once is many arrays of its size.
-    center = np.zeros((motion.n_frames, 3))
-    for joint, mass in enumerate(known.mass.tolist()):
-        along = known.bone[joint] * known.center[joint]
-        center += mass * (joints[:, joint] + rotations.rotate(turns[:, joint], along))
-    return center
 
 
 def _cards(library: Library) -> str:
