@@ -176,6 +176,7 @@ class Stream:
             group: feature_joints(library.skeleton, joints)
             for group, joints in self._members.items()
         }
+        self._pools = {group: library.pool(group) for group in groups}
         self._lengths = library.segments.lengths
         self._donors = _Donors(library)
         self._names = [entry.name for entry in library.entries]
@@ -207,6 +208,7 @@ class Stream:
         angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
         config = self._library.config
         self._config = replace(config, max_angle=min([config.max_angle, *angles]))
+        self._scaled = {group: pool.scaled(self._config) for group, pool in self._pools.items()}
         self._places = []
 
     @property
@@ -433,7 +435,7 @@ class Stream:
 
     def _chain(self, group: str) -> Chain:
         """Return the costs of all donors that are in sight; those of the first may be changed."""
-        config = self._config
+        config = self._scaled[group]
         alone = [place.alone[group] for place in self._places]
         after = [
             place.after(following, group, config) for place, following in pairwise(self._places)
