@@ -123,11 +123,14 @@ def plain_typical_gaps(pool):
     """Between the next member of each cluster, around it, and the next of its neighbour's."""
 
     def mate(i):
-        members = [int(k) for k in np.flatnonzero(pool.labels == pool.labels[i])]
+        same = (pool.labels == pool.labels[i]) & pool.is_donor
+        members = [int(k) for k in np.flatnonzero(same)]
         return members[(members.index(i) + 1) % len(members)]
 
     angles, speeds = [], []
     for i in range(len(pool.segments) - 1):
+        if not pool.is_donor[i : i + 2].all():
+            continue
         left, right = mate(i), mate(i + 1)
         if (left, right) != (i, i + 1):
             angles.append(plain.gap(pool.last[left], pool.first[right]))
@@ -143,6 +146,7 @@ def test_seams_are_measured_by_what_is_typical_where_that_is_little(seed, n_labe
         pool,
         first_velocity=size * pool.first_velocity,
         last_velocity=size * pool.last_velocity,
+        is_donor=np.random.default_rng(seed).random(12) < 0.8,
     )
     angle, speed = plain_typical_gaps(small)
     np.testing.assert_allclose(small.typical_gaps, (angle, speed), atol=1e-9)

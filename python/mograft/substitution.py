@@ -368,16 +368,17 @@ class Pool:
     def typical_gaps(self) -> tuple[float, float]:
         """Mean gaps, in pose and velocity, at seams between members of neighbours' clusters.
 
-        Infinite where no cluster has two members. Of some hundred segments, evenly spread.
+        Infinite where no cluster has two members. Of some hundred donors, evenly spread.
         """
-        order = np.argsort(self.labels, kind="stable")
+        members = np.flatnonzero(self.is_donor)
+        order = members[np.argsort(self.labels[members], kind="stable")]
         starts = np.flatnonzero(np.diff(self.labels[order], prepend=-1))
         following = np.arange(1, len(order) + 1)
-        following[np.append(starts[1:], len(order)) - 1] = starts
-        mate = np.empty_like(order)
+        following[np.append(starts[1:], len(order))[: len(starts)] - 1] = starts
+        mate = np.full(len(self.labels), -1)
         mate[order] = order[following]
         clip = self.segments.clip
-        left = np.flatnonzero(clip[1:] == clip[:-1])
+        left = np.flatnonzero((clip[1:] == clip[:-1]) & (mate[1:] >= 0) & (mate[:-1] >= 0))
         left = left[(mate[left] != left) | (mate[left + 1] != left + 1)]
         if not len(left):
             return np.inf, np.inf
