@@ -219,6 +219,16 @@ def test_excess_of_a_stretch_is_that_of_the_whole(library):
         np.testing.assert_allclose(some, whole[begin : end + 1], atol=1e-9)
 
 
+def test_choices_that_are_put_together_at_once_are_those_of_each_alone(library):
+    problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
+    row = problem.row("upper", {})
+    rng = np.random.default_rng(1)
+    several = [{"upper": np.array([rng.choice(own) for own in row.candidates])} for _ in range(4)]
+    together = problem._excesses(several, 3, 9)["upper"]
+    for donors, found in zip(several, together, strict=True):
+        np.testing.assert_allclose(found, problem.excess(donors, 3, 9)["upper"], atol=1e-9)
+
+
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "nearest", "random"])
 def test_excluded_donors_are_never_used(library, choice):
     chosen = replace(library, config=replace(library.config, choice=choice))

@@ -1,5 +1,6 @@
 """Laws of candidates, limits and the random choice."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_rows_cost_what_the_formula_says(seed, most):
     config = Config(max_stretch=2.0, max_candidates=most, max_angle=0.5)
     scenario = np.arange(len(pool.segments))
     row = Row.of(pool, scenario, pool.candidate_lists(scenario, config), config)
-    lengths = pool.segments.lengths
+    lengths, scaled = pool.segments.lengths, pool.scaled(config)
 
     def alone(i, k):
         ratio = min(lengths[i], lengths[k]) / max(lengths[i], lengths[k])
@@ -111,10 +112,73 @@ def test_rows_cost_what_the_formula_says(seed, most):
                 speed = np.linalg.norm(
                     pool.last_velocity[left] - pool.first_velocity[right], axis=1
                 )
-                expected = (angle / np.radians(20)) ** 2 + (speed.mean() / np.radians(200)) ** 2
+                expected = (angle / scaled.angle_scale) ** 2
+                expected += (speed.mean() / scaled.velocity_scale) ** 2
                 expected += BEYOND * (angle > 0.5)
                 assert costs[a, b] == pytest.approx(expected, abs=1e-9)
     np.testing.assert_array_equal(row.choices(row.donors(viterbi(row.chain))), viterbi(row.chain))
+
+
+def plain_typical_gaps(pool):
+    """Between the next member of each cluster, around it, and the next of its neighbour's."""
+
+    def mate(i):
+        same = (pool.labels == pool.labels[i]) & pool.is_donor
+        members = [int(k) for k in np.flatnonzero(same)]
+        return members[(members.index(i) + 1) % len(members)]
+
+    angles, speeds = [], []
+    for i in range(len(pool.segments) - 1):
+        if not pool.is_donor[i : i + 2].all():
+            continue
+        left, right = mate(i), mate(i + 1)
+        if (left, right) != (i, i + 1):
+            angles.append(plain.gap(pool.last[left], pool.first[right]))
+            jump = pool.last_velocity[left] - pool.first_velocity[right]
+            speeds.append(np.linalg.norm(jump, axis=1).mean())
+    return (np.mean(angles), np.mean(speeds)) if angles else (np.inf, np.inf)
+
+
+@given(SEEDS, st.integers(1, 12), st.floats(0.01, 3.0))
+def test_seams_are_measured_by_what_is_typical_where_that_is_little(seed, n_labels, size):
+    pool = make_pool(seed, n_labels=n_labels)
+    small = replace(
+        pool,
+        first_velocity=size * pool.first_velocity,
+        last_velocity=size * pool.last_velocity,
+        is_donor=np.random.default_rng(seed).random(12) < 0.8,
+    )
+    angle, speed = plain_typical_gaps(small)
+    np.testing.assert_allclose(small.typical_gaps, (angle, speed), atol=1e-9)
+    scaled = small.scaled(ROBUST)
+    assert scaled.angle_scale == pytest.approx(min(np.radians(20), 2 * angle))
+    assert scaled.velocity_scale == pytest.approx(min(np.radians(200), 2 * speed))
+
+
+@given(SEEDS)
+def test_motions_that_hardly_move_are_chosen_as_if_they_moved_more(seed):
+    """All angles and speeds a tenth: seams cost the same where both are below the scales."""
+    rng = np.random.default_rng(seed)
+    pool = make_pool(seed)
+    angles, speeds = rng.uniform(-0.1, 0.1, (13, 3)), rng.uniform(-0.5, 0.5, (13, 3, 1))
+
+    def turned(by):
+        quats = np.stack([np.sin(by * angles / 2), np.cos(by * angles / 2)], axis=-1)
+        quats = np.concatenate([np.zeros((13, 3, 2)), quats], axis=-1)
+        moving = by * speeds * [0.0, 0.0, 1.0]
+        return replace(
+            pool,
+            first=quats[:-1],
+            last=quats[1:],
+            first_velocity=moving[:-1],
+            last_velocity=moving[1:],
+        )
+
+    scenario = np.arange(12)
+    lists = pool.candidate_lists(scenario, ROBUST)
+    rows = [Row.of(turned(by), scenario, lists, ROBUST) for by in (1.0, 0.1)]
+    for more, less in zip(*(row.chain.after for row in rows), strict=True):
+        np.testing.assert_allclose(more, less, rtol=1e-6, atol=1e-9)
 
 
 @given(SEEDS)

@@ -63,10 +63,12 @@ class Config:
         Cost of a donor whose base part is as far from the base segment's as two of one
         cluster can be.
     angle_scale : float
-        Mean joint angle at a seam, in radians, that costs 1; the cost grows with its square.
+        Mean joint angle at a seam, in radians, that costs 1, at most; the cost grows with its
+        square. Where motions hardly move it is twice what is typical of seams between members
+        of clusters.
     velocity_scale : float
         Mean difference of joint velocities at a seam, in radians per second, that costs 1;
-        the cost grows with its square.
+        else as `angle_scale`.
     novelty : float
         What is gained by an exchange. At 0 the captured motion costs nothing and wins.
     temperature : float

@@ -24,7 +24,7 @@ from mograft.search import Chain, best, viterbi
 from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
 from mograft.substitution import BEYOND, Candidates, Pool, Row
-from mograft.transplant import Part, recombine, transplant
+from mograft.transplant import transplant
 
 __all__ = ["Donors", "Problem", "check_names", "owners", "reasons", "take"]
 
@@ -35,6 +35,8 @@ _ROUNDS = 8
 _NEAR = 3
 """Positions about a missed one that a repair may come to change."""
 _TRIALS = 48
+_AT_ONCE = 24
+"""Of which so many are put together at a time."""
 _LONGEST = 8
 """Positions of a stretch whose rows are tried: of longer ones a few rows are no help."""
 
@@ -359,22 +361,36 @@ class Problem:
             for own, error in zip(self.candidates[group], hard, strict=True)
         ]
 
-    def _parts(self, donors: Donors, first: int, stop: int) -> Motion:
+    def _laid(self, several: Sequence[Donors], first: int, stop: int) -> Motion:
+        """Return stretches of the motions of several choices, one behind the other."""
         begin, end = int(self.cut.start[first]), int(self.cut.stop[stop - 1])
-        base = self.base if (first, stop) == (0, len(self.cut)) else self.base[begin : end + 1]
+        n, turns = end - begin + 1, len(several)
         some = slice(first, stop)
-        cut = Segments(self.cut.start[some] - begin, self.cut.stop[some] - begin)
-        parts: list[Part] = []
-        for group, chosen in donors.items():
-            taken = take(self.library.segments, chosen[some])
-            joints = self.library.joints(group)
-            parts.append(
-                transplant(base, cut, taken, self.library.clips, joints, self.library.config)
+        shift = np.repeat(n * np.arange(turns) - begin, stop - first)
+        cut = Segments(
+            np.tile(self.cut.start[some], turns) + shift,
+            np.tile(self.cut.stop[some], turns) + shift,
+        )
+        quats = np.tile(self.base.rotations[begin : end + 1], (turns, 1, 1))
+        places = np.tile(self.base.positions[begin : end + 1], (turns, 1, 1))
+        base = replace(self.base, rotations=quats, positions=places, channel_values=None)
+        for group in self.pools:
+            chosen = [own[group][some] for own in several if group in own]
+            if not chosen:
+                continue
+            part = transplant(
+                base,
+                cut,
+                take(self.library.segments, np.concatenate(chosen)),
+                self.library.clips,
+                self.library.joints(group),
+                self.library.config,
             )
-        return recombine(base, parts, "")
+            quats[:, part.joints], places[:, part.joints] = part.rotations, part.positions
+        return replace(base, rotations=quats, positions=places)
 
     def _assembled(self, donors: Donors) -> Motion:
-        return self._parts(donors, 0, len(self.cut))
+        return self._laid([donors], 0, len(self.cut))
 
     def excess(
         self, donors: Donors, first: int = 0, stop: int | None = None
@@ -394,22 +410,34 @@ class Problem:
             For every group the greatest error in each frame from the first position's first
             to the last position's last, in tolerances beyond 1.
         """
-        stop = len(self.cut) if stop is None else stop
-        # A segment's seams reach to its ends: two neighbours more make the inner ones whole.
-        low, high = max(first - 2, 0), min(stop + 2, len(self.cut))
-        motion = self._parts(donors, low, high)
-        begin = int(self.cut.start[low])
-        poses = self.poses.at(begin + np.arange(motion.n_frames), *motion.world())
+        found = self._excesses([donors], first, len(self.cut) if stop is None else stop)
+        return {group: own[0] for group, own in found.items()}
+
+    def _excesses(self, several: Sequence[Donors], first: int, stop: int) -> dict[str, FloatArray]:
+        """Return for several choices what `excess` does for one, shape (n, n_frames)."""
+        low, high = self._beside(first, stop)
+        motion = self._laid(several, low, high)
+        begin, end = int(self.cut.start[low]), int(self.cut.stop[high - 1])
+        frames = np.tile(np.arange(begin, end + 1), len(several))
+        poses = self.poses.at(frames, *motion.world())
         inner = slice(int(self.cut.start[first]) - begin, int(self.cut.stop[stop - 1]) - begin + 1)
         found = {}
         for group in self.pools:
-            most = np.zeros(motion.n_frames)
+            most = np.zeros(len(frames))
             for constraint in self.constraints:
                 if constraint.is_hard:
                     error, _ = constraint.errors(poses, self.owner[group])
                     most = np.maximum(most, error - 1.0)
-            found[group] = most[inner]
+            found[group] = most.reshape(len(several), -1)[:, inner]
         return found
+
+    def _beside(self, first: int, stop: int) -> tuple[int, int]:
+        """Return a stretch of positions with so many beside it that its seams are whole."""
+        start, end = self.cut.start[first], self.cut.stop[stop - 1]
+        reach = int(np.ceil(self.config.seam_blend * self.base.rate))
+        low = int(np.searchsorted(self.cut.start, start - reach, side="right")) - 1
+        high = int(np.searchsorted(self.cut.stop, end + reach)) + 1
+        return max(min(low, first - 2), 0), min(max(high, stop + 2), len(self.cut))
 
     def settled(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
         """Change donors until the motion put together meets the hard constraints, if it can.
@@ -474,7 +502,7 @@ class Problem:
         return missed
 
     def _tried(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
-        """Try rows of a few donors, one after the other, where constraints are still missed.
+        """Try rows of a few donors, as they are put together, where constraints are still missed.
 
         First those of least cost, then those that miss least as they are and whose seams,
         which pull at the poses, are the narrowest.
@@ -495,24 +523,24 @@ class Problem:
             nearest = Chain(tuple(alone), row.chain.after)
             for low, high in windows:
                 first, stop = max(low - 1, 0), min(high + 1, len(self.cut))
-
-                def missing(trial: Donors, first: int = first, stop: int = stop) -> float:
-                    found = self.excess(trial, first, stop)
-                    return sum(float(own.sum()) for own in found.values())
-
                 choices = row.choices(chosen[group])
-                least = missing(chosen)
                 within = Chain(nearest.alone[low:high], nearest.after[low : high - 1])
                 cheapest = best(_between(row.chain, choices, low, high), _TRIALS)
-                for few in cheapest + best(within, 4 * _TRIALS):
+                stretches = [choices[low:high], *cheapest, *best(within, 4 * _TRIALS)]
+                least, kept = np.inf, chosen
+                for at in range(0, len(stretches), _AT_ONCE):
+                    trials = []
+                    for few in stretches[at : at + _AT_ONCE]:
+                        trial = choices.copy()
+                        trial[low:high] = few
+                        trials.append({**chosen, group: row.donors(trial)})
+                    found = self._excesses(trials, first, stop)
+                    totals = np.sum([own.sum(axis=1) for own in found.values()], axis=0)
+                    if totals.min() < least:
+                        least, kept = float(totals.min()), trials[int(totals.argmin())]
                     if least == 0:
                         break
-                    trial = choices.copy()
-                    trial[low:high] = few
-                    tried = {**chosen, group: row.donors(trial)}
-                    total = missing(tried)
-                    if total < least:
-                        least, chosen = total, tried
+                chosen = kept
         return chosen
 
 

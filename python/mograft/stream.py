@@ -23,7 +23,6 @@ from mograft.motion import Motion
 from mograft.planning import check_names, owners, take
 from mograft.poses import Poses
 from mograft.resample import cubic
-from mograft.resample import segments as resampled
 from mograft.seams import TURNS, Ends, Moments, dead, inertial
 from mograft.search import Chain, sample, viterbi
 from mograft.segmentation import Cutter, Segments, kinetic_energy
@@ -37,13 +36,14 @@ from mograft.substitution import (
     seam_costs,
     velocity_gaps,
 )
-from mograft.transplant import Part, recombine, states
+from mograft.transplant import Part, recombine
 
 __all__ = ["Piece", "Stream", "joined"]
 
-_ROUNDS = 8
 _BESIDE = 2
-"""Frames beside a segment that its velocities, and the curve through it, may depend on."""
+"""Frames beside a segment that are kept: velocities at its ends depend on them."""
+_MOMENT = 0.01
+"""In frames: so long before a segment's end its speed there is measured."""
 _DONORS_IN_HAND = 4096
 
 
@@ -176,6 +176,7 @@ class Stream:
             group: feature_joints(library.skeleton, joints)
             for group, joints in self._members.items()
         }
+        self._pools = {group: library.pool(group) for group in groups}
         self._lengths = library.segments.lengths
         self._donors = _Donors(library)
         self._names = [entry.name for entry in library.entries]
@@ -207,6 +208,7 @@ class Stream:
         angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
         config = self._library.config
         self._config = replace(config, max_angle=min([config.max_angle, *angles]))
+        self._scaled = {group: pool.scaled(self._config) for group, pool in self._pools.items()}
         self._places = []
 
     @property
@@ -288,8 +290,7 @@ class Stream:
             return None
         for start, stop in pairwise(bounds[len(self._places) : n_known + 1]):
             self._prepare(start, stop)
-        donors, laid, poses = self._settled()
-        piece = self._committed(donors, laid, poses)
+        piece = self._committed(*self._decided())
         del bounds[0]
         del self._places[0]
         self._count += 1
@@ -317,17 +318,19 @@ class Stream:
         costs = donor_costs(cut.lengths, taken, apart, is_own, config)
         few = cheapest(costs + np.append(prices, 0.0), is_own, config)
         donors = np.append(mates, -1)[few]
-        ends = edges(base, cut)
-        place = _Place(start, base, at, own, donors, costs[few], (), {}, {}, {})
+        ends, flat = edges(base, cut), np.append(prices, 0.0)[few]
+        place = _Place(start, base, at, own, donors, costs[few], costs[few] + flat, (), {}, {}, {})
         place = replace(place, posed=tuple(self._here(place)))
-        flat = np.append(prices, 0.0)[few]
         for group in self._members:
             joints, known = self._columns[group], library.edges[group]
             place.ends[group] = {
                 key: np.concatenate([known[key][donors[:-1]], ends[key][:, joints]])
                 for key in ("first", "last", "first_velocity", "last_velocity")
             }
-            place.alone[group] = place.costs + flat + self._misses(place, group)
+            place.alone[group] = place.flat
+            if place.posed:
+                every = self._lay(place, group, np.arange(len(donors)), None)
+                place.alone[group] = place.flat + self._misses(place, group, every, place.local)
         self._places.append(place)
 
     def _origins(self, own: Segments, mates: IntArray) -> tuple[FloatArray, BoolArray]:
@@ -347,21 +350,19 @@ class Stream:
                 costs += constraint.weight * miss**2
         return costs, passes
 
-    def _misses(self, place: "_Place", group: str) -> FloatArray:
-        """Return what donors cost for constraints that they miss in their place, as they are."""
-        cost = np.zeros(len(place.donors))
-        if not place.posed:
-            return cost
-        joints, length = self._members[group], place.length
-        local = np.tile(place.local, (len(place.donors), 1, 1))
-        turned = self._donors.resampled(place.donors[:-1], length + 1)
-        local[: len(turned), joints] = turned[:, joints]
-        frames = np.tile(place.frames, len(place.donors))
-        spots = np.tile(place.base.positions[place.rows], (len(place.donors), 1, 1))
-        poses = self._posed(place, frames, local, spots)
+    def _misses(
+        self, place: "_Place", group: str, laid: "_Laid", context: FloatArray
+    ) -> FloatArray:
+        """Return what donors that are laid cost for the constraints that they miss."""
+        n = len(laid.values)
+        cost = np.zeros(n)
+        local = np.tile(context, (n, 1, 1))
+        local[:, self._members[group]] = laid.values.reshape(-1, *laid.values.shape[2:])
+        poses = self._posed(place, local)
         for constraint in place.posed:
             error, _ = constraint.errors(poses, self._owner[group])
-            worst = error.reshape(-1, length + 1).max(axis=1)
+            new = error.reshape(n, -1)[:, 1 if self._count else 0 :]
+            worst = new.max(axis=1)
             if constraint.weight is not None:
                 cost += constraint.weight * worst**2
             else:
@@ -382,70 +383,57 @@ class Stream:
         ]
         if not any(isinstance(c, AvoidSelf) for c in posed):
             return posed
-        spots = place.base.positions[place.rows]
-        poses = self._posed(place, place.frames, place.local, spots)
+        poses = self._posed(place, place.local)
         return [
             replace(c, captured=max(c.captured, c.depth(poses))) if isinstance(c, AvoidSelf) else c
             for c in posed
         ]
 
-    def _posed(
-        self, place: "_Place", frames: IntArray, local: FloatArray, spots: FloatArray
-    ) -> Poses:
+    def _posed(self, place: "_Place", local: FloatArray) -> Poses:
+        """Return the body in a place, in one row of poses or several one behind the other."""
         assert self._base is not None
+        turns = len(local) // (place.length + 1)
+        spots = np.tile(place.base.positions[place.rows], (turns, 1, 1))
         moved = replace(place.base, rotations=local, positions=spots, channel_values=None)
-        return self._base.body(self._library.up).at(frames, *moved.world())
+        body = self._base.body(self._library.up)
+        return body.at(np.tile(place.frames, turns), *moved.world())
 
-    def _settled(self) -> "tuple[dict[str, int], dict[str, _Laid], Poses | None]":
+    def _decided(self) -> "tuple[dict[str, int], dict[str, _Laid], Poses | None]":
         """Choose what is committed in the first place: what the plan of all places has there.
 
-        What misses hard constraints once it is laid is taken out, and the plan made anew; the
-        base's own part is the last that is tried.
+        There constraints are looked at with the seams, group by group; further on without.
         """
         place = self._places[0]
-        hard = [c for c in place.posed if c.is_hard]
-        chains = {group: self._chain(group) for group in self._members}
-        own = dict.fromkeys(self._members, len(place.donors) - 1)
-        least = np.inf
-        kept: tuple[dict[str, int], dict[str, _Laid], Poses | None] | None = None
-        for turn in range(_ROUNDS + 1):
-            chosen = own if turn == _ROUNDS else {g: self._first(c) for g, c in chains.items()}
-            laid = {group: self._lay(place, group, at) for group, at in chosen.items()}
-            if not hard:
-                return chosen, laid, None
-            poses = self._assembled(place, laid)
-            excess = dict.fromkeys(chosen, 0.0)
-            for constraint in hard:
-                for group in chosen:
-                    error, _ = constraint.errors(poses, self._owner[group])
-                    fresh = error[1 if self._count else 0 :]
-                    excess[group] += float(np.maximum(fresh - 1.0, 0.0).sum())
-            total = sum(excess.values())
-            if total < least:
-                least, kept = total, (chosen, laid, poses)
-            if total == 0.0:
-                break
-            for group, missed in excess.items():
-                if missed > 0.0:
-                    chains[group].alone[0][chosen[group]] += BEYOND * (1.0 + missed)
-        assert kept is not None
-        return kept
+        chosen: dict[str, int] = {}
+        laid: dict[str, _Laid] = {}
+        local = place.local.copy()
+        for group, joints in self._members.items():
+            past, alone, every = self._past.get(group), place.flat, None
+            if place.posed:
+                every = self._lay(place, group, np.arange(len(place.donors)), past)
+                alone = place.flat + self._misses(place, group, every, local)
+            chosen[group] = at = self._first(self._chain(group, alone))
+            if every is None:
+                laid[group] = self._lay(place, group, np.array([at]), past)
+            else:
+                laid[group] = every.only(at)
+            local[:, joints] = laid[group].values[0]
+        return chosen, laid, self._posed(place, local) if place.posed else None
 
-    def _chain(self, group: str) -> Chain:
-        """Return the costs of all donors that are in sight; those of the first may be changed."""
-        config = self._config
+    def _chain(self, group: str, first: FloatArray) -> Chain:
+        """Return the costs of all donors that are in sight, those in the first place given."""
+        config = self._scaled[group]
         alone = [place.alone[group] for place in self._places]
         after = [
             place.after(following, group, config) for place, following in pairwise(self._places)
         ]
-        first = alone[0].copy()
         if group in self._past:
-            first += self._past[group].costs(self._places[0].ends[group], config)[0]
+            first = first + self._past[group].costs(self._places[0].ends[group], config)[0]
+        alone[0] = first
         if config.choice == "random":  # within the limits all are alike
             after = [np.where(costs >= BEYOND, BEYOND, 0.0) for costs in after]
             alone = [np.where(costs >= BEYOND, costs, 0.0) for costs in alone]
-            first = np.where(first >= BEYOND, first, 0.0)
-        return Chain((first, *alone[1:]), tuple(after))
+        return Chain(tuple(alone), tuple(after))
 
     def _first(self, chain: Chain) -> int:
         config = self._config
@@ -454,36 +442,42 @@ class Stream:
         temperature = config.temperature if config.choice == "sample" else 1.0
         return int(sample(chain, temperature, self._rng)[0])
 
-    def _lay(self, place: "_Place", group: str, at: int) -> "_Laid":
-        """Put a donor into its place, going on from where the one before has ended."""
-        joints, rate = self._members[group], self._library.rate
-        donor = int(place.donors[at])
-        if donor < 0:
-            track, start, length = place.base.rotations, place.at, place.length
-        else:
-            track, start = self._donors.around(donor)
-            length = int(self._library.segments.lengths[donor])
-        track = np.ascontiguousarray(track[:, joints])
-        steps = np.arange(place.length + 1)
-        values = cubic(np.arange(len(track)), track, start + steps * length / place.length)
-        here = np.array([start, start + length])
-        poses, speeds = states(TURNS, [track], np.zeros(2, np.int64), here)
-        speeds *= rate * length / place.length
-        past = self._past.get(group)
+    def _lay(self, place: "_Place", group: str, some: IntArray, past: "_Past | None") -> "_Laid":
+        """Put donors into their place, each going on from where the one before has ended."""
+        joints, rate, n = self._members[group], self._library.rate, place.length
+        tracks = [
+            place.track if donor < 0 else self._donors.track(donor)
+            for donor in place.donors[some].tolist()
+        ]
+        frames = np.array([len(track) for track in tracks])
+        starts, lengths = np.cumsum(frames) - frames + 1, frames - 3
+        track = np.ascontiguousarray(np.concatenate(tracks)[:, joints])
+        # How it moves at the end is seen in two moments just before.
+        steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
+        # In this order whole results of the division are exact.
+        times = starts[:, None] + steps * lengths[:, None] / n
+        raw = cubic(np.arange(len(track)), track, times.ravel())
+        pace = (rate * lengths / n)[:, None, None]
+        arriving, leaving = (_velocities(track, at) * pace for at in (starts, starts + lengths))
+        raw = raw.reshape(len(some), n + 3, -1, 4)
+        values = raw
         if past is not None:
             treatment = dead if self._config.seam == "dead" else inertial
-            moments = Moments(
-                np.ones(len(steps), np.int64), steps / rate, np.array([1.0, place.length / rate])
-            )
-            ends = Ends(past.pose[None], poses[:1], past.speed[None], speeds[:1])
-            values = treatment(TURNS, values, moments, ends, self._config.seam_blend)
-        return _Laid(values, poses[1], speeds[1])
-
-    def _assembled(self, place: "_Place", laid: "Mapping[str, _Laid]") -> Poses:
-        local = place.local.copy()
-        for group, own in laid.items():
-            local[:, self._members[group]] = own.values
-        return self._posed(place, place.frames, local, place.base.positions[place.rows])
+            piece = np.repeat(np.arange(1, len(some) + 1), n + 3)
+            # What a short segment has no time for goes on in the next: it meets what was laid.
+            longest = np.full(len(some) + 1, np.inf)
+            moments = Moments(piece, np.tile(steps / rate, len(some)), longest)
+            before = np.broadcast_to(past.pose, (len(some), *past.pose.shape))
+            speed = np.broadcast_to(past.speed, arriving.shape)
+            met = Ends(before, raw[:, 0], speed, arriving)
+            flat = raw.reshape(-1, *raw.shape[2:])
+            values = treatment(TURNS, flat, moments, met, self._config.seam_blend)
+            values = values.reshape(raw.shape)
+            back, further = (TURNS.way(values[:, n], values[:, n + k]) for k in (1, 2))
+            moved = (0.5 * further - 2.0 * back) * (rate / _MOMENT)
+            settled = (values[:, n:] == raw[:, n:]).all(axis=(1, 3))
+            leaving = np.where(settled[..., None], leaving, moved)
+        return _Laid(values[:, : n + 1], values[:, n], leaving)
 
     def _committed(
         self, chosen: Mapping[str, int], laid: "Mapping[str, _Laid]", poses: Poses | None
@@ -521,10 +515,10 @@ class Stream:
                 if isinstance(own, MaxAngle) and gap > own.limit
             ]
             joints = self._members[group]
-            values, spots = laid[group].values[new], base.positions[:, joints]
+            values, spots = laid[group].values[0, new], base.positions[:, joints]
             parts.append(Part(joints, values, spots, np.zeros(0, np.int64), np.zeros((0, 0))))
             last = {key: ends[key][at : at + 1] for key in ("last", "last_velocity")}
-            self._past[group] = _Past(laid[group].pose, laid[group].speed, **last)
+            self._past[group] = _Past(laid[group].pose[0], laid[group].speed[0], **last)
         motion = recombine(base, parts, base.name)
         quats = motion.rotations.copy()
         if self._signs is not None:
@@ -544,11 +538,15 @@ class Stream:
 
 @dataclass(frozen=True, eq=False)
 class _Laid:
-    """A donor in its place, and its own pose and speed per second where it ends."""
+    """Donors in a place, one each row, and their poses and speeds per second at its end."""
 
     values: FloatArray
     pose: FloatArray
     speed: FloatArray
+
+    def only(self, at: int) -> "_Laid":
+        row = slice(at, at + 1)
+        return _Laid(self.values[row], self.pose[row], self.speed[row])
 
 
 @dataclass(frozen=True, eq=False)
@@ -573,8 +571,9 @@ class _Place:
     """A segment of the base that is not committed yet, and what may be in its place.
 
     `base` holds its frames and a few beside them; the first of its own is number `at`. The
-    last of the donors is the base's own part, -1. `costs` are theirs by themselves, `alone`
-    with the constraints, of which `posed` look at poses; `ends` are as the library's edges,
+    last of the donors is the base's own part, -1. `costs` are theirs by themselves, `flat`
+    with constraints on where they come from, `alone` with those on poses too, which are
+    `posed`; `ends` are as the library's edges,
     and `seams` the costs beside the next place's donors, once they are known.
     """
 
@@ -584,6 +583,7 @@ class _Place:
     own: Segments
     donors: IntArray
     costs: FloatArray
+    flat: FloatArray
     posed: tuple[Constraint, ...]
     ends: dict[str, dict[str, FloatArray]]
     alone: dict[str, FloatArray]
@@ -604,6 +604,10 @@ class _Place:
     @property
     def local(self) -> FloatArray:
         return self.base.rotations[self.rows]
+
+    @property
+    def track(self) -> FloatArray:
+        return _with_neighbours(self.base.rotations, self.at, self.at + self.length)
 
     def after(self, following: "_Place", group: str, config: Config) -> FloatArray:
         """Return what seams with the donors of the next place cost."""
@@ -744,34 +748,48 @@ class _Donors:
 
     def __init__(self, library: Library) -> None:
         self._library = library
-        self._in_hand: OrderedDict[int, tuple[FloatArray, int]] = OrderedDict()
+        self._in_hand: OrderedDict[int, FloatArray] = OrderedDict()
 
-    def around(self, segment: int) -> tuple[FloatArray, int]:
-        """Return a segment's rotations and some beside them, and where it starts there."""
+    def track(self, segment: int) -> FloatArray:
+        """Return a segment's rotations with those of the frames next to it."""
         known = self._in_hand.get(segment)
         if known is None:
             segments = self._library.segments
             clip = self._library.clips[segments.clip[segment]]
-            first = max(int(segments.start[segment]) - _BESIDE, 0)
-            track = clip.rotations[first : segments.stop[segment] + _BESIDE + 1].copy()
-            known = track, int(segments.start[segment]) - first
-            self._in_hand[segment] = known
+            start, stop = int(segments.start[segment]), int(segments.stop[segment])
+            known = self._in_hand[segment] = _with_neighbours(clip.rotations, start, stop)
             if len(self._in_hand) > _DONORS_IN_HAND:
                 self._in_hand.popitem(last=False)
         return known
 
-    def resampled(self, segments: IntArray, count: int) -> FloatArray:
-        """Return segments, each resampled to a number of frames, one after the other."""
-        if not len(segments):
-            return np.zeros((0, self._library.skeleton.n_joints, 4))
-        lengths = self._library.segments.lengths[segments]
-        tracks = []
-        for segment, length in zip(segments.tolist(), lengths.tolist(), strict=True):
-            track, at = self.around(segment)
-            tracks.append(track[at : at + length + 1])
-        starts = np.cumsum(lengths + 1) - lengths - 1
-        counts = np.full(len(segments), count)
-        return resampled(np.concatenate(tracks), starts, starts + lengths, counts)
+
+def _with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
+    """Return frames and their neighbours; at an end the clip goes on as its last three frames do.
+
+    So velocities, and the curve through the frames, are at all ends what they are within.
+    """
+    rows = [track[start : stop + 1]]
+    steps = max(len(track) - 1, 1)
+    if start > 0:
+        rows.insert(0, track[start - 1 : start])
+    else:
+        ways = TURNS.way(track[: min(2, steps)], track[1 : min(2, steps) + 1])
+        rows.insert(0, TURNS.move(track[:1], -(2.0 * ways[:1] - ways[-1:])))
+    if stop + 1 < len(track):
+        rows.append(track[stop + 1 : stop + 2])
+    else:
+        ways = TURNS.way(track[-1 - min(2, steps) : -1], track[-min(2, steps) :])
+        rows.append(TURNS.move(track[-1:], 2.0 * ways[-1:] - ways[:1]))
+    return np.concatenate(rows)
+
+
+def _velocities(track: FloatArray, frames: IntArray) -> FloatArray:
+    """Return velocities per frame, those of the curve that frames are sampled from."""
+    here = track[frames]
+    mean: FloatArray = 0.5 * (
+        TURNS.way(track[frames - 1], here) + TURNS.way(here, track[frames + 1])
+    )
+    return mean
 
 
 def _one(start: int, stop: int, clip: int = 0) -> Segments:

@@ -1,12 +1,13 @@
 """Which segments may take whose place, and which of them do (paper, 4.4)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from mograft import _core
+from mograft import _core, rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.config import Config
 from mograft.search import Chain
@@ -31,6 +32,9 @@ __all__ = [
 
 BEYOND = 1e3
 """Cost of missing a limit: more than any row of donors within the limits costs at a seam."""
+
+_PAIRS = 512
+"""Seams that are looked at to see what is typical."""
 
 
 def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) -> BoolArray:
@@ -360,6 +364,46 @@ class Pool:
         apart: FloatArray = np.linalg.norm(self.points[donors] - self.points[own], axis=1)
         return apart / self.sigma
 
+    @cached_property
+    def typical_gaps(self) -> tuple[float, float]:
+        """Mean gaps, in pose and velocity, at seams between members of neighbours' clusters.
+
+        Infinite where no cluster has two members. Of some hundred donors, evenly spread.
+        """
+        members = np.flatnonzero(self.is_donor)
+        order = members[np.argsort(self.labels[members], kind="stable")]
+        starts = np.flatnonzero(np.diff(self.labels[order], prepend=-1))
+        following = np.arange(1, len(order) + 1)
+        following[np.append(starts[1:], len(order))[: len(starts)] - 1] = starts
+        mate = np.full(len(self.labels), -1)
+        mate[order] = order[following]
+        clip = self.segments.clip
+        left = np.flatnonzero((clip[1:] == clip[:-1]) & (mate[1:] >= 0) & (mate[:-1] >= 0))
+        left = left[(mate[left] != left) | (mate[left + 1] != left + 1)]
+        if not len(left):
+            return np.inf, np.inf
+        some = np.unique(np.linspace(0, len(left) - 1, _PAIRS).round().astype(np.int64))
+        ending, starting = mate[left[some]], mate[left[some] + 1]
+        turned = rotations.multiply(rotations.inverse(self.last[ending]), self.first[starting])
+        angle = float(np.linalg.norm(rotations.log(turned), axis=-1).mean())
+        if self.first_velocity is None or self.last_velocity is None:
+            return angle, np.inf
+        speeds = self.last_velocity[ending] - self.first_velocity[starting]
+        return angle, float(np.linalg.norm(speeds, axis=-1).mean())
+
+    def scaled(self, config: Config) -> Config:
+        """Return the configuration with the scales of seams that these segments have.
+
+        In motions that hardly move a degree is much: a seam costs 1 at twice what is typical,
+        where that is less than `angle_scale` and `velocity_scale`.
+        """
+        angle, speed = (2.0 * gap if gap > 0 else np.inf for gap in self.typical_gaps)
+        return replace(
+            config,
+            angle_scale=min(config.angle_scale, angle),
+            velocity_scale=min(config.velocity_scale, speed),
+        )
+
     def costs(self, own: IntArray, donors: IntArray, config: Config) -> FloatArray:
         """Return what donors cost by themselves, seams apart; see `Row.of`.
 
@@ -414,8 +458,9 @@ class Pool:
         left, right = np.array([segment - 1]), np.array([segment + 1])
         speed_before = self.velocity_gaps(left, mates)[0] if has_before else still
         speed_after = self.velocity_gaps(mates, right)[:, 0] if has_after else still
+        scaled = self.scaled(config)
         for seam, speed in ((before, speed_before), (after, speed_after)):
-            costs += (seam / config.angle_scale) ** 2 + (speed / config.velocity_scale) ** 2
+            costs += (seam / scaled.angle_scale) ** 2 + (speed / scaled.velocity_scale) ** 2
         allowed: list[Candidate] = []
         refused: list[Candidate] = []
         for at in np.lexsort((mates, apart, mates != segment)).tolist():
@@ -504,8 +549,10 @@ class Row:
         + distance_weight · d(i, k) / sigma``, and `novelty` less where k is not i. A seam
         costs ``(angle / angle_scale)² + (velocity / velocity_scale)²``, and `BEYOND` more
         where the angle exceeds `max_angle`. With ``choice="nearest"`` a donor costs
-        d(i, k) / sigma, the own part `BEYOND`, and seams nothing within the limit.
+        d(i, k) / sigma, the own part `BEYOND`, and seams nothing within the limit. The scales
+        are those of `Pool.scaled`.
         """
+        config = pool.scaled(config)
         counts = [len(own) for own in candidates]
         costs = pool.costs(np.repeat(scenario, counts), np.concatenate(candidates), config)
         if more is not None:
