@@ -341,10 +341,9 @@ class Problem:
         parts: list[Part] = []
         for group, chosen in donors.items():
             taken = take(self.library.segments, chosen[some])
-            joints = self.library.joints(group)
-            parts.append(
-                transplant(base, cut, taken, self.library.clips, joints, self.library.config)
-            )
+            library, joints = self.library, self.library.joints(group)
+            clips, config = library.clips, library.config
+            parts.append(transplant(base, cut, taken, clips, joints, config, up=library.up))
         return recombine(base, parts, "")
 
     def _assembled(self, donors: Donors) -> Motion:

@@ -115,6 +115,11 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
     )
     graft.add_argument(
+        "--torso",
+        choices=("pelvis", "world"),
+        help="what a grafted trunk keeps: its angle to the pelvis (default), or how it leans",
+    )
+    graft.add_argument(
         "--feet",
         choices=("auto", "never"),
         help="make feet stand still: auto where the base group does not keep legs and root",
@@ -328,6 +333,6 @@ def chosen_config(options: argparse.Namespace) -> "Config":
 
 def _changed(config: "Config", options: argparse.Namespace) -> "Config":
     """Return the configuration with those fields changed for which there are options."""
-    names = ("sigma_scale", "choice", "temperature", "seam", "feet")
+    names = ("sigma_scale", "choice", "temperature", "seam", "torso", "feet")
     given = {name: getattr(options, name, None) for name in names}
     return replace(config, **{name: value for name, value in given.items() if value is not None})
