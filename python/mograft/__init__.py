@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from mograft.groups import JointGroups, subtree
     from mograft.interop import from_pybvh, to_pybvh
     from mograft.library import Library
+    from mograft.mirroring import mirror
     from mograft.motion import Motion
     from mograft.segmentation import Segments, kinetic_energy, segment
     from mograft.skeleton import EndSite, Skeleton
@@ -65,6 +66,7 @@ _HOMES = {
     "groups": "JointGroups subtree",
     "interop": "from_pybvh to_pybvh",
     "library": "Library",
+    "mirroring": "mirror",
     "motion": "Motion",
     "segmentation": "Segments kinetic_energy segment",
     "skeleton": "EndSite Skeleton",
@@ -126,6 +128,7 @@ __all__ = [
     "kinetic_energy",
     "linkage",
     "linkage_condensed",
+    "mirror",
     "plant_feet",
     "plot",
     "read_bvh",

@@ -62,6 +62,9 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     graft.add_argument("-o", "--output", type=Path, required=True, help="folder, or a .bvh file")
     graft.add_argument("--preset", choices=("default", "paper"))
     graft.add_argument(
+        "--mirror", action="store_true", help="donors are also the mirror images of all clips"
+    )
+    graft.add_argument(
         "--sigma-scale",
         type=float,
         metavar="X",
@@ -163,6 +166,8 @@ def run(options: argparse.Namespace) -> int:
             library = Library.build(
                 files, chosen_groups(options), chosen_config(options), progress=tell
             )
+    if options.mirror:
+        library = library.mirrored()
     base = _base(library, options.base)
     many: dict[str, Any] = {"constraints": wanted, "swap": swap, "seed": options.seed}
     many["scenario"] = _scenario(library, options)
