@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mograft import Config, Motion, Segments, Skeleton, rotations
 from mograft.transplant import recombine, transplant
 from tests import plain
+from tests.hierarchies import human
 from tests.strategies import SEEDS, same_rotations, wander
 
 SEAMS = ("offset", "paper", "displacement", "inertial", "dead")
@@ -272,3 +273,81 @@ def test_a_motion_without_file_numbers_has_none_after():
     assert new.name == "new"
     with pytest.raises(ValueError, match="read-only"):
         new.rotations[0] = 0
+
+
+def person(seed, n_frames=40):
+    """Someone who leans and turns at random."""
+    rng = np.random.default_rng(seed)
+    skeleton = human()
+    quats = wander(rng, n_frames, skeleton.n_joints, speed=0.2)
+    places = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    return Motion(skeleton, 1 / 30, rotations.continuous(quats), places, name=f"person{seed}")
+
+
+UPPER = np.arange(7, 18)  # the chest and all that hangs on it
+
+
+def leans(motion, joint):
+    """How a joint leans in the world, and what it faces there."""
+    turned = motion.world()[0][:, joint]
+    yaw = rotations.twist(turned, 1)
+    return rotations.multiply(rotations.inverse(yaw), turned), yaw
+
+
+@given(SEEDS, SEEDS)
+def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_heading(a, b):
+    base, donor = person(a), person(b)
+    cut = tiles(np.array([39]))
+    part = transplant(base, cut, cut, [donor], UPPER, Config(torso="world"))
+    new = recombine(base, [part], "new")
+    hips, chest = 0, 7
+    (_, facing), (above, _) = leans(base, hips), leans(donor, hips)
+    upright = rotations.multiply(above, donor.rotations[:, chest])
+    same_rotations(new.world()[0][:, chest], rotations.multiply(facing, upright), 1e-9)
+    # All that hangs on the chest goes with it, as it is in the donor's clip.
+    np.testing.assert_array_equal(new.rotations[:, 8:], donor.rotations[:, 8:])
+    np.testing.assert_array_equal(new.rotations[:, :7], base.rotations[:, :7])
+    # To the pelvis it stands as in the donor's clip only where both lean alike.
+    plain_part = transplant(base, cut, cut, [donor], UPPER, Config())
+    np.testing.assert_array_equal(plain_part.rotations, donor.rotations[:, UPPER])
+
+
+@given(SEEDS, SEEDS, st.floats(-3, 3))
+def test_what_the_donor_faces_does_not_matter(a, b, yaw):
+    base, donor = person(a), person(b)
+    turned = donor.rotations.copy()
+    turned[:, 0] = rotations.multiply(rotations.about([0, 1, 0], yaw), turned[:, 0])
+    other = replace(donor, rotations=turned)
+    cut = tiles(np.array([12, 27]))
+    own, twin = (
+        transplant(base, cut, cut, [one], UPPER, Config(torso="world")) for one in (donor, other)
+    )
+    same_rotations(own.rotations, twin.rotations, 1e-9)
+
+
+@given(LENGTHS, SEEDS, st.sampled_from([Config(seam=seam, torso="world") for seam in SEAMS]))
+def test_its_own_trunk_keeps_every_bit_in_the_world_too(lengths, seed, config):
+    cut = tiles(lengths)
+    base = person(seed, int(lengths.sum()) + 1)
+    part = transplant(base, cut, cut, [base], UPPER, config)
+    np.testing.assert_array_equal(part.rotations, base.rotations[:, UPPER])
+    # And where a donor takes one place alone, so it does far from it.
+    if len(lengths) > 2:
+        chosen = np.arange(len(lengths))
+        chosen[0] = len(lengths) - 1
+        part = transplant(base, cut, pick(cut, chosen), [base], UPPER, config)
+        np.testing.assert_allclose(np.linalg.norm(part.rotations, axis=-1), 1.0, atol=1e-12)
+
+
+def test_what_hangs_on_no_other_group_is_left():
+    """Arms keep to the trunk that they hang on, and legs to the pelvis."""
+    base, donor = person(1), person(2)
+    cut = tiles(np.array([39]))
+    for joints in (np.arange(1, 4), np.arange(8, 12), np.arange(18)):
+        own, world = (
+            transplant(base, cut, cut, [donor], joints, Config(torso=torso), root=0)
+            for torso in ("pelvis", "world")
+        )
+        np.testing.assert_array_equal(own.rotations, world.rotations)
+    with pytest.raises(ValueError, match=r"torso must be one of .*'world'.*, got 'hips'"):
+        Config(torso="hips")

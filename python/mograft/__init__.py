@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from mograft.groups import JointGroups, subtree
     from mograft.interop import from_pybvh, to_pybvh
     from mograft.library import Library
+    from mograft.mirroring import mirror
     from mograft.motion import Motion
     from mograft.obstacles import Box, Capsule, Character, HalfSpace, Sphere
     from mograft.poses import Poses
@@ -68,6 +69,7 @@ _HOMES = {
     "groups": "JointGroups subtree",
     "interop": "from_pybvh to_pybvh",
     "library": "Library",
+    "mirroring": "mirror",
     "motion": "Motion",
     "obstacles": "Box Capsule Character HalfSpace Sphere",
     "poses": "Poses",
@@ -135,6 +137,7 @@ __all__ = [
     "kinetic_energy",
     "linkage",
     "linkage_condensed",
+    "mirror",
     "plant_feet",
     "plot",
     "read_bvh",

@@ -90,6 +90,10 @@ class Config:
         Seconds on either side of a seam within which "paper" lays its curve anew.
     seam_blend : float
         Seconds beside a seam within which "offset", "inertial" and "dead" change frames.
+    torso : {"pelvis", "world"}
+        What a grafted trunk keeps where it is joined to a pelvis that leans otherwise: its angle
+        to the pelvis (the paper), or how it leans in the world (after Heck, Kovar and Gleicher
+        2006).
     feet : {"auto", "never"}
         Whether feet are made to stand still where they should: "auto" wherever the base group
         does not keep both the legs and the root; in all other grafts feet are as they were.
@@ -137,6 +141,7 @@ class Config:
     seam: Literal["offset", "paper", "displacement", "inertial", "dead"] = "offset"
     seam_window: float = 5 * FRAME
     seam_blend: float = 0.3
+    torso: Literal["pelvis", "world"] = "pelvis"
     feet: Literal["auto", "never"] = "auto"
 
     def __post_init__(self) -> None:
@@ -145,6 +150,7 @@ class Config:
             ("inertia", ("own", "subtree", "unit")),
             ("choice", ("viterbi", "best", "sample", "nearest", "random")),
             ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
+            ("torso", ("pelvis", "world")),
             ("feet", ("auto", "never")),
         ):
             if getattr(self, name) not in allowed:

@@ -88,7 +88,7 @@ class Constraint:
         ----------
         poses : Poses
             The poses.
-        joints : ndarray of bool, shape (n_joints,), optional
+        joints : ndarray of bool, shape (J,), optional
             The joints whose errors count. Default: all.
 
         Returns
@@ -584,7 +584,7 @@ def violations(
         The constraints; soft ones are passed over.
     poses : Poses
         Of successive frames.
-    joints : ndarray of bool, shape (n_joints,), optional
+    joints : ndarray of bool, shape (J,), optional
         The joints whose errors count. Default: all.
 
     Returns

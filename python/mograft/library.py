@@ -39,6 +39,7 @@ from mograft.embedding import CHUNK, Embedding, Packed, Samples, embed, features
 from mograft.embedding import Source as SampleSource
 from mograft.errors import MograftError
 from mograft.groups import JointGroups
+from mograft.mirroring import MirroredClips
 from mograft.motion import Motion
 from mograft.segmentation import Segments, segment
 from mograft.skeleton import Skeleton
@@ -164,6 +165,7 @@ class Library:
         tags: Tags | None = None,
         executor: Executor | None = None,
         progress: Progress | None = None,
+        mirrored: bool = False,
     ) -> "Library":
         """Read, cut, compare and label clips, in memory.
 
@@ -189,6 +191,8 @@ class Library:
             the files. The library does not depend on it. Default: this thread.
         progress : callable, optional
             Called with a stage's name, what is done of it and the whole.
+        mirrored : bool
+            Whether the mirror images of all clips are added; see `mirrored`.
 
         Returns
         -------
@@ -258,7 +262,7 @@ class Library:
         members = _feature_joints(groups, skeleton)
         embedding = _embedded(samples, groups, terms, tell)
         labels, sigma = _clusters(embedding, len(segments), config)
-        return cls(
+        built = cls(
             clips,
             groups,
             config,
@@ -282,6 +286,7 @@ class Library:
             samples,
             {},
         )
+        return built.mirrored() if mirrored else built
 
     @classmethod
     def index(
@@ -571,6 +576,73 @@ class Library:
             return replace(self, config=config)
         labels, sigma = _clusters(self.embedding, len(self.segments), config)
         return replace(self, config=config, labels=labels, sigma=sigma)
+
+    def mirrored(self) -> "Library":
+        """Return the library with the mirror image of every clip behind its clips.
+
+        What the left did, the right does: twice as many donors to choose from, clustered anew.
+
+        Returns
+        -------
+        Library
+            In memory; each mirror image is called as its clip, with ``_mirrored``.
+
+        Raises
+        ------
+        ValueError
+            If the skeleton's joints have no partners; see `mograft.mirror`.
+        """
+        n = len(self.entries)
+        names = named(
+            [*(e.name for e in self.entries), *(f"{e.name}_mirrored" for e in self.entries)]
+        )
+        clips = MirroredClips(self.clips, tuple(names))
+        rows, ends = [*self.samples.rows()], []
+        for index in range(n):
+            clip, own = clips[n + index], self.segments.of_clip(index)
+            cut = Segments(self.segments.start[own], self.segments.stop[own])
+            sampled = normalise(
+                [clip],
+                cut,
+                self.config,
+                root=self.root,
+                up=self.up,
+                heights=[body(clip.skeleton).height],
+            )
+            rows.append(sampled.packed())
+            ends.append(edges(clip, cut))
+        samples = PackedSamples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
+        terms = Terms(self.skeleton, self.rate, self.root, self.up, self.config)
+        embedding = _embedded(samples, self.groups, terms, _say_nothing)
+        labels, sigma = _clusters(embedding, 2 * len(self.segments), self.config)
+        twice = replace(self.segments, clip=self.segments.clip + n)
+        return replace(
+            self,
+            clips=clips,
+            segments=Segments(
+                *(
+                    np.concatenate([getattr(cut, part) for cut in (self.segments, twice)])
+                    for part in ("start", "stop", "clip")
+                )
+            ),
+            is_donor=np.concatenate([self.is_donor, self.is_donor]),
+            embedding=embedding,
+            labels=labels,
+            sigma=sigma,
+            entries=tuple(
+                replace(e, name=name)
+                for e, name in zip(self.entries + self.entries, names, strict=True)
+            ),
+            edges={
+                group: {
+                    key: np.concatenate([known, *(own[key][:, joints] for own in ends)])
+                    for key, known in self.edges[group].items()
+                }
+                for group, joints in _feature_joints(self.groups, self.skeleton).items()
+            },
+            samples=samples,
+            folder=None,
+        )
 
     def holding(self, base: Motion | str | None) -> tuple["Library", int]:
         """Return a library that holds a motion, and which of its clips that is.

@@ -385,6 +385,7 @@ class Problem:
                 self.library.clips,
                 self.library.joints(group),
                 self.library.config,
+                up=self.library.up,
             )
             quats[:, part.joints], places[:, part.joints] = part.rotations, part.positions
         return replace(base, rotations=quats, positions=places)

@@ -7,6 +7,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.anatomy import anatomy
 from mograft.config import Config
 from mograft.motion import Motion
 from mograft.resample import cubic, cubic_positions
@@ -77,7 +78,7 @@ def transplant(
     joints : ndarray of int
         The joints of the group.
     config : Config
-        Gives `seam`, `seam_window` and `seam_blend`.
+        Gives `seam`, `seam_window`, `seam_blend` and `torso`.
     root : int, optional
         The joint that carries the body through the world. Where it is one of `joints`, every
         donor goes on from the place and heading that the one before has come to, the first
@@ -99,6 +100,11 @@ def transplant(
     the frames about the seam then laid anew on a cubic that meets the velocities at its ends.
     A joint's translation goes with it only where it moves in some donor's clip: else the base
     keeps its own bones.
+
+    With ``torso="world"`` a trunk that hangs on a joint of another group leans in the world as
+    it does in its clip, under the base's heading: R_i⁻¹ Y_i Y_k⁻¹ R_k q_k in place of q_k, R and
+    Y being that joint's rotation in the world and its turn about up, in the base (i) and in the
+    donor's clip (k).
     """
     # Of a stored library each clip has to be read: only those that lend something are.
     used, clip = np.unique(donors.clip, return_inverse=True)
@@ -118,6 +124,10 @@ def transplant(
         seams |= laid.true_seams([own[:, columns[1], None] for own in shifts])
         laid = laid.placed(base, root, up, tracks, shifts, columns, seams)
     segment, step = laid.frames()
+    leaning = _trunks(base, joints) if config.torso == "world" else []
+    tracks = [
+        _upright(clip, joints, leaning, own, up) for clip, own in zip(clips, tracks, strict=True)
+    ]
     quats = laid.unpack(segment, step, _joined(laid, seams, TURNS, tracks, segment, step, config))
     if travels.any():
         moved = _joined(laid, seams, SHIFTS, shifts, segment, step, config)
@@ -133,6 +143,7 @@ def transplant(
         quats[:, column], places[:, column] = _as_local(
             base, root, quats[:, column], places[:, column]
         )
+    quats = _on_its_pelvis(base, joints, leaning, quats, up)
     gaps = np.linalg.norm(laid.ends(TURNS, tracks, np.flatnonzero(seams)).ways(TURNS), axis=-1)
     return Part(joints, quats, places, cut.stop[:-1][seams], gaps)
 
@@ -451,6 +462,49 @@ def _as_local(
         np.where(same[0][:, None], base.rotations[:, root], local),
         np.where(same[1][:, None], base.positions[:, root], spot),
     )
+
+
+def _trunks(base: Motion, joints: IntArray) -> list[int]:
+    """Return the columns of those joints with which a trunk hangs on another group."""
+    parts, parents = anatomy(base.skeleton).parts, base.skeleton.parents
+    return [
+        column
+        for column, joint in enumerate(joints.tolist())
+        if parts[joint] == "trunk" and parents[joint] >= 0 and parents[joint] not in joints
+    ]
+
+
+def _leans(clip: Motion, joints: IntArray, columns: Sequence[int], up: int) -> FloatArray:
+    """Return how the joints that some joints hang on lean, whatever they face."""
+    turned = clip.world()[0][:, clip.skeleton.parents[joints[list(columns)]]]
+    return rotations.multiply(rotations.inverse(rotations.twist(turned, up)), turned)
+
+
+def _upright(
+    clip: Motion, joints: IntArray, columns: Sequence[int], track: FloatArray, up: int
+) -> FloatArray:
+    """Return rotations, those of some columns seen from a parent that does not lean."""
+    if not columns:
+        return track
+    upright = track.copy()
+    upright[:, columns] = rotations.multiply(_leans(clip, joints, columns, up), track[:, columns])
+    return upright
+
+
+def _on_its_pelvis(
+    base: Motion, joints: IntArray, columns: Sequence[int], quats: FloatArray, up: int
+) -> FloatArray:
+    """Undo `_upright` by how the base leans; what is the base's own stays so to the bit."""
+    if not columns:
+        return quats
+    local = quats.copy()
+    own = base.rotations[:, joints]
+    same = (quats == _upright(base, joints, columns, own, up)).all(axis=2)[:, columns]
+    back = rotations.inverse(_leans(base, joints, columns, up))
+    turned = rotations.multiply(back, quats[:, columns])
+    turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+    local[:, columns] = np.where(same[..., None], own[:, columns], turned)
+    return local
 
 
 def _travels(clips: Sequence[Motion], joints: IntArray) -> BoolArray:

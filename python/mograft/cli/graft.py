@@ -63,6 +63,9 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     graft.add_argument("-o", "--output", type=Path, required=True, help="folder, or a .bvh file")
     graft.add_argument("--preset", choices=("default", "paper"))
     graft.add_argument(
+        "--mirror", action="store_true", help="donors are also the mirror images of all clips"
+    )
+    graft.add_argument(
         "--sigma-scale",
         type=float,
         metavar="X",
@@ -116,6 +119,11 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
     )
     graft.add_argument(
+        "--torso",
+        choices=("pelvis", "world"),
+        help="what a grafted trunk keeps: its angle to the pelvis (default), or how it leans",
+    )
+    graft.add_argument(
         "--feet",
         choices=("auto", "never"),
         help="make feet stand still: auto where the base group does not keep legs and root",
@@ -159,6 +167,8 @@ def run(options: argparse.Namespace) -> int:
             library = Library.build(
                 files, chosen_groups(options), chosen_config(options), progress=tell
             )
+    if options.mirror:
+        library = library.mirrored()
     base = _base(library, options.base)
     many: dict[str, Any] = {"constraints": wanted, "swap": swap, "seed": options.seed}
     many["scenario"] = _scenario(library, options)
@@ -328,6 +338,6 @@ def chosen_config(options: argparse.Namespace) -> "Config":
 
 def _changed(config: "Config", options: argparse.Namespace) -> "Config":
     """Return the configuration with those fields changed for which there are options."""
-    names = ("sigma_scale", "choice", "temperature", "seam", "feet")
+    names = ("sigma_scale", "choice", "temperature", "seam", "torso", "feet")
     given = {name: getattr(options, name, None) for name in names}
     return replace(config, **{name: value for name, value in given.items() if value is not None})
