@@ -207,7 +207,7 @@ def test_what_clips_have_in_common_may_change_when_some_are_added(clips, tmp_pat
     assert [clip.rate for clip in fixed.clips] == pytest.approx([30.0] * 4, rel=1e-2)
 
 
-def test_a_few_clips_that_a_dummy_carries_do_not_move_the_others(tmp_path):
+def test_a_few_clips_that_a_dummy_carries_do_not_move_the_others():
     """Some files move by the joint above the hips, most by the hips."""
     names = ["Dummy", *WHOLE.skeleton.names]
     parents = [-1, *(WHOLE.skeleton.parents + 1)]
@@ -334,10 +334,9 @@ def test_the_threads_of_the_blas_do_not_matter(tmp_path):
 
 def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
     """However the rows lie in files, the same chunks come out."""
-    from mograft import embedding, library
+    from mograft import embedding
 
     monkeypatch.setattr(store, "CHUNK", 7)
-    monkeypatch.setattr(library, "CHUNK", 7)
     assert embedding.CHUNK > 7
     rows = list(stored.samples.rows())
     assert [len(own) for own in rows[:-1]] == [7] * (len(rows) - 1)
