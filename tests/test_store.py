@@ -24,6 +24,8 @@ from mograft import (
     Library,
     LibraryError,
     Motion,
+    NotFrom,
+    OnlyFrom,
     Skeleton,
     SkeletonMismatchError,
     graft,
@@ -344,6 +346,29 @@ def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
     split = replace(stored.samples, extents=((0, 5, 20), (0, 0, 3), (0, 40, 9)))
     got = np.concatenate(list(split.rows()))
     np.testing.assert_array_equal(got, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
+
+
+@pytest.mark.parametrize("is_stored", [True, False])
+def test_donors_come_from_clips_of_a_tag(clips, stored, is_stored):
+    library = stored if is_stored else Library.build(clips)
+    made = graft(library, "c", constraints=[OnlyFrom(tags={"walk"})])
+    names = {part.clip for part in made.substitutions if not part.is_own}
+    walking = {e.name for e in library.entries if "walk" in e.tags}
+    assert names
+    assert names <= walking
+    made = graft(library, "c", constraints=[NotFrom("d", tags=["walk"])])
+    assert {part.clip for part in made.substitutions} <= {"c", *(names_of(library) - walking)} - {"d"}
+    with pytest.raises(ValueError, match="tags must be of jump, walk; got 'happy'"):
+        graft(library, "c", constraints=[OnlyFrom(tags="happy")])
+    segment = int(library.segments.of_clip(0)[2])
+    judged = library.candidates(segment, "upper", [NotFrom(tags="walk")])
+    for candidate in (*judged.allowed, *judged.refused):
+        is_walking = library.entries[candidate.clip].name in walking
+        assert ("NotFrom: from clips tagged walk" in candidate.refused) == is_walking
+
+
+def names_of(library):
+    return {entry.name for entry in library.entries}
 
 
 # Damage.

@@ -1,5 +1,6 @@
 """What mograft raises."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 __all__ = ["BvhError", "LibraryError", "MograftError", "SkeletonMismatchError"]
@@ -52,3 +53,9 @@ class SkeletonMismatchError(MograftError, ValueError):
 
 class LibraryError(MograftError):
     """A library on disk that is damaged, foreign or of another version."""
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """Return names as a message gives them: all of a few, of many the first."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

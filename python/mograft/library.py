@@ -18,6 +18,7 @@ from mograft.clustering import cut, threshold
 from mograft.config import Config
 from mograft.digest import Facts, edges, pack, same_rate
 from mograft.embedding import CHUNK, Embedding, Packed, Samples, features, normalise
+from mograft.errors import listed
 from mograft.groups import JointGroups
 from mograft.motion import Motion
 from mograft.segmentation import Segments, segment
@@ -523,7 +524,7 @@ class Library:
         if isinstance(base, str):
             names = [entry.name for entry in self.entries]
             if base not in names:
-                raise ValueError(f"base must be a clip, one of {', '.join(names)}; got {base!r}")
+                raise ValueError(f"base must be a clip, one of {listed(names)}; got {base!r}")
             return self, names.index(base)
         self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
         for index, entry in enumerate(self.entries):
