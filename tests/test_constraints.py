@@ -1,6 +1,7 @@
 """Laws of constraints: what they measure, what a graft does about them, and what it tells."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -267,11 +268,35 @@ def test_frames_of_clips_and_of_the_base_are_told_apart(library):
 def test_donors_that_lie_partly_in_forbidden_frames_are_refused():
     own = mg.Segments([0] * 4, [10] * 4)
     donors = mg.Segments([10, 15, 25, 31], [20, 30, 35, 40], [1] * 4)
-    names = ["base", "other"]
-    never = mg.NotFrom("other", clip_frames=(20, 30)).misses(own, donors, names)
-    np.testing.assert_array_equal(never > 1, [True, True, True, False])
-    only = mg.OnlyFrom("oth*", clip_frames=(12, 36)).misses(own, donors, names)
-    np.testing.assert_array_equal(only > 1, [True, False, False, True])
+    clips = [SimpleNamespace(name="base", tags=()), SimpleNamespace(name="other", tags=("x", "y"))]
+    never, only = {"clip_frames": (20, 30)}, {"clip_frames": (12, 36)}
+    for constraint in (mg.NotFrom("other", **never), mg.NotFrom(tags="x", **never)):
+        miss = constraint.misses(own, donors, clips)
+        np.testing.assert_array_equal(miss > 1, [True, True, True, False])
+    for constraint in (mg.OnlyFrom("oth*", **only), mg.OnlyFrom(tags={"y"}, **only)):
+        miss = constraint.misses(own, donors, clips)
+        np.testing.assert_array_equal(miss > 1, [True, False, False, True])
+
+
+@given(
+    st.lists(st.sets(st.sampled_from("abc")), min_size=1, max_size=6),
+    st.sets(st.sampled_from("abc")),
+    st.sets(st.integers(0, 5)),
+)
+def test_clips_are_meant_by_name_or_by_one_of_their_tags(tags, wanted, named):
+    clips = [SimpleNamespace(name=f"{i}", tags=tuple(own)) for i, own in enumerate(tags)]
+    named = {i for i in named if i < len(clips)}
+    wanted &= set().union(*tags)
+    if not wanted and not named:
+        return
+    n = len(clips)
+    own, donors = mg.Segments([0] * n, [9] * n, [n] * n), mg.Segments([5] * n, [9] * n, range(n))
+    meant = [i in named or bool(wanted & tags[i]) for i in range(n)]
+    names = sorted(map(str, named))
+    never = mg.NotFrom(names, tags=wanted).misses(own, donors, clips)
+    np.testing.assert_array_equal(never > 1, meant)
+    only = mg.OnlyFrom(names, tags=wanted).misses(own, donors, clips)
+    np.testing.assert_array_equal(only > 1, np.logical_not(meant))
 
 
 def test_seams_can_be_asked_to_be_narrower(library):
@@ -474,6 +499,7 @@ def test_the_report_gives_donor_cost_and_seams_of_every_exchange(library):
         (lambda: mg.Avoid(mg.Sphere((0, 0, 0), 1), tolerance=0), "tolerance must be above 0"),
         (lambda: mg.Reach(HAND, (0, 0, 0), -1), "frame must not be negative, got -1"),
         (lambda: mg.NotFrom("a", weight=-1), "weight must not be negative, got -1"),
+        (lambda: mg.NotFrom(), "clips or tags must say which clips are meant, got neither"),
         (lambda: mg.KeepOriginal(frames=(5, 2)), "frames must be first and last, ascending"),
         (lambda: mg.MaxAngle(0.1, weight=1.0), "MaxAngle takes neither weight nor frames"),
     ],
@@ -490,6 +516,7 @@ def test_bad_constraints_are_refused_by_name(make, message):
         (mg.Reach("Wing", (0, 0, 0), 5), ValueError, "no joint is named 'Wing'"),
         (mg.Reach(HAND, (0, 0, 0), 99_999), ValueError, "frames of Reach must be within 0 to"),
         (mg.NotFrom("waltz*"), ValueError, r"clips must name clips of .*; got 'waltz\*'"),
+        (mg.OnlyFrom(tags="happy"), ValueError, "tags are known of no clip; got 'happy'"),
     ],
 )
 def test_what_is_not_there_is_refused_before_the_search(library, constraint, error, message):

@@ -24,6 +24,8 @@ from mograft import (
     Library,
     LibraryError,
     Motion,
+    NotFrom,
+    OnlyFrom,
     Skeleton,
     SkeletonMismatchError,
     graft,
@@ -31,6 +33,8 @@ from mograft import (
     store,
     write_bvh,
 )
+from mograft.cli import main
+from mograft.cli._common import chosen_clips
 from mograft.dancer import dance
 from mograft.digest import pack, unpack
 from mograft.sources import read_table
@@ -207,7 +211,7 @@ def test_what_clips_have_in_common_may_change_when_some_are_added(clips, tmp_pat
     assert [clip.rate for clip in fixed.clips] == pytest.approx([30.0] * 4, rel=1e-2)
 
 
-def test_a_few_clips_that_a_dummy_carries_do_not_move_the_others(tmp_path):
+def test_a_few_clips_that_a_dummy_carries_do_not_move_the_others():
     """Some files move by the joint above the hips, most by the hips."""
     names = ["Dummy", *WHOLE.skeleton.names]
     parents = [-1, *(WHOLE.skeleton.parents + 1)]
@@ -334,10 +338,9 @@ def test_the_threads_of_the_blas_do_not_matter(tmp_path):
 
 def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
     """However the rows lie in files, the same chunks come out."""
-    from mograft import embedding, library
+    from mograft import embedding
 
     monkeypatch.setattr(store, "CHUNK", 7)
-    monkeypatch.setattr(library, "CHUNK", 7)
     assert embedding.CHUNK > 7
     rows = list(stored.samples.rows())
     assert [len(own) for own in rows[:-1]] == [7] * (len(rows) - 1)
@@ -345,6 +348,25 @@ def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
     split = replace(stored.samples, extents=((0, 5, 20), (0, 0, 3), (0, 40, 9)))
     got = np.concatenate(list(split.rows()))
     np.testing.assert_array_equal(got, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
+
+
+@pytest.mark.parametrize("is_stored", [True, False])
+def test_donors_come_from_clips_of_a_tag(clips, stored, is_stored):
+    library = stored if is_stored else Library.build(clips)
+    made = graft(library, "c", constraints=[OnlyFrom(tags={"walk"})])
+    names = {part.clip for part in made.substitutions if not part.is_own}
+    walking = {e.name for e in library.entries if "walk" in e.tags}
+    assert names
+    assert names <= walking
+    made = graft(library, "c", constraints=[NotFrom("d", tags=["walk"])])
+    assert {part.clip for part in made.substitutions if not part.is_own} <= {"a", "c"}
+    with pytest.raises(ValueError, match="tags must be of jump, walk; got 'happy'"):
+        graft(library, "c", constraints=[OnlyFrom(tags="happy")])
+    segment = int(library.segments.of_clip(0)[2])
+    judged = library.candidates(segment, "upper", [NotFrom(tags="walk")])
+    for candidate in (*judged.allowed, *judged.refused):
+        is_walking = library.entries[candidate.clip].name in walking
+        assert ("NotFrom: from clips tagged walk" in candidate.refused) == is_walking
 
 
 # Damage.
@@ -549,3 +571,65 @@ def test_tables_hold_what_the_library_holds(stored, tmp_path, kind):
     assert isinstance(stored.clips[0], Motion)
     with pytest.raises(ValueError, match="kind must be"):
         export(stored, tmp_path / "x", "xlsx")
+
+
+# The command line.
+
+
+def told(capsys, *words):
+    code = main([str(word) for word in words])
+    return code, *capsys.readouterr()
+
+
+def test_commands_that_take_files_take_a_library(stored, tmp_path, capsys):
+    place = stored.folder
+    code, out, _ = told(capsys, "candidates", place, "--clip", "b", "--segment", 2, "--json")
+    assert code == 0
+    index = [entry.name for entry in stored.entries].index("b")
+    found = stored.candidates(int(stored.segments.of_clip(index)[2]), "upper")
+    assert len(json.loads(out)["allowed"]) == len(found.allowed)
+    code, out, _ = told(
+        capsys, "candidates", place, "--segment", 2, "--json", "--not-tagged", "walk,jump"
+    )
+    assert {donor["clip"] for donor in json.loads(out)["allowed"]} <= {"c", "d"}
+    code, _, err = told(capsys, "candidates", place, "--segment", 2, "--only-tagged", "glad")
+    assert (code, "tags must be of jump, walk; got 'glad'" in err) == (1, True)
+
+    page = tmp_path / "page.html"
+    assert told(capsys, "view", place, "--clip", "a*", "--clip", "c", "-o", page)[0] == 0
+    assert [name in page.read_text() for name in ('"a"', '"a~2"', '"c"', '"b"')] == [1, 1, 1, 0]
+    code, _, err = told(capsys, "view", place, "--clip", "e", "-o", tmp_path / "no.html")
+    assert (code, "--clip must name clips of c, d, a, a~2, b; got 'e'" in err) == (1, True)
+    code, _, err = told(capsys, "graft", place, "--only-tagged", "walk", "-o", tmp_path / "g.bvh")
+    assert code == 0
+    document = json.loads((tmp_path / "g.json").read_text())
+    assert {s["clip"] for s in document["substitutions"] if s["exchanged"]} <= {"a~2", "b"}
+
+
+@pytest.mark.parametrize("kind", ["pca", "dendrogram", "clusters", "timeline", "strip", "energy"])
+def test_a_library_is_drawn(stored, tmp_path, capsys, kind):
+    pytest.importorskip("matplotlib", reason="needs the extra plot")
+    picture = tmp_path / "it.svg"
+    code, _, err = told(capsys, "plot", kind, stored.folder, "-o", picture)
+    if kind in ("strip", "energy"):
+        assert (code, "shows one motion, got 5" in err) == (1, True)
+        assert told(capsys, "plot", kind, stored.folder, "--clip", "b", "-o", picture)[0] == 0
+    assert picture.exists()
+    with pytest.raises(SystemExit):
+        told(
+            capsys,
+            "plot",
+            kind,
+            stored.folder,
+            "--groups",
+            "lower_upper",
+            "-o",
+            tmp_path / "no.svg",
+        )
+
+
+def test_of_many_clips_some_must_be_chosen(stored):
+    many = replace(stored, entries=stored.entries * 3)
+    with pytest.raises(ValueError, match="15 clips are too many to show at once: choose 12"):
+        chosen_clips(many, [])
+    assert chosen_clips(many, ["a~*", "c"]) == [0, 3, 5, 8, 10, 13]

@@ -8,8 +8,9 @@ of the base motion, both ends included.
 """
 
 import fnmatch
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from mograft._fields import above_zero, not_negative, vector
 from mograft.anatomy import anatomy
 from mograft.body import body
 from mograft.capsules import Capsules, clearance
+from mograft.errors import listed
 from mograft.obstacles import Obstacle, Vector
 from mograft.poses import Poses
 from mograft.segmentation import Segments
@@ -45,6 +47,20 @@ Span = tuple[int, int]
 
 Errors = tuple[FloatArray, IntArray]
 """For each pose the error, in tolerances, and the joint that has it; -1 where none has."""
+
+
+class Clip(Protocol):
+    """What constraints know of a clip that donors come from."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def tags(self) -> Sequence[str]:
+        """Words to choose it by."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,15 +116,16 @@ class Constraint:
         """
         return np.zeros(len(poses)), np.full(len(poses), -1)
 
-    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """Return by how much donors miss it, whatever their poses.
 
         Parameters
         ----------
         own, donors : Segments
             Base segments and donors for them, one for each, in their own clips.
-        clips : sequence of str
-            Names of the clips that `donors.clip` counts; the base's segments are donors too.
+        clips : sequence
+            Name and tags of the clips that `donors.clip` counts, as `Library.entries` has them;
+            the base's segments are donors too.
 
         Returns
         -------
@@ -426,7 +443,7 @@ class Custom(Constraint):
 class KeepOriginal(Constraint):
     """Keep the captured parts: of every segment that has one of the `frames`."""
 
-    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
         del clips
         return np.where(_is_own(own, donors), 0.0, 2.0)
@@ -445,22 +462,29 @@ class OnlyFrom(Constraint):
     ----------
     clips : str or sequence of str
         Names of clips, or patterns such as ``"waltz*"``.
+    tags : str or collection of str
+        Tags of clips; those that have one of them count as well as those named.
     clip_frames : tuple of int, optional
         First and last frame of those clips that donors lie in. Default: all.
     """
 
-    clips: str | Sequence[str]
+    clips: str | Sequence[str] = ()
     clip_frames: Span | None = None
+    tags: str | Collection[str] = field(default=(), kw_only=True)
 
-    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _not_nothing(self.clips, self.tags)
+
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
-        within = _lies_in(donors, clips, self.clips, self.clip_frames, whole=True)
+        within = _lies_in(donors, clips, self, whole=True)
         return np.where(within | _is_own(own, donors), 0.0, 2.0)
 
     def tell(self, error: float, height: float) -> str:
         """As `Constraint.tell`."""
         del error, height
-        return f"not from {_listed(self.clips, self.clip_frames)}"
+        return f"not from {_listed(self)}"
 
 
 @dataclass(frozen=True)
@@ -471,22 +495,29 @@ class NotFrom(Constraint):
     ----------
     clips : str or sequence of str
         Names of clips, or patterns such as ``"walk*"``.
+    tags : str or collection of str
+        Tags of clips; those that have one of them count as well as those named.
     clip_frames : tuple of int, optional
         First and last frame of those clips that no donor may have any of. Default: all.
     """
 
-    clips: str | Sequence[str]
+    clips: str | Sequence[str] = ()
     clip_frames: Span | None = None
+    tags: str | Collection[str] = field(default=(), kw_only=True)
 
-    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _not_nothing(self.clips, self.tags)
+
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
-        within = _lies_in(donors, clips, self.clips, self.clip_frames, whole=False)
+        within = _lies_in(donors, clips, self, whole=False)
         return np.where(within & ~_is_own(own, donors), 2.0, 0.0)
 
     def tell(self, error: float, height: float) -> str:
         """As `Constraint.tell`."""
         del error, height
-        return f"from {_listed(self.clips, self.clip_frames)}"
+        return f"from {_listed(self)}"
 
 
 @dataclass(frozen=True)
@@ -505,7 +536,7 @@ class MaxStretch(Constraint):
         super().__post_init__()
         not_negative(self, "limit")
 
-    def misses(self, own: Segments, donors: Segments, clips: Sequence[str]) -> FloatArray:
+    def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
         del clips
         stretch = np.abs(own.lengths - donors.lengths) / own.lengths
@@ -656,22 +687,35 @@ def _is_own(own: Segments, donors: Segments) -> BoolArray:
     return same
 
 
+def _not_nothing(clips: str | Sequence[str], tags: str | Collection[str]) -> None:
+    if not clips and not tags:
+        raise ValueError("clips or tags must say which clips are meant, got neither")
+
+
+def _several(words: str | Collection[str]) -> list[str]:
+    return [words] if isinstance(words, str) else sorted(words)
+
+
 def _lies_in(
-    donors: Segments,
-    clips: Sequence[str],
-    patterns: str | Sequence[str],
-    frames: Span | None,
-    *,
-    whole: bool,
+    donors: Segments, clips: Sequence[Clip], origin: "OnlyFrom | NotFrom", *, whole: bool
 ) -> BoolArray:
-    wanted = [patterns] if isinstance(patterns, str) else list(patterns)
-    named = np.array([any(fnmatch.fnmatchcase(clip, p) for p in wanted) for clip in clips], bool)
-    for pattern in wanted:
-        if not any(fnmatch.fnmatchcase(clip, pattern) for clip in clips):
-            raise ValueError(f"clips must name clips of {', '.join(clips)}; got {pattern!r}")
-    inside: BoolArray = named[donors.clip]
-    if frames is not None:
-        first, last = frames
+    names = [clip.name for clip in clips]
+    meant = np.zeros(len(clips), bool)
+    for pattern in _several(origin.clips):
+        matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
+        if not any(matches):
+            raise ValueError(f"clips must name clips of {listed(names)}; got {pattern!r}")
+        meant |= matches
+    for tag in _several(origin.tags):
+        tagged = [tag in clip.tags for clip in clips]
+        if not any(tagged):
+            known = sorted({own for clip in clips for own in clip.tags})
+            there = f"must be of {listed(known)}" if known else "are known of no clip"
+            raise ValueError(f"tags {there}; got {tag!r}")
+        meant |= tagged
+    inside: BoolArray = meant[donors.clip]
+    if origin.clip_frames is not None:
+        first, last = origin.clip_frames
         if whole:
             inside = inside & (donors.start >= first) & (donors.stop <= last)
         else:
@@ -679,6 +723,8 @@ def _lies_in(
     return inside
 
 
-def _listed(clips: str | Sequence[str], frames: Span | None) -> str:
-    names = clips if isinstance(clips, str) else ", ".join(clips)
-    return names if frames is None else f"{names}, frames {frames[0]} to {frames[1]}"
+def _listed(origin: "OnlyFrom | NotFrom") -> str:
+    meant = [*_several(origin.clips), *(f"clips tagged {tag}" for tag in _several(origin.tags))]
+    frames = origin.clip_frames
+    span = "" if frames is None else f", frames {frames[0]} to {frames[1]}"
+    return ", ".join(meant) + span

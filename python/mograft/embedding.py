@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft import _core, rotations
+from mograft._algebra import eigen, gram, product
 from mograft._arrays import FloatArray, IntArray
-from mograft._exact import gram, product
 from mograft.config import FRAME, Config
 from mograft.motion import Motion
 from mograft.resample import segments, segments_positions
@@ -346,8 +346,7 @@ def pca(
     deviation = spread.deviation
     scale = np.where(deviation < _STILL, np.inf, np.maximum(deviation, floors))
     standard = spread.scatter / (spread.n - 1) / scale / scale[:, None]
-    # Not by NumPy's eigh: the last bits of what LAPACK finds follow the number of threads.
-    variances, vectors = _core.eigen(standard, min(n_components, spread.n - 1))
+    variances, vectors = eigen(standard, min(n_components, spread.n - 1))
     rank = int((variances > 1e-12 * max(variances[0], 0.0)).sum())
     kept = vectors[:, :rank]
     largest = np.take_along_axis(kept, np.abs(kept).argmax(axis=0)[None], axis=0)

@@ -1,5 +1,6 @@
 """What mograft raises."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 __all__ = [
@@ -62,3 +63,9 @@ class LibraryError(MograftError):
 
 class InsufficientDataError(MograftError, ValueError):
     """Data that cannot support a measure; says what is missing."""
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """Return names as a message gives them: all of a few, of many the first."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -1,11 +1,9 @@
 """Clips cut, compared and labelled: what donors are chosen from."""
 
-import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,32 +16,14 @@ from mograft.anatomy import feature_joints
 from mograft.body import body
 from mograft.clustering import cut, threshold
 from mograft.config import Config
-from mograft.digest import (
-    Digest,
-    Facts,
-    Keep,
-    Refusal,
-    Task,
-    Terms,
-    ask,
-    digest,
-    digest_all,
-    edges,
-    joined,
-    origin_of,
-    pack,
-    same_rate,
-    settle,
-)
-from mograft.embedding import CHUNK, Embedding, Packed, Samples, embed, features, normalise
-from mograft.embedding import Source as SampleSource
-from mograft.errors import MograftError
+from mograft.digest import Facts, edges, pack, same_rate
+from mograft.embedding import CHUNK, Embedding, Packed, Samples, features, normalise
+from mograft.errors import listed
 from mograft.groups import JointGroups
-from mograft.mirroring import MirroredClips
 from mograft.motion import Motion
 from mograft.segmentation import Segments, segment
 from mograft.skeleton import Skeleton
-from mograft.sources import Found, Source, by_path, find, matching, named, way_to
+from mograft.sources import Source, find
 from mograft.store import Entry, Place
 from mograft.substitution import Candidates, Pool
 
@@ -227,65 +207,9 @@ class Library:
         >>> sorted(library.labels)
         ['lower', 'upper']
         """
-        config = Config() if config is None else config
-        tell = progress or _say_nothing
-        found = find(sources)
-        slots = [_Slot.of((index, ()), own, frame_rates) for index, own in enumerate(found)]
-        taken: list[Digest] = []
-        shelf: list[Entry] = []
+        from mograft.indexing import build  # which stands on this module
 
-        def take(slot: _Slot, own: Digest) -> None:
-            taken.append(own)
-            shelf.append(slot.entered(own, tags))
-
-        def forget() -> None:
-            taken.clear()
-            shelf.clear()
-
-        digesting = _Digesting(config, rate, executor, tell, strict=True, refused={})
-        terms = digesting.settled(slots, "motion", take, forget)
-        names = named([own.name for own in taken])
-        skeleton = terms.skeleton
-        if isinstance(groups, str):
-            groups = JointGroups.preset(groups, skeleton)
-        entries = tuple(replace(own, name=name) for own, name in zip(shelf, names, strict=True))
-        _warn(entries, terms.rate)
-        clips = tuple(
-            own.clip if own.clip.name == name else replace(own.clip, name=name)
-            for own, name in zip(taken, names, strict=True)
-            if isinstance(own.clip, Motion)
-        )
-        segments = joined([own.segments for own in taken])
-        samples = PackedSamples(
-            np.concatenate([own.samples for own in taken]), config.samples, skeleton.n_joints
-        )
-        members = _feature_joints(groups, skeleton)
-        embedding = _embedded(samples, groups, terms, tell)
-        labels, sigma = _clusters(embedding, len(segments), config)
-        built = cls(
-            clips,
-            groups,
-            config,
-            segments,
-            np.concatenate([own.is_donor for own in taken]),
-            embedding,
-            labels,
-            sigma,
-            terms.root,
-            terms.up,
-            skeleton,
-            terms.rate,
-            entries,
-            {
-                group: {
-                    key: np.concatenate([own.edges[key][:, joints] for own in taken])
-                    for key in taken[0].edges
-                }
-                for group, joints in members.items()
-            },
-            samples,
-            {},
-        )
+        built = build(sources, groups, config, rate, frame_rates, tags, executor, progress)
         return built.mirrored() if mirrored else built
 
     @classmethod
@@ -347,12 +271,11 @@ class Library:
         ...     library.entries[0].name, len(library.clips)
         ('dance', 1)
         """
-        config = Config() if config is None else config
+        from mograft.indexing import Digesting, write  # which stand on this module
+
+        digesting = Digesting.of(config, rate, executor, progress, strict=strict)
         with store.writing(Path(path), force=force) as draft:
-            digesting = _Digesting(
-                config, rate, executor, progress or _say_nothing, strict=strict, refused={}
-            )
-            _write(draft, None, find(sources), groups, digesting, frame_rates, tags)
+            write(draft, None, find(sources), groups, digesting, frame_rates, tags)
         return cls.open(path)
 
     def add(
@@ -395,14 +318,15 @@ class Library:
         """
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it of all clips")
+        from mograft.indexing import Digesting, write  # which stand on this module
+
         with store.writing(self.folder, add=True) as draft:
             assert draft.base is not None  # as it was asked for
             # What is there now: another process may have added to it since this was opened.
-            base = _opened(draft.base)
+            base = opened(draft.base)
             rate = draft.base.manifest["given_rate"]
-            tell = progress or _say_nothing
-            digesting = _Digesting(base.config, rate, executor, tell, strict=strict, refused={})
-            _write(draft, base, find(sources), base.groups, digesting, frame_rates, tags)
+            digesting = Digesting.of(base.config, rate, executor, progress, strict=strict)
+            write(draft, base, find(sources), base.groups, digesting, frame_rates, tags)
         return Library.open(self.folder)
 
     def save(self, path: str | PathLike[str], *, force: bool = False) -> None:
@@ -447,7 +371,7 @@ class Library:
                 row += counts[index]
             for rows in self.samples.rows():
                 draft.take_samples(rows)
-            _finish(draft, replace(self, entries=tuple(entries)), places, self.edges, None)
+            finish(draft, replace(self, entries=tuple(entries)), places, self.edges, None)
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> "Library":
@@ -471,7 +395,7 @@ class Library:
         FileNotFoundError
             If there is nothing of that name.
         """
-        return _opened(store.read(Path(path)))
+        return opened(store.read(Path(path)))
 
     @property
     def tags(self) -> tuple[frozenset[str], ...]:
@@ -574,7 +498,7 @@ class Library:
                 )
         if (config.sigma, config.sigma_scale) == (self.config.sigma, self.config.sigma_scale):
             return replace(self, config=config)
-        labels, sigma = _clusters(self.embedding, len(self.segments), config)
+        labels, sigma = clusters(self.embedding, len(self.segments), config)
         return replace(self, config=config, labels=labels, sigma=sigma)
 
     def mirrored(self) -> "Library":
@@ -592,57 +516,9 @@ class Library:
         ValueError
             If the skeleton's joints have no partners; see `mograft.mirror`.
         """
-        n = len(self.entries)
-        names = named(
-            [*(e.name for e in self.entries), *(f"{e.name}_mirrored" for e in self.entries)]
-        )
-        clips = MirroredClips(self.clips, tuple(names))
-        rows, ends = [*self.samples.rows()], []
-        for index in range(n):
-            clip, own = clips[n + index], self.segments.of_clip(index)
-            cut = Segments(self.segments.start[own], self.segments.stop[own])
-            sampled = normalise(
-                [clip],
-                cut,
-                self.config,
-                root=self.root,
-                up=self.up,
-                heights=[body(clip.skeleton).height],
-            )
-            rows.append(sampled.packed())
-            ends.append(edges(clip, cut))
-        samples = PackedSamples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
-        terms = Terms(self.skeleton, self.rate, self.root, self.up, self.config)
-        embedding = _embedded(samples, self.groups, terms, _say_nothing)
-        labels, sigma = _clusters(embedding, 2 * len(self.segments), self.config)
-        twice = replace(self.segments, clip=self.segments.clip + n)
-        return replace(
-            self,
-            clips=clips,
-            segments=Segments(
-                *(
-                    np.concatenate([getattr(cut, part) for cut in (self.segments, twice)])
-                    for part in ("start", "stop", "clip")
-                )
-            ),
-            is_donor=np.concatenate([self.is_donor, self.is_donor]),
-            embedding=embedding,
-            labels=labels,
-            sigma=sigma,
-            entries=tuple(
-                replace(e, name=name)
-                for e, name in zip(self.entries + self.entries, names, strict=True)
-            ),
-            edges={
-                group: {
-                    key: np.concatenate([known, *(own[key][:, joints] for own in ends)])
-                    for key, known in self.edges[group].items()
-                }
-                for group, joints in _feature_joints(self.groups, self.skeleton).items()
-            },
-            samples=samples,
-            folder=None,
-        )
+        from mograft.indexing import mirrored  # which stands on this module
+
+        return mirrored(self)
 
     def holding(self, base: Motion | str | None) -> tuple["Library", int]:
         """Return a library that holds a motion, and which of its clips that is.
@@ -671,7 +547,7 @@ class Library:
         if isinstance(base, str):
             names = [entry.name for entry in self.entries]
             if base not in names:
-                raise ValueError(f"base must be a clip, one of {', '.join(names)}; got {base!r}")
+                raise ValueError(f"base must be a clip, one of {listed(names)}; got {base!r}")
             return self, names.index(base)
         self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
         for index, entry in enumerate(self.entries):
@@ -749,7 +625,7 @@ class Library:
                     key: np.concatenate([known, ends[key][:, joints]])
                     for key, known in self.edges[group].items()
                 }
-                for group, joints in _feature_joints(self.groups, self.skeleton).items()
+                for group, joints in joints_compared(self.groups, self.skeleton).items()
             },
         )
 
@@ -769,7 +645,7 @@ _BUILT_BY = (
 )
 
 
-def _clusters(
+def clusters(
     embedding: Mapping[str, Embedding | None], n_segments: int, config: Config
 ) -> tuple[dict[str, IntArray], dict[str, float]]:
     """Return each group's labels and the diameter that they were cut at."""
@@ -782,143 +658,6 @@ def _clusters(
             sigma[group] = threshold(own.points, config.sigma, config.sigma_scale)
             labels[group] = cut(own.points, sigma[group])
     return labels, sigma
-
-
-def _say_nothing(*_: object) -> None:
-    pass
-
-
-def _never_mind() -> None:
-    pass
-
-
-Key = tuple[int, tuple[str, ...]]
-
-
-@dataclass(frozen=True, eq=False)
-class _Slot:
-    """A clip that is to be digested, and where it stands among the others.
-
-    It is either found anew or one of the generation before.
-    """
-
-    key: Key
-    found: Found | None
-    given_rate: float | None
-    entry: Entry | None = None
-
-    @classmethod
-    def of(cls, key: Key, found: Found, frame_rates: Mapping[str, float] | None) -> "_Slot":
-        rates = matching(frame_rates, found.keys)
-        if rates and not 0 < rates[-1] < float("inf"):
-            raise ValueError(f"frame_rates must be above 0 frames per second, got {rates[-1]}")
-        return cls(key, found, float(rates[-1]) if rates else None)
-
-    def task(self) -> Task:
-        if self.found is None:
-            raise RuntimeError("clips of the generation before are read from there")
-        source = self.found.source
-        where = os.path.abspath(source) if isinstance(source, str) else source
-        return Task(where, self.given_rate)
-
-    def entered(self, own: Digest, tags: Tags | None) -> Entry:
-        """Return what is known of the clip, now that it is digested; its name is not yet."""
-        if self.entry is not None:
-            return replace(self.entry, n_frames=own.n_frames, faults=own.faults)
-        words = list(self.found.folders) if self.found is not None else []
-        for more in matching(tags, self.found.keys if self.found is not None else ()):
-            words += more
-        return _entry(own, self.given_rate, tuple(dict.fromkeys(words)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Digesting:
-    """How clips are digested; collects what was refused."""
-
-    config: Config
-    rate: float | None
-    executor: Executor | None
-    tell: Progress
-    strict: bool
-    refused: dict[str, Exception]
-
-    def settled(
-        self,
-        slots: Sequence[_Slot],
-        keep: Keep,
-        take: Callable[[_Slot, Digest], object],
-        forget: Callable[[], object] = _never_mind,
-    ) -> Terms:
-        """Digest clips by terms that are guessed; again, if they turn out to be others."""
-        tasks, terms = self._guess([slot.task() for slot in slots])
-        while True:
-            facts = self.once(slots, tasks, keep, take, terms)
-            settled = settle(in_order(facts), self.config, self.rate)
-            if settled.agrees(terms):
-                self.check_refused()
-                return terms
-            forget()
-            terms = settled
-
-    def once(
-        self,
-        slots: Sequence[_Slot],
-        tasks: Iterable[Task],
-        keep: Keep,
-        take: Callable[[_Slot, Digest], object],
-        terms: Terms,
-    ) -> list[tuple[Key, Facts]]:
-        """Digest clips by some terms; return what they say of themselves."""
-        facts: list[tuple[Key, Facts]] = []
-        self.refused.clear()
-        outcomes = digest_all(tasks, terms, keep, self.executor)
-        for done, (slot, outcome) in enumerate(zip(slots, outcomes, strict=True)):
-            self.tell("reading", done + 1, len(slots))
-            if outcome.facts is not None:
-                facts.append((slot.key, outcome.facts))
-            if isinstance(outcome, Digest):
-                take(slot, outcome)
-                continue
-            self.refused[outcome.what] = outcome.error
-            if outcome.facts is None and self.strict:
-                raise outcome.error
-        return facts
-
-    def check_refused(self) -> None:
-        """Raise the first refusal, where clips that do not fit are not left out."""
-        for error in self.refused.values():
-            if self.strict:
-                raise error
-
-    def reasons(self) -> dict[str, str]:
-        """Return the clips that were left out, and why."""
-        return {what: str(error) for what, error in self.refused.items()}
-
-    def _guess(self, tasks: list[Task]) -> tuple[list[Task], Terms]:
-        """Ask a few clips spread over all what the terms may be; each is read but once."""
-        spread = np.unique(np.linspace(0, len(tasks) - 1, 9).round().astype(int)).tolist()
-        facts: list[Facts] = []
-        for index in [*spread, *range(len(tasks))]:
-            if facts and index not in spread:
-                break
-            try:
-                tasks[index], found = ask(tasks[index])
-            except (MograftError, OSError, ValueError):
-                continue  # it will be refused, with the others of its kind
-            facts.append(found)
-        if not facts:
-            refusal = digest(tasks[0], None, "numbers")
-            if not isinstance(refusal, Refusal):
-                raise RuntimeError("a clip was read that could not be read")
-            if self.strict:
-                raise refusal.error
-            raise ValueError(f"no clip can be used: {refusal.error}") from refusal.error
-        return tasks, settle(facts, self.config, self.rate)
-
-
-def in_order(facts: Sequence[tuple[Key, Facts]]) -> list[Facts]:
-    """Return facts in the order of their clips."""
-    return [own for _, own in sorted(facts, key=lambda pair: pair[0])]
 
 
 def _entry_of(motion: Motion, name: str) -> Entry:
@@ -939,257 +678,12 @@ def _entry_of(motion: Motion, name: str) -> Entry:
     )
 
 
-def _entry(own: Digest, given_rate: float | None, tags: tuple[str, ...]) -> Entry:
-    return Entry(
-        own.name,
-        own.name,
-        own.origin,
-        own.facts.rate,
-        given_rate,
-        own.facts.n_frames,
-        own.n_frames,
-        own.facts.root,
-        own.facts.up,
-        own.faults,
-        tags,
-    )
-
-
-_MOST_WARNINGS = 8
-
-
-def _warn(entries: Sequence[Entry], rate: float) -> None:
-    """Warn of clips that were resampled and of those with faults."""
-    others = [entry.name for entry in entries if not same_rate(entry.rate, rate)]
-    if others:
-        more = len(others) - _MOST_WARNINGS
-        listed = ", ".join(others[:_MOST_WARNINGS]) + (f" and {more} more" if more > 0 else "")
-        warnings.warn(
-            f"resampled to {rate:.6g} fps, the rate of most frames: {listed}", stacklevel=3
-        )
-    faulty = [entry for entry in entries if entry.faults]
-    for entry in faulty[:_MOST_WARNINGS]:
-        more = len(entry.faults) - 3
-        rest = f"; and {more} more" if more > 0 else ""
-        warnings.warn(
-            f"{entry.name}: {'; '.join(entry.faults[:3])}{rest}. "
-            "These frames lend nothing to others",
-            stacklevel=3,
-        )
-    if len(faulty) > _MOST_WARNINGS:
-        warnings.warn(
-            f"faults in {len(faulty) - _MOST_WARNINGS} more clips; their frames lend nothing "
-            "to others either",
-            stacklevel=3,
-        )
-
-
-def _feature_joints(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
+def joints_compared(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
     members = groups.resolve(skeleton)
     return {name: feature_joints(skeleton, joints) for name, joints in members.items()}
 
 
-def _embedded(
-    samples: SampleSource, groups: JointGroups, terms: Terms, tell: Progress
-) -> dict[str, Embedding | None]:
-    embedding: dict[str, Embedding | None] = {}
-    members = groups.resolve(terms.skeleton)
-    for index, (name, joints) in enumerate(members.items()):
-        tell("comparing", index, len(members))
-        counted = feature_joints(terms.skeleton, joints)
-        if terms.root in joints:
-            counted = np.union1d(counted, [terms.root])
-        embedding[name] = embed(samples, counted, terms.config, root=terms.root, group=name)
-    tell("comparing", len(members), len(members))
-    return embedding
-
-
-# Libraries in folders.
-
-
-@dataclass(frozen=True, eq=False)
-class _Shelved:
-    """A clip of the generation that is written.
-
-    `row` is the first of its segments among those of the generation before, or among those
-    that were taken afresh.
-    """
-
-    key: Key
-    entry: Entry
-    place: Place
-    segments: Segments
-    is_donor: BoolArray
-    row: int
-    is_fresh: bool
-
-
-def _write(
-    draft: store.Draft,
-    base: Library | None,
-    found: Sequence[Found],
-    groups: JointGroups | str,
-    digesting: _Digesting,
-    frame_rates: Mapping[str, float] | None,
-    tags: Tags | None,
-) -> None:
-    """Write a library of files, and of what the generation before has of others."""
-    slots = [
-        _Slot.of((0, way), own, frame_rates) for way, own in by_path(found, draft.final).items()
-    ]
-    fresh: list[_Shelved] = []
-
-    def take(slot: _Slot, own: Digest) -> None:
-        place, entry = draft.take(own), slot.entered(own, tags)
-        fresh.append(
-            _Shelved(slot.key, entry, place, own.segments, own.is_donor, place.row, is_fresh=True)
-        )
-
-    def forget() -> None:
-        fresh.clear()
-        draft.restart()
-
-    kept: list[_Shelved] = []
-    if base is None:
-        terms = digesting.settled(slots, "numbers", take, forget)
-    else:
-        there = {own.origin.path: own for own in base.entries if own.origin is not None}
-        slots = [slot for slot in slots if _is_new(slot, there)]
-        if not slots and not tags:
-            return
-        kept = _kept(base, slots, tags)
-        terms = Terms(base.skeleton, base.rate, base.root, base.up, base.config)
-        draft.go_on()
-        facts = [(own.key, own.entry.facts(base.skeleton)) for own in kept]
-        new = digesting.once(slots, map(_Slot.task, slots), "numbers", take, terms)
-        facts += [(key, own) for key, own in new if own.same_hierarchy(base.skeleton)]
-        # A clip that is not what it was and does not fit any more is left out, unless no
-        # other is left.
-        settled = settle(in_order(facts), base.config, digesting.rate) if facts else terms
-        if not settled.agrees(terms) or draft.is_scattered([own.place for own in kept]):
-            # What clips have in common has changed: all are digested anew, the ones that are
-            # here from what is here.
-            forget()
-            terms = settled
-            slots = [_Slot(own.key, None, own.entry.given_rate, own.entry) for own in kept] + slots
-            tasks = chain(_tasks_of(base, kept), map(_Slot.task, slots[len(kept) :]))
-            kept = []
-            digesting.once(slots, tasks, "numbers", take, terms)
-        digesting.check_refused()
-
-    if not kept and not fresh:
-        why = next(iter(digesting.reasons().values()))
-        raise ValueError(f"no clip can be used: {why}")
-    shelved = sorted([*kept, *fresh], key=lambda own: own.key)
-    names = named([own.entry.own_name for own in shelved])
-    entries = tuple(replace(own.entry, name=name) for own, name in zip(shelved, names, strict=True))
-    segments = joined([own.segments for own in shelved])
-    places = [own.place for own in shelved]
-    extents = [(own.place.shard, own.place.row, len(own.segments)) for own in shelved]
-    samples = draft.samples(extents, terms.config.samples, terms.skeleton.n_joints)
-    if isinstance(groups, str):
-        groups = JointGroups.preset(groups, terms.skeleton)
-    _warn(entries, terms.rate)
-    embedding = _embedded(samples, groups, terms, digesting.tell)
-    digesting.tell("clustering", 0, 1)
-    labels, sigma = _clusters(embedding, len(segments), terms.config)
-    digesting.tell("clustering", 1, 1)
-    refused = {**(base.refused if base is not None else {}), **digesting.reasons()}
-    library = Library(
-        (),
-        groups,
-        terms.config,
-        segments,
-        np.concatenate([own.is_donor for own in shelved]),
-        embedding,
-        labels,
-        sigma,
-        terms.root,
-        terms.up,
-        terms.skeleton,
-        terms.rate,
-        entries,
-        {},
-        samples,
-        refused,
-    )
-    _finish(draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate)
-
-
-def _is_new(slot: _Slot, there: Mapping[str, Entry]) -> bool:
-    """Tell whether a file is not in a library as it is now."""
-    path = os.path.abspath(str(slot.found.source)) if slot.found is not None else ""
-    entry = there.get(path)
-    if entry is None or entry.origin is None:
-        return True
-    if slot.given_rate is not None and slot.given_rate != entry.given_rate:
-        return True
-    try:
-        now = os.stat(path)
-        if (now.st_size, now.st_mtime_ns) == (entry.origin.size, entry.origin.mtime_ns):
-            return False
-        return origin_of(path).sha256 != entry.origin.sha256
-    except OSError:
-        return True  # reading it will say why
-
-
-def _kept(base: Library, slots: Sequence[_Slot], tags: Tags | None) -> list[_Shelved]:
-    """Return the clips of a library that no new ones take the place of."""
-    if base.folder is None or not isinstance(base.clips, store.StoredClips):
-        raise TypeError("the base must be a stored library")
-    anew = {slot.key for slot in slots}
-    bounds = np.searchsorted(base.segments.clip, np.arange(len(base.entries) + 1)).tolist()
-    kept = []
-    for index, (entry, place) in enumerate(zip(base.entries, base.clips.places, strict=True)):
-        key: Key = (1, (f"{index:09}",))
-        own = entry
-        if entry.origin is not None:
-            key = (0, way_to(entry.origin.path, base.folder))
-            found = Found(entry.origin.path)
-            words = [word for more in matching(tags, found.keys) for word in more]
-            own = replace(entry, tags=tuple(dict.fromkeys([*entry.tags, *words])))
-        if key in anew:
-            continue
-        first, stop = bounds[index], bounds[index + 1]
-        cut = Segments(base.segments.start[first:stop], base.segments.stop[first:stop])
-        is_donor = base.is_donor[first:stop]
-        kept.append(_Shelved(key, own, place, cut, is_donor, first, is_fresh=False))
-    return kept
-
-
-def _tasks_of(base: Library, kept: Sequence[_Shelved]) -> Iterator[Task]:
-    """Yield clips of a library to be digested anew, each read when it is its turn."""
-    if not isinstance(base.clips, store.StoredClips):
-        raise TypeError("the base must be a stored library")
-    at = {place: index for index, place in enumerate(base.clips.places)}
-    for own in kept:
-        clip = base.clips.original(at[own.place], as_read=True)
-        yield Task(clip, own.entry.given_rate, own.entry.origin)
-
-
-def _edge_pieces(
-    draft: store.Draft, base: Library | None, shelved: Sequence[_Shelved], library: Library
-) -> dict[str, dict[str, Iterator[FloatArray]]]:
-    """Return the edges of each group, a piece at a time, in the order of segments."""
-    runs = store.merged([(int(own.is_fresh), own.row, len(own.segments)) for own in shelved])
-
-    def pieces(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
-        for is_fresh, first, n in runs:
-            for start in range(first, first + n, CHUNK):
-                stop = min(start + CHUNK, first + n)
-                if is_fresh:
-                    yield draft.fresh_edges(key, start, stop)[:, joints]
-                elif base is not None:
-                    yield base.edges[group][key][start:stop]
-
-    keys = tuple(draft.edge_keys() if base is None else next(iter(base.edges.values())))
-    return {
-        group: {key: pieces(group, key, joints) for key in keys}
-        for group, joints in _feature_joints(library.groups, library.skeleton).items()
-    }
-
-
-def _finish(
+def finish(
     draft: store.Draft,
     library: Library,
     places: Sequence[Place],
@@ -1241,7 +735,7 @@ def _finish(
 _EMBEDDED = ("points", "reference", "mean", "scale", "components", "variances")
 
 
-def _opened(contents: store.Contents) -> Library:
+def opened(contents: store.Contents) -> Library:
     about, arrays = contents.manifest, contents.arrays
     config, groups = Config.from_dict(about["config"]), JointGroups.from_toml(about["groups"])
     embedding: dict[str, Embedding | None] = {}

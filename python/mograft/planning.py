@@ -214,10 +214,9 @@ class Problem:
         at, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
         library = self.library
         own, given = (take(library.segments, of) for of in (self.scenario[at], donors))
-        names = [entry.name for entry in library.entries]
         costs, passes = np.zeros(len(donors)), np.ones(len(donors), bool)
         for constraint in self.constraints:
-            miss = constraint.misses(own, given, names)
+            miss = constraint.misses(own, given, library.entries)
             if constraint.frames is not None:
                 first, last = constraint.frames
                 holds = (self.cut.start[at] <= last) & (self.cut.stop[at] >= first)
@@ -616,8 +615,7 @@ def reasons(
         worst = np.maximum.reduceat(error, starts)
         span = constraint.frames
         if span is None or (cut.start[position] <= span[1] and cut.stop[position] >= span[0]):
-            names = [entry.name for entry in library.entries]
-            worst = np.maximum(worst, constraint.misses(own, given, names))
+            worst = np.maximum(worst, constraint.misses(own, given, library.entries))
         for index in np.flatnonzero(worst > 1.0).tolist():
             name = type(constraint).__name__
             said = constraint.tell(float(worst[index]), problem.poses.height)

@@ -226,7 +226,7 @@ def pca(
 
 
 def timeline(
-    *items: Motion | Graft | Library,
+    *items: Motion | Graft | Library | Scene,
     frames: tuple[int, int] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
@@ -234,7 +234,7 @@ def timeline(
 
     Parameters
     ----------
-    *items : Motion, Graft or Library
+    *items : Motion, Graft, Library or Scene
         What to draw; each graft after its base.
     frames : tuple of int, optional
         First and last frame. Default: all.

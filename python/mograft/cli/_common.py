@@ -6,14 +6,17 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft import __version__
 from mograft._files import write_text
+from mograft.errors import listed
 
 if TYPE_CHECKING:
     from mograft.grafting import Graft
+    from mograft.library import Library
 
 __all__ = [
     "ENDS",
@@ -21,9 +24,11 @@ __all__ = [
     "add_making",
     "at_least_one",
     "check_free",
+    "chosen_clips",
     "expanded",
     "frames",
     "given",
+    "library_folder",
     "print_json",
     "progress",
     "say",
@@ -42,6 +47,9 @@ PRESETS = (
 
 ENDS = (".bvh", ".json")
 """A motion and its provenance lie side by side."""
+
+_MOST_CLIPS = 12
+"""Clips of a library that are shown at once."""
 
 
 def add_making(parser: argparse.ArgumentParser) -> None:
@@ -92,6 +100,33 @@ def expanded(names: Iterable[str]) -> list[str]:
         else:
             files.append(name)
     return files
+
+
+def library_folder(options: argparse.Namespace) -> Path | None:
+    """Return the library, if that is what the files of a command are."""
+    folder = Path(options.files[0])
+    if not (folder / "manifest.json").is_file():
+        return None
+    if len(options.files) > 1:
+        options.usage("give one library or files; mograft index --add joins them")
+    return folder
+
+
+def chosen_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
+    """Return the clips of a library that ``--clip`` means; all, if it is not given."""
+    names = [entry.name for entry in library.entries]
+    chosen = set() if patterns else set(range(len(names)))
+    for pattern in patterns:
+        own = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}
+        if not own:
+            raise ValueError(f"--clip must name clips of {listed(names)}; got {pattern!r}")
+        chosen |= own
+    if len(chosen) > _MOST_CLIPS:
+        raise ValueError(
+            f"{len(chosen)} clips are too many to show at once: choose {_MOST_CLIPS} at most by "
+            f"--clip NAME, of {listed([names[index] for index in sorted(chosen)])}"
+        )
+    return sorted(chosen)
 
 
 def check_free(paths: Iterable[Path], *, force: bool) -> None:

@@ -68,6 +68,10 @@ def add_constraints(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--not-from", metavar="CLIP,...", help="clips that none comes from")
     group.add_argument(
+        "--only-tagged", metavar="TAG,...", help="tags of clips that donors come from"
+    )
+    group.add_argument("--not-tagged", metavar="TAG,...", help="tags of clips that none comes from")
+    group.add_argument(
         "--max-stretch", type=float, metavar="X", help="part of its length a donor may change by"
     )
     group.add_argument(
@@ -112,10 +116,12 @@ def constraints(options: argparse.Namespace) -> "list[Constraint]":
     for target, frames in options.face:
         found.append(of.Face(target, frames=frames))
     found += [of.KeepOriginal(frames=frames) for frames in options.keep]
-    if options.only_from is not None:
-        found.append(of.OnlyFrom(options.only_from.split(",")))
-    if options.not_from is not None:
-        found.append(of.NotFrom(options.not_from.split(",")))
+    for clips, tags, kind in (
+        (options.only_from, options.only_tagged, of.OnlyFrom),
+        (options.not_from, options.not_tagged, of.NotFrom),
+    ):
+        if clips is not None or tags is not None:
+            found.append(kind(_words(clips), tags=_words(tags)))
     if options.max_stretch is not None:
         found.append(of.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
@@ -133,6 +139,10 @@ def _shape(kind: str, numbers: list[float]) -> "Obstacle":
     if kind == "capsule":
         return of.Capsule((x, y, z), along, rest[3])
     return of.Box((x, y, z), along) if kind == "box" else of.HalfSpace((x, y, z), along)
+
+
+def _words(text: str | None) -> list[str]:
+    return [] if text is None else text.split(",")
 
 
 def _told(read: Callable[[str], T]) -> Callable[[str], T]:

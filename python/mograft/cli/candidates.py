@@ -5,7 +5,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from mograft.cli._common import PRESETS, expanded, print_json, progress, whole
+from mograft.cli._common import PRESETS, expanded, library_folder, print_json, progress, whole
 from mograft.cli._constraints import add_constraints, constraints
 
 
@@ -14,12 +14,12 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     parser = commands.add_parser(
         "candidates", help="who may lend a segment its part, and why the rest may not"
     )
-    parser.add_argument("files", nargs="+", metavar="FILE", help="BVH files")
+    parser.add_argument("files", nargs="+", metavar="FILE", help="BVH files, or a library")
     parser.add_argument("--clip", metavar="NAME", help="the segment's clip; default: the first")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--segment", type=whole, metavar="N", help="its number in the clip, from 0")
     where.add_argument("--frame", type=whole, metavar="N", help="or a frame that it holds")
-    parser.add_argument("--groups", default="lower_upper", choices=PRESETS, metavar="NAME")
+    parser.add_argument("--groups", choices=PRESETS, metavar="NAME", help="default: lower_upper")
     parser.add_argument("--group", metavar="GROUP", help="the group to graft; default: the first")
     parser.add_argument("--json", action="store_true", help="all of it as a JSON document")
     add_constraints(parser)
@@ -31,8 +31,15 @@ def run(options: argparse.Namespace) -> int:
     from mograft.library import Library
 
     wanted = constraints(options)
-    with progress() as tell:
-        library = Library.build(expanded(options.files), options.groups, progress=tell)
+    folder = library_folder(options)
+    if folder is not None:
+        if options.groups is not None:
+            options.usage("--groups is settled when a library is made")
+        library = Library.open(folder)
+    else:
+        groups = options.groups or "lower_upper"
+        with progress() as tell:
+            library = Library.build(expanded(options.files), groups, progress=tell)
     _, clip = library.holding(options.clip)
     own = library.segments.of_clip(clip)
     if options.segment is not None:
@@ -73,8 +80,9 @@ def run(options: argparse.Namespace) -> int:
         )
         return 0
     print(f"{names[clip]}, frames {start} to {stop}: {group} of {len(found)} donors")
-    width = max(len(name) for name in names)
-    for candidate in (*found.allowed, *found.refused):
+    shown = (*found.allowed, *found.refused)
+    width = max((len(names[candidate.clip]) for candidate in shown), default=0)
+    for candidate in shown:
         place = f"{names[candidate.clip]:{width}} {candidate.start:6}-{candidate.stop:<6}"
         seams = "/".join(
             f"{math.degrees(gap):.0f}°" for gap in (candidate.gap_before, candidate.gap_after)

@@ -14,6 +14,7 @@ from mograft.cli._common import (
     check_free,
     expanded,
     given,
+    library_folder,
     print_json,
     progress,
     say,
@@ -140,7 +141,7 @@ def run(options: argparse.Namespace) -> int:
     from mograft.grafting import graft_many, repair
     from mograft.library import Library
 
-    folder = _library_folder(options)
+    folder = library_folder(options)
     files = expanded(options.files) if folder is None else []
     single = options.output.suffix.lower() == ".bvh"
     if single and options.count != 1:
@@ -221,16 +222,6 @@ def run(options: argparse.Namespace) -> int:
         told = {"schema": "mograft.grafts/1", "grafts": documents}
         print_json(told | ({"report": str(page)} if options.report else {}))
     return 0
-
-
-def _library_folder(options: argparse.Namespace) -> Path | None:
-    """Return the library, if that is what donors are to come from."""
-    folder = Path(options.files[0])
-    if not (folder / "manifest.json").is_file():
-        return None
-    if len(options.files) > 1:
-        options.usage("donors come from one library or from files; mograft index --add joins them")
-    return folder
 
 
 def _opened(folder: Path, options: argparse.Namespace) -> "Library":

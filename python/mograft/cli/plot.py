@@ -4,7 +4,16 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import PRESETS, at_least_one, check_free, expanded, frames, print_json
+from mograft.cli._common import (
+    PRESETS,
+    at_least_one,
+    check_free,
+    chosen_clips,
+    expanded,
+    frames,
+    library_folder,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,11 +26,18 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     """Add the command to the parser."""
     plot = commands.add_parser("plot", help="pictures of motions and of their clusters")
     plot.add_argument("kind", choices=KINDS)
-    plot.add_argument("files", nargs="+", metavar="FILE", help="BVH files")
+    plot.add_argument("files", nargs="+", metavar="FILE", help="BVH files, or a library")
+    plot.add_argument(
+        "--clip",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="clip of a library, as walk*, for a strip, energy curve or timeline; may be repeated",
+    )
     plot.add_argument(
         "-o", "--output", type=Path, required=True, help="a .png, .svg or .pdf to write"
     )
-    plot.add_argument("--groups", choices=PRESETS, default="lower_upper", help="joint groups")
+    plot.add_argument("--groups", choices=PRESETS, help="joint groups (default lower_upper)")
     plot.add_argument("--group", metavar="NAME", help="the one to show; default: the base group")
     plot.add_argument("--poses", type=at_least_one, default=12, help="of a strip (default 12)")
     plot.add_argument(
@@ -71,18 +87,34 @@ def _draw(options: argparse.Namespace) -> "Axes":
     from mograft import plot
     from mograft.bvh import read_bvh
     from mograft.library import Library
+    from mograft.viewing.scene import Scene
 
-    files = expanded(options.files)
+    folder = library_folder(options)
+    if folder is not None and options.groups is not None:
+        options.usage("--groups is settled when a library is made")
+    if options.clip and (folder is None or options.kind in ("pca", "dendrogram", "clusters")):
+        options.usage("--clip chooses clips of a library for a strip, energy curve or timeline")
+    files = expanded(options.files) if folder is None else []
+    groups = options.groups or "lower_upper"
     if options.kind in ("strip", "energy"):
-        if len(files) != 1:
-            raise ValueError(f"{options.kind} shows one file, got {len(files)}")
-        motion = read_bvh(files[0])
+        if folder is not None:
+            library = Library.open(folder)
+            motions = [library.clips[index] for index in chosen_clips(library, options.clip)]
+            groups = library.groups
+        else:
+            motions = [read_bvh(file) for file in files]
+        if len(motions) != 1:
+            raise ValueError(f"{options.kind} shows one motion, got {len(motions)}")
+        motion = motions[0]
         if options.frames is not None:
             motion = motion[options.frames[0] : options.frames[1] + 1]
         if options.kind == "energy":
             return plot.energy(motion)
-        return plot.strip(motion, options.poses, groups=options.groups)
-    library = Library.build(files, options.groups)
+        return plot.strip(motion, options.poses, groups=groups)
+    library = Library.build(files, groups) if folder is None else Library.open(folder)
+    if folder is not None and options.kind == "timeline":
+        clips = Scene.of_clips(library, chosen_clips(library, options.clip))
+        return plot.timeline(clips, frames=options.frames)
     if options.kind == "timeline":
         return plot.timeline(library, frames=options.frames)
     return {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}[

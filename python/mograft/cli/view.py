@@ -2,15 +2,25 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import check_free, expanded, print_json, say
+from mograft.cli._common import check_free, chosen_clips, expanded, library_folder, print_json, say
+
+if TYPE_CHECKING:
+    from mograft.viewing.scene import Scene
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
     """Add the command to the parser."""
     view = commands.add_parser("view", help="show motions side by side in the browser")
-    view.add_argument("files", nargs="+", metavar="FILE", help="BVH files")
+    view.add_argument("files", nargs="+", metavar="FILE", help="BVH files, or a library")
+    view.add_argument(
+        "--clip",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="clips of a library, as walk*; may be repeated",
+    )
     view.add_argument("--groups", metavar="NAME|FILE", help="joint groups to colour by")
     view.add_argument("--title", help="title of the page")
     view.add_argument(
@@ -29,10 +39,16 @@ def run(options: argparse.Namespace) -> int:
 
     if options.output is not None:
         check_free([options.output], force=options.force)
+    folder = library_folder(options)
+    if options.clip and folder is None:
+        options.usage("--clip chooses clips of a library")
     groups = options.groups
     if groups is not None and Path(groups).exists():
         groups = JointGroups.from_toml(Path(groups))
-    page = view(*expanded(options.files), groups=groups, title=options.title, show=False)
+    if folder is None:
+        page = view(*expanded(options.files), groups=groups, title=options.title, show=False)
+    else:
+        page = view(_clips(folder, options), title=options.title, show=False)
     path = page.save(temporary() if options.output is None else options.output, force=True)
     if options.json:
         print_json({"schema": "mograft.view/1", "file": str(path), "title": page.title})
@@ -41,3 +57,13 @@ def run(options: argparse.Namespace) -> int:
     if (options.output is None or options.open) and not open_file(path):
         say("no browser was found: open the page yourself")
     return 0
+
+
+def _clips(folder: Path, options: argparse.Namespace) -> "Scene":
+    from mograft.library import Library
+    from mograft.viewing.scene import Scene
+
+    if options.groups is not None:
+        options.usage("--groups is settled when a library is made")
+    library = Library.open(folder)
+    return Scene.of_clips(library, chosen_clips(library, options.clip))

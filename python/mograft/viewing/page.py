@@ -25,7 +25,7 @@ from mograft.viewing.scene import POINTS, Scene
 __all__ = ["Page", "embedded", "inline", "view"]
 
 _INLINE = 300_000
-Item = Motion | Graft | Library | str | os.PathLike[str]
+Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def view(
 
     Parameters
     ----------
-    *items : Motion, Graft, Library, or path of a BVH file
+    *items : Motion, Graft, Library, Scene, or path of a BVH file
         What to show. Each graft is shown after its base; each motion once.
     groups : JointGroups or str, optional
         The joint groups that plain motions are coloured by, or the name of a preset.

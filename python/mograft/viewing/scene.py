@@ -129,14 +129,14 @@ class Scene:
     @classmethod
     def of(
         cls,
-        items: Iterable[Motion | Graft | Library],
+        items: "Iterable[Motion | Graft | Library | Scene]",
         groups: JointGroups | str | None = None,
     ) -> "Scene":
         """Return a scene of motions, grafts, each after its base, and clips of libraries.
 
         Parameters
         ----------
-        items : iterable of Motion, Graft or Library
+        items : iterable of Motion, Graft, Library or Scene
             What to show.
         groups : JointGroups or str, optional
             The joint groups that plain motions are coloured by, or the name of a preset.
@@ -168,11 +168,19 @@ class Scene:
                     _add(figures, _of_clip(item, clip))
             elif isinstance(item, Motion):
                 _add(figures, _of_motion(item, groups, libraries))
+            elif isinstance(item, Scene):
+                for figure in item.figures:
+                    _add(figures, figure)
             else:
                 raise TypeError(f"items must be motions, grafts or libraries, got {item!r}")
         if not figures:
             raise ValueError("items must hold at least one motion, got none")
         return cls(tuple(figures))
+
+    @classmethod
+    def of_clips(cls, library: Library, clips: Iterable[int]) -> "Scene":
+        """Return a scene of some clips of a library, by their numbers there."""
+        return cls(tuple(_of_clip(library, library.clips[clip]) for clip in clips))
 
     @property
     def groups(self) -> tuple[str, ...]:

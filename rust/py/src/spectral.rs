@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use crate::convert::{Floats, into_array, value_error};
 
-/// See `mograft.embedding.pca`.
+/// See `mograft._algebra.eigen`.
 #[pyfunction]
 pub fn eigen<'py>(
     py: Python<'py>,

@@ -1,16 +1,18 @@
-"""Matrix products whose bits depend on the numbers alone.
+"""Linear algebra whose bits depend on the numbers alone.
 
-A BLAS sums products in an order that follows its number of threads, so that the last bits of
-what it returns do, too. Here numbers are first cut into two halves of so few bits that every
-sum of products of halves is exact, whatever the order (Ozaki, Ogita, Oishi and Rump 2012).
-What is left out of the numbers is less than 2^-40 of the largest beside them.
+A BLAS sums in an order that follows its number of threads, so that the last bits of what it
+returns do, too, and such bits decide ties between clusters. For products numbers are cut into
+two halves of so few bits that every sum of products of halves is exact, whatever the order
+(Ozaki, Ogita, Oishi and Rump 2012). Eigenvectors are found by one thread.
 """
 
 import numpy as np
+import numpy.typing as npt
 
+from mograft import _core
 from mograft._arrays import FloatArray
 
-__all__ = ["gram", "product"]
+__all__ = ["eigen", "gram", "product"]
 
 _MANTISSA = 53
 
@@ -56,6 +58,35 @@ def gram(a: FloatArray) -> FloatArray:
     return found
 
 
+def eigen(matrix: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]:
+    """Find eigenvalues and eigenvectors of a symmetric matrix.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        The matrix.
+    wanted : int
+        How many eigenvectors; n at most are returned.
+
+    Returns
+    -------
+    values : ndarray, shape (n,)
+        All eigenvalues, descending.
+    vectors : ndarray, shape (n, wanted)
+        As columns those of the greatest, orthonormal; of two opposite ones either.
+
+    Raises
+    ------
+    ValueError
+        If the matrix is not square or not finite.
+
+    Notes
+    -----
+    Householder's reduction and QL iterations with implicit shifts, as LAPACK's ``steqr``.
+    """
+    return _core.eigen(np.ascontiguousarray(matrix), wanted)
+
+
 def _halves(values: FloatArray, axis: int) -> tuple[FloatArray, FloatArray]:
     """Cut numbers that are summed along an axis into two halves of the same few bits."""
     # k products of two halves of b bits stay below 2^53, so that they are whole numbers of
@@ -66,7 +97,7 @@ def _halves(values: FloatArray, axis: int) -> tuple[FloatArray, FloatArray]:
     return high, _rounded(values - high, above - 2 * bits)
 
 
-def _rounded(values: FloatArray, grain: np.typing.NDArray[np.int32]) -> FloatArray:
+def _rounded(values: FloatArray, grain: npt.NDArray[np.int32]) -> FloatArray:
     """Round numbers to multiples of 2^grain."""
     # What is added has its last bit there, and pushes all below it out.
     push = np.ldexp(1.5, grain + _MANTISSA - 1)

@@ -1,13 +1,13 @@
-"""Laws of matrix products and eigenvectors whose bits depend on the numbers alone."""
+"""Laws of linear algebra whose bits depend on the numbers alone."""
 
 from fractions import Fraction
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import _core
-from mograft._exact import gram, product
+from mograft._algebra import eigen, gram, product
 from tests.strategies import SEEDS
 
 SIZES = st.integers(1, 40)
@@ -60,7 +60,7 @@ def test_nothing_is_nothing():
 def test_eigenvectors_are_numpys(seed, n, rank, wanted):
     rows = np.random.default_rng(seed).normal(size=(rank, n))
     matrix = rows.T @ rows
-    values, vectors = _core.eigen(matrix, wanted)
+    values, vectors = eigen(matrix, wanted)
     theirs = np.linalg.eigvalsh(matrix)[::-1]
     size = np.abs(matrix).sum()
     np.testing.assert_allclose(values, theirs, rtol=0, atol=1e-14 * size)
@@ -70,3 +70,10 @@ def test_eigenvectors_are_numpys(seed, n, rank, wanted):
     np.testing.assert_allclose(
         matrix @ vectors, vectors * values[:wanted], rtol=0, atol=1e-14 * size
     )
+
+
+def test_what_has_no_eigenvectors_is_refused():
+    with pytest.raises(ValueError, match="square"):
+        eigen(np.ones((2, 3)), 1)
+    with pytest.raises(ValueError, match="finite"):
+        eigen(np.full((2, 2), np.nan), 1)
