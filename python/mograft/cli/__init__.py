@@ -11,7 +11,19 @@ import warnings
 from collections.abc import Sequence
 
 from mograft import __version__
-from mograft.cli import candidates, check, demo, doctor, export, graft, groups, info, plot, view
+from mograft.cli import (
+    candidates,
+    check,
+    demo,
+    doctor,
+    evaluate,
+    export,
+    graft,
+    groups,
+    info,
+    plot,
+    view,
+)
 from mograft.cli._common import say
 from mograft.errors import BvhError, MograftError
 
@@ -68,6 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mograft {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (demo, info, check, groups, candidates, graft, view, plot, export, doctor):
+    shown = (demo, info, check, groups, candidates, graft, evaluate, view, plot, export, doctor)
+    for command in shown:
         command.add(commands)
     return parser
