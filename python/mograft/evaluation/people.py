@@ -27,7 +27,7 @@ from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
 from mograft.evaluation.balance import _forward
-from mograft.evaluation.baselines import Method, RandomLength, grafts_by, methods
+from mograft.evaluation.baselines import Captured, Method, RandomLength, grafts_by, methods
 from mograft.evaluation.estimate import Estimate, rogan_gladen
 from mograft.evaluation.naturalness import (
     _by_segment,
@@ -260,13 +260,7 @@ def label_items(
 
 def _captured(library: Library, clip: int, group: str, seed: int) -> list[Item]:
     """Return pieces of a clip as it was captured."""
-
-    @dataclass(frozen=True)
-    class Same(Method):
-        def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:  # noqa: ARG002
-            return [np.array([own]) for own in scenario.tolist()]
-
-    graft = grafts_by(Same(), library, library.clips[clip].name, swap=[group], seed=seed)[0]
+    graft = grafts_by(Captured(), library, library.clips[clip].name, swap=[group], seed=seed)[0]
     return [Item(graft, group, s.segment, s.donor, s.start, s.stop) for s in graft.substitutions]
 
 
