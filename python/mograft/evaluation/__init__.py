@@ -16,6 +16,7 @@ from mograft.evaluation.balance import (
 from mograft.evaluation.baselines import (
     Analogy,
     ByCost,
+    Captured,
     ContactPattern,
     Method,
     Nearest,
@@ -37,6 +38,7 @@ __all__ = [
     "Balance",
     "BalanceRow",
     "ByCost",
+    "Captured",
     "Compatibility",
     "ContactPattern",
     "Enrichment",

@@ -23,6 +23,7 @@ from mograft.substitution import Pool, length_fits
 __all__ = [
     "Analogy",
     "ByCost",
+    "Captured",
     "ContactPattern",
     "Method",
     "Nearest",
@@ -91,6 +92,17 @@ class ByCost(Analogy):
 
     name: str = "analogy, by cost"
     by_cost: bool = True
+
+
+@dataclass(frozen=True)
+class Captured(Method):
+    """Nothing but its own part: the recording once more."""
+
+    name: str = "captured"
+
+    def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:  # noqa: ARG002
+        """Return who may take the places of some segments; see `Method.candidates`."""
+        return [np.array([own]) for own in scenario.tolist()]
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ from mograft.body import body
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
-from mograft.evaluation.baselines import Method, RandomLength, grafts_by, methods
+from mograft.evaluation.balance import _forward
+from mograft.evaluation.baselines import Captured, Method, RandomLength, grafts_by, methods
 from mograft.evaluation.estimate import Estimate, rogan_gladen
 from mograft.evaluation.naturalness import (
     _by_segment,
@@ -64,6 +65,8 @@ FEWEST, FEWEST_OF_A_KIND = 100, 20
 _LEAD = 0.4
 _RATE = 30.0
 _LEARN = 0.6
+_VIEW = 0.6
+"""Angle in radians from which a figure is seen at the start of its piece."""
 _REACH = 4.0
 """Heights that fit into the numbers of a page, either way."""
 
@@ -257,13 +260,7 @@ def label_items(
 
 def _captured(library: Library, clip: int, group: str, seed: int) -> list[Item]:
     """Return pieces of a clip as it was captured."""
-
-    @dataclass(frozen=True)
-    class Same(Method):
-        def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:  # noqa: ARG002
-            return [np.array([own]) for own in scenario.tolist()]
-
-    graft = grafts_by(Same(), library, library.clips[clip].name, swap=[group], seed=seed)[0]
+    graft = grafts_by(Captured(), library, library.clips[clip].name, swap=[group], seed=seed)[0]
     return [Item(graft, group, s.segment, s.donor, s.start, s.stop) for s in graft.substitutions]
 
 
@@ -319,7 +316,7 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
     rows = [_row(library, item.group, item.segment, item.donor) for item in items]
     step = max(round(library.rate / _RATE), 1)
     unit = _REACH / 32767
-    places: dict[int, FloatArray] = {}
+    places: dict[int, tuple[FloatArray, FloatArray]] = {}
     for item in items:
         if id(item.graft) not in places:
             places[id(item.graft)] = _standing(item.graft.motion, item.graft.base)
@@ -329,8 +326,9 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
         first = max(item.start - lead, 0)
         last = min(item.stop + lead, item.graft.motion.n_frames - 1)
         frames = np.arange(first, last + 1, step)
-        nodes = places[id(item.graft)][frames]
-        nodes = nodes - nodes[0].mean(axis=0) * [1.0, 0.0, 1.0]
+        nodes, heading = (own[frames] for own in places[id(item.graft)])
+        nodes = nodes - nodes[len(nodes) // 2].mean(axis=0) * [1.0, 0.0, 1.0]
+        nodes = rotations.rotate(rotations.exp([0.0, _VIEW - heading[0], 0.0]), nodes)
         whole = np.clip(np.round(nodes / unit), -32767, 32767).astype("<i2")
         shown.append(
             {
@@ -355,8 +353,8 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
     return assembled(title, text, "report", _part("label.css"), _part("label.js"))
 
 
-def _standing(motion: Motion, base: Motion) -> FloatArray:
-    """Return joints and ends in heights, y up from the floor, facing the reader at first."""
+def _standing(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
+    """Return joints and ends in heights, y up from the floor, and where the hips face about y."""
     ground = _Ground.of(base)
     turns, joints = motion.world()
     ends = [
@@ -365,15 +363,13 @@ def _standing(motion: Motion, base: Motion) -> FloatArray:
     ]
     nodes = np.concatenate([joints, *(end[:, None] for end in ends)], axis=1)
     up = int(np.flatnonzero(ground.up)[0])
-    floor = float(ground.floors.min()) if ground.floors.size else float((nodes @ ground.up).min())
-    level = nodes[..., [(up + 1) % 3, (up + 2) % 3]]
-    tall = nodes @ ground.up - floor
-    # With z up x, y, z become z, x, y: a turn and no reflection.
-    y_up = np.stack([level[..., 1], tall, level[..., 0]], axis=-1)
-    if ground.up[up] < 0:
-        y_up[..., 0] *= -1.0
-    scaled: FloatArray = y_up / body(motion.skeleton).height
-    return scaled
+    low = (nodes @ ground.up).min() if not ground.floors.size else ground.floors.min()
+    # With z up x, y, z become y, z, x: a turn and no reflection, also where up is down.
+    order = [(up + 2) % 3, up, (up + 1) % 3]
+    signs = np.array([ground.up[up], ground.up[up], 1.0])
+    y_up = nodes[..., order] * signs - [0.0, float(low), 0.0]
+    ahead = _forward(motion, ground)[:, order] * signs
+    return y_up / body(motion.skeleton).height, np.arctan2(ahead[:, 0], ahead[:, 2])
 
 
 @cache

@@ -162,7 +162,7 @@ def _dots(
         ax.set_yticks(range(len(rows)), [name for name, _ in rows])
         if place % columns:
             ax.tick_params(labelleft=False)
-        ax.set_ylim(-0.6, len(rows) - 0.4)
+        ax.set_ylim(len(rows) - 0.4, -0.6)
         ax.set_title(title, fontsize=8, color=_INK, loc="left")
         ax.set_xlabel(label, fontsize=7.5, color=_INK)
     return figure

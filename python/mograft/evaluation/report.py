@@ -21,7 +21,7 @@ __all__ = ["evaluation_page", "order_of", "reading"]
 
 _ORDER = ("analogy", "contact pattern", "random")
 _MORE_STYLE = """
-.report img { max-width: 100%; height: auto; display: block; margin: 10px 0; }
+.report img { max-width: 100%; height: auto; zoom: 1.25; display: block; margin: 10px 0; }
 .report li { max-width: 75ch; margin: 4px 0; }
 .report .refused { border-left: 3px solid var(--accent); padding-left: 12px; }
 """
@@ -179,7 +179,8 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
         parts += _counts(evaluation)
     parts += [
         "<h2>By which parameters</h2>",
-        f"<pre>{html.escape(json.dumps(dict(evaluation.parameters), indent=1))}</pre>",
+        "<details><summary>All of them</summary>",
+        f"<pre>{html.escape(json.dumps(dict(evaluation.parameters), indent=1))}</pre></details>",
         "</main>",
     ]
     return assembled(named, "\n".join(parts), "report", _STYLE + _MORE_STYLE, "")
@@ -288,7 +289,9 @@ def _balance(evaluation: Evaluation, model: str, unmatched: Sequence[str]) -> li
         ]
 
     head = ["way", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
-    parts.append(_table(head, [row_of(row) for row in evaluation.balance]))
+    order = {(row.kind, row.rule, row.margin): at for at, row in enumerate(evaluation.balance)}
+    rows = sorted(evaluation.balance, key=lambda row: order[row.kind, row.rule, row.margin])
+    parts.append(_table(head, [row_of(row) for row in rows]))
     masses = (
         "de Leva's masses"
         if model == "de Leva"
@@ -308,25 +311,25 @@ def _balance(evaluation: Evaluation, model: str, unmatched: Sequence[str]) -> li
 
 
 def _quality(evaluation: Evaluation) -> list[str]:
-    head = ["way", "new parts", "seam gap", "90th percentile", "acceleration", "jerk"]
-    head += ["foot skate", "coverage", "local diversity", "diversity", "arms and legs", "lag"]
-    rows = [
-        [
-            html.escape(own.method),
-            own.new_segments.text(0, 100, " %"),
-            own.seam_gap.text(1, 1, "°"),
-            own.seam_gap_p90.text(1, 1, "°"),
-            own.acceleration.text(2),
-            own.jerk.text(2),
-            own.foot_skate.text(1, 100, " points"),
-            own.coverage.text(2),
-            own.local_diversity.text(3),
-            own.diversity.text(1, 1, "°"),
-            own.coordination.text(2),
-            own.lag.text(2, 1, " s"),
-        ]
-        for own in evaluation.quality
-    ]
+    measures: tuple[tuple[str, str, int, float, str], ...] = (
+        ("new parts", "new_segments", 0, 100, " %"),
+        ("seam gap", "seam_gap", 1, 1, "°"),
+        ("seam gap, 90th percentile", "seam_gap_p90", 1, 1, "°"),
+        ("acceleration", "acceleration", 2, 1, ""),
+        ("jerk", "jerk", 2, 1, ""),
+        ("foot skate, points", "foot_skate", 1, 100, ""),
+        ("coverage", "coverage", 2, 1, ""),
+        ("local diversity", "local_diversity", 3, 1, ""),
+        ("diversity", "diversity", 1, 1, "°"),
+        ("arms and legs", "coordination", 2, 1, ""),
+        ("their lag", "lag", 2, 1, " s"),
+    )
+    head = ["measure", *(own.method for own in evaluation.quality), "n"]
+    rows = []
+    for title, name, digits, scale, unit in measures:
+        several: list[Estimate] = [getattr(own, name) for own in evaluation.quality]
+        told = [own.text(digits, scale, unit) for own in several]
+        rows.append([title, *told, f"{max(own.n for own in several)} {several[0].of}"])
     figure = plots.draw_quality(evaluation.quality)
     return [
         "<h2>Quality</h2>",
