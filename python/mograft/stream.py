@@ -179,7 +179,7 @@ class Stream:
         self._pools = {group: library.pool(group) for group in groups}
         self._lengths = library.segments.lengths
         self._donors = _Donors(library)
-        self._names = [entry.name for entry in library.entries]
+        self._clips = (*library.entries, _BaseClip())
         self._base: _Base | None = None
         self._clusters: _Clusters | None = None
         self._cutter = Cutter(library.rate, library.config)
@@ -203,7 +203,7 @@ class Stream:
         rest = Motion(skeleton, 1.0, still, skeleton.offsets[None])
         check_names(wanted, Poses.of(rest))
         for constraint in wanted:
-            constraint.misses(none, none, [*self._names, "the base"])
+            constraint.misses(none, none, self._clips)
         self._constraints = tuple(wanted)
         angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
         config = self._library.config
@@ -309,7 +309,7 @@ class Stream:
         fits = length_fits(cut.lengths, lengths[mates], library.rate, config)
         fits &= library.is_donor[mates]
         mates, apart = mates[fits], apart[fits]
-        own = _one(start, stop, len(self._names))
+        own = _one(start, stop, len(self._clips) - 1)
         prices, passes = self._origins(own, mates)
         mates, apart, prices = mates[passes], np.append(apart[passes], 0.0), prices[passes]
         is_own = np.arange(len(mates) + 1) == len(mates)
@@ -337,13 +337,12 @@ class Stream:
         """Return what soft limits on their origin cost donors, and which pass the hard ones."""
         given = take(self._library.segments, mates)
         every = take(own, np.zeros(len(mates), np.int64))
-        names = [*self._names, "the base"]
         costs, passes = np.zeros(len(mates)), np.ones(len(mates), bool)
         for constraint in self._constraints:
             span = constraint.frames
             if span is not None and not (own.start[0] <= span[1] and own.stop[0] >= span[0]):
                 continue
-            miss = constraint.misses(every, given, names)
+            miss = constraint.misses(every, given, self._clips)
             if constraint.weight is None:
                 passes &= miss <= 1.0
             else:
@@ -500,7 +499,7 @@ class Stream:
                     place.start + place.length,
                     segment,
                     segment if donor < 0 else donor,
-                    (base.name or "the base") if donor < 0 else self._names[given.clip[0]],
+                    (base.name or "the base") if donor < 0 else self._clips[given.clip[0]].name,
                     int(given.start[0]),
                     int(given.stop[0]),
                     place.length / int(given.lengths[0]) - 1.0,
@@ -534,6 +533,14 @@ class Stream:
             tuple(substitutions),
             tuple(missed),
         )
+
+
+@dataclass(frozen=True)
+class _BaseClip:
+    """What constraints know of the base, which counts as one more clip."""
+
+    name: str = "the base"
+    tags: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
