@@ -473,8 +473,8 @@ def page(results, missing):
         "",
         "Printed by `python benches/experiments.py --write`. In brackets: 95 % intervals; they "
         "hold the choice of segments and donors, not that of the recordings. Seed 0. All "
-        "recordings are taken to 30 frames a second, since the paper's segments of 7.3 frames tell that its "
-        "frames were about that long. What each measure is and what it does not say: "
+        "recordings are taken to 30 frames a second, since the paper's segments of 7.3 frames "
+        "tell that its frames were about that long. What each measure is and what it does not say: "
         "[Evaluation](evaluation.md).",
         "",
     ]

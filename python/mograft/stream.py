@@ -13,7 +13,7 @@ from mograft.anatomy import feature_joints
 from mograft.body import body
 from mograft.capsules import capsules
 from mograft.config import Config
-from mograft.constraints import AvoidSelf, Constraint, MaxAngle, Violation, violations
+from mograft.constraints import AvoidSelf, Clip, Constraint, MaxAngle, Violation, violations
 from mograft.digest import edges, same_rate
 from mograft.embedding import Samples, features, normalise
 from mograft.footskate import legs
@@ -179,7 +179,7 @@ class Stream:
         self._pools = {group: library.pool(group) for group in groups}
         self._lengths = library.segments.lengths
         self._donors = _Donors(library)
-        self._clips = (*library.entries, _BaseClip())
+        self._clips: tuple[Clip, ...] = (*library.entries, _BaseClip())
         self._base: _Base | None = None
         self._clusters: _Clusters | None = None
         self._cutter = Cutter(library.rate, library.config)
