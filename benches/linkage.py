@@ -184,9 +184,10 @@ def large(kinds):
     rows = []
     for kind in kinds:
         for who in ("mograft", "cut"):
-            line = [child(who, kind, n, 3 if n < 500_000 else 1, "rms") for n in LARGE]
-            for row in line:
-                show(row)
+            line = []
+            for n in LARGE:
+                line.append(child(who, kind, n, 3 if n < 500_000 else 1, "rms"))
+                show(line[-1])
             exponent, exponent_cpu = (
                 np.log(line[-1][time] / line[0][time]) / np.log(LARGE[-1] / LARGE[0])
                 for time in ("wall", "cpu")
@@ -295,14 +296,14 @@ def main():
         measure(*json.loads(args.child))
         return
     print(machine())
-    rows = []
     for name in args.parts or parts:
         print(f"-- {name}")
-        rows += parts[name](args.kinds)
+        rows = parts[name](args.kinds)
+        if args.json:
+            known = json.loads(args.json.read_text())["rows"] if args.json.exists() else []
+            figures = {"machine": machine(), "rows": known + rows}
+            args.json.write_text(json.dumps(figures, indent=1))
     print(f"load at the end {os.getloadavg()[0]:.1f}")
-    if args.json:
-        known = json.loads(args.json.read_text())["rows"] if args.json.exists() else []
-        args.json.write_text(json.dumps({"machine": machine(), "rows": known + rows}, indent=1))
 
 
 if __name__ == "__main__":

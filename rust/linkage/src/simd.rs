@@ -9,13 +9,14 @@
 //!   multiplication with an addition, which moves their rounding within the tolerance that
 //!   [`rounding`] states and every caller allows for.
 //!
-//! The tests below run clean under the address sanitizer with AVX-512, and under Valgrind with
-//! AVX2, the widest that it knows:
+//! The tests below run clean under the address sanitizer with AVX-512, under Valgrind with AVX2,
+//! the widest that it knows, and under Miri with the baseline:
 //!
 //! ```text
 //! RUSTFLAGS=-Zsanitizer=address cargo +nightly test -p mograft-linkage --lib \
 //!     --target x86_64-unknown-linux-gnu
 //! valgrind target/release/deps/mograft_linkage-… simd
+//! cargo +nightly miri test -p mograft-linkage --lib simd
 //! ```
 //!
 //! All `unsafe` of the crate stands here: in the macro `dispatch`, because a function compiled for
