@@ -3,19 +3,32 @@
 Every figure is the median of runs in a process of its own, which also tells how much memory
 the call took beyond its input. Ratios are of runs that followed one another. Usage:
 
-    python benches/linkage.py [peers] [large] [real] [hard] [--json FILE] [--plot FILE.svg]
+    python benches/linkage.py [PART ...] [--kinds KIND ...] [--json FILE]
 
-Without names all are run, which takes half an hour and 7 GB, nearly all of it the peers'.
+peers   SciPy and fastcluster, up to the 30,000 points for which they need 7 GB
+large   50,000 to 500,000 points, the tree and the cut at the standard deviation; growth
+real    the segments of a real motion database, the tree and its cuts at both sigmas
+hard    what is hard, each in a way of its own, at 100,000 points
+plain   the plain chain over all n(n-1)/2 distances, where nothing can be saved
+stop    how long after Ctrl-C the call ends
+counts  instructions, by Valgrind: what a change of the code alone moves
+
+Without a part all are run, which takes half an hour, nearly all of it the peers'. A file of
+figures is added to; benches/linkage_figure.py draws it.
 """
 
 import argparse
 import json
 import os
 import platform
+import re
 import resource
+import shutil
+import signal
 import statistics
 import subprocess
 import sys
+import threading
 import time
 from importlib import metadata
 from pathlib import Path
@@ -62,6 +75,10 @@ def make(kind, n, n_axes=10):
         return rng.integers(0, 8, (n, n_axes)).astype(float)
     if kind == "tails":
         return rng.standard_cauchy((n, n_axes))
+    if kind == "300 axes":  # no direction in which anything is apart
+        return rng.standard_normal((n, 300))
+    if kind == "binary":  # single distances that a twentieth of all pairs have
+        return rng.integers(0, 2, (n, 64)).astype(float)
     if kind == "real":
         return np.load(REAL).astype(np.float64)
     raise ValueError(f"kind must be one of those above, got {kind!r}")
@@ -82,11 +99,16 @@ def run_fastcluster(points):
 def measure(who, kind, n, runs, diameter=None):
     """Run in this process and print what came of it."""
     points = make(kind, n)
+    if who == "stop":
+        print(json.dumps({"wall": stopped(points, runs), "cpu": [0], "MB": 0}))
+        return
     if diameter == "rms":
         diameter = mg.threshold(points)
     call = {
         "mograft": lambda: mg.linkage(points),
         "cut": lambda: mg.cut(points, diameter),
+        "one thread": lambda: mg.linkage(points, threads=1, memory_limit=0),
+        "plain": lambda: _core.linkage_by_chain(points),
         "SciPy": lambda: run_scipy(points),
         "fastcluster": lambda: run_fastcluster(points),
     }[who]
@@ -102,6 +124,26 @@ def measure(who, kind, n, runs, diameter=None):
         cpus.append(time.process_time() - cpu)
     more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     print(json.dumps({"wall": walls, "cpu": cpus, "MB": more / 1024}))
+
+
+def stopped(points, runs):
+    """Return how long calls went on after they were interrupted, each later than the last."""
+    waits = []
+    for run in range(runs):
+        sent = []
+
+        def interrupt(sent=sent):
+            sent.append(time.perf_counter())
+            os.kill(os.getpid(), signal.SIGINT)
+
+        timer = threading.Timer(0.2 + 1.3 * run, interrupt)
+        timer.start()
+        try:
+            mg.linkage(points)
+        except KeyboardInterrupt:
+            waits.append(time.perf_counter() - sent[0])
+        timer.cancel()
+    return waits
 
 
 def child(who, kind, n, runs=3, diameter=None):
@@ -120,9 +162,9 @@ def show(row, note=""):
     sys.stdout.flush()
 
 
-def peers():
+def peers(kinds):
     rows = []
-    for kind in ("white", "mixture"):
+    for kind in (kind for kind in kinds if kind != "walk"):
         for n in (1_000, 2_000, 5_000, 10_000, 20_000, 30_000):
             own = child("mograft", kind, n, runs=7)
             show(own)
@@ -138,13 +180,14 @@ def peers():
     return rows
 
 
-def large():
+def large(kinds):
     rows = []
-    for kind in ("white", "mixture", "walk"):
+    for kind in kinds:
         for who in ("mograft", "cut"):
-            line = [child(who, kind, n, 3 if n < 500_000 else 1, "rms") for n in LARGE]
-            for row in line:
-                show(row)
+            line = []
+            for n in LARGE:
+                line.append(child(who, kind, n, 3 if n < 500_000 else 1, "rms"))
+                show(line[-1])
             exponent, exponent_cpu = (
                 np.log(line[-1][time] / line[0][time]) / np.log(LARGE[-1] / LARGE[0])
                 for time in ("wall", "cpu")
@@ -157,7 +200,7 @@ def large():
 LARGE = (50_000, 100_000, 200_000, 500_000)
 
 
-def real():
+def real(_):
     if not REAL.exists():
         print(f"real: skipped, there is no {REAL.name}")
         return []
@@ -169,7 +212,7 @@ def real():
     return rows
 
 
-def hard():
+def hard(_):
     rows = [
         child("mograft", kind, 100_000, runs=1)
         for kind in ("lattice", "tails", "clump", "scale-free")
@@ -179,28 +222,42 @@ def hard():
     return rows
 
 
-def plot(rows, file):
-    """Draw time over the number of points, both on logarithmic scales."""
-    import matplotlib as mpl
+def plain(_):
+    rows = []
+    for kind in ("300 axes", "binary", "lattice", "tails", "clump", "scale-free"):
+        own, chain = (child(who, kind, 10_000, runs=1) for who in ("one thread", "plain"))
+        show(own)
+        show(chain, f"{chain['wall'] / own['wall']:.2f} times")
+        rows += [own, chain]
+    return rows
 
-    mpl.use("svg")
-    mpl.rcParams["svg.hashsalt"] = "mograft"
-    from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(figsize=(6.4, 4.2))
-    colours = {"SciPy": "tab:red", "fastcluster": "tab:orange", "mograft": "tab:blue"}
-    dashes = {"white": "-", "mixture": "--", "walk": ":"}
-    for who, colour in colours.items():
-        for kind, dash in dashes.items():
-            line = {r["n"]: r["wall"] for r in rows if (r["who"], r["kind"]) == (who, kind)}
-            if line:
-                label = f"{who}, {kind}"
-                axes.loglog(*zip(*sorted(line.items()), strict=True), dash, c=colour, label=label)
-    axes.set(xlabel="points of ten axes", ylabel="seconds for the tree")
-    axes.grid(visible=True, alpha=0.3)
-    axes.legend(fontsize="small")
-    figure.tight_layout()
-    figure.savefig(file, metadata={"Date": None})
+def stop(_):
+    rows = [child("stop", "white", 500_000, runs=6), child("stop", "binary", 100_000, runs=6)]
+    for row in rows:
+        show(row, "from the signal to the exception, median")
+    return rows
+
+
+def instructions(kind, n):
+    """Count those of a process that grows the tree of n points on one thread."""
+    task = json.dumps(["one thread", kind, n, 1, None])
+    valgrind = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
+    command = [*valgrind, sys.executable, __file__, "--child", task]
+    environment = {**os.environ, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
+    run = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    return int(re.search(r"Collected : (\d+)", run.stderr)[1])
+
+
+def counts(_):
+    if not shutil.which("valgrind"):
+        print("counts: skipped, there is no valgrind")
+        return []
+    for kind in ("white", "mixture", "scale-free"):
+        n = 10_000
+        made = instructions(kind, n) - instructions(kind, 2)
+        print(f"{'instructions':>12} {kind:>10} {n:>8,} {made / 1e6:9.1f} million")
+    return []
 
 
 def machine():
@@ -224,10 +281,13 @@ def machine():
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parts = {"peers": peers, "large": large, "real": real, "hard": hard}
+    parts = {run.__name__: run for run in (peers, large, real, hard, plain, stop, counts)}
     parser.add_argument("parts", nargs="*", choices=[*parts, []], help="what to run; all")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
-    parser.add_argument("--plot", type=Path, help="draw them into this file")
+    kinds = ("white", "mixture", "walk")
+    parser.add_argument(
+        "--kinds", nargs="+", choices=kinds, default=kinds, help="of peers and large; all"
+    )
+    parser.add_argument("--json", type=Path, help="add the figures to this file")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if _core.BUILD_PROFILE != "release":
@@ -236,15 +296,14 @@ def main():
         measure(*json.loads(args.child))
         return
     print(machine())
-    rows = []
     for name in args.parts or parts:
         print(f"-- {name}")
-        rows += parts[name]()
+        rows = parts[name](args.kinds)
+        if args.json:
+            known = json.loads(args.json.read_text())["rows"] if args.json.exists() else []
+            figures = {"machine": machine(), "rows": known + rows}
+            args.json.write_text(json.dumps(figures, indent=1))
     print(f"load at the end {os.getloadavg()[0]:.1f}")
-    if args.json:
-        args.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1))
-    if args.plot:
-        plot(rows, args.plot)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,15 @@
-"""Draw two stages of complete linkage, into docs/linkage-stages.svg."""
+"""Draw the pictures of docs/linkage.md.
 
+    python benches/linkage_figure.py [FIGURES.json]
+
+draws two stages of complete linkage into docs/linkage-stages.svg and, given what
+``benches/linkage.py --json FIGURES.json`` has written, processor time over the number of points
+into
+docs/linkage-speed.svg.
+"""
+
+import json
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -12,10 +22,10 @@ mpl.rcParams.update({"svg.hashsalt": "mograft", "svg.fonttype": "none", "font.si
 
 from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
 
-PICTURE = Path(__file__).parents[1] / "docs" / "linkage-stages.svg"
+DOCS = Path(__file__).parents[1] / "docs"
 
 
-def draw():
+def draw_stages():
     rng = np.random.default_rng(4)
     centres = np.array([[0.0, 0.0], [2.6, 0.4], [1.2, 2.2]])
     points = np.concatenate([c + 0.55 * rng.standard_normal((8, 2)) for c in centres])
@@ -41,7 +51,7 @@ def draw():
             panel.set(aspect="equal", xticks=[], yticks=[], xlim=(-1.6, 4.3), ylim=(-1.6, 3.7))
         before = after
     figure.tight_layout()
-    figure.savefig(PICTURE, metadata={"Date": None})
+    figure.savefig(DOCS / "linkage-stages.svg", metadata={"Date": None})
 
 
 def ring(panel, members):
@@ -52,5 +62,25 @@ def ring(panel, members):
         panel.add_patch(plt.Circle(centre, radius, fill=False, color="tab:blue", lw=0.9))
 
 
+def draw_speed(rows):
+    """Draw processor time over the number of points, both on logarithmic scales."""
+    figure, axes = plt.subplots(figsize=(6.4, 4.0))
+    colours = {"SciPy": "tab:red", "fastcluster": "tab:orange", "mograft": "tab:blue"}
+    dashes = {"white": "-", "mixture": "--", "walk": ":"}
+    for who, colour in colours.items():
+        for kind, dash in dashes.items():
+            line = {r["n"]: r["cpu"] for r in rows if (r["who"], r["kind"]) == (who, kind)}
+            if line:
+                label = f"{who}, {kind}"
+                axes.loglog(*zip(*sorted(line.items()), strict=True), dash, c=colour, label=label)
+    axes.set(xlabel="points of ten axes", ylabel="processor seconds for the tree")
+    axes.grid(visible=True, alpha=0.3)
+    axes.legend(fontsize="small")
+    figure.tight_layout()
+    figure.savefig(DOCS / "linkage-speed.svg", metadata={"Date": None})
+
+
 if __name__ == "__main__":
-    draw()
+    draw_stages()
+    for file in sys.argv[1:]:
+        draw_speed(json.loads(Path(file).read_text())["rows"])

@@ -134,6 +134,17 @@ def test_a_partition_into_k_is_scipys(points, k):
     np.testing.assert_array_equal(labels, by_first_appearance(wanted))
 
 
+@given(scattered(max_points=60), tunings(), st.floats(0, 1))
+def test_a_cut_between_two_heights_is_scipys(points, tuning, quantile):
+    tree = hierarchy.complete(pdist(points))
+    heights = np.concatenate([[0.0], tree[:, 2]])
+    low = int(quantile * (len(heights) - 2))
+    diameter = heights[low : low + 2].mean()
+    wanted = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
+    np.testing.assert_array_equal(mg.cut(points, diameter), wanted)
+    np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), wanted)
+
+
 @given(clouds(kinds=["lattice", "single precision"]), tunings(), st.floats(0, 1))
 def test_the_cut_is_that_of_the_tree(points, tuning, quantile):
     tree = mg.linkage(points)
@@ -204,6 +215,10 @@ def test_real_points_cluster_as_scipy_clusters_them():
         wanted = hierarchy.fcluster(tree, diameter, "distance")
         labels = mg.cut(points, diameter, memory_limit=0)
         np.testing.assert_array_equal(labels, by_first_appearance(wanted))
+    for k in (2, 40, 900):
+        wanted = by_first_appearance(hierarchy.fcluster(tree, k, "maxclust"))
+        labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
+        np.testing.assert_array_equal(labels, wanted)
 
 
 def hard_clouds(n):

@@ -17,7 +17,7 @@ use crate::Error;
 use crate::clusters::{Clusters, SORTED_FROM};
 use crate::parallel::Crew;
 use crate::points::{Points, squared_distance};
-use crate::simd::{self, Isa, LANES, Lanes, ROWS};
+use crate::simd::{self, Aligned, Isa, LANES, Lanes, ROWS};
 
 /// Clusters of fewer members are not packed into lanes.
 const PACK_FROM: usize = 4;
@@ -105,7 +105,7 @@ impl<'a> Gauge<'a> {
             let blocks = if size < PACK_FROM { 0 } else { size.div_ceil(LANES) };
             starts.push(starts[cluster] + blocks * dim);
         }
-        let mut packed = vec![[0.0; LANES]; starts[m]];
+        let mut packed = vec![Aligned([0.0; LANES]); starts[m]];
         let mut tops = vec![0.0; starts[m] / dim];
         let mut rest = (packed.as_mut_slice(), tops.as_mut_slice());
         let mut jobs = Vec::with_capacity(m.div_ceil(PER_JOB));
@@ -315,7 +315,7 @@ impl<'a> Gauge<'a> {
         // Which of them is it?
         let worth = f64::from(best).sqrt() * (1.0 - 2.0 * self.rounding) - 2.0 * slack;
         let least = square(worth);
-        far.resize(blocks.len() / dim, [0.0; LANES]);
+        far.resize(blocks.len() / dim, Aligned([0.0; LANES]));
         let mut squared = 0.0;
         for (row, &i) in kept
             .iter()
@@ -375,7 +375,7 @@ impl<'a> Gauge<'a> {
         let first = place / LANES * self.points.dim;
         if place.is_multiple_of(LANES) {
             // Lanes to spare repeat the block's first member.
-            blocks.extend(self.lanes(cluster, i).map(|x| [x; LANES]));
+            blocks.extend(self.lanes(cluster, i).map(|x| Aligned([x; LANES])));
         }
         for (lanes, x) in blocks[first..].iter_mut().zip(self.lanes(cluster, i)) {
             lanes[place % LANES] = x;
@@ -398,7 +398,7 @@ impl<'a> Gauge<'a> {
 
     /// As [`Self::sweep`], over some of C's first blocks.
     fn sweep_first(&self, pair: &Pair, blocks: usize, from: &[f32], out: &mut Vec<Lanes>) -> f32 {
-        out.resize(blocks, [0.0; LANES]);
+        out.resize(blocks, Aligned([0.0; LANES]));
         simd::sweep(self.isa, from, &self.blocks(pair.c)[..blocks * from.len()], out)
     }
 
@@ -406,7 +406,7 @@ impl<'a> Gauge<'a> {
     /// largest is returned.
     fn sweep(&self, cluster: usize, from: &[f32], out: &mut Vec<Lanes>) -> f32 {
         let blocks = self.blocks(cluster);
-        out.resize(blocks.len() / from.len(), [0.0; LANES]);
+        out.resize(blocks.len() / from.len(), Aligned([0.0; LANES]));
         simd::sweep(self.isa, from, blocks, out)
     }
 }
@@ -414,8 +414,8 @@ impl<'a> Gauge<'a> {
 /// The first place of a value. Lanes to spare repeat a member before them: it is a member's.
 fn place_of(value: f32, lanes: &[Lanes]) -> usize {
     lanes
-        .as_flattened()
         .iter()
+        .flat_map(|lanes| &lanes.0)
         .position(|&x| x == value)
         .unwrap_or(0)
 }

@@ -20,7 +20,7 @@ use crate::Error;
 use crate::clusters::Clusters;
 use crate::distance::{Gauge, HALF_UNIT, Limit, Scratch, VANISHING};
 use crate::parallel::Crew;
-use crate::simd::{self, LANES, Lanes, Wide};
+use crate::simd::{self, Aligned, LANES, Lanes, Query, Wide};
 
 /// Blocks whose turn it is together: what they are compared with stays in the cache.
 const TILE: usize = 8;
@@ -30,6 +30,11 @@ const NOWHERE: f32 = 1e17;
 
 /// f32 will do as long as its rounding is no larger part of the limit than this.
 const FINE: f64 = 0.01;
+
+/// What rounding to f32 may add to the way between two clusters, in parts of how far the middles
+/// of their blocks are apart: offsets, the way between the middles and their sum each round by
+/// half a unit. Middles are no farther apart than the limit, both drifts and both reaches.
+const UNITS: f64 = 8.0 * HALF_UNIT;
 
 /// Two clusters and their squared distance.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +76,8 @@ pub(crate) struct Blocks<'a> {
     offsets: Vec<Lanes>,
     /// Spreads of single clusters, rounded down.
     lane_spreads: Vec<Lanes>,
+    /// The least of each block's.
+    least_spreads: Vec<f32>,
 }
 
 impl<'a> Blocks<'a> {
@@ -82,15 +89,16 @@ impl<'a> Blocks<'a> {
         let mut blocks = Self {
             clusters,
             dim,
-            lows: vec![[f64::INFINITY; LANES]; groups * dim],
-            highs: vec![[f64::NEG_INFINITY; LANES]; groups * dim],
-            spreads: vec![[f64::INFINITY; LANES]; groups],
+            lows: vec![Aligned([f64::INFINITY; LANES]); groups * dim],
+            highs: vec![Aligned([f64::NEG_INFINITY; LANES]); groups * dim],
+            spreads: vec![Aligned([f64::INFINITY; LANES]); groups],
             middles: Vec::with_capacity(count * dim),
             halves: Vec::with_capacity(count * dim),
             reaches: Vec::with_capacity(count),
             drifts: Vec::with_capacity(count),
-            offsets: vec![[NOWHERE; LANES]; count * dim],
-            lane_spreads: vec![[0.0; LANES]; count],
+            offsets: vec![Aligned([NOWHERE; LANES]); count * dim],
+            lane_spreads: vec![Aligned([0.0; LANES]); count],
+            least_spreads: Vec::with_capacity(count),
         };
         for block in 0..count {
             blocks.fill(block);
@@ -134,6 +142,21 @@ impl<'a> Blocks<'a> {
         }
         self.reaches.push(reach.sqrt());
         self.drifts.push(drift);
+        let spreads = &self.lane_spreads[block][..self.members(block).len()];
+        self.least_spreads
+            .push(spreads.iter().copied().fold(f32::INFINITY, f32::min));
+    }
+
+    /// A block as the second and third sieve see it.
+    fn block(&self, block: usize) -> simd::Block<'_> {
+        let own = block * self.dim..(block + 1) * self.dim;
+        simd::Block {
+            middle: &self.middles[own.clone()],
+            half: &self.halves[own.clone()],
+            offsets: &self.offsets[own],
+            spreads: &self.lane_spreads[block],
+            spread: self.least_spreads[block],
+        }
     }
 
     /// All pairs of the blocks' clusters whose squared distance is at most `limit`.
@@ -179,7 +202,6 @@ impl<'a> Blocks<'a> {
 struct Hunt {
     edges: Vec<Edge>,
     scratch: Scratch,
-    queries: Vec<Lanes>,
     wide: Vec<Wide>,
 }
 
@@ -189,6 +211,10 @@ struct Sieve<'a> {
     crew: &'a Crew<'a>,
     gauge: &'a Gauge<'a>,
     limit: Limit,
+    /// The limit, with what f32 may add to it.
+    reach: f64,
+    /// What f32 may add for each block, and the bounds of its clusters.
+    slacks: Vec<f64>,
     rounding: f64,
     /// Corners of the box around each group of sixteen boxes.
     group_lows: Vec<f64>,
@@ -200,11 +226,21 @@ impl<'a> Sieve<'a> {
     fn new(blocks: &'a Blocks<'a>, crew: &'a Crew<'a>, gauge: &'a Gauge<'a>, squared: f64) -> Self {
         let least = |lanes: &Wide| lanes.iter().copied().fold(f64::INFINITY, f64::min);
         let most = |lanes: &Wide| lanes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let limit = Limit::of(squared);
+        let slack =
+            |(reach, drift): (&f64, &f64)| UNITS * reach + (1.0 + UNITS) * drift + VANISHING / 2.0;
         Self {
             blocks,
             crew,
             gauge,
-            limit: Limit::of(squared),
+            limit,
+            reach: limit.root * (1.0 + UNITS),
+            slacks: blocks
+                .reaches
+                .iter()
+                .zip(&blocks.drifts)
+                .map(slack)
+                .collect(),
             rounding: simd::rounding(blocks.dim),
             group_lows: blocks.lows.iter().map(least).collect(),
             group_highs: blocks.highs.iter().map(most).collect(),
@@ -235,7 +271,9 @@ impl<'a> Sieve<'a> {
         let least = |block: usize| self.blocks.spreads[block / LANES][block % LANES];
         let limit = square(self.limit.root + 2.0 * self.drift) * (1.0 + 1e-9);
 
-        let mut near = [0; TILE];
+        let own = |block: usize| Query::new(self.blocks.block(block));
+        let mut queries: Vec<Query<'_>> = tile.clone().map(own).collect();
+        let mut near = [0_u16; TILE];
         for group in tile.start / LANES..self.blocks.spreads.len() {
             let corners = group * dim..(group + 1) * dim;
             let (lows, highs) =
@@ -272,28 +310,48 @@ impl<'a> Sieve<'a> {
             while any != 0 {
                 let lane = any.trailing_zeros() as usize;
                 any &= any - 1;
-                for (near, block) in near.iter().zip(tile.clone()) {
-                    if near >> lane & 1 != 0 {
-                        self.pair_of_blocks(block, group * LANES + lane, hunt);
-                    }
-                }
+                let which =
+                    (near.iter().rev()).fold(0, |bits, near| bits << 1 | (near >> lane & 1));
+                self.sift(tile.start, which, group * LANES + lane, &mut queries, hunt);
             }
         }
     }
 
-    /// All edges from the clusters of block `i` to later ones of block `j`.
-    fn pair_of_blocks(&self, i: usize, j: usize, hunt: &mut Hunt) {
-        let blocks = self.blocks;
-        let (first, second) = (blocks.members(i), blocks.members(j));
-        let mut found = [0; LANES];
-        let mut rows = self.sift(i, j, hunt, &mut found) & (u16::MAX >> (LANES - first.len()));
+    /// All edges from some blocks of a tile, one for each bit of `which`, to later clusters of
+    /// block `j`: the second and third sieve.
+    fn sift(&self, tile: usize, which: u16, j: usize, queries: &mut [Query<'_>], hunt: &mut Hunt) {
+        let mut finely = 0;
+        for (k, query) in queries.iter_mut().enumerate() {
+            let slack = self.slacks[tile + k] + self.slacks[j];
+            finely |= u16::from(slack > FINE * self.limit.root) << k;
+            // The rounding of this to f32 is a part of the last factor.
+            query.limit = (square(self.reach + slack) * (1.0 + 3.0 * self.rounding)) as f32;
+        }
+        simd::blocks_near(self.crew.isa, queries, which & !finely, &self.blocks.block(j));
+        let mut left = which;
+        while left != 0 {
+            let k = left.trailing_zeros() as usize;
+            left &= left - 1;
+            if finely >> k & 1 != 0 {
+                self.sift_finely(tile + k, j, &mut queries[k], hunt);
+            }
+            if queries[k].rows != 0 {
+                self.measure(tile + k, j, &queries[k], hunt);
+            }
+        }
+    }
+
+    /// The edges among the pairs that are left of blocks `i` and `j`.
+    fn measure(&self, i: usize, j: usize, query: &Query<'_>, hunt: &mut Hunt) {
+        let (first, second) = (self.blocks.members(i), self.blocks.members(j));
+        let mut rows = query.rows & (u16::MAX >> (LANES - first.len()));
         let lanes = u16::MAX >> (LANES - second.len());
         while rows != 0 {
             let row = rows.trailing_zeros() as usize;
             rows &= rows - 1;
             // Within a block, each pair once.
             let later = if i == j { (u16::MAX << row) << 1 } else { u16::MAX };
-            let mut near = found[row] & lanes & later;
+            let mut near = query.found[row] & lanes & later;
             while near != 0 {
                 let (a, b) = (first.start + row, second.start + near.trailing_zeros() as usize);
                 near &= near - 1;
@@ -304,78 +362,34 @@ impl<'a> Sieve<'a> {
         }
     }
 
-    /// The second and third sieve: rows of `i` that `found` holds candidates in `j` for.
-    fn sift(&self, i: usize, j: usize, hunt: &mut Hunt, found: &mut [u16; LANES]) -> u16 {
-        let (blocks, dim, isa) = (self.blocks, self.blocks.dim, self.crew.isa);
-        let (own, other) = (i * dim..(i + 1) * dim, j * dim..(j + 1) * dim);
-        let limit = self.limit.root + blocks.drifts[i] + blocks.drifts[j];
-        // Offsets, the way between the middles and their sum are each rounded by half a unit;
-        // the middles of boxes within the limit are no farther apart than this.
-        let apart = limit + blocks.reaches[i] + blocks.reaches[j];
-        let slack = 8.0 * HALF_UNIT * apart + VANISHING;
-        if slack > FINE * limit {
-            return self.sift_finely(i, j, limit, hunt, found);
-        }
-        let limit = (square(limit + slack) * (1.0 + 2.0 * self.rounding)) as f32;
-        let limit = limit.next_up();
-
-        let queries = &mut hunt.queries;
-        queries.resize(dim, [0.0; LANES]);
-        let spreads = &blocks.lane_spreads[i];
-        let rows = simd::lanes_near_box(
-            isa,
-            &blocks.offsets[own.clone()],
-            &blocks.middles[own],
-            &blocks.middles[other.clone()],
-            spreads,
-            &blocks.halves[other.clone()],
-            (blocks.spreads[j / LANES][j % LANES] * (1.0 - 1e-6)) as f32,
-            limit,
-            queries,
-        );
-        if rows != 0 {
-            let (targets, target_spreads) = (&blocks.offsets[other], &blocks.lane_spreads[j]);
-            simd::lanes_near(isa, queries, spreads, rows, targets, target_spreads, limit, found);
-        }
-        rows
-    }
-
     /// The second and third sieve in f64, for blocks too large for f32.
-    fn sift_finely(
-        &self,
-        i: usize,
-        j: usize,
-        limit: f64,
-        hunt: &mut Hunt,
-        found: &mut [u16; LANES],
-    ) -> u16 {
+    fn sift_finely(&self, i: usize, j: usize, query: &mut Query<'_>, hunt: &mut Hunt) {
         let clusters = self.blocks.clusters;
+        let limit = self.limit.root + self.blocks.drifts[i] + self.blocks.drifts[j];
         let limit = square(limit) * (1.0 + 1e-9);
         let (first, second) = (self.blocks.members(i), self.blocks.members(j));
-        let mut rows = 0;
-        for (row, cluster) in first.clone().enumerate() {
-            rows |= u16::from(self.is_near_box(cluster, j, limit)) << row;
+        let is_near = |block: usize, cluster: usize| self.is_near_box(cluster, block, limit);
+        query.rows = (first.clone().enumerate())
+            .fold(0, |rows, (row, cluster)| rows | u16::from(is_near(j, cluster)) << row);
+        if query.rows == 0 || !second.clone().any(|cluster| is_near(i, cluster)) {
+            query.rows = 0;
+            return;
         }
-        if rows == 0
-            || !second
-                .clone()
-                .any(|cluster| self.is_near_box(cluster, i, limit))
-        {
-            return 0;
-        }
-        let mut spreads = [f64::INFINITY; LANES];
+        let mut spreads = Aligned([f64::INFINITY; LANES]);
         transpose(clusters, second, &mut hunt.wide, &mut spreads);
-        for (row, cluster) in first.enumerate().filter(|(row, _)| rows >> row & 1 != 0) {
+        for (row, cluster) in first
+            .enumerate()
+            .filter(|(row, _)| query.rows >> row & 1 != 0)
+        {
             let (centre, spread) = (clusters.centre(cluster), clusters.spreads[cluster]);
             let bounds = simd::bounds(self.crew.isa, centre, spread, &hunt.wide, &spreads);
             let bit = |(lane, &bound): (usize, &f64)| u16::from(bound <= limit) << lane;
-            found[row] = bounds
+            query.found[row] = bounds
                 .iter()
                 .enumerate()
                 .map(bit)
                 .fold(0, |bits, bit| bits | bit);
         }
-        rows
     }
 
     /// Whether a cluster may be within a squared limit of one of a block.
@@ -407,9 +421,9 @@ pub(crate) fn transpose(
     centres: &mut Vec<Wide>,
     spreads: &mut Wide,
 ) {
-    *spreads = [f64::INFINITY; LANES];
+    *spreads = Aligned([f64::INFINITY; LANES]);
     centres.clear();
-    centres.resize(clusters.centre(range.start).len(), [0.0; LANES]);
+    centres.resize(clusters.centre(range.start).len(), Aligned([0.0; LANES]));
     for (lane, cluster) in range.enumerate() {
         spreads[lane] = clusters.spreads[cluster];
         for (lanes, &x) in centres.iter_mut().zip(clusters.centre(cluster)) {

@@ -8,7 +8,7 @@ use crate::Error;
 use crate::clusters::Clusters;
 use crate::graph::transpose;
 use crate::parallel::Crew;
-use crate::simd::{self, LANES};
+use crate::simd::{self, Aligned, LANES};
 
 /// How many things are looked at to find the axis along which they spread most.
 const LOOK_AT: usize = 256;
@@ -27,7 +27,8 @@ const PER_JOB: usize = 64;
 
 /// The same clusters, neighbours in space near to each other.
 ///
-/// Where space is uneven, returns also a list of them by how closely they are packed. Takes O(m log m) time for m clusters.
+/// Where space is uneven, returns also a list of them by how closely they are packed. Takes
+/// O(m log m) time for m clusters.
 pub(crate) fn in_spatial_order(
     crew: &Crew<'_>,
     clusters: &Clusters,
@@ -63,7 +64,7 @@ fn gaps(crew: &Crew<'_>, clusters: &Clusters) -> Result<Vec<f64>, Error> {
     let mut gaps = vec![f64::INFINITY; m];
     crew.each(
         gaps.chunks_mut(PER_JOB * LANES).enumerate(),
-        || (Vec::new(), [0.0; LANES]),
+        || (Vec::new(), Aligned([0.0; LANES])),
         |(block, spreads), (job, gaps)| {
             for (i, gaps) in gaps.chunks_mut(LANES).enumerate() {
                 let first = (job * PER_JOB + i) * LANES;

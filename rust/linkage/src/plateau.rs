@@ -12,7 +12,7 @@ use crate::distance::{Gauge, Limit, Scratch};
 use crate::graph::transpose;
 use crate::merging::Merged;
 use crate::parallel::Crew;
-use crate::simd::{self, LANES, Wide};
+use crate::simd::{self, Aligned, LANES, Wide};
 
 /// Merge all that are at the squared distance `level`, the least that there is.
 ///
@@ -66,7 +66,7 @@ impl<'a> Rows<'a> {
         let (mut centres, mut spreads) = (Vec::new(), Vec::new());
         let mut block = Vec::new();
         for first in (0..m).step_by(LANES) {
-            let mut some = [0.0; LANES];
+            let mut some = Aligned([0.0; LANES]);
             transpose(clusters, first..m.min(first + LANES), &mut block, &mut some);
             centres.extend_from_slice(&block);
             spreads.push(some);
@@ -88,7 +88,7 @@ impl<'a> Rows<'a> {
         let mut near = Vec::new();
         for (block, centres) in self.centres.chunks_exact(centre.len()).enumerate() {
             let bounds = simd::bounds(self.crew.isa, centre, spread, centres, &self.spreads[block]);
-            for (other, &bound) in (block * LANES..).zip(&bounds) {
+            for (other, &bound) in (block * LANES..).zip(bounds.iter()) {
                 if bound <= self.limit
                     && other != cluster
                     && is_left[other]

@@ -130,8 +130,10 @@ fn exponent(x: f64) -> i32 {
 }
 
 fn times_power_of_two(x: f64, power: i32) -> f64 {
+    // From its bits, because `powi` need not be exact to the last.
+    let power_of_two = |power: i32| f64::from_bits(((1023 + power) as u64) << 52);
     // In two steps, because one power alone may be out of range.
-    x * 2f64.powi(power / 2) * 2f64.powi(power - power / 2)
+    x * power_of_two(power / 2) * power_of_two(power - power / 2)
 }
 
 /// Find points that are given more than once: the first of each, and the others' merges.

@@ -9,13 +9,14 @@
 //!   multiplication with an addition, which moves their rounding within the tolerance that
 //!   [`rounding`] states and every caller allows for.
 //!
-//! The tests below run clean under the address sanitizer with AVX-512, and under Valgrind with
-//! AVX2, the widest that it knows:
+//! The tests below run clean under the address sanitizer with AVX-512, under Valgrind with AVX2,
+//! the widest that it knows, and under Miri with the baseline:
 //!
 //! ```text
 //! RUSTFLAGS=-Zsanitizer=address cargo +nightly test -p mograft-linkage --lib \
 //!     --target x86_64-unknown-linux-gnu
 //! valgrind target/release/deps/mograft_linkage-… simd
+//! cargo +nightly miri test -p mograft-linkage --lib simd
 //! ```
 //!
 //! All `unsafe` of the crate stands here: in the macro `dispatch`, because a function compiled for
@@ -26,20 +27,43 @@
 #![allow(clippy::inline_always, reason = "vectors must stay in registers across these functions")]
 #![allow(clippy::too_many_arguments, reason = "what the inner loops read is laid out flat")]
 
+use std::ops::{Deref, DerefMut};
+
 /// Lanes of a block: clusters or points handled side by side.
 pub(crate) const LANES: usize = 16;
 
+/// Sixteen numbers where no vector of them straddles two lines of the cache.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub(crate) struct Aligned<T>(pub [T; LANES]);
+
+impl<T> Deref for Aligned<T> {
+    type Target = [T; LANES];
+
+    #[inline(always)]
+    fn deref(&self) -> &[T; LANES] {
+        &self.0
+    }
+}
+
+impl<T> DerefMut for Aligned<T> {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [T; LANES] {
+        &mut self.0
+    }
+}
+
 /// One coordinate of sixteen things, as the filter sees it.
-pub(crate) type Lanes = [f32; LANES];
+pub(crate) type Lanes = Aligned<f32>;
 
 /// One coordinate of sixteen things, exactly.
-pub(crate) type Wide = [f64; LANES];
+pub(crate) type Wide = Aligned<f64>;
 
 /// The most that a sum of `dim` squares in f32 can be off, as a fraction of it.
 pub(crate) fn rounding(dim: usize) -> f64 {
     // Each of dim squares and dim + 1 additions rounds by at most half a unit of 2^-23;
     // the rest of the margin covers the products of these.
-    (dim as f64 + 4.0) * 2f64.powi(-23)
+    (dim as f64 + 4.0) / (1 << 23) as f64
 }
 
 /// An instruction set that this processor has.
@@ -140,7 +164,7 @@ impl Baseline {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         let mut lanes = self.0;
-        for (x, y) in lanes.iter_mut().zip(other.0) {
+        for (x, &y) in lanes.iter_mut().zip(other.0.iter()) {
             *x = f(*x, y);
         }
         Self(lanes)
@@ -158,7 +182,7 @@ impl Sixteen for Baseline {
     }
     #[inline(always)]
     fn splat(x: f32) -> Self {
-        Self([x; LANES])
+        Self(Aligned([x; LANES]))
     }
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
@@ -170,7 +194,7 @@ impl Sixteen for Baseline {
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        Self(self.0.map(f32::abs))
+        Self(Aligned(self.0.map(f32::abs)))
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -184,8 +208,12 @@ impl Sixteen for Baseline {
     fn at_most(self, other: Self) -> u16 {
         // Each lane keeps its own bit; the bits are gathered by halves, a vector at a time.
         let mut bits = [0_u32; LANES];
-        for (lane, (bit, (x, y))) in bits.iter_mut().zip(self.0.iter().zip(other.0)).enumerate() {
-            *bit = u32::from(*x <= y) << lane;
+        for (lane, (bit, (x, y))) in bits
+            .iter_mut()
+            .zip(self.0.iter().zip(other.0.iter()))
+            .enumerate()
+        {
+            *bit = u32::from(x <= y) << lane;
         }
         let mut half = LANES / 2;
         while half > 0 {
@@ -328,7 +356,7 @@ fn add_way<V: Sixteen>(sums: &mut V, lanes: V, at: f32) {
 /// The largest lane, by halves: a vector at a time.
 #[inline(always)]
 fn largest<V: Sixteen>(vector: V) -> f32 {
-    let mut lanes = [0.0; LANES];
+    let mut lanes = Aligned([0.0; LANES]);
     vector.store(&mut lanes);
     let mut half = LANES / 2;
     while half > 0 {
@@ -362,7 +390,7 @@ fn boxes_near_body<V: Sixteen>(
     limit: f64,
 ) -> u16 {
     let mut sums = *spreads;
-    for sum in &mut sums {
+    for sum in sums.iter_mut() {
         *sum += spread;
     }
     for ((&low, &high), (lows, highs)) in low.iter().zip(high).zip(lows.iter().zip(highs)) {
@@ -376,66 +404,103 @@ fn boxes_near_body<V: Sixteen>(
         .fold(0, |bits, &sum| bits << 1 | u16::from(sum <= limit))
 }
 
-dispatch! {
-    /// Which of sixteen queries may be within reach of a point of a box about the origin.
-    ///
-    /// The queries are `offsets` from `own`; seen from `origin`, the middle of the box, they go
-    /// to `queries`. The box extends by `half` both ways. A bit is set where the squared
-    /// distance of query and box, plus `spread` and the query's of `spreads`, is at most `limit`.
-    lanes_near_box = lanes_near_box_body(
-        offsets: &[Lanes], own: &[f64], origin: &[f64], spreads: &Lanes,
-        half: &[f32], spread: f32, limit: f32, queries: &mut [Lanes]
-    ) -> u16
+/// Sixteen things around a middle.
+#[derive(Clone, Copy)]
+pub(crate) struct Block<'a> {
+    /// Of the box around them, by axis.
+    pub middle: &'a [f64],
+    /// How far the box extends from there, both ways.
+    pub half: &'a [f32],
+    /// The way from the middle to each of them.
+    pub offsets: &'a [Lanes],
+    /// What each adds to its squared distances.
+    pub spreads: &'a Lanes,
+    /// The least of these.
+    pub spread: f32,
 }
 
-#[inline(always)]
-fn lanes_near_box_body<V: Sixteen>(
-    offsets: &[Lanes],
-    own: &[f64],
-    origin: &[f64],
-    spreads: &Lanes,
-    half: &[f32],
-    spread: f32,
-    limit: f32,
-    queries: &mut [Lanes],
-) -> u16 {
-    let mut sums = V::load(spreads).plus(V::splat(spread));
-    let ways = own
-        .iter()
-        .zip(origin)
-        .map(|(own, origin)| (own - origin) as f32);
-    for ((offsets, way), (query, &half)) in
-        offsets.iter().zip(ways).zip(queries.iter_mut().zip(half))
-    {
-        let moved = V::load(offsets).plus(V::splat(way));
-        moved.store(query);
-        let gap = moved.abs().minus(V::splat(half)).max(V::splat(0.0));
-        sums = gap.square_plus(sums);
+/// A block whose things look for those of another that are within reach.
+pub(crate) struct Query<'a> {
+    /// The block.
+    pub own: Block<'a>,
+    /// The largest squared distance within reach.
+    pub limit: f32,
+    /// Those of the block that may be within reach of the other's box, bit by bit.
+    pub rows: u16,
+    /// For each of these rows, which of the other are within reach.
+    pub found: [u16; LANES],
+    /// The block as seen from the other's middle.
+    seen: Vec<Lanes>,
+}
+
+impl<'a> Query<'a> {
+    /// Nothing is asked yet.
+    pub fn new(own: Block<'a>) -> Self {
+        let seen = vec![Aligned([0.0; LANES]); own.middle.len()];
+        Self { own, limit: 0.0, rows: 0, found: [0; LANES], seen }
     }
-    sums.at_most(V::splat(limit))
 }
 
 dispatch! {
-    /// For each query of `rows`, which of sixteen targets are within reach of it.
+    /// Which things of some blocks are within reach of which of another block.
     ///
-    /// A bit of `found[row]` is set where the squared distance, plus the `spreads` of both, is
-    /// at most `limit`. Rows that are not asked for keep what they hold.
-    lanes_near = lanes_near_body(
-        queries: &[Lanes], spreads: &Lanes, rows: u16,
-        targets: &[Lanes], target_spreads: &Lanes, limit: f32, found: &mut [u16; LANES]
-    )
+    /// Those queries are answered that have a bit in `which`. Within reach is who has a squared
+    /// distance, plus the spreads of both, of at most the query's limit.
+    blocks_near = blocks_near_body(queries: &mut [Query<'_>], which: u16, other: &Block<'_>)
 }
 
 #[inline(always)]
-fn lanes_near_body<V: Sixteen>(
-    queries: &[Lanes],
-    spreads: &Lanes,
-    mut rows: u16,
-    targets: &[Lanes],
-    target_spreads: &Lanes,
-    limit: f32,
-    found: &mut [u16; LANES],
-) {
+fn blocks_near_body<V: Sixteen>(queries: &mut [Query<'_>], which: u16, other: &Block<'_>) {
+    let mut left = which;
+    while left != 0 {
+        let first = left.trailing_zeros() as usize;
+        left &= left - 1;
+        let second = left.trailing_zeros() as usize;
+        left &= left.wrapping_sub(1);
+        // Two at a time, as in `lanes_near`.
+        match queries.get_disjoint_mut([first, second]) {
+            Ok(both) => lanes_near_box::<V, 2>(both, other),
+            Err(_) => lanes_near_box::<V, 1>([&mut queries[first]], other),
+        }
+    }
+    left = which;
+    while left != 0 {
+        lanes_near::<V>(&mut queries[left.trailing_zeros() as usize], other);
+        left &= left - 1;
+    }
+}
+
+/// Find the rows of queries that may be within reach of the other's box.
+#[inline(always)]
+fn lanes_near_box<V: Sixteen, const N: usize>(queries: [&mut Query<'_>; N], other: &Block<'_>) {
+    let dim = other.middle.len();
+    let mut sums = queries.each_ref().map(|query| {
+        let spreads = V::load(query.own.spreads);
+        spreads.plus(V::splat(other.spread))
+    });
+    let mut answers = queries.map(|query| {
+        let Query { own, limit, rows, seen, .. } = query;
+        (&own.middle[..dim], &own.offsets[..dim], &mut seen[..dim], V::splat(*limit), rows)
+    });
+    for (axis, (middle, &half)) in other.middle.iter().zip(&other.half[..dim]).enumerate() {
+        let half = V::splat(half);
+        for (sum, (own, offsets, seen, ..)) in sums.iter_mut().zip(&mut answers) {
+            let moved = V::load(&offsets[axis]).plus(V::splat((own[axis] - middle) as f32));
+            moved.store(&mut seen[axis]);
+            let gap = moved.abs().minus(half).max(V::splat(0.0));
+            *sum = gap.square_plus(*sum);
+        }
+    }
+    for (sum, (.., limit, rows)) in sums.into_iter().zip(answers) {
+        *rows = sum.at_most(limit);
+    }
+}
+
+/// Find for each of a query's rows which of the other are within reach.
+#[inline(always)]
+fn lanes_near<V: Sixteen>(query: &mut Query<'_>, other: &Block<'_>) {
+    let (mut rows, spreads) = (query.rows, query.own.spreads);
+    let limit = V::splat(query.limit);
     while rows != 0 {
         // Several at a time, each with sums of its own, hide how long an addition takes.
         let mut next = rows.trailing_zeros() as usize % LANES;
@@ -446,21 +511,19 @@ fn lanes_near_body<V: Sixteen>(
             }
             next
         });
-        let start = |row: usize| V::load(target_spreads).plus(V::splat(spreads[row]));
+        let start = |row: usize| V::load(other.spreads).plus(V::splat(spreads[row]));
         let (mut a, mut b, mut c, mut d) =
             (start(row[0]), start(row[1]), start(row[2]), start(row[3]));
-        for (query, target) in queries.iter().zip(targets) {
+        for (seen, target) in query.seen.iter().zip(other.offsets) {
             let target = V::load(target);
-            add_way(&mut a, target, query[row[0]]);
-            add_way(&mut b, target, query[row[1]]);
-            add_way(&mut c, target, query[row[2]]);
-            add_way(&mut d, target, query[row[3]]);
+            add_way(&mut a, target, seen[row[0]]);
+            add_way(&mut b, target, seen[row[1]]);
+            add_way(&mut c, target, seen[row[2]]);
+            add_way(&mut d, target, seen[row[3]]);
         }
-        let limit = V::splat(limit);
-        found[row[0]] = a.at_most(limit);
-        found[row[1]] = b.at_most(limit);
-        found[row[2]] = c.at_most(limit);
-        found[row[3]] = d.at_most(limit);
+        for (row, sum) in row.into_iter().zip([a, b, c, d]) {
+            query.found[row] = sum.at_most(limit);
+        }
     }
 }
 
@@ -528,7 +591,7 @@ dispatch! {
 
 #[inline(always)]
 fn bounds_body<V: Sixteen>(from: &[f64], spread: f64, block: &[Wide], spreads: &Wide) -> Wide {
-    let mut sums = [0.0; LANES];
+    let mut sums = Aligned([0.0; LANES]);
     for (&at, lanes) in from.iter().zip(block) {
         for lane in 0..LANES {
             let way = lanes[lane] - at;
@@ -584,12 +647,12 @@ mod tests {
 
     fn lanes(count: usize) -> Vec<Lanes> {
         let all: Vec<f32> = numbers(count * LANES).map(|x| x as f32).collect();
-        all.as_chunks().0.to_vec()
+        all.as_chunks().0.iter().copied().map(Aligned).collect()
     }
 
     fn wide(count: usize) -> Vec<Wide> {
         let all: Vec<f64> = numbers(count * LANES).collect();
-        all.as_chunks().0.to_vec()
+        all.as_chunks().0.iter().copied().map(Aligned).collect()
     }
 
     fn sets() -> [Isa; 3] {
@@ -633,13 +696,13 @@ mod tests {
                     .sum::<f64>()
             };
             for isa in sets() {
-                let mut out = vec![[0.0; LANES]; 3];
+                let mut out = vec![Aligned([0.0; LANES]); 3];
                 let most = sweep(isa, &from[..dim], &blocks, &mut out);
-                for (i, &squared) in out.as_flattened().iter().enumerate() {
+                for (i, &squared) in out.iter().flat_map(|lanes| &lanes.0).enumerate() {
                     let wanted = exact(0, i / LANES, i % LANES);
                     assert!((f64::from(squared) - wanted).abs() <= rounding(dim) * wanted);
                 }
-                assert_eq!(most, out.as_flattened().iter().copied().fold(0.0, f32::max));
+                assert_eq!(most, out.iter().flat_map(|lanes| lanes.0).fold(0.0, f32::max));
                 let farthest = farthest_of_rows(isa, &from, dim, &blocks);
                 for (row, &squared) in farthest.iter().enumerate() {
                     let wanted = (0..3 * LANES)
@@ -658,35 +721,38 @@ mod tests {
             let whole = |count| -> Vec<Lanes> {
                 lanes(count)
                     .iter()
-                    .map(|lanes| lanes.map(f32::round))
+                    .map(|lanes| Aligned(lanes.map(f32::round)))
                     .collect()
             };
-            let (queries, targets, spreads) =
-                (whole(dim), whole(2 * dim), whole(1)[0].map(f32::abs));
-            let targets = &targets[dim..];
-            let (own, origin) = (vec![3.0; dim], vec![1.0; dim]);
-            let half = vec![2.0; dim];
+            let (offsets, spreads) = (whole(2 * dim), Aligned(whole(1)[0].map(f32::abs)));
+            let (own_middle, other_middle) = (vec![3.0; dim], vec![1.0; dim]);
+            let half = vec![5.0; dim];
+            let spread = spreads.iter().copied().fold(f32::INFINITY, f32::min);
+            let block =
+                |middle, offsets| Block { middle, half: &half, offsets, spreads: &spreads, spread };
+            let own = block(&own_middle, &offsets[..dim]);
+            let other = block(&other_middle, &offsets[dim..]);
             for limit in [0.0, 9.0 * dim as f32, 25.0 * dim as f32, 1e9] {
-                let mut all = Vec::new();
-                for isa in sets() {
-                    let mut moved = vec![[0.0; LANES]; dim];
-                    let rows = lanes_near_box(
-                        isa, &queries, &own, &origin, &spreads, &half, 1.0, limit, &mut moved,
-                    );
-                    let mut found = [0; LANES];
-                    lanes_near(isa, &moved, &spreads, rows, targets, &spreads, limit, &mut found);
-                    all.push((rows, found, moved));
-                }
+                let all = sets().map(|isa| {
+                    let mut queries = [other, own, own].map(Query::new);
+                    queries[1..]
+                        .iter_mut()
+                        .for_each(|query| query.limit = limit);
+                    blocks_near(isa, &mut queries, 0b110, &other);
+                    queries.map(|query| (query.rows, query.found))
+                });
                 assert_eq!(all[0], all[1]);
                 assert_eq!(all[0], all[2]);
-                let (rows, found, moved) = &all[0];
-                for row in (0..LANES).filter(|row| rows >> row & 1 != 0) {
+                assert_eq!((all[0][0], all[0][1]), ((0, [0; LANES]), all[0][2]));
+                let (rows, found) = all[0][1];
+                for row in 0..LANES {
+                    let is_asked = rows >> row & 1 != 0;
                     for lane in 0..LANES {
                         let apart: f32 = (0..dim)
-                            .map(|k| (targets[k][lane] - moved[k][row]).powi(2))
+                            .map(|k| (other.offsets[k][lane] - own.offsets[k][row] - 2.0).powi(2))
                             .sum();
                         let is_near = apart + spreads[row] + spreads[lane] <= limit;
-                        assert_eq!(found[row] >> lane & 1 != 0, is_near);
+                        assert_eq!(is_asked && found[row] >> lane & 1 != 0, is_near);
                     }
                 }
             }

@@ -7,7 +7,7 @@ use crate::distance::{Gauge, Limit, Scratch};
 use crate::graph::{Blocks, Edge, Graph, transpose};
 use crate::parallel::Crew;
 use crate::points::Points;
-use crate::simd::{self, LANES};
+use crate::simd::{self, Aligned, LANES};
 use crate::tree::Merge;
 use crate::{Error, Tuning, dense, limit, merging, order, plateau};
 
@@ -147,7 +147,7 @@ fn finish(
 /// The matrix of squared distances of single points; infinity for those beyond the limit.
 fn rows_of_points(crew: &Crew<'_>, clusters: &Clusters, most: f64) -> Result<Vec<Vec<f64>>, Error> {
     let m = clusters.len();
-    let (mut columns, mut block, mut none) = (Vec::new(), Vec::new(), [0.0; LANES]);
+    let (mut columns, mut block, mut none) = (Vec::new(), Vec::new(), Aligned([0.0; LANES]));
     for first in (0..m).step_by(LANES) {
         transpose(clusters, first..m.min(first + LANES), &mut block, &mut none);
         columns.extend_from_slice(&block);
@@ -162,7 +162,8 @@ fn rows_of_points(crew: &Crew<'_>, clusters: &Clusters, most: f64) -> Result<Vec
                 let centre = clusters.centre(own);
                 row.reserve_exact(m.next_multiple_of(LANES));
                 for block in columns.chunks_exact(centre.len()) {
-                    let squares = simd::bounds(crew.isa, centre, 0.0, block, &[0.0; LANES]);
+                    let squares =
+                        simd::bounds(crew.isa, centre, 0.0, block, &Aligned([0.0; LANES]));
                     row.extend(squares.map(
                         |squared| {
                             if squared <= most { squared } else { f64::INFINITY }
