@@ -59,8 +59,8 @@ def same_bits(a, b):
     np.testing.assert_array_equal(a.positions, b.positions)
 
 
-def in_the_way(base):
-    place = base.world_positions()[100, base.skeleton.index(HAND)]
+def in_the_way(base, frame=100):
+    place = base.world_positions()[frame, base.skeleton.index(HAND)]
     return mg.Avoid(mg.Sphere(tuple(place + np.array([0.0, 6.0, 0.0])), 8.0))
 
 
@@ -238,17 +238,40 @@ def test_no_frame_leaps_at_a_seam(library, base, seam):
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample"])
 def test_hard_constraints_are_met_or_told(library, base, choice):
-    avoid = in_the_way(base)
-    pieces = streamed(with_choice(library, choice), base, constraints=[avoid])
-    free = joined(streamed(with_choice(library, choice), base))
-    motion = joined(pieces)
-    joints = np.isin(np.arange(motion.n_joints), library.joints("upper"))
-    error, _ = avoid.errors(mg.Poses.of(motion), joints)
-    told = np.zeros(motion.n_frames, bool)
-    for violation in (v for piece in pieces for v in piece.violations):
-        told[violation.frames[0] : violation.frames[1] + 1] = True
-    np.testing.assert_array_equal(told, avoid.errors(mg.Poses.of(motion))[0] > 1.0)
-    assert (avoid.errors(mg.Poses.of(free), joints)[0] > 1).sum() > (error > 1).sum()
+    chosen = with_choice(library, choice)
+    free = mg.Poses.of(joined(streamed(chosen, base)))
+    before, after = 0, 0
+    for frame in (40, 100, 160, 220):
+        avoid = in_the_way(base, frame)
+        pieces = streamed(chosen, base, constraints=[avoid])
+        error, _ = avoid.errors(mg.Poses.of(joined(pieces)))
+        told = np.zeros(base.n_frames, bool)
+        for violation in (v for piece in pieces for v in piece.violations):
+            told[violation.frames[0] : violation.frames[1] + 1] = True
+        np.testing.assert_array_equal(told, error > 1.0)
+        before += (avoid.errors(free)[0] > 1.0).sum()
+        after += told.sum()
+    assert after < before
+
+
+def test_what_is_missed_no_donor_meets(library, base, monkeypatch):
+    """The cheapest plan has no donor that misses where the first place has one that does not."""
+    seen = []
+    looked = mg.Stream._misses
+
+    def looking(stream, place, *rest):
+        cost = looked(stream, place, *rest)
+        seen.append((place.start, cost))
+        return cost
+
+    monkeypatch.setattr(mg.Stream, "_misses", looking)
+    pieces = streamed(
+        with_choice(library, "viterbi"), base, constraints=[in_the_way(base)], horizon=1
+    )
+    exact = dict(seen)  # the last look at a place is with its seam
+    assert any((cost > 0).any() and (cost == 0).any() for cost in exact.values())
+    for piece in pieces:
+        assert bool(piece.violations) == (exact[piece.start] > 0).all()
 
 
 def test_new_constraints_hold_for_all_that_is_not_committed(library, base):

@@ -268,7 +268,7 @@ class Problem:
         ]
         rows = [len(lists[p]) * (int(self.cut.lengths[p]) + 1) for p in active]
         chunk = np.cumsum(rows) // _CHUNK
-        context = self._assembled(others).rotations if others else self.base.rotations
+        context = self.assembled(others).rotations if others else self.base.rotations
         for _, members in groupby(zip(chunk.tolist(), active, strict=True), lambda own: own[0]):
             positions = np.array([position for _, position in members])
             self._look(group, positions, context, posed, hard, soft)
@@ -389,7 +389,8 @@ class Problem:
             quats[:, part.joints], places[:, part.joints] = part.rotations, part.positions
         return replace(base, rotations=quats, positions=places)
 
-    def _assembled(self, donors: Donors) -> Motion:
+    def assembled(self, donors: Donors) -> Motion:
+        """Return the motion of some donors, its seams closed."""
         return self._laid([donors], 0, len(self.cut))
 
     def excess(
