@@ -133,6 +133,16 @@ def stream():
                     decided.append(spent)
             quantiles = np.percentile(decided, [50, 99, 100]) * 1e3
             print(f"{name:44} " + " ".join(f"{q:6.2f} ms" for q in quantiles), len(decided))
+        for horizon in (1, 8):
+            live = mg.Stream(library, horizon=horizon)
+            behind = []
+            for frame in range(base.n_frames):
+                live.push(base[frame : frame + 1])
+                behind += [frame - piece.stop for piece in live.pieces()]
+            seconds = np.percentile(behind, [50, 100]) / library.rate
+            print(
+                f"behind with a horizon of {horizon}: {seconds[0]:.2f} s, at most {seconds[1]:.2f}"
+            )
         quantiles = np.percentile(taken, [50, 99, 100]) * 1e3
         print(f"{'take in a frame':44} " + " ".join(f"{q:6.2f} ms" for q in quantiles))
 
