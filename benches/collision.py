@@ -52,19 +52,20 @@ def worst_place(motion, problem):
     # Trunk and head ride on the hips, which are kept: no arm that is replaced moves them.
     arms = anatomy(motion.skeleton).joints("upper_arm", "forearm", "hand", "finger")
     grafted = np.isin(np.arange(motion.n_joints), arms)
-    some = slice(None, None, 2)
+    some = slice(None, None, max(motion.n_frames // 400, 2))
     thin = poses.at(poses.frames[some], poses.rotations[some], poses.positions[some])
-    found = None
+    found = []
     for other, distance, angles in copies(motion, poses):
         avoid = mg.Avoid(other)
         if (avoid.errors(thin, ~grafted)[0] > 1).any():
             continue
         count = int((avoid.errors(thin, grafted)[0] > 1).sum())
-        if count and (found is None or count > found[0]):
-            if (avoid.errors(poses, ~grafted)[0] > 1).any():
-                continue
-            found = (count, other, distance, angles)
-    return found
+        if count:
+            found.append((count, other, distance, angles))
+    for own in sorted(found, key=lambda own: -own[0]):
+        if not (mg.Avoid(own[1]).errors(poses, ~grafted)[0] > 1).any():
+            return own
+    return None
 
 
 def strip(path, base, graft, other, frames, flesh):
