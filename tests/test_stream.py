@@ -228,6 +228,8 @@ def test_no_frame_leaps_at_a_seam(library, base, seam):
         ]
         return np.linalg.norm(ways[1] - ways[0], axis=-1)
 
+    signs = np.einsum("fji,fji->fj", motion.rotations[1:], motion.rotations[:-1])
+    assert (signs > 0).all()
     expected, found = leaps(graft.motion.rotations), leaps(motion.rotations)
     assert found.max() < 1.25 * expected.max()
     assert np.percentile(found, 99) < 1.25 * np.percentile(expected, 99)
