@@ -164,6 +164,23 @@ def test_with_all_in_sight_it_chooses_as_the_search_does(library, base):
     assert row.chain.cost(found) <= row.chain.cost(np.array(greedy)) + 1e-9
 
 
+def test_several_groups_are_chosen_each_by_itself(library, base):
+    several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm")
+    chosen = with_choice(several, "viterbi")
+    pieces = streamed(chosen, base, (11,), horizon=1000)
+    graft = mg.graft(chosen, base)
+    groups = [s.group for s in pieces[0].substitutions]
+    assert len(groups) == 3
+    for group in groups:
+        found = [s.donor for p in pieces for s in p.substitutions if s.group == group]
+        assert found == [s.donor for s in graft.substitutions if s.group == group]
+    avoid = in_the_way(base)
+    pieces = streamed(several, base, (11,), constraints=[avoid, mg.AvoidSelf()])
+    same_bits(joined(pieces), joined(streamed(several, base, constraints=[avoid, mg.AvoidSelf()])))
+    told = sum(v.frames[1] - v.frames[0] + 1 for p in pieces for v in p.violations)
+    assert told < (avoid.errors(mg.Poses.of(base))[0] > 1).sum()
+
+
 @pytest.mark.parametrize("horizon", [1, 3, 8])
 def test_each_choice_is_the_first_of_the_best_plan_in_sight(library, base, horizon):
     chosen = with_choice(library, "viterbi")
