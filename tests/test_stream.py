@@ -12,11 +12,13 @@ import mograft as mg
 from mograft import rotations
 from mograft.dancer import dance
 from mograft.planning import Problem, take
+from mograft.resample import cubic
+from mograft.seams import TURNS
 from mograft.segmentation import Cutter, extrema, gaussian
-from mograft.stream import joined
-from mograft.transplant import transplant
+from mograft.stream import _with_neighbours, joined
+from mograft.transplant import states, transplant
 from tests import plain
-from tests.strategies import SEEDS
+from tests.strategies import SEEDS, same_rotations, wander
 
 HAND = "LeftHand"
 LIGHT = settings(max_examples=12)
@@ -245,11 +247,29 @@ def test_no_frame_leaps_at_a_seam(library, base, seam):
         ]
         return np.linalg.norm(ways[1] - ways[0], axis=-1)
 
-    signs = np.einsum("fji,fji->fj", motion.rotations[1:], motion.rotations[:-1])
-    assert (signs > 0).all()
     expected, found = leaps(graft.motion.rotations), leaps(motion.rotations)
     assert found.max() < 1.25 * expected.max()
     assert np.percentile(found, 99) < 1.25 * np.percentile(expected, 99)
+
+
+@given(SEEDS, st.integers(2, 12))
+def test_a_segment_with_its_neighbours_is_as_good_as_its_clip(seed, n):
+    """Values between frames and velocities at both ends, also where a clip begins or ends."""
+    rng = np.random.default_rng(seed)
+    clip = wander(rng, n, 2)
+    start, stop = sorted(rng.choice(n, 2, replace=False).tolist())
+    track = _with_neighbours(clip, start, stop)
+    assert len(track) == stop - start + 3
+    np.testing.assert_array_equal(track[1:-1], clip[start : stop + 1])
+    at = rng.uniform(0, stop - start, 5)
+    same_rotations(
+        cubic(np.arange(len(track)), track, 1 + at), cubic(np.arange(n), clip, start + at), 1e-9
+    )
+    ends = np.array([0, stop - start])
+    _, expected = states(TURNS, [clip], np.zeros(2, int), start + ends)
+    before, here, after = (track[ends + 1 + step] for step in (-1, 0, 1))
+    found = 0.5 * (TURNS.way(before, here) + TURNS.way(here, after))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 # Constraints
@@ -312,11 +332,29 @@ def test_new_constraints_hold_for_all_that_is_not_committed(library, base):
 
 
 def test_wide_seams_are_told(library, base):
-    limit = np.radians(3.0)
-    pieces = streamed(library, base, constraints=[mg.MaxAngle(limit)])
+    """A limit that comes after a donor has been committed may be missed at the next seam."""
+    limit = np.radians(0.01)
+    stream = mg.Stream(with_choice(library, "viterbi"))
+    stream.push(base)
+    while stream.advance().substitutions[0].is_own:
+        pass
+    stream.constraints = [mg.MaxAngle(limit), mg.KeepOriginal()]  # back to the base at once
+    pieces = stream.pieces()
     for piece in pieces:
         wide = [s for s in piece.substitutions if s.gap_before > limit]
         assert len(piece.violations) == len(wide)
+        for violation, s in zip(piece.violations, wide, strict=True):
+            assert violation.frames == (piece.start, piece.start)
+            assert violation.error == pytest.approx(s.gap_before / limit)
+    assert pieces[0].violations
+    assert not pieces[-1].violations
+
+
+def test_signs_of_rotations_go_on_from_piece_to_piece(library, base):
+    quats = base.rotations.copy()
+    quats[:, library.joints("upper")[1::2]] *= -1.0
+    motion = joined(streamed(library, replace(base, rotations=quats)))
+    assert (np.einsum("fji,fji->fj", motion.rotations[1:], motion.rotations[:-1]) > 0).all()
 
 
 # Libraries in folders, and memory
