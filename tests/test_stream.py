@@ -439,8 +439,13 @@ def test_a_growing_dance_is_cut_as_the_whole_one(seed):
     cutter.push(mg.kinetic_energy(motion))
     cutter.close()
     expected = mg.segment(motion)
-    same = np.isin(cutter.bounds, [0, *expected.stop]).mean()
-    assert same > 0.95
+    assert cutter.bounds == [0, *expected.stop.tolist()]
+
+
+def test_where_nothing_turns_it_is_cut_all_the_same():
+    cutter = Cutter(30.0, mg.Config(max_length=1.0))
+    cutter.push(np.linspace(1.0, 2.0, 200))
+    assert cutter.bounds[:5] == [0, 30, 60, 90, 120]
 
 
 # What is refused
