@@ -12,6 +12,7 @@ import statistics
 import sys
 import time
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -51,19 +52,20 @@ def worst_place(motion, problem):
     # Trunk and head ride on the hips, which are kept: no arm that is replaced moves them.
     arms = anatomy(motion.skeleton).joints("upper_arm", "forearm", "hand", "finger")
     grafted = np.isin(np.arange(motion.n_joints), arms)
-    some = slice(None, None, 2)
+    some = slice(None, None, max(motion.n_frames // 400, 2))
     thin = poses.at(poses.frames[some], poses.rotations[some], poses.positions[some])
-    found = None
+    found = []
     for other, distance, angles in copies(motion, poses):
         avoid = mg.Avoid(other)
         if (avoid.errors(thin, ~grafted)[0] > 1).any():
             continue
         count = int((avoid.errors(thin, grafted)[0] > 1).sum())
-        if count and (found is None or count > found[0]):
-            if (avoid.errors(poses, ~grafted)[0] > 1).any():
-                continue
-            found = (count, other, distance, angles)
-    return found
+        if count:
+            found.append((count, other, distance, angles))
+    for own in sorted(found, key=lambda own: -own[0]):
+        if not (mg.Avoid(own[1]).errors(poses, ~grafted)[0] > 1).any():
+            return own
+    return None
 
 
 def strip(path, base, graft, other, frames, flesh):
@@ -109,42 +111,72 @@ def strip(path, base, graft, other, frames, flesh):
     plt.close(figure)
 
 
+@dataclass(frozen=True)
+class Trial:
+    """A motion, a copy of it that it collides with, and what was repaired."""
+
+    motion: mg.Motion
+    library: mg.Library
+    avoid: mg.Avoid
+    where: str
+    graft: mg.Graft
+    before: np.ndarray
+    after: np.ndarray
+
+    @classmethod
+    def of(cls, motion):
+        library = mg.Library.build(motion)
+        scenario = library.segments.of_clip(0)
+        cut = take(library.segments, scenario)
+        problem = Problem.of(library, motion, scenario, cut, ["upper"], [])
+        found = worst_place(motion, problem)
+        if found is None:
+            return None
+        _, other, distance, (angle, yaw) = found
+        where = f"{distance:.2f} heights, {angle:.0f}°, turned {yaw:.0f}°"
+        avoid = mg.Avoid(other)
+        graft = mg.repair(library, constraints=[avoid])
+        before, after = (avoid.errors(mg.Poses.of(own))[0] for own in (motion, graft.motion))
+        return cls(motion, library, avoid, where, graft, before, after)
+
+    def draw(self, path):
+        """Draw the frames of the worst collisions, before and after."""
+        runs = np.flatnonzero(np.diff(self.before > 1, prepend=False, append=False))
+        runs = sorted(
+            runs.reshape(-1, 2).tolist(), key=lambda own: -self.before[own[0] : own[1]].max()
+        )
+        frames = sorted(own[0] + int(self.before[own[0] : own[1]].argmax()) for own in runs[:4])
+        flesh = mg.Poses.of(self.motion).capsules
+        strip(path, self.motion, self.graft, self.avoid.obstacle, frames, flesh)
+
+
 def run(motion, folder):
-    library = mg.Library.build(motion)
-    scenario = library.segments.of_clip(0)
-    cut = take(library.segments, scenario)
-    problem = Problem.of(library, motion, scenario, cut, ["upper"], [])
-    found = worst_place(motion, problem)
-    if found is None:
+    trial = Trial.of(motion)
+    if trial is None:
         print(f"{motion.name}: no place where only the arms collide")
         return True
-    _, other, distance, (angle, yaw) = found
-    avoid = mg.Avoid(other)
-    before, _ = avoid.errors(problem.poses)
     times = []
     for _ in range(3):
         start = time.perf_counter()
-        graft = mg.repair(library, constraints=[avoid])
+        mg.repair(trial.library, constraints=[trial.avoid])
         times.append(time.perf_counter() - start)
-    after, _ = avoid.errors(mg.Poses.of(graft.motion))
+    graft, n = trial.graft, len(trial.graft.substitutions)
     changed = sum(not s.is_own for s in graft.substitutions)
     touched = (graft.motion.rotations != motion.rotations).any(axis=(1, 2)).mean()
+    print(f"{motion.name}: {motion.n_frames} frames, {n} segments; copy at {trial.where}")
+    for name, error in (("before", trial.before), ("after", trial.after)):
+        deepest = error.max() * trial.avoid.tolerance
+        print(f"  {name}: {(error > 1).sum()} frames collide, {deepest:.4f} heights deep")
     print(
-        f"{motion.name}: {motion.n_frames} frames, {len(scenario)} segments; copy at "
-        f"{distance:.2f} heights, {angle:.0f}°, turned {yaw:.0f}°\n"
-        f"  before: {(before > 1).sum()} frames collide, {before.max() * 0.005:.4f} heights deep\n"
-        f"  after:  {(after > 1).sum()} frames collide, {after.max() * 0.005:.4f} heights deep\n"
-        f"  changed: {changed} of {len(scenario)} segments ({changed / len(scenario):.1%}), "
-        f"{touched:.1%} of frames, at sigma_scale {graft.library.config.sigma_scale:.2f}; "
-        f"{statistics.median(times) * 1e3:.0f} ms"
+        f"  changed: {changed} of {n} segments ({changed / n:.1%}), {touched:.1%} of frames, "
+        f"at sigma_scale {graft.library.config.sigma_scale:.2f}; "
+        f"{statistics.median(times) * 1e3:.0f} ms",
+        flush=True,
     )
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        runs = np.flatnonzero(np.diff(before > 1, prepend=False, append=False)).reshape(-1, 2)
-        runs = sorted(runs.tolist(), key=lambda own: -before[own[0] : own[1]].max())[:4]
-        frames = sorted(own[0] + int(before[own[0] : own[1]].argmax()) for own in runs)
-        strip(folder / f"{motion.name}.png", motion, graft, other, frames, problem.poses.capsules)
-    return after.max() <= 1.0
+        trial.draw(folder / f"{motion.name}.png")
+    return trial.after.max() <= 1.0
 
 
 def main():

@@ -1,14 +1,17 @@
 """Time the search against its plain version, and count what it gains over chance.
 
 Run as ``python benches/search.py FILE.bvh...``; the speeds need no file. Prints machine, build
-profile, medians, ratios, and for every file the mean seam gap of the cheapest row of donors
-and of the paper's random choice (the mean of ten seeds).
+profile, medians, ratios, how long a stream takes for a segment, and for every file the mean
+seam gap of the cheapest row of donors, of draws by cost and of the paper's random choice (the
+means of ten seeds), and how many of twenty reachable places are reached. ``--only speeds``,
+``stream``, ``gains`` or ``reach`` prints one of these.
 """
 
 import argparse
 import platform
 import statistics
 import sys
+import tempfile
 import time
 import warnings
 from dataclasses import replace
@@ -22,6 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from mograft import _core
 from mograft.capsules import clearance
+from mograft.dancer import dance
+from mograft.planning import Problem, take
 from mograft.search import Chain, viterbi
 from mograft.substitution import Pool, Row
 from tests import plain
@@ -99,43 +104,131 @@ def speeds(repeats):
     line("collision, 30 candidates x 8 frames x 11 x 11 capsules", ours, theirs)
 
 
+def stream():
+    """Decide segment by segment on a library in a folder, as frames come."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = f"{folder}/dances.mograft"
+        mg.Library.build([dance(seed=seed, strides=4).motion for seed in range(13)]).save(path)
+        library = mg.Library.open(path)
+        base = dance(seed=99, strides=4).motion
+        ball = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0))
+        print(f"\nstream on {library}\n{'':44} {'median':>9} {'99 %':>9} {'most':>9}")
+        for name, constraints in (
+            ("decide a segment", []),
+            ("decide a segment, avoiding a ball", [ball]),
+            ("decide a segment, a ball and oneself", [ball, mg.AvoidSelf()]),
+        ):
+            live = mg.Stream(library, constraints=constraints)
+            decided, taken = [], []
+            for frame in range(base.n_frames):
+                start = time.perf_counter()
+                live.push(base[frame : frame + 1])
+                taken.append(time.perf_counter() - start)
+                while True:
+                    start = time.perf_counter()
+                    piece = live.advance()
+                    spent = time.perf_counter() - start
+                    if piece is None:
+                        break
+                    decided.append(spent)
+            quantiles = np.percentile(decided, [50, 99, 100]) * 1e3
+            print(f"{name:44} " + " ".join(f"{q:6.2f} ms" for q in quantiles), len(decided))
+        for horizon in (1, 8):
+            live = mg.Stream(library, horizon=horizon)
+            behind = []
+            for frame in range(base.n_frames):
+                live.push(base[frame : frame + 1])
+                behind += [frame - piece.stop for piece in live.pieces()]
+            seconds = np.percentile(behind, [50, 100]) / library.rate
+            print(
+                f"behind with a horizon of {horizon}: {seconds[0]:.2f} s, at most {seconds[1]:.2f}"
+            )
+        quantiles = np.percentile(taken, [50, 99, 100]) * 1e3
+        print(f"{'take in a frame':44} " + " ".join(f"{q:6.2f} ms" for q in quantiles))
+
+
+def opened(path):
+    motion = mg.read_bvh(path)
+    return motion.resample(30.0) if motion.rate > 35 else motion
+
+
 def gains(paths):
     name = max(len(Path(path).name) for path in paths)
-    print(f"\n{'mean seam gap':{name}} {'random':>9} {'viterbi':>9} {'less':>7}   exchanged")
+    print(f"\n{'mean seam gap':{name}} {'random':>8} {'sample':>8} {'viterbi':>8}   exchanged")
+    met, counted = 0, 0
     for path in paths:
-        motion = mg.read_bvh(path)
-        if motion.rate > 35:
-            motion = motion.resample(30.0)
-        library = mg.Library.build(motion)
-        chance = replace(library, config=replace(CONFIG, choice="random"))
+        library = mg.Library.build(opened(path))
 
-        def gap(grafts):
+        def gap(choice, seeds, library=library):
+            chosen = replace(library, config=replace(CONFIG, choice=choice))
+            grafts = [mg.graft(chosen, seed=seed) for seed in seeds]
             seams = [np.degrees(s.gap) for graft in grafts for s in graft.seams]
             parts = [not s.is_own for graft in grafts for s in graft.substitutions]
             return (float(np.mean(seams)) if seams else 0.0), float(np.mean(parts))
 
-        random, old = gap([mg.graft(chance, seed=seed) for seed in range(10)])
-        best, new = gap([mg.graft(library)])
-        less = 1 - best / random if random else 0.0
+        random, old = gap("random", range(10))
+        drawn, some = gap("sample", range(10))
+        best, new = gap("viterbi", [0])
+        lower = [1 - own / random if random else 0.0 for own in (drawn, best)]
+        n = len(library.segments)
+        if n >= 15:  # in clips of fewer there are one or two exchanges, or none
+            met, counted = met + (lower[1] >= 0.1), counted + 1
         print(
-            f"{Path(path).name:{name}} {random:8.2f}° {best:8.2f}° {less:6.0%}   "
-            f"{old:.0%} and {new:.0%} of {len(library.segments)} segments"
+            f"{Path(path).name:{name}} {random:7.2f}° {drawn:7.2f}° {best:7.2f}° "
+            f"{lower[0]:5.0%} {lower[1]:5.0%}   {old:4.0%} {some:4.0%} {new:4.0%} of {n}"
         )
+    print(f"viterbi at least 10 % below random: {met} of {counted} clips of 15 segments and more")
+
+
+def reach(paths):
+    """Have the left hand where it is with another segment's part in place of one."""
+    print()
+    for path in paths:
+        library = mg.Library.build(opened(path))
+        rng = np.random.default_rng(0)
+        base, scenario = library.clips[0], library.segments.of_clip(0)
+        cut = take(library.segments, scenario)
+        problem = Problem.of(library, base, scenario, cut, ["upper"], [])
+        hand = next(
+            (n for n in ("LeftHand", "Hand_L", "LeftWrist", "lHand") if n in base.skeleton.names),
+            None,
+        )
+        counts = [len(own) for own in problem.candidates["upper"]]
+        if hand is None or max(counts) < 2:
+            print(f"{Path(path).name}: no left hand of a known name, or no candidate")
+            continue
+        met = 0
+        for _ in range(20):
+            at = int(rng.choice(np.flatnonzero(np.array(counts) > 1)))
+            donors = problem.own
+            others = problem.candidates["upper"][at]
+            donors["upper"][at] = rng.choice(others[others != scenario[at]])
+            frame = int(rng.integers(cut.start[at], cut.stop[at] + 1))
+            place = problem.assembled(donors).world_positions()[frame, base.skeleton.index(hand)]
+            graft = mg.graft(library, constraints=[mg.Reach(hand, tuple(place), frame)])
+            met += not graft.violations
+        print(f"{Path(path).name}: reached {met} of 20 places")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*")
     parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--only", choices=["speeds", "stream", "gains", "reach"])
     options = parser.parse_args()
     if _core.BUILD_PROFILE != "release":
         sys.exit("this is a debug build: pip install . or maturin develop --release")
     warnings.simplefilter("ignore")
     print(f"{platform.machine()} {platform.processor()}, Python {platform.python_version()}, ")
     print(f"NumPy {np.__version__}, {_core.BUILD_PROFILE} build\n")
-    speeds(options.repeats)
-    if options.files:
+    if options.only in (None, "speeds"):
+        speeds(options.repeats)
+    if options.only in (None, "stream"):
+        stream()
+    if options.files and options.only in (None, "gains"):
         gains(options.files)
+    if options.files and options.only in (None, "reach"):
+        reach(options.files)
 
 
 if __name__ == "__main__":

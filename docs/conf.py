@@ -6,6 +6,7 @@ build time from the code itself, so that they cannot fall behind it.
 
 import argparse
 import inspect
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -16,8 +17,12 @@ from matplotlib import pyplot
 import mograft as mg
 from mograft import cli, plot
 from mograft.dancer import dance
+from mograft.stream import joined
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "benches"))
+from collision import Trial  # noqa: E402 - the experiment is a script beside the package
+
 MADE = HERE / "_made"
 
 project = "mograft"
@@ -49,6 +54,7 @@ def make_pictures() -> None:
         "graft": lambda: plot.strip(new.motion[:900], 10, groups="lower_upper"),
         "energy": lambda: plot.energy(motion[:300]),
         "timeline": lambda: plot.timeline(new, frames=(0, 300)),
+        "live": lambda: plot.strip(streamed(library)[300:1200], 10, groups="lower_upper"),
         "pca": lambda: plot.pca(library),
         "dendrogram": lambda: plot.dendrogram(library),
         "clusters": lambda: plot.clusters(library),
@@ -56,10 +62,25 @@ def make_pictures() -> None:
     for name, draw in drawings.items():
         draw().get_figure(root=True).savefig(MADE / f"{name}.png", dpi=110)
         pyplot.close("all")
+    collides = Trial.of(dance(seed=3, strides=1).motion)
+    assert collides is not None
+    collides.draw(MADE / "collision.png")
     mg.view(new.base[:900], new.motion[:900], title="A graft", show=False).save(
         MADE / "pages" / "graft.html", force=True
     )
     mg.report_page([new]).save(MADE / "pages" / "report.html", force=True)
+
+
+def streamed(library: mg.Library) -> mg.Motion:
+    """Return what a stream makes of a dance that comes ten frames at a time."""
+    base = dance(seed=2, strides=1).motion
+    stream = mg.Stream(library, seed=7)
+    pieces = []
+    for frame in range(0, base.n_frames, 10):
+        stream.push(base[frame : frame + 10])
+        pieces += stream.pieces()
+    stream.close()
+    return joined(pieces + stream.pieces())
 
 
 def make_command_line() -> None:

@@ -318,7 +318,7 @@ def reachable_target(problem, rng):
     donors = problem.own
     donors["upper"][position] = rng.choice(others)
     frame = int(rng.integers(problem.cut.start[position], problem.cut.stop[position] + 1))
-    motion = problem._assembled(donors)
+    motion = problem.assembled(donors)
     return tuple(motion.world_positions()[frame, motion.skeleton.index(HAND)]), frame
 
 

@@ -145,7 +145,7 @@ class Motion:
 
     @cached_property
     def travels(self) -> BoolArray:
-        """Which joints' translations vary, shape (n_joints,)."""
+        """Which joints have a translation that varies, in their order."""
         varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
         return varies
 

@@ -267,7 +267,7 @@ class Problem:
         ]
         rows = [len(lists[p]) * (int(self.cut.lengths[p]) + 1) for p in active]
         chunk = np.cumsum(rows) // _CHUNK
-        context = self._assembled(others).rotations if others else self.base.rotations
+        context = self.assembled(others).rotations if others else self.base.rotations
         for _, members in groupby(zip(chunk.tolist(), active, strict=True), lambda own: own[0]):
             positions = np.array([position for _, position in members])
             self._look(group, positions, context, posed, hard, soft)
@@ -389,7 +389,8 @@ class Problem:
             quats[:, part.joints], places[:, part.joints] = part.rotations, part.positions
         return replace(base, rotations=quats, positions=places)
 
-    def _assembled(self, donors: Donors) -> Motion:
+    def assembled(self, donors: Donors) -> Motion:
+        """Return the motion of some donors, its seams closed."""
         return self._laid([donors], 0, len(self.cut))
 
     def excess(
@@ -522,26 +523,31 @@ class Problem:
             ]
             nearest = Chain(tuple(alone), row.chain.after)
             for low, high in windows:
-                first, stop = max(low - 1, 0), min(high + 1, len(self.cut))
                 choices = row.choices(chosen[group])
                 within = Chain(nearest.alone[low:high], nearest.after[low : high - 1])
-                cheapest = best(_between(row.chain, choices, low, high), _TRIALS)
-                stretches = [choices[low:high], *cheapest, *best(within, 4 * _TRIALS)]
-                least, kept = np.inf, chosen
-                for at in range(0, len(stretches), _AT_ONCE):
-                    trials = []
-                    for few in stretches[at : at + _AT_ONCE]:
-                        trial = choices.copy()
-                        trial[low:high] = few
-                        trials.append({**chosen, group: row.donors(trial)})
-                    found = self._excesses(trials, first, stop)
-                    totals = np.sum([own.sum(axis=1) for own in found.values()], axis=0)
-                    if totals.min() < least:
-                        least, kept = float(totals.min()), trials[int(totals.argmin())]
-                    if least == 0:
-                        break
-                chosen = kept
+                trials = [choices]
+                for few in [
+                    *best(_between(row.chain, choices, low, high), _TRIALS),
+                    *best(within, 4 * _TRIALS),
+                ]:
+                    trials.append(choices.copy())
+                    trials[-1][low:high] = few
+                several = [{**chosen, group: row.donors(trial)} for trial in trials]
+                chosen = self._least(several, max(low - 1, 0), min(high + 1, len(self.cut)))
         return chosen
+
+    def _least(self, several: Sequence[Donors], first: int, stop: int) -> Donors:
+        """Return that of several choices which misses least in a stretch, of equals the first."""
+        least, kept = np.inf, several[0]
+        for at in range(0, len(several), _AT_ONCE):
+            some = several[at : at + _AT_ONCE]
+            found = self._excesses(some, first, stop).values()
+            totals = np.sum([own.sum(axis=1) for own in found], axis=0)
+            if totals.min() < least:
+                least, kept = float(totals.min()), some[int(totals.argmin())]
+            if least == 0:
+                break
+        return kept
 
 
 def _widened(missed: BoolArray) -> BoolArray:

@@ -53,17 +53,13 @@ def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
     >>> multiply(quarter, quarter).round(3) + 0.0
     array([0., 0., 1., 0.])
     """
-    ax, ay, az, aw = np.moveaxis(a, -1, 0)
-    bx, by, bz, bw = np.moveaxis(b, -1, 0)
-    product: FloatArray = np.stack(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ],
-        axis=-1,
-    )
+    ax, ay, az, aw = (a[..., k] for k in range(4))
+    bx, by, bz, bw = (b[..., k] for k in range(4))
+    product: FloatArray = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    product[..., 0] = aw * bx + ax * bw + ay * bz - az * by
+    product[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    product[..., 3] = aw * bw - ax * bx - ay * by - az * bz
     return product
 
 
@@ -100,9 +96,17 @@ def rotate(q: FloatArray, vectors: FloatArray) -> FloatArray:
         The turned vectors.
     """
     xyz, w = q[..., :3], q[..., 3:]
-    sideways = 2.0 * np.cross(xyz, vectors)
-    turned: FloatArray = vectors + w * sideways + np.cross(xyz, sideways)
+    sideways = 2.0 * _cross(xyz, vectors)
+    turned: FloatArray = vectors + w * sideways + _cross(xyz, sideways)
     return turned
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return what `np.cross` does, which takes three times as long for a few vectors."""
+    across: FloatArray = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    for k, m, n in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        across[..., k] = a[..., m] * b[..., n] - a[..., n] * b[..., m]
+    return across
 
 
 def about(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:

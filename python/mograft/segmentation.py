@@ -219,11 +219,9 @@ class Cutter:
     Notes
     -----
     `segment` merges short segments beginning with the shortest of all; here with the shortest
-    of those not settled, and the first is settled once there are `_AHEAD` after it. Where a
-    curve does not turn for `Config.max_length` it is cut there, not in equal parts.
+    of those not settled, and one is settled when there is a next one. Where a curve does not
+    turn for `Config.max_length` it is cut there, not in equal parts.
     """
-
-    _AHEAD = 3
 
     def __init__(self, rate: float, config: Config) -> None:
         self.bounds: list[int] = []
@@ -296,7 +294,7 @@ class Cutter:
 
     def _settle(self) -> None:
         bounds = self._tentative(self._turns)
-        while len(bounds) - 1 > self._AHEAD:
+        while len(bounds) > 2:
             if not self._settled:
                 self.bounds.append(0)
             self._settled = bounds[1]

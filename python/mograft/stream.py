@@ -329,8 +329,9 @@ class Stream:
             }
             place.alone[group] = place.flat
             if place.posed:
-                every = self._lay(place, group, np.arange(len(donors)), None)
-                place.alone[group] = place.flat + self._misses(place, group, every, place.local)
+                raw, _ = self._sampled(place, group, np.arange(len(donors)))
+                values = raw[:, : place.length + 1]
+                place.alone[group] = place.flat + self._misses(place, group, values, place.local)
         self._places.append(place)
 
     def _origins(self, own: Segments, mates: IntArray) -> tuple[FloatArray, BoolArray]:
@@ -350,13 +351,13 @@ class Stream:
         return costs, passes
 
     def _misses(
-        self, place: "_Place", group: str, laid: "_Laid", context: FloatArray
+        self, place: "_Place", group: str, values: FloatArray, context: FloatArray
     ) -> FloatArray:
         """Return what donors that are laid cost for the constraints that they miss."""
-        n = len(laid.values)
+        n = len(values)
         cost = np.zeros(n)
         local = np.tile(context, (n, 1, 1))
-        local[:, self._members[group]] = laid.values.reshape(-1, *laid.values.shape[2:])
+        local[:, self._members[group]] = values.reshape(-1, *values.shape[2:])
         poses = self._posed(place, local)
         for constraint in place.posed:
             error, _ = constraint.errors(poses, self._owner[group])
@@ -410,7 +411,7 @@ class Stream:
             past, alone, every = self._past.get(group), place.flat, None
             if place.posed:
                 every = self._lay(place, group, np.arange(len(place.donors)), past)
-                alone = place.flat + self._misses(place, group, every, local)
+                alone = place.flat + self._misses(place, group, every.values, local)
             chosen[group] = at = self._first(self._chain(group, alone))
             if every is None:
                 laid[group] = self._lay(place, group, np.array([at]), past)
@@ -441,9 +442,14 @@ class Stream:
         temperature = config.temperature if config.choice == "sample" else 1.0
         return int(sample(chain, temperature, self._rng)[0])
 
-    def _lay(self, place: "_Place", group: str, some: IntArray, past: "_Past | None") -> "_Laid":
-        """Put donors into their place, each going on from where the one before has ended."""
-        joints, rate, n = self._members[group], self._library.rate, place.length
+    def _sampled(
+        self, place: "_Place", group: str, some: IntArray
+    ) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+        """Return donors stretched to a place, as they are, and their speeds at both ends.
+
+        Behind the frames there are two moments just before the end.
+        """
+        joints, n = self._members[group], place.length
         tracks = [
             place.track if donor < 0 else self._donors.track(donor)
             for donor in place.donors[some].tolist()
@@ -451,31 +457,38 @@ class Stream:
         frames = np.array([len(track) for track in tracks])
         starts, lengths = np.cumsum(frames) - frames + 1, frames - 3
         track = np.ascontiguousarray(np.concatenate(tracks)[:, joints])
-        # How it moves at the end is seen in two moments just before.
         steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
         # In this order whole results of the division are exact.
         times = starts[:, None] + steps * lengths[:, None] / n
-        raw = cubic(np.arange(len(track)), track, times.ravel())
-        pace = (rate * lengths / n)[:, None, None]
-        arriving, leaving = (_velocities(track, at) * pace for at in (starts, starts + lengths))
-        raw = raw.reshape(len(some), n + 3, -1, 4)
-        values = raw
-        if past is not None:
-            treatment = dead if self._config.seam == "dead" else inertial
-            piece = np.repeat(np.arange(1, len(some) + 1), n + 3)
-            # What a short segment has no time for goes on in the next: it meets what was laid.
-            longest = np.full(len(some) + 1, np.inf)
-            moments = Moments(piece, np.tile(steps / rate, len(some)), longest)
-            before = np.broadcast_to(past.pose, (len(some), *past.pose.shape))
-            speed = np.broadcast_to(past.speed, arriving.shape)
-            met = Ends(before, raw[:, 0], speed, arriving)
-            flat = raw.reshape(-1, *raw.shape[2:])
-            values = treatment(TURNS, flat, moments, met, self._config.seam_blend)
-            values = values.reshape(raw.shape)
-            back, further = (TURNS.way(values[:, n], values[:, n + k]) for k in (1, 2))
-            moved = (0.5 * further - 2.0 * back) * (rate / _MOMENT)
-            settled = (values[:, n:] == raw[:, n:]).all(axis=(1, 3))
-            leaving = np.where(settled[..., None], leaving, moved)
+        values = cubic(np.arange(len(track)), track, times.ravel())
+        pace = (self._library.rate * lengths / n)[:, None, None]
+        ends = np.concatenate([starts, starts + lengths])
+        before, here, after = (track[ends + step] for step in (-1, 0, 1))
+        speeds = 0.5 * (TURNS.way(before, here) + TURNS.way(here, after))
+        arriving, leaving = speeds.reshape(2, len(some), -1, 3) * pace
+        return values.reshape(len(some), n + 3, -1, 4), (arriving, leaving)
+
+    def _lay(self, place: "_Place", group: str, some: IntArray, past: "_Past | None") -> "_Laid":
+        """Put donors into their place, each going on from where the one before has ended."""
+        rate, n = self._library.rate, place.length
+        raw, (arriving, leaving) = self._sampled(place, group, some)
+        if past is None:
+            return _Laid(raw[:, : n + 1], raw[:, n], leaving)
+        treatment = dead if self._config.seam == "dead" else inertial
+        steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
+        piece = np.repeat(np.arange(1, len(some) + 1), n + 3)
+        # What a short segment has no time for goes on in the next: it meets what was laid.
+        longest = np.full(len(some) + 1, np.inf)
+        moments = Moments(piece, np.tile(steps / rate, len(some)), longest)
+        before = np.broadcast_to(past.pose, (len(some), *past.pose.shape))
+        speed = np.broadcast_to(past.speed, arriving.shape)
+        met = Ends(before, raw[:, 0], speed, arriving)
+        flat = raw.reshape(-1, *raw.shape[2:])
+        values = treatment(TURNS, flat, moments, met, self._config.seam_blend).reshape(raw.shape)
+        back, further = (TURNS.way(values[:, n], values[:, n + k]) for k in (1, 2))
+        moved = (0.5 * further - 2.0 * back) * (rate / _MOMENT)
+        settled = (values[:, n:] == raw[:, n:]).all(axis=(1, 3))
+        leaving = np.where(settled[..., None], leaving, moved)
         return _Laid(values[:, : n + 1], values[:, n], leaving)
 
     def _committed(
@@ -788,15 +801,6 @@ def _with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
         ways = TURNS.way(track[-1 - min(2, steps) : -1], track[-min(2, steps) :])
         rows.append(TURNS.move(track[-1:], 2.0 * ways[-1:] - ways[:1]))
     return np.concatenate(rows)
-
-
-def _velocities(track: FloatArray, frames: IntArray) -> FloatArray:
-    """Return velocities per frame, those of the curve that frames are sampled from."""
-    here = track[frames]
-    mean: FloatArray = 0.5 * (
-        TURNS.way(track[frames - 1], here) + TURNS.way(here, track[frames + 1])
-    )
-    return mean
 
 
 def _one(start: int, stop: int, clip: int = 0) -> Segments:
