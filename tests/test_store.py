@@ -544,7 +544,7 @@ def test_a_full_disk_leaves_what_was_there_and_is_told_by_file(clips, tmp_path):
     assert told.value.filename.startswith(str(tmp_path / "l"))
     draft = store.Draft(tmp_path, tmp_path / "x", None, 9)
     (tmp_path / "0009" / "catalog.sqlite").mkdir()
-    with pytest.raises(LibraryError, match="catalog.sqlite cannot be written"):
+    with pytest.raises(LibraryError, match=r"catalog\.sqlite cannot be written"):
         draft.write_catalogue([], [], {}, np.zeros((0, 4), np.int64), {})
     shutil.rmtree(tmp_path / "0009")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]

@@ -3,7 +3,7 @@
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -28,7 +28,7 @@ from mograft.digest import (
     same_rate,
     settle,
 )
-from mograft.embedding import CHUNK, Embedding, embed
+from mograft.embedding import CHUNK, Embedding, embed, means_of
 from mograft.embedding import Source as SampleSource
 from mograft.errors import MograftError
 from mograft.groups import JointGroups
@@ -318,16 +318,26 @@ def _warn(entries: Sequence[Entry], rate: float) -> None:
 def _embedded(
     samples: SampleSource, groups: JointGroups, terms: Terms, tell: Progress
 ) -> dict[str, Embedding | None]:
-    embedding: dict[str, Embedding | None] = {}
     members = groups.resolve(terms.skeleton)
-    for index, (name, joints) in enumerate(members.items()):
-        tell("comparing", index, len(members))
-        counted = feature_joints(terms.skeleton, joints)
-        if terms.root in joints:
+    tell("comparing", 0, len(members))
+    means = means_of(samples, terms.skeleton.n_joints)
+
+    def embedded(name: str) -> Embedding | None:
+        counted = feature_joints(terms.skeleton, members[name])
+        if terms.root in members[name]:
             counted = np.union1d(counted, [terms.root])
-        embedding[name] = embed(samples, counted, terms.config, root=terms.root, group=name)
-    tell("comparing", len(members), len(members))
-    return embedding
+        return embed(samples, counted, means, terms.config, root=terms.root, group=name)
+
+    found = {}
+    with ThreadPoolExecutor(min(len(members), os.cpu_count() or 1, _AT_ONCE)) as threads:
+        for name, own in zip(members, threads.map(embedded, members), strict=True):
+            found[name] = own
+            tell("comparing", len(found), len(members))
+    return found
+
+
+_AT_ONCE = 2
+"""Groups that are compared at once: each takes some hundred megabytes."""
 
 
 # Libraries in folders.
@@ -439,7 +449,9 @@ def write(
         samples,
         refused,
     )
+    digesting.tell("writing", 0, 1)
     finish(draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate)
+    digesting.tell("writing", 1, 1)
 
 
 def _is_new(slot: _Slot, there: Mapping[str, Entry]) -> bool:

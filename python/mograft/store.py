@@ -679,22 +679,8 @@ class Draft:
 
         `segments` has the columns clip, start, stop and is_donor.
         """
-        try:
-            self._write_catalogue(entries, places, refused, segments, labels)
-        except sqlite3.Error as error:
-            raise LibraryError(f"{self.folder / CATALOGUE} cannot be written: {error}") from error
-        self._names.append(CATALOGUE)
-
-    def _write_catalogue(
-        self,
-        entries: Sequence[Entry],
-        places: Sequence[Place],
-        refused: Mapping[str, str],
-        segments: npt.NDArray[np.int64],
-        labels: Mapping[str, IntArray],
-    ) -> None:
         inside = [_inward(entry, self.final) for entry in entries]
-        with contextlib.closing(sqlite3.connect(self.folder / CATALOGUE)) as base, base:
+        with _database(self.folder / CATALOGUE) as base:
             base.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _TABLES)
             base.executemany(
                 "INSERT INTO skeleton VALUES (?, ?)",
@@ -718,6 +704,7 @@ class Draft:
                 base.executemany(
                     "INSERT INTO label VALUES (?, ?, ?)", [(group, *row) for row in rows]
                 )
+        self._names.append(CATALOGUE)
 
     def commit(self, about: Mapping[str, Any]) -> None:
         """Make this generation the library."""
@@ -900,6 +887,17 @@ def _sync(path: Path) -> None:
 
 
 # The catalogue.
+
+
+@contextlib.contextmanager
+def _database(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a new database; what goes wrong is told with its name."""
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as base, base:
+            yield base
+    except sqlite3.Error as error:
+        raise LibraryError(f"{path} cannot be written: {error}") from error
+
 
 _TABLES = """
 CREATE TABLE skeleton (id INTEGER PRIMARY KEY, json TEXT NOT NULL);
