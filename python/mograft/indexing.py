@@ -3,7 +3,7 @@
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -321,23 +321,14 @@ def _embedded(
     members = groups.resolve(terms.skeleton)
     tell("comparing", 0, len(members))
     means = means_of(samples, terms.skeleton.n_joints)
-
-    def embedded(name: str) -> Embedding | None:
-        counted = feature_joints(terms.skeleton, members[name])
-        if terms.root in members[name]:
-            counted = np.union1d(counted, [terms.root])
-        return embed(samples, counted, means, terms.config, root=terms.root, group=name)
-
     found = {}
-    with ThreadPoolExecutor(min(len(members), os.cpu_count() or 1, _AT_ONCE)) as threads:
-        for name, own in zip(members, threads.map(embedded, members), strict=True):
-            found[name] = own
-            tell("comparing", len(found), len(members))
+    for name, joints in members.items():
+        counted = feature_joints(terms.skeleton, joints)
+        if terms.root in joints:
+            counted = np.union1d(counted, [terms.root])
+        found[name] = embed(samples, counted, means, terms.config, root=terms.root, group=name)
+        tell("comparing", len(found), len(members))
     return found
-
-
-_AT_ONCE = 2
-"""Groups that are compared at once: each takes some hundred megabytes."""
 
 
 # Libraries in folders.
