@@ -121,7 +121,7 @@ def test_files_and_globs_are_read_in_order_of_name(motion, tmp_path):
     assert len(Library.build(tmp_path / "a.bvh").clips) == 1
     with pytest.raises(FileNotFoundError, match="no file matches"):
         Library.build(str(tmp_path / "*.fbx"))
-    with pytest.raises(FileNotFoundError, match="no such file"):
+    with pytest.raises(FileNotFoundError, match="No such file"):
         Library.index([tmp_path / "a.bvh", tmp_path / "missing.bvh"], tmp_path / "library")
 
 
