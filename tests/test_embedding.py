@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as npst
 from sklearn.decomposition import PCA
 
 from mograft import Config, Segments, rotations, segment
-from mograft.embedding import Spread, embed, features, mean_rotations, moments, normalise
+from mograft.embedding import Spread, embed, features, mean_rotations, means_of, moments, normalise
 from mograft.embedding import pca as components_of
 from tests import plain
 from tests.strategies import SEEDS, motions, quaternions, same_rotations, wander
@@ -168,7 +168,14 @@ def test_a_projected_segment_is_where_it_was_embedded():
     motion = next_motion(np.random.default_rng(3), 4)
     cut = segment(motion)
     samples = normalise([motion], cut, ROBUST, **PLACE)
-    own = embed(samples, np.arange(4), ROBUST, root=0, group="all")
+    own = embed(
+        samples,
+        np.arange(4),
+        means_of(samples, samples.rotations.shape[2]),
+        ROBUST,
+        root=0,
+        group="all",
+    )
     matrix = features(samples, own.joints, own.reference, has_root=True)
     np.testing.assert_allclose(own.project(matrix), own.points, atol=1e-10)
 
@@ -181,7 +188,17 @@ def test_nothing_to_compare_is_said():
     ):
         samples = normalise([motion], cut, ROBUST, **PLACE)
         with pytest.warns(UserWarning, match=message):
-            assert embed(samples, np.arange(4), ROBUST, root=0, group="all") is None
+            assert (
+                embed(
+                    samples,
+                    np.arange(4),
+                    means_of(samples, samples.rotations.shape[2]),
+                    ROBUST,
+                    root=0,
+                    group="all",
+                )
+                is None
+            )
 
 
 def test_poses_a_half_turn_from_the_mean_are_warned_of():
@@ -191,7 +208,14 @@ def test_poses_a_half_turn_from_the_mean_are_warned_of():
     spun = replace(motion, rotations=quats)
     samples = normalise([spun], segment(spun), ROBUST, **PLACE)
     with pytest.warns(UserWarning, match="nearly a half turn from the mean"):
-        embed(samples, np.array([1]), ROBUST, root=0, group="arm")
+        embed(
+            samples,
+            np.array([1]),
+            means_of(samples, samples.rotations.shape[2]),
+            ROBUST,
+            root=0,
+            group="arm",
+        )
 
 
 def test_what_is_kept_between_passes_changes_nothing(monkeypatch):
@@ -204,6 +228,13 @@ def test_what_is_kept_between_passes_changes_nothing(monkeypatch):
     plain = None
     for room in (0, 8 * 700, 8 * 1500, 1 << 30):
         monkeypatch.setattr(embedding, "_AT_HAND", room)
-        own = embed(samples, np.arange(4), ROBUST, root=0, group="all")
+        own = embed(
+            samples,
+            np.arange(4),
+            means_of(samples, samples.rotations.shape[2]),
+            ROBUST,
+            root=0,
+            group="all",
+        )
         plain = own.points if plain is None else plain
         np.testing.assert_array_equal(own.points, plain)

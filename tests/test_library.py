@@ -121,8 +121,8 @@ def test_files_and_globs_are_read_in_order_of_name(motion, tmp_path):
     assert len(Library.build(tmp_path / "a.bvh").clips) == 1
     with pytest.raises(FileNotFoundError, match="no file matches"):
         Library.build(str(tmp_path / "*.fbx"))
-    with pytest.raises(FileNotFoundError):
-        Library.build(str(tmp_path / "missing.bvh"))
+    with pytest.raises(FileNotFoundError, match="No such file"):
+        Library.index([tmp_path / "a.bvh", tmp_path / "missing.bvh"], tmp_path / "library")
 
 
 def test_other_rates_are_resampled_to_the_commonest_and_said(motion):

@@ -527,6 +527,31 @@ def test_an_error_at_any_stage_leaves_what_was_there(clips, tmp_path, monkeypatc
     same(Library.open(tmp_path / "l"), library)
 
 
+def test_a_full_disk_leaves_what_was_there_and_is_told_by_file(clips, tmp_path):
+    """Files that may not grow stand for a disk that is full."""
+    resource = pytest.importorskip("resource", reason="needs limits on the size of files")
+    library = Library.index(clips / "c.bvh", tmp_path / "l")
+    largest = max(path.stat().st_size for path in files_of(tmp_path / "l"))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest + 4096, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as told:
+            library.add(clips)
+        with pytest.raises(OSError, match="File too large"):
+            Library.index(clips, tmp_path / "new")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert told.value.filename.startswith(str(tmp_path / "l"))
+    draft = store.Draft(tmp_path, tmp_path / "x", None, 9)
+    (tmp_path / "0009" / "catalog.sqlite").mkdir()
+    with pytest.raises(LibraryError, match=r"catalog\.sqlite cannot be written"):
+        draft.write_catalogue([], [], {}, np.zeros((0, 4), np.int64), {})
+    shutil.rmtree(tmp_path / "0009")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
+    assert store.leftovers(tmp_path / "l") == []
+    same(Library.open(tmp_path / "l"), library)
+
+
 def test_a_library_can_be_moved_with_its_clips(clips, tmp_path):
     folder = moved(clips, tmp_path / "here" / "clips", NAMES)
     Library.index(folder, tmp_path / "here" / "l")

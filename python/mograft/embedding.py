@@ -17,7 +17,16 @@ from mograft.motion import Motion
 from mograft.resample import segments, segments_positions
 from mograft.segmentation import Segments
 
-__all__ = ["Embedding", "Samples", "Source", "embed", "features", "normalise", "pca"]
+__all__ = [
+    "Embedding",
+    "Samples",
+    "Source",
+    "embed",
+    "features",
+    "means_of",
+    "normalise",
+    "pca",
+]
 
 CHUNK = 1024
 """Segments that are held at a time. Sums are taken chunk by chunk in the order of segments, so
@@ -353,17 +362,33 @@ def pca(
     return scale, kept * np.where(largest < 0, -1.0, 1.0), np.maximum(variances, 0.0)
 
 
+def means_of(samples: Source, n_joints: int) -> FloatArray:
+    """Return the mean rotation of each joint in all segments, shape (n_joints, 4)."""
+    summed = np.zeros((n_joints, 4, 4))
+    for part in samples.chunks(np.arange(n_joints)):
+        summed += moments(part.rotations.reshape(-1, n_joints, 4))
+    return mean_rotations(summed)
+
+
 def embed(
-    samples: Source, joints: IntArray, config: Config, *, root: int, group: str
+    samples: Source,
+    joints: IntArray,
+    means: FloatArray,
+    config: Config,
+    *,
+    root: int,
+    group: str,
 ) -> Embedding | None:
     """Embed the segments of one joint group.
 
     Parameters
     ----------
     samples : Samples or other source of them
-        The normalised segments. They are gone through three times, a chunk at a time.
+        The normalised segments. They are gone through twice, a chunk at a time.
     joints : ndarray of int
         The group's joints whose rotations count.
+    means : ndarray, shape (n_joints, 4)
+        The mean rotation of each joint of the skeleton.
     config : Config
         Gives `components`, the floors and `keep_heading`.
     root : int
@@ -379,10 +404,7 @@ def embed(
     """
     n, n_joints = len(samples), len(joints)
     has_root = bool((joints == root).any())
-    summed = np.zeros((n_joints, 4, 4))
-    for part in samples.chunks(joints):
-        summed += moments(part.rotations.reshape(-1, n_joints, 4))
-    reference = mean_rotations(summed)
+    reference = means[joints]
     if has_root and not config.keep_heading:
         reference[joints == root] = rotations.IDENTITY
     everything = np.arange(n_joints)
@@ -392,6 +414,8 @@ def embed(
     def matrices() -> Iterator[FloatArray]:
         yield from at_hand
         known = len(at_hand)
+        if known * CHUNK >= n:
+            return
         for number, part in enumerate(islice(samples.chunks(joints), known, None), known):
             matrix = features(part, everything, reference, has_root=has_root)
             # Features are computed anew for the second pass, but for the first that fit.

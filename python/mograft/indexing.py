@@ -30,7 +30,7 @@ from mograft.digest import (
     same_rate,
     settle,
 )
-from mograft.embedding import CHUNK, Embedding, embed, normalise
+from mograft.embedding import CHUNK, Embedding, embed, means_of, normalise
 from mograft.embedding import Source as SampleSource
 from mograft.errors import MograftError
 from mograft.groups import JointGroups
@@ -376,16 +376,17 @@ def _warn(entries: Sequence[Entry], rate: float) -> None:
 def _embedded(
     samples: SampleSource, groups: JointGroups, terms: Terms, tell: Progress
 ) -> dict[str, Embedding | None]:
-    embedding: dict[str, Embedding | None] = {}
     members = groups.resolve(terms.skeleton)
-    for index, (name, joints) in enumerate(members.items()):
-        tell("comparing", index, len(members))
+    tell("comparing", 0, len(members))
+    means = means_of(samples, terms.skeleton.n_joints)
+    found = {}
+    for name, joints in members.items():
         counted = feature_joints(terms.skeleton, joints)
         if terms.root in joints:
             counted = np.union1d(counted, [terms.root])
-        embedding[name] = embed(samples, counted, terms.config, root=terms.root, group=name)
-    tell("comparing", len(members), len(members))
-    return embedding
+        found[name] = embed(samples, counted, means, terms.config, root=terms.root, group=name)
+        tell("comparing", len(found), len(members))
+    return found
 
 
 # Libraries in folders.
@@ -497,7 +498,9 @@ def write(
         samples,
         refused,
     )
+    digesting.tell("writing", 0, 1)
     finish(draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate)
+    digesting.tell("writing", 1, 1)
 
 
 def _is_new(slot: _Slot, there: Mapping[str, Entry]) -> bool:

@@ -76,7 +76,7 @@ def find(sources: Source | Iterable[Source]) -> list[Found]:
         if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
             raise FileNotFoundError(f"no file matches {path}")
         if not matches and not os.path.lexists(path):
-            raise FileNotFoundError(2, "no such file", path)
+            raise FileNotFoundError(2, "No such file or directory", path)
         found += [Found(match) for match in matches or [path]]
     if not found:
         raise ValueError("sources must hold at least one clip, got none")

@@ -489,22 +489,36 @@ class _Growing:
 
     def append(self, rows: npt.NDArray[Any]) -> None:
         self.rows += len(rows)
-        self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
+        with self._named():
+            self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
 
     def read(self, start: int, stop: int) -> npt.NDArray[Any]:
         """Return rows that were appended."""
         width = int(np.prod(self._row, dtype=np.int64))
-        self._stream.flush()
+        with self._named():
+            self._stream.flush()
         with self.path.open("rb") as stream:
             stream.seek(_HEADER + start * width * self._dtype.itemsize)
             found = np.fromfile(stream, self._dtype, (stop - start) * width)
         return found.reshape(stop - start, *self._row)
 
     def close(self) -> None:
-        if not self._stream.closed:
+        with self._named():
             self._stream.seek(0)
             self._stream.write(_npy_header(self._dtype.str, (self.rows, *self._row)))
             self._stream.close()
+
+    def abandon(self) -> None:
+        with contextlib.suppress(OSError):  # what is lost was not to be kept
+            self._stream.close()
+
+    @contextlib.contextmanager
+    def _named(self) -> Iterator[None]:
+        """Say of what file it is if the disk is full."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.path)) from error
 
 
 class Draft:
@@ -554,7 +568,7 @@ class Draft:
 
     def restart(self) -> None:
         """Forget all that was taken, and begin a shard of this generation's own."""
-        self.close()
+        self.abandon()
         for path in self.folder.iterdir():
             path.unlink()
         self._seals.clear()
@@ -647,13 +661,10 @@ class Draft:
         path = self.folder / f"{name}.npy"
         path.parent.mkdir(exist_ok=True)
         several = iter([pieces]) if isinstance(pieces, np.ndarray) else pieces
-        growing: _Growing | None = None
         for piece in several:
-            if growing is None:
-                growing = _Growing(path, dtype, piece.shape[1:])
-            growing.append(piece)
-        if growing is not None:
-            growing.close()
+            self._growing(name, dtype, piece.shape[1:]).append(piece)
+        if name in self._open:
+            self._open.pop(name).close()
             self._names.append(f"{name}.npy")
 
     def write_catalogue(
@@ -669,7 +680,7 @@ class Draft:
         `segments` has the columns clip, start, stop and is_donor.
         """
         inside = [_inward(entry, self.final) for entry in entries]
-        with contextlib.closing(sqlite3.connect(self.folder / CATALOGUE)) as base, base:
+        with _database(self.folder / CATALOGUE) as base:
             base.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _TABLES)
             base.executemany(
                 "INSERT INTO skeleton VALUES (?, ?)",
@@ -698,7 +709,7 @@ class Draft:
     def commit(self, about: Mapping[str, Any]) -> None:
         """Make this generation the library."""
         self._shelve()
-        self.close()
+        self.abandon()  # the edges of whole clips, of which each group has its own now
         for path in self.folder.glob("edges-*.npy"):
             path.unlink()
         names = [f"{self._generation}/{name}" for name in self._names]
@@ -725,10 +736,10 @@ class Draft:
             self._root.rename(self.final)
             _sync(self.final.parent)
 
-    def close(self) -> None:
-        """Close all files."""
+    def abandon(self) -> None:
+        """Close the files that are not complete."""
         for growing in self._open.values():
-            growing.close()
+            growing.abandon()
 
     @property
     def skeletons(self) -> tuple[Skeleton, ...]:
@@ -799,7 +810,7 @@ def _drafted(draft: Draft) -> Iterator[Draft]:
     try:
         yield draft
     finally:
-        draft.close()
+        draft.abandon()
 
 
 def _check_ours(folder: Path) -> None:
@@ -876,6 +887,17 @@ def _sync(path: Path) -> None:
 
 
 # The catalogue.
+
+
+@contextlib.contextmanager
+def _database(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a new database; what goes wrong is told with its name."""
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as base, base:
+            yield base
+    except sqlite3.Error as error:
+        raise LibraryError(f"{path} cannot be written: {error}") from error
+
 
 _TABLES = """
 CREATE TABLE skeleton (id INTEGER PRIMARY KEY, json TEXT NOT NULL);
