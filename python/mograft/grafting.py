@@ -391,6 +391,7 @@ class _Plan:
                 library.config,
                 root=library.root,
                 up=library.up,
+                guides=problem.guides,
             )
             parts.append(part)
             substitutions += _substitutions(problem, group, donors)

@@ -14,6 +14,7 @@ from itertools import groupby
 import numpy as np
 
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.anatomy import feature_joints
 from mograft.config import Config
 from mograft.constraints import AvoidSelf, Constraint, MaxAngle, Poses
 from mograft.library import Library
@@ -157,6 +158,13 @@ class Problem:
         for joint, parent in enumerate(skeleton.parents):
             name[joint] = own.get(joint, name[parent] if parent >= 0 else "")
         return {group: np.array([n == group for n in name]) for group in self.pools}
+
+    @cached_property
+    def guides(self) -> IntArray:
+        """The joints by which donors' times are aligned: the base group's, but for the root."""
+        library = self.library
+        joints = feature_joints(library.skeleton, library.joints(library.groups.base))
+        return np.setdiff1d(joints, [library.root])
 
     def narrowed(self, chosen: Donors) -> "Problem":
         """Return the problem with other donors only where a choice misses something, and near."""
@@ -343,7 +351,9 @@ class Problem:
             taken = take(self.library.segments, chosen[some])
             library, joints = self.library, self.library.joints(group)
             clips, config = library.clips, library.config
-            parts.append(transplant(base, cut, taken, clips, joints, config, up=library.up))
+            guides, up = self.guides, library.up
+            part = transplant(base, cut, taken, clips, joints, config, up=up, guides=guides)
+            parts.append(part)
         return recombine(base, parts, "")
 
     def _assembled(self, donors: Donors) -> Motion:

@@ -7,6 +7,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.alignment import Warp
 from mograft.anatomy import anatomy
 from mograft.config import Config
 from mograft.motion import Motion
@@ -62,6 +63,7 @@ def transplant(
     *,
     root: int | None = None,
     up: int = 1,
+    guides: IntArray | None = None,
 ) -> Part:
     """Let a joint group do what it does in other segments, and join these smoothly.
 
@@ -78,13 +80,16 @@ def transplant(
     joints : ndarray of int
         The joints of the group.
     config : Config
-        Gives `seam`, `seam_window`, `seam_blend` and `torso`.
+        Gives `seam`, `seam_window`, `seam_blend`, `alignment` and `torso`.
     root : int, optional
         The joint that carries the body through the world. Where it is one of `joints`, every
         donor goes on from the place and heading that the one before has come to, the first
         from the base's own. Default: none does.
     up : int
         The axis that points up: 0, 1 or 2.
+    guides : ndarray of int, optional
+        The base group's joints, by which donors are aligned with ``alignment="dtw"``. Without
+        them they are stretched evenly.
 
     Returns
     -------
@@ -114,6 +119,8 @@ def transplant(
     travels = _travels(clips, joints)
     shifts = [clip.positions[:, joints[travels]] for clip in clips]
     laid = _Laid(cut, donors, base.rate)
+    if config.alignment == "dtw" and guides is not None:
+        laid = replace(laid, warp=Warp.of(base, cut, donors, clips, guides))
     seams = laid.true_seams(tracks)
     carries = root is not None and bool((joints == root).any())
     if root is not None and carries:
@@ -206,6 +213,7 @@ class _Laid:
     donors: Segments
     rate: float
     place: "_Place | None" = None
+    warp: Warp | None = None
 
     def frames(self) -> tuple[IntArray, FloatArray]:
         """Return the moments of all frames; where segments meet, of both."""
@@ -228,6 +236,9 @@ class _Laid:
         donors = self.donors
         # In this order whole results of the division are exact.
         passed = step * donors.lengths[segment] / self.cut.lengths[segment]
+        if self.warp is not None:
+            bent = self.warp.at(segment, step / self.cut.lengths[segment])
+            passed = np.where(self.warp.is_bent[segment], bent * donors.lengths[segment], passed)
         clip = donors.clip[segment]
         values = np.empty((len(segment), *tracks[0].shape[1:]))
         for index in np.unique(clip):
@@ -242,13 +253,16 @@ class _Laid:
     def ends(self, algebra: Algebra, tracks: Sequence[FloatArray], seams: IntArray) -> Ends:
         """Return what meets where the segments `seams` end and those after them start."""
         donors = self.donors
-        pace = self.rate * (donors.lengths / self.cut.lengths)[:, None, None]
+        pace = np.tile((self.rate * donors.lengths / self.cut.lengths)[:, None], (1, 2))
+        if self.warp is not None:
+            pace *= np.where(self.warp.is_bent[:, None], self.warp.paces[:, [0, -1]], 1.0)
+        pace = pace[..., None, None]
         before, leaving = states(algebra, tracks, donors.clip[seams], donors.stop[seams])
         after, arriving = states(algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1])
         if self.place is not None:
             self.place.put(algebra, before, seams, leaving)
             self.place.put(algebra, after, seams + 1, arriving)
-        return Ends(before, after, leaving * pace[seams], arriving * pace[seams + 1])
+        return Ends(before, after, leaving * pace[seams, 1], arriving * pace[seams + 1, 0])
 
     def pieces(self, seams: IntArray, segment: IntArray, step: FloatArray) -> Moments:
         """Return moments as times in the pieces between segments `seams` and those after them."""
@@ -279,6 +293,8 @@ class _Laid:
 
         donors = self.donors
         as_long = donors.lengths == self.cut.lengths
+        if self.warp is not None:
+            as_long &= ~self.warp.is_bent
         ends = around(donors.clip[:-1], donors.stop[:-1])
         starts = around(donors.clip[1:], donors.start[1:])
         same = (ends == starts).all(axis=tuple(range(1, ends.ndim)))
