@@ -392,6 +392,7 @@ class _Plan:
                 root=library.root,
                 up=library.up,
                 guides=problem.guides,
+                held=problem.held[group],
             )
             parts.append(part)
             substitutions += _substitutions(problem, group, donors)
@@ -442,7 +443,13 @@ class _Plan:
         """Make feet stand where they do in the clips that their legs come from."""
         library, skeleton = self.problem.library, new.skeleton
         limbs = legs(skeleton)
-        donors = {int(j): own for group, own in chosen.items() for j in library.joints(group)}
+        held = self.problem.held
+        donors = {
+            int(j): own
+            for group, own in chosen.items()
+            for j in library.joints(group)
+            if j not in held[group]
+        }
         grafted = [
             [j for j in _above(skeleton, limb.ankle, library.root) if j in donors] for limb in limbs
         ]

@@ -16,6 +16,7 @@ from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body
+from mograft.channels import HeldSamples, ends_alone, samples_alone
 from mograft.clustering import cut, threshold
 from mograft.config import Config
 from mograft.digest import (
@@ -501,6 +502,8 @@ class Library:
             raise ValueError(f"group must be one of {', '.join(self.edges)}, got {group!r}")
         base = self.groups.base
         compared = self.embedding[base]
+        held, joints = self.groups.held(self.skeleton), self.joints(group)
+        ends = ends_alone(self.edges[group], joints, self.skeleton, held[group])
         return Pool(
             self.segments,
             self.labels[base],
@@ -508,7 +511,7 @@ class Library:
             rate=self.rate,
             points=None if compared is None else compared.points,
             sigma=self.sigma[base],
-            **self.edges[group],
+            **ends,
         )
 
     def candidates(
@@ -723,8 +726,11 @@ class Library:
         m, n_joints = self.config.samples, motion.n_joints
         samples = Samples.unpack(samples.packed(), m, n_joints)
         ends = edges(motion, own)
+        held = self.groups.held(self.skeleton)
         embedding = {
-            group: None if seen is None else _with_points(seen, samples)
+            group: None
+            if seen is None
+            else _with_points(seen, samples_alone(samples, self.skeleton, held[group]))
             for group, seen in self.embedding.items()
         }
         labels = {
@@ -993,13 +999,19 @@ def _embedded(
     samples: SampleSource, groups: JointGroups, terms: Terms, tell: Progress
 ) -> dict[str, Embedding | None]:
     embedding: dict[str, Embedding | None] = {}
-    members = groups.resolve(terms.skeleton)
+    members, held = groups.resolve(terms.skeleton), groups.held(terms.skeleton)
     for index, (name, joints) in enumerate(members.items()):
         tell("comparing", index, len(members))
         counted = feature_joints(terms.skeleton, joints)
         if terms.root in joints:
             counted = np.union1d(counted, [terms.root])
-        embedding[name] = embed(samples, counted, terms.config, root=terms.root, group=name)
+        if terms.root in held[name]:
+            raise ValueError(
+                f"group {name!r}: {terms.skeleton.names[terms.root]} must be held whole: it "
+                "carries the body"
+            )
+        source = HeldSamples(samples, terms.skeleton, held[name]) if held[name] else samples
+        embedding[name] = embed(source, counted, terms.config, root=terms.root, group=name)
     tell("comparing", len(members), len(members))
     return embedding
 

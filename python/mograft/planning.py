@@ -13,8 +13,10 @@ from itertools import groupby
 
 import numpy as np
 
+from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
+from mograft.channels import apart, told
 from mograft.config import Config
 from mograft.constraints import AvoidSelf, Constraint, MaxAngle, Poses
 from mograft.library import Library
@@ -158,6 +160,11 @@ class Problem:
         for joint, parent in enumerate(skeleton.parents):
             name[joint] = own.get(joint, name[parent] if parent >= 0 else "")
         return {group: np.array([n == group for n in name]) for group in self.pools}
+
+    @cached_property
+    def held(self) -> dict[str, dict[int, str]]:
+        """What each group holds of joints that are divided between groups."""
+        return self.library.groups.held(self.library.skeleton)
 
     @cached_property
     def guides(self) -> IntArray:
@@ -313,11 +320,19 @@ class Problem:
         frames = np.repeat(self.cut.start[at], counts) + step
         local = (self.base.rotations if context is None else context)[frames]
         which = np.repeat(taken.clip, counts)
+        held = self.held[group]
+        joints = np.setdiff1d(joints, list(held)).astype(np.int64)
         for clip in np.unique(taken.clip):
-            own = taken.clip == clip
-            track = np.ascontiguousarray(library.clips[clip].rotations[:, joints])
+            own, motion = taken.clip == clip, library.clips[clip]
+            track = np.concatenate([motion.rotations[:, joints], apart(motion, held)], axis=1)
             turned = resampled(track, taken.start[own], taken.stop[own], counts[own])
-            local[np.ix_(which == clip, joints)] = turned
+            rows = which == clip
+            local[np.ix_(rows, joints)] = turned[:, : len(joints)]
+            for (joint, axis), angle in told(turned[:, len(joints) :], held).items():
+                order = self.base.skeleton.rotation_order(joint)
+                mixed = rotations.to_euler(local[rows, joint], order)
+                mixed[:, order.index(axis)] = angle
+                local[rows, joint] = rotations.from_euler(mixed, order)
         moved = replace(
             self.base, rotations=local, positions=self.base.positions[frames], channel_values=None
         )
@@ -352,7 +367,9 @@ class Problem:
             library, joints = self.library, self.library.joints(group)
             clips, config = library.clips, library.config
             guides, up = self.guides, library.up
-            part = transplant(base, cut, taken, clips, joints, config, up=up, guides=guides)
+            part = transplant(
+                base, cut, taken, clips, joints, config, up=up, guides=guides, held=self.held[group]
+            )
             parts.append(part)
         return recombine(base, parts, "")
 

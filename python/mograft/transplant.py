@@ -1,7 +1,7 @@
 """Recombination and seams: from chosen segments to one motion (paper, 4.5)."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.alignment import Warp
 from mograft.anatomy import anatomy
+from mograft.channels import Key, angles, apart, told
 from mograft.config import Config
 from mograft.motion import Motion
 from mograft.resample import cubic, cubic_positions
@@ -42,8 +43,11 @@ class Part:
         Their local translations.
     seams : ndarray of int
         Frames where segments meet that did not meet in a clip.
-    gaps : ndarray, shape (len(seams), len(joints))
-        By what angle each joint had to be brought together there, in radians.
+    gaps : ndarray, shape (len(seams), len(joints) + len(angles))
+        By what angle each joint, or channel, had to be brought together there, in radians.
+    angles : dict of (int, str) to ndarray, shape (n_frames,)
+        Of divided joints the angle of each channel that the group holds, in radians; NaN
+        where it is the base's own.
     """
 
     joints: IntArray
@@ -51,6 +55,7 @@ class Part:
     positions: FloatArray
     seams: IntArray
     gaps: FloatArray
+    angles: Mapping[Key, FloatArray] = field(default_factory=dict)
 
 
 def transplant(
@@ -64,6 +69,7 @@ def transplant(
     root: int | None = None,
     up: int = 1,
     guides: IntArray | None = None,
+    held: Mapping[int, str] | None = None,
 ) -> Part:
     """Let a joint group do what it does in other segments, and join these smoothly.
 
@@ -78,7 +84,7 @@ def transplant(
     clips : sequence of Motion
         What `donors.clip` counts; of the base's hierarchy.
     joints : ndarray of int
-        The joints of the group.
+        The joints of the group, those that are divided too.
     config : Config
         Gives `seam`, `seam_window`, `seam_blend`, `alignment` and `torso`.
     root : int, optional
@@ -90,6 +96,9 @@ def transplant(
     guides : ndarray of int, optional
         The base group's joints, by which donors are aligned with ``alignment="dtw"``. Without
         them they are stretched evenly.
+    held : dict of int to str, optional
+        Of divided joints the axes of the channels that the group holds; see
+        `JointGroups.held`. Only those are exchanged.
 
     Returns
     -------
@@ -114,7 +123,9 @@ def transplant(
     # Of a stored library each clip has to be read: only those that lend something are.
     used, clip = np.unique(donors.clip, return_inverse=True)
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
-    tracks = [clip.rotations[:, joints] for clip in clips]
+    held = {} if held is None else held
+    joints = np.setdiff1d(joints, list(held)).astype(np.int64)
+    tracks = [np.concatenate([c.rotations[:, joints], apart(c, held)], axis=1) for c in clips]
     places = np.ascontiguousarray(base.positions[:, joints])
     travels = _travels(clips, joints)
     shifts = [clip.positions[:, joints[travels]] for clip in clips]
@@ -150,9 +161,15 @@ def transplant(
         quats[:, column], places[:, column] = _as_local(
             base, root, quats[:, column], places[:, column]
         )
+    turns, quats = quats[:, len(joints) :], np.ascontiguousarray(quats[:, : len(joints)])
     quats = _on_its_pelvis(base, joints, leaning, quats, up)
+    changed = (turns != apart(base, held)).any(axis=2)
+    single = {
+        key: np.where(changed[:, column], own, np.nan)
+        for column, (key, own) in enumerate(told(turns, held).items())
+    }
     gaps = np.linalg.norm(laid.ends(TURNS, tracks, np.flatnonzero(seams)).ways(TURNS), axis=-1)
-    return Part(joints, quats, places, cut.stop[:-1][seams], gaps)
+    return Part(joints, quats, places, cut.stop[:-1][seams], gaps, single)
 
 
 def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
@@ -190,6 +207,29 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
                 skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
             ):
                 values[changed[channel[1:]], at] = np.nan
+    single = {key: own for part in parts for key, own in part.angles.items()}
+    for joint in dict.fromkeys(joint for joint, _ in single):
+        order = skeleton.rotation_order(joint)
+        own = angles(base, joint)
+        new = own.copy()
+        for column, axis in enumerate(order):
+            wanted = single.get((joint, axis), np.full(base.n_frames, np.nan))
+            # Whole turns from the base's own angle are no difference.
+            off = np.angle(np.exp(1j * (wanted - own[:, column])))
+            new[:, column] = np.where(np.isnan(wanted), own[:, column], own[:, column] + off)
+        moves = (new != own).any(axis=1)
+        if not moves.any():
+            continue
+        turns = np.where(moves[:, None], rotations.from_euler(new, order), base.rotations[:, joint])
+        quats[:, joint] = rotations.continuous(turns)
+        if values is not None:
+            columns = skeleton.channel_columns[joint]
+            names = skeleton.channels[joint]
+            for at, name in zip(columns, names, strict=True):
+                if name.endswith("rotation"):
+                    angle = new[:, order.index(name[0])]
+                    kept = angle == own[:, order.index(name[0])]
+                    values[:, at] = np.where(kept, values[:, at], np.degrees(angle))
     return replace(
         base,
         rotations=quats,
