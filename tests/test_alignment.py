@@ -116,6 +116,20 @@ def test_bent_pieces_meet_smoothly_too(lengths, seed, seam):
     assert velocity < 1e-4
 
 
+def test_neighbours_of_which_one_is_bent_meet_at_a_seam():
+    """They are as long as the places they take, but one of them is not at its own pace."""
+    cut = tiles(np.array([20, 20, 20, 20]))
+    base = clip(np.random.default_rng(8), cut)
+    donors = pick(cut, np.array([2, 3, 2, 3]))
+    laid = _Laid(cut, donors, 30.0)
+    track = np.ascontiguousarray(base.rotations[:, JOINTS])
+    even = Warp.of(base, cut, donors, [base], np.zeros(0, np.int64))
+    bent = replace(even, is_bent=np.array([True, False, False, False]))
+    assert laid.true_seams([track]).tolist() == [False, True, False]
+    assert replace(laid, warp=even).true_seams([track]).tolist() == [False, True, False]
+    assert replace(laid, warp=bent).true_seams([track]).tolist() == [True, True, False]
+
+
 def test_grafts_can_be_aligned():
     motion = dance(seed=3, strides=1).motion
     even, bent = (
