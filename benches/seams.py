@@ -3,7 +3,9 @@
 ``python benches/seams.py [FILE...] [--seeds 10]`` grafts every file (default: the built-in
 dancer) with each treatment and the same donors, and compares with the file's own motion:
 acceleration and jerk of the grafted joints as ratios to the original's, what the gaps were,
-and how much of the motion was changed to close them. Files are cut at 30 frames a second.
+how much of the motion was changed to close them, and how feet skate where it is the legs that are
+grafted. A second table compares what a grafted trunk may keep (`Config.torso`). Files are cut at
+30 frames a second.
 """
 
 import argparse
@@ -18,9 +20,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from mograft import rotations
-from mograft.anatomy import feature_joints
+from mograft.anatomy import anatomy, feature_joints
+from mograft.body import body
 from mograft.seams import TURNS
 from mograft.transplant import _Laid, transplant
+from mograft.viewing import center_of_mass
 
 RATE = 30.0
 TREATMENTS = ("none", "offset", "paper", "displacement", "inertial", "dead")
@@ -84,6 +88,64 @@ def measured(motion, seeds, blend):
     return told, own, np.degrees(np.concatenate(gaps)), np.degrees(np.concatenate(kinks))
 
 
+def skates(motion, seeds, blend):
+    """Mean foot skate by treatment where legs are grafted on the upper body, feet planted."""
+    from benches.feet import on_the_upper_body
+
+    library = on_the_upper_body(motion)
+    told = {"none": float("nan")}
+    for name in TREATMENTS[1:]:
+        own = replace(library, config=replace(library.config, seam=name, seam_blend=blend))
+        told[name] = np.mean([mg.foot_skate(mg.graft(own, seed=s).motion) for s in range(seeds)])
+    return told
+
+
+def trunk(motion):
+    """The joint that the trunk hangs on, and the trunk's last."""
+    known, parents = anatomy(motion.skeleton), motion.skeleton.parents
+    column = [j for j in known.joints("trunk") if known.parts[parents[j]] != "trunk"]
+    first = last = max(
+        column, key=lambda j: sum(_hangs(parents, k, j) for k in range(len(parents)))
+    )
+    while below := [j for j in motion.skeleton.children[last] if known.parts[j] == "trunk"]:
+        last = below[0]
+    return int(parents[first]), last
+
+
+def _hangs(parents, joint, above):
+    while joint > above:
+        joint = parents[joint]
+    return joint == above
+
+
+def stance(motion, up):
+    """How far the centre of mass is over the floor from the middle of the ankles, in heights."""
+    found = body(motion.skeleton)
+    ankles = motion.world_positions()[:, [foot.ankle for foot in found.feet]].mean(axis=1)
+    apart = np.delete(center_of_mass(motion) - ankles, up, axis=1)
+    return np.linalg.norm(apart, axis=1).mean() / found.height
+
+
+def kept_trunks(motion, seeds):
+    """Rows of numbers by `Config.torso`, as ratios to the recording's."""
+    hips, last = trunk(motion)
+
+    def told(one, up):
+        turned = one.world()[0]
+        waist = rotations.multiply(rotations.inverse(turned[:, hips]), turned[:, last])
+        numbers = [*derivatives(turned[:, [last]], RATE), *derivatives(waist[:, None], RATE)]
+        return np.array([*numbers, stance(one, up)])
+
+    rows = {}
+    for torso in ("pelvis", "world"):
+        library = mg.Library.build(motion, config=mg.Config(torso=torso))
+        own = told(motion, library.up)
+        rows[torso] = np.mean(
+            [told(mg.graft(library, seed=s).motion, library.up) / own for s in range(seeds)], axis=0
+        )
+    return rows
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*", type=Path)
@@ -104,10 +166,17 @@ def main():
         for what, values, unit in (("gap", gaps, "°"), ("velocity gap", kinks, "°/s")):
             mean, high = values.mean(), np.percentile(values, 95)
             print(f"{what} at seams: mean {mean:.1f}{unit}, 95th percentile {high:.1f}{unit}")
-        print("| seam | acceleration | jerk | changed by | frames changed |")
-        print("|---|---|---|---|---|")
+        slides = skates(motion, min(options.seeds, 3), options.blend)
+        print(f"foot skate of the recording: {mg.foot_skate(motion):.3f}")
+        print("| seam | acceleration | jerk | changed by | frames changed | foot skate |")
+        print("|---|---|---|---|---|---|")
         for name, (bend, jerk, off, share) in told.items():
-            print(f"| {name} | {bend:.2f} | {jerk:.2f} | {off:.2f}° | {share:.0f} % |")
+            skate = "" if name == "none" else f"{slides[name]:.3f}"
+            print(f"| {name} | {bend:.2f} | {jerk:.2f} | {off:.2f}° | {share:.0f} % | {skate} |")
+        print("\n| torso | chest: acceleration | jerk | waist: acceleration | jerk | stance |")
+        print("|---|---|---|---|---|---|")
+        for name, numbers in kept_trunks(motion, options.seeds).items():
+            print(f"| {name} | {' | '.join(f'{number:.3f}' for number in numbers)} |", flush=True)
 
 
 if __name__ == "__main__":

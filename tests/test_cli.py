@@ -102,6 +102,23 @@ def test_the_seam_can_be_chosen(capsys, folder, tmp_path):
     assert (tmp_path / "default.bvh").read_bytes() == told["offset"] != told["paper"]
 
 
+def test_each_way_to_graft_has_its_option(capsys, folder, tmp_path):
+    def made(name, *options):
+        path = tmp_path / f"{name}.bvh"
+        assert run(capsys, "graft", folder, "-o", path, *options)[0] == 0
+        document = json.loads(path.with_suffix(".json").read_text())
+        return path.read_bytes(), document
+
+    plain, document = made("plain")
+    assert (document["config"]["torso"], document["config"]["alignment"]) == ("pelvis", "uniform")
+    for name, value in (("torso", "world"), ("alignment", "dtw")):
+        other, document = made(name, f"--{name}", value)
+        assert document["config"][name] == value
+        assert other != plain
+    _, document = made("mirror", "--mirror")
+    assert {c["name"] for c in document["clips"]} == {"a", "b", "a_mirrored", "b_mirrored"}
+
+
 def hand_of(folder, frame):
     motion = read_bvh(folder / "a.bvh")
     return motion.world_positions()[frame, motion.skeleton.index("LeftHand")]

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mograft import Config, JointGroups, Library, foot_skate, graft, plant_feet, read_bvh, rotations
 from mograft.body import body
 from mograft.dancer import dance
-from mograft.footskate import _Ground, contacts, legs, two_bones
-from tests.hierarchies import DANCES, DATA, recording
+from mograft.footskate import _Ground, contacts, foot_heights, legs, two_bones
+from tests.hierarchies import DANCES, DATA, recorded, recording
 from tests.strategies import SEEDS
 
 
@@ -170,8 +170,55 @@ def test_bad_arguments_are_refused_by_name(sample):
         plant_feet(sample.motion, np.zeros((3, 2), bool))
     with pytest.raises(ValueError, match="bends must tell of 2 legs, got 1"):
         plant_feet(sample.motion, bends=[True])
+    with pytest.raises(ValueError, match=r"heights must have shape \(\d+, 2, 2\), got \(3, 2\)"):
+        plant_feet(sample.motion, heights=np.zeros((3, 2)))
     with pytest.raises(ValueError, match="feet must be one of"):
         Config(feet="sometimes")
+
+
+@settings(max_examples=25, deadline=None)
+@given(SEEDS, st.floats(0.01, 0.04))
+def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
+    """A figure that sinks into the floor: its feet swing as high as before, or clear of it."""
+    start = int(np.random.default_rng(seed).integers(0, sample.motion.n_frames - 200))
+    motion = sample.motion[start : start + 200]
+    stands, high = contacts(sample.motion), foot_heights(sample.motion)
+    stands, high = stands[start : start + 200], high[start : start + 200]
+    height = body(motion.skeleton).height
+    places = motion.positions.copy()
+    places[:, 0, 1] -= drop * height * np.sin(np.linspace(0, np.pi, 200)) ** 2
+    sunk = replace(motion, positions=places, channel_values=None)
+    loose, tight = (
+        plant_feet(sunk, stands, like=sample.motion, heights=own)[0] for own in (None, high)
+    )
+    ground = _Ground.of(sample.motion)
+    low = [ground.above(ground.points(one)) / height for one in (loose, tight)]
+    # Far from plants, where nothing else pulls at a foot, and with a leg to spare.
+    free = ~stands.any(axis=2)
+    for shift in range(1, 5):
+        free[shift:] &= ~stands.any(axis=2)[:-shift]
+        free[:-shift] &= ~stands.any(axis=2)[shift:]
+    lacks = [np.maximum(np.minimum(high, 0.05) - own, 0.0)[free] for own in low]
+    assert lacks[1].sum() <= 0.3 * lacks[0].sum()
+    held = stands[1:] & stands[:-1]
+    steps = np.linalg.norm(np.diff(ground.points(tight), axis=0), axis=-1) / height
+    assert steps[held].max(initial=0) < 1e-3
+    assert (low[1] >= low[0] - 1e-3).all()
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("path", recorded(), ids=lambda path: path.stem[:30])
+def test_feet_of_every_skeleton_stand(path):
+    motion = read_bvh(path, strict=False)[:240]
+    still, report = plant_feet(motion)
+    assert report.skate_after <= report.skate_before + 0.01
+    stands, height = contacts(motion), body(motion.skeleton).height
+    held = stands[1:] & stands[:-1]
+    points = _Ground.of(motion).points(still)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=-1) / height
+    if report.unreached_frames == 0:
+        assert steps[held].max(initial=0) < 1e-3
+    assert np.isfinite(still.rotations).all()
 
 
 def test_a_quadruped_has_four_legs():
@@ -197,9 +244,8 @@ def test_feet_of_real_grafts_on_upper_bodies_stand(name):
     )
     assert tight.feet.unreached_frames == 0
     assert tight.feet.skate_after < tight.feet.skate_before
-    # In the Indian dance feet slide on purpose, low over the floor, and more often in its grafts.
-    spare = 0.03 if "indian" in name else 0.0
-    assert tight.feet.skate_after <= foot_skate(motion) + spare
+    assert tight.feet.skate_after <= foot_skate(motion)
+    assert foot_skate(tight.motion) <= foot_skate(motion)
     root = Library.build(motion).root
     speeds = [
         np.linalg.norm(np.diff(m.world_positions()[:, root], axis=0), axis=1).max()

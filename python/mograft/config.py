@@ -90,6 +90,10 @@ class Config:
         Seconds on either side of a seam within which "paper" lays its curve anew.
     seam_blend : float
         Seconds beside a seam within which "offset", "inertial" and "dead" change frames.
+    alignment : {"uniform", "dtw"}
+        How a donor is brought to the length of the segment whose place it takes: stretched
+        evenly, or bent in time so that its own base part does what the segment's does when
+        that does it (dynamic time warping), wherever this brings them nearer by 5 %.
     torso : {"pelvis", "world"}
         What a grafted trunk keeps where it is joined to a pelvis that leans otherwise: its angle
         to the pelvis (the paper), or how it leans in the world (after Heck, Kovar and Gleicher
@@ -141,6 +145,7 @@ class Config:
     seam: Literal["offset", "paper", "displacement", "inertial", "dead"] = "offset"
     seam_window: float = 5 * FRAME
     seam_blend: float = 0.3
+    alignment: Literal["uniform", "dtw"] = "uniform"
     torso: Literal["pelvis", "world"] = "pelvis"
     feet: Literal["auto", "never"] = "auto"
 
@@ -150,6 +155,7 @@ class Config:
             ("inertia", ("own", "subtree", "unit")),
             ("choice", ("viterbi", "best", "sample", "nearest", "random")),
             ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
+            ("alignment", ("uniform", "dtw")),
             ("torso", ("pelvis", "world")),
             ("feet", ("auto", "never")),
         ):

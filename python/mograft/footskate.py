@@ -19,7 +19,7 @@ from mograft.segmentation import gaussian
 from mograft.skeleton import Skeleton
 from mograft.transplant import Part, recombine
 
-__all__ = ["FeetReport", "Leg", "contacts", "foot_skate", "legs", "plant_feet"]
+__all__ = ["FeetReport", "Leg", "contacts", "foot_heights", "foot_skate", "legs", "plant_feet"]
 
 _NEAR = 0.03
 """Heights above its floor at which a heel or toe may stand."""
@@ -34,6 +34,10 @@ _PAUSE = 2 * FRAME
 _BLEND = 3 * FRAME
 _ROOT_BLEND = 3 * FRAME
 _STRAIGHT = 0.995
+_CLEAR = 0.05
+"""Heights at which a foot that swings is clear of the floor."""
+_RISE = 1.5
+"""Frames after a plant from which on it is lifted."""
 _SINK = 0.01
 """Heights by which a plant may be below the floor; above it, as near as in `contacts`."""
 _MISSED = 1e-4
@@ -163,6 +167,24 @@ def contacts(motion: Motion) -> BoolArray:
     return stands
 
 
+def foot_heights(motion: Motion) -> FloatArray:
+    """Return how high heels and toes are above the floor that `contacts` finds.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_legs, 2)
+        In skeleton heights; below 0 where they are lower than in 95 of 100 frames.
+    """
+    ground = _Ground.of(motion)
+    heights: FloatArray = ground.above(ground.points(motion)) / ground.height
+    return heights
+
+
 def foot_skate(motion: Motion) -> float:
     """Return the share of feet and frames that slide over the floor.
 
@@ -188,6 +210,7 @@ def plant_feet(
     bends: Sequence[bool] | None = None,
     moves_root: bool = True,
     like: Motion | None = None,
+    heights: FloatArray | None = None,
 ) -> tuple[Motion, FeetReport]:
     """Make feet stand still where they stand.
 
@@ -204,6 +227,10 @@ def plant_feet(
     like : Motion, optional
         A motion of the same skeleton on the same floor, to find the floor by; longer ones
         tell it better. Default: the motion.
+    heights : ndarray, shape (n_frames, n_legs, 2), optional
+        How high heels and toes should be above the floor, in skeleton heights: where they do
+        not stand and would drag lower over the floor, they are lifted so high, or just clear
+        of it. Default: as they are.
 
     Returns
     -------
@@ -216,12 +243,13 @@ def plant_feet(
     Raises
     ------
     ValueError
-        If `stands` or `bends` do not fit the motion's legs.
+        If `stands`, `bends` or `heights` do not fit the motion's legs.
 
     Notes
     -----
     A heel or toe stands at its mean place, 0.01 heights below to 0.03 above the floor; between
-    plants its way there fades within 3 frames of 1/30 s.
+    plants its way there fades within 3 frames of 1/30 s. With `heights` a foot between plants
+    is no lower than they say, up to 0.05.
     The leg is then bent in its own plane, at the knee so that it is as long as needed and at the
     hip so that it points there; the foot keeps its turn in the world.
 
@@ -240,16 +268,21 @@ def plant_feet(
     may_bend = [True] * len(limbs) if bends is None else [bool(one) for one in bends]
     if len(may_bend) != len(limbs):
         raise ValueError(f"bends must tell of {len(limbs)} legs, got {len(may_bend)}")
+    if heights is not None and heights.shape != given.shape:
+        raise ValueError(f"heights must have shape {given.shape}, got {heights.shape}")
     ground = _Ground.of(motion if like is None else like)
     before = _skate(motion, ground)
-    if not given.any() or not any(may_bend):
+    if (heights is None and not given.any()) or not any(may_bend):
         return motion, FeetReport(0, before, before, 0.0, 0.0, 0)
     turned, placed = motion.world()
     points = ground.points(motion)
     ways = np.zeros_like(points)
     for index, bend in enumerate(may_bend):
         if bend:
-            ways[:, index] = _ways(points[:, index], given[:, index], ground, index, motion.rate)
+            least = np.full((motion.n_frames, 2), -np.inf) if heights is None else heights[:, index]
+            ways[:, index] = _ways(
+                points[:, index], given[:, index], least, ground, index, motion.rate
+            )
     given = given & np.array(may_bend)[None, :, None]
     shift = np.zeros((motion.n_frames, 3))
     if moves_root:
@@ -396,12 +429,45 @@ def _widened(marked: BoolArray, allowed: BoolArray) -> BoolArray:
     return wide
 
 
+def _lifts(
+    points: FloatArray,
+    stands: BoolArray,
+    heights: FloatArray,
+    ground: _Ground,
+    index: int,
+    rate: float,
+) -> FloatArray:
+    """Return by how much a heel and a toe must be lifted where they would drag, in file units."""
+    above = points @ ground.up - ground.floors[index]
+    lack: FloatArray = np.maximum(np.minimum(heights, _CLEAR) * ground.height - above, 0.0)
+    held = stands.any(axis=1)
+    lack[held] = 0.0
+    if not lack.any():
+        return lack
+    # As the root's shift: the highest lift nearby, then smoothed; it begins where a plant ends.
+    around = max(round(_BLEND * rate), 1)
+    padded = np.pad(lack, ((around, around), (0, 0)), mode="edge")
+    most = np.lib.stride_tricks.sliding_window_view(padded, 2 * around + 1, axis=0).max(axis=2)
+    smooth = np.stack([gaussian(own, 0.5 * around) for own in most.T], axis=1)
+    near = np.pad(~held, around, constant_values=True)
+    windows = np.lib.stride_tricks.sliding_window_view(near, 2 * around + 1)
+    off = np.abs(np.arange(2 * around + 1) - around)
+    steps = np.where(windows, around + 1, off).min(axis=1)
+    lifts: FloatArray = smooth * np.minimum(steps / _RISE, 1.0)[:, None]
+    return lifts
+
+
 def _ways(
-    points: FloatArray, stands: BoolArray, ground: _Ground, index: int, rate: float
+    points: FloatArray,
+    stands: BoolArray,
+    heights: FloatArray,
+    ground: _Ground,
+    index: int,
+    rate: float,
 ) -> FloatArray:
     """Return the ways of a heel and toe to where they should be, shape (n_frames, 2, 3).
 
-    What does not stand goes with the other, if that does.
+    What does not stand goes with the other, if that does, and is lifted.
     """
     own, holds = np.zeros_like(points), np.zeros(stands.shape)
     targets = _targets(points, stands, ground, index)
@@ -409,6 +475,8 @@ def _ways(
     for point in range(2):
         own[:, point], holds[:, point] = _faded(points[:, point], targets[point], ground.up, blend)
     ways: FloatArray = own + (1.0 - holds)[..., None] * own[:, ::-1]
+    lifts = _lifts(points + ways, stands, heights, ground, index, rate)
+    ways += lifts[..., None] * ground.up
     # A foot is as long as it is: the one of heel and toe that stands has its way, and in between
     # the one that holds more firmly.
     heel, toe = holds[:, 0] * (1.0 - holds[:, 1]), holds[:, 1] * (1.0 - holds[:, 0])

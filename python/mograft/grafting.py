@@ -8,9 +8,9 @@ from typing import Any, overload
 import numpy as np
 
 from mograft import rotations
-from mograft._arrays import BoolArray, IntArray, as_indices
+from mograft._arrays import BoolArray, FloatArray, IntArray, as_indices
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
-from mograft.footskate import FeetReport, contacts, legs, plant_feet
+from mograft.footskate import FeetReport, contacts, foot_heights, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors, Problem, take
@@ -391,6 +391,8 @@ class _Plan:
                 library.config,
                 root=library.root,
                 up=library.up,
+                guides=problem.guides,
+                held=problem.held[group],
             )
             parts.append(part)
             substitutions += _substitutions(problem, group, donors)
@@ -435,38 +437,51 @@ class _Plan:
         """Make feet stand where they do in the clips that their legs come from."""
         library, skeleton = self.problem.library, new.skeleton
         limbs = legs(skeleton)
-        donors = {int(j): own for group, own in chosen.items() for j in library.joints(group)}
+        held = self.problem.held
+        donors = {
+            int(j): own
+            for group, own in chosen.items()
+            for j in library.joints(group)
+            if j not in held[group]
+        }
         grafted = [
             [j for j in _above(skeleton, limb.ankle, library.root) if j in donors] for limb in limbs
         ]
         if library.config.feet == "never" or not any(grafted):
             return new, None
         sources = [donors.get(limb.ankle, self.problem.scenario) for limb in limbs]
-        stands = _stands(library, self.problem.cut, sources)
+        stands, heights = _stands(library, self.problem.cut, sources)
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
             stands | contacts(new),
             bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
             moves_root=library.root in donors,
+            heights=heights,
         )
 
 
-def _stands(library: Library, cut: Segments, sources: Sequence[IntArray]) -> BoolArray:
-    """Return when feet stand, each as in the segments that its leg comes from."""
-    stands = np.empty((int(cut.stop[-1]) + 1, len(sources), 2), bool)
-    known: dict[int, BoolArray] = {}
+def _stands(
+    library: Library, cut: Segments, sources: Sequence[IntArray]
+) -> tuple[BoolArray, FloatArray]:
+    """Return when feet stand and how high they are, as in the segments that legs come from."""
+    n_frames = int(cut.stop[-1]) + 1
+    stands = np.empty((n_frames, len(sources), 2), bool)
+    heights = np.empty((n_frames, len(sources), 2))
+    known: dict[int, tuple[BoolArray, FloatArray]] = {}
     taken = library.segments
     for index, donors in enumerate(sources):
         for place, donor in enumerate(donors.tolist()):
             clip = int(taken.clip[donor])
             if clip not in known:
-                known[clip] = contacts(library.clips[clip])
+                own = library.clips[clip]
+                known[clip] = contacts(own), foot_heights(own)
             n, m = int(cut.lengths[place]), int(taken.lengths[donor])
             frames = taken.start[donor] + (np.arange(n + 1) * m + n // 2) // n
             rows = slice(int(cut.start[place]), int(cut.stop[place]) + 1)
-            stands[rows, index] = known[clip][frames, index]
-    return stands
+            stands[rows, index] = known[clip][0][frames, index]
+            heights[rows, index] = known[clip][1][frames, index]
+    return stands, heights
 
 
 def _checked(order: Sequence[int] | IntArray) -> IntArray:
@@ -515,7 +530,8 @@ def _arranged(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     motion = recombine(bare, [part], bare.name)
     if library.config.feet != "never" and len(part.seams):
         sources = [scenario.segments] * len(legs(first.skeleton))
-        motion, _ = plant_feet(motion, _stands(library, cut, sources))
+        stands, heights = _stands(library, cut, sources)
+        motion, _ = plant_feet(motion, stands, heights=heights)
     return motion, cut
 
 

@@ -3,6 +3,7 @@
 import difflib
 import json
 import os
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -72,7 +73,8 @@ class JointGroups:
     groups : mapping of str to sequence
         The entries of each group: names of joints, globs (``"Left*Arm"``), indices, and
         `subtree` of any of these. A name stands for all joints that have it; it is taken as
-        a glob only if no joint has it.
+        a glob only if no joint has it. With ``".Xrotation"`` (or Y, Z) behind it, for that
+        channel alone: a joint may be divided between groups.
     base : str
         The group that is kept while others are grafted.
 
@@ -203,33 +205,95 @@ class JointGroups:
         Returns
         -------
         dict of str to ndarray of int
-            Indices of joints, ascending; the groups in their order.
+            Indices of joints, ascending; the groups in their order. A joint that is divided is
+            in all groups that hold a channel of it; see `held`.
 
         Raises
         ------
         ValueError
-            If an entry fits no joint, groups overlap, or a joint is in no group; names
-            the joints.
+            If an entry fits no joint, groups overlap, or a joint or channel is in no group;
+            names them.
         """
-        owner: dict[int, str] = {}
-        found: dict[str, IntArray] = {}
-        for name, entries in self.groups.items():
-            joints: set[int] = set()
-            for entry in entries:
-                joints |= _joints(entry, skeleton, name)
-            for joint in sorted(joints):
-                if joint in owner:
-                    raise ValueError(
-                        f"joint {_label(skeleton, joint)} must be in one group, "
-                        f"got {owner[joint]!r} and {name!r}"
-                    )
-                owner[joint] = name
-            found[name] = np.array(sorted(joints), dtype=np.int64)
-        missing = [joint for joint in range(skeleton.n_joints) if joint not in owner]
-        if missing:
-            shown = ", ".join(_label(skeleton, joint) for joint in missing)
-            raise ValueError(f"every joint must be in a group, got none for {shown}")
+        shares = self._shares(skeleton)
+        return {
+            name: np.array(sorted({joint for joint, _ in own}), dtype=np.int64)
+            for name, own in shares.items()
+        }
+
+    def held(self, skeleton: Skeleton) -> dict[str, dict[int, str]]:
+        """Return what each group holds of joints that are divided between groups.
+
+        Parameters
+        ----------
+        skeleton : Skeleton
+            What to look the entries up in.
+
+        Returns
+        -------
+        dict of str to dict of int to str
+            For each group and divided joint the axes of its channels, in the file's order.
+
+        Raises
+        ------
+        ValueError
+            As for `resolve`.
+
+        Examples
+        --------
+        >>> skeleton = Skeleton(["Hips", "Arm"], [-1, 0], [[0, 0, 0]] * 2)
+        >>> groups = JointGroups(
+        ...     {"lower": ["Hips", "Arm.Zrotation", "Arm.Xrotation"], "roll": ["Arm.Yrotation"]}
+        ... )
+        >>> groups.held(skeleton)
+        {'lower': {1: 'ZX'}, 'roll': {1: 'Y'}}
+        """
+        found: dict[str, dict[int, str]] = {}
+        for name, own in self._shares(skeleton).items():
+            axes: dict[int, str] = {}
+            for joint, axis in sorted(own):
+                if axis:
+                    axes[joint] = axes.get(joint, "") + axis
+            found[name] = {
+                joint: "".join(axis for axis in order if axis in own_axes)
+                for joint, own_axes in axes.items()
+                if set(order := skeleton.rotation_order(joint)) != set(own_axes)
+            }
         return found
+
+    def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
+        """Return what each group holds: a joint and no axis, or a joint and one of its axes."""
+        owner: dict[tuple[int, str], str] = {}
+        shares: dict[str, set[tuple[int, str]]] = {}
+        for name, entries in self.groups.items():
+            own: set[tuple[int, str]] = set()
+            for entry in entries:
+                own |= _channels(entry, skeleton, name)
+            divided = {joint for joint, axis in own if axis}
+            for joint in sorted(j for j, axis in own if not axis and j in divided):
+                raise ValueError(
+                    f"group {name!r} must hold joint {_label(skeleton, joint)} whole or by "
+                    "channels, got both"
+                )
+            for joint, axis in sorted(own):
+                for key in [(joint, axis)] if axis else _all_of(joint, skeleton):
+                    if key in owner:
+                        what = _label(skeleton, joint) + (f".{axis}rotation" if axis else "")
+                        raise ValueError(
+                            f"joint {what} must be in one group, got {owner[key]!r} and {name!r}"
+                        )
+                    owner[key] = name
+            shares[name] = own
+        missing = [
+            _label(skeleton, joint) + (f".{axis}rotation" if any(k in owner for k in every) else "")
+            for joint in range(skeleton.n_joints)
+            for every in [_all_of(joint, skeleton)]
+            for _, axis in every
+            if (joint, axis) not in owner
+        ]
+        if missing:
+            shown = ", ".join(dict.fromkeys(missing))
+            raise ValueError(f"every joint must be in a group, got none for {shown}")
+        return shares
 
     def to_toml(self) -> str:
         """Return the groups as TOML, as `from_toml` reads it.
@@ -350,6 +414,32 @@ def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]
             f"preset {preset!r} needs a body with {' and '.join(missing)}, found none "
             f"among the joints {shown}; give JointGroups of your own"
         )
+
+
+def _all_of(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
+    """Return a joint's channels; of one that cannot be divided a single entry."""
+    order = skeleton.rotation_order(joint)
+    return [(joint, axis) for axis in order] if len(order) == 3 else [(joint, "")]
+
+
+def _channels(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple[int, str]]:
+    """Return what an entry of a group means: joints without an axis, or with one."""
+    found = re.fullmatch(r"(.+)\.([XYZ])rotation", entry) if isinstance(entry, str) else None
+    if found is None or entry in skeleton.names:
+        return {(joint, "") for joint in _joints(entry, skeleton, group)}
+    joints = _joints(found[1], skeleton, group)
+    for joint in sorted(joints):
+        if (joint, found[2]) not in _all_of(joint, skeleton):
+            raise ValueError(
+                f"group {group!r}: {_label(skeleton, joint)} must have three rotation channels "
+                f"to be divided, got {' '.join(skeleton.channels[joint]) or 'none'}"
+            )
+        if skeleton.parents[joint] < 0:
+            raise ValueError(
+                f"group {group!r}: {_label(skeleton, joint)} must be held whole: the root is "
+                "turned and shifted as one"
+            )
+    return {(joint, found[2]) for joint in joints}
 
 
 def _joints(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:

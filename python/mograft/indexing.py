@@ -13,6 +13,7 @@ from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body
+from mograft.channels import HeldSamples
 from mograft.config import Config
 from mograft.digest import (
     Digest,
@@ -376,7 +377,7 @@ def _warn(entries: Sequence[Entry], rate: float) -> None:
 def _embedded(
     samples: SampleSource, groups: JointGroups, terms: Terms, tell: Progress
 ) -> dict[str, Embedding | None]:
-    members = groups.resolve(terms.skeleton)
+    members, held = groups.resolve(terms.skeleton), groups.held(terms.skeleton)
     tell("comparing", 0, len(members))
     means = means_of(samples, terms.skeleton.n_joints)
     found = {}
@@ -384,7 +385,16 @@ def _embedded(
         counted = feature_joints(terms.skeleton, joints)
         if terms.root in joints:
             counted = np.union1d(counted, [terms.root])
-        found[name] = embed(samples, counted, means, terms.config, root=terms.root, group=name)
+        if terms.root in held[name]:
+            raise ValueError(
+                f"group {name!r}: {terms.skeleton.names[terms.root]} must be held whole: it "
+                "carries the body"
+            )
+        source, own = samples, means
+        if held[name]:
+            source = HeldSamples(samples, terms.skeleton, held[name])
+            own = means_of(source, terms.skeleton.n_joints)
+        found[name] = embed(source, counted, own, terms.config, root=terms.root, group=name)
         tell("comparing", len(found), len(members))
     return found
 

@@ -14,6 +14,7 @@ from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body
+from mograft.channels import ends_alone, samples_alone
 from mograft.clustering import cut, threshold
 from mograft.config import Config
 from mograft.digest import Facts, edges, pack, same_rate
@@ -425,6 +426,8 @@ class Library:
             raise ValueError(f"group must be one of {', '.join(self.edges)}, got {group!r}")
         base = self.groups.base
         compared = self.embedding[base]
+        held, joints = self.groups.held(self.skeleton), self.joints(group)
+        ends = ends_alone(self.edges[group], joints, self.skeleton, held[group])
         return Pool(
             self.segments,
             self.labels[base],
@@ -432,7 +435,7 @@ class Library:
             rate=self.rate,
             points=None if compared is None else compared.points,
             sigma=self.sigma[base],
-            **self.edges[group],
+            **ends,
         )
 
     def candidates(
@@ -599,8 +602,11 @@ class Library:
         m, n_joints = self.config.samples, motion.n_joints
         samples = Samples.unpack(samples.packed(), m, n_joints)
         ends = edges(motion, own)
+        held = self.groups.held(self.skeleton)
         embedding = {
-            group: None if seen is None else _with_points(seen, samples)
+            group: None
+            if seen is None
+            else _with_points(seen, samples_alone(samples, self.skeleton, held[group]))
             for group, seen in self.embedding.items()
         }
         labels = {

@@ -13,7 +13,10 @@ from itertools import groupby
 
 import numpy as np
 
+from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.anatomy import feature_joints
+from mograft.channels import apart, told
 from mograft.config import Config
 from mograft.constraints import AvoidSelf, Constraint, MaxAngle
 from mograft.library import Library
@@ -24,7 +27,7 @@ from mograft.search import Chain, best, viterbi
 from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
 from mograft.substitution import BEYOND, Candidates, Pool, Row
-from mograft.transplant import transplant
+from mograft.transplant import Part, recombine, transplant
 
 __all__ = ["Donors", "Problem", "check_names", "owners", "reasons", "take"]
 
@@ -186,6 +189,18 @@ class Problem:
         members = {group: self.library.joints(group) for group in self.pools}
         return owners(self.base.skeleton, members)
 
+    @cached_property
+    def held(self) -> dict[str, dict[int, str]]:
+        """What each group holds of joints that are divided between groups."""
+        return self.library.groups.held(self.library.skeleton)
+
+    @cached_property
+    def guides(self) -> IntArray:
+        """The joints by which donors' times are aligned: the base group's, but for the root."""
+        library = self.library
+        joints = feature_joints(library.skeleton, library.joints(library.groups.base))
+        return np.setdiff1d(joints, [library.root])
+
     def narrowed(self, chosen: Donors) -> "Problem":
         """Return the problem with other donors only where a choice misses something, and near."""
         excess = self.excess(chosen)
@@ -332,11 +347,19 @@ class Problem:
         frames = np.repeat(self.cut.start[at], counts) + step
         local = (self.base.rotations if context is None else context)[frames]
         which = np.repeat(taken.clip, counts)
+        held = self.held[group]
+        joints = np.setdiff1d(joints, list(held)).astype(np.int64)
         for clip in np.unique(taken.clip):
-            own = taken.clip == clip
-            track = np.ascontiguousarray(library.clips[clip].rotations[:, joints])
+            own, motion = taken.clip == clip, library.clips[clip]
+            track = np.concatenate([motion.rotations[:, joints], apart(motion, held)], axis=1)
             turned = resampled(track, taken.start[own], taken.stop[own], counts[own])
-            local[np.ix_(which == clip, joints)] = turned
+            rows = which == clip
+            local[np.ix_(rows, joints)] = turned[:, : len(joints)]
+            for (joint, axis), angle in told(turned[:, len(joints) :], held).items():
+                order = self.base.skeleton.rotation_order(joint)
+                mixed = rotations.to_euler(local[rows, joint], order)
+                mixed[:, order.index(axis)] = angle
+                local[rows, joint] = rotations.from_euler(mixed, order)
         moved = replace(
             self.base, rotations=local, positions=self.base.positions[frames], channel_values=None
         )
@@ -373,6 +396,7 @@ class Problem:
         quats = np.tile(self.base.rotations[begin : end + 1], (turns, 1, 1))
         places = np.tile(self.base.positions[begin : end + 1], (turns, 1, 1))
         base = replace(self.base, rotations=quats, positions=places, channel_values=None)
+        parts: list[Part] = []
         for group in self.pools:
             chosen = [own[group][some] for own in several if group in own]
             if not chosen:
@@ -385,9 +409,11 @@ class Problem:
                 self.library.joints(group),
                 self.library.config,
                 up=self.library.up,
+                guides=self.guides,
+                held=self.held[group],
             )
-            quats[:, part.joints], places[:, part.joints] = part.rotations, part.positions
-        return replace(base, rotations=quats, positions=places)
+            parts.append(part)
+        return recombine(base, parts, "")
 
     def assembled(self, donors: Donors) -> Motion:
         """Return the motion of some donors, its seams closed."""

@@ -1,13 +1,15 @@
 """Recombination and seams: from chosen segments to one motion (paper, 4.5)."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.alignment import Warp
 from mograft.anatomy import anatomy
+from mograft.channels import Key, angles, apart, told
 from mograft.config import Config
 from mograft.motion import Motion
 from mograft.resample import cubic, cubic_positions
@@ -41,8 +43,11 @@ class Part:
         Their local translations.
     seams : ndarray of int
         Frames where segments meet that did not meet in a clip.
-    gaps : ndarray, shape (len(seams), len(joints))
-        By what angle each joint had to be brought together there, in radians.
+    gaps : ndarray, shape (len(seams), len(joints) + len(angles))
+        By what angle each joint, or channel, had to be brought together there, in radians.
+    angles : dict of (int, str) to ndarray, shape (n_frames,)
+        Of divided joints the angle of each channel that the group holds, in radians; NaN
+        where it is the base's own.
     """
 
     joints: IntArray
@@ -50,6 +55,7 @@ class Part:
     positions: FloatArray
     seams: IntArray
     gaps: FloatArray
+    angles: Mapping[Key, FloatArray] = field(default_factory=dict)
 
 
 def transplant(
@@ -62,6 +68,8 @@ def transplant(
     *,
     root: int | None = None,
     up: int = 1,
+    guides: IntArray | None = None,
+    held: Mapping[int, str] | None = None,
 ) -> Part:
     """Let a joint group do what it does in other segments, and join these smoothly.
 
@@ -76,15 +84,21 @@ def transplant(
     clips : sequence of Motion
         What `donors.clip` counts; of the base's hierarchy.
     joints : ndarray of int
-        The joints of the group.
+        The joints of the group, those that are divided too.
     config : Config
-        Gives `seam`, `seam_window`, `seam_blend` and `torso`.
+        Gives `seam`, `seam_window`, `seam_blend`, `alignment` and `torso`.
     root : int, optional
         The joint that carries the body through the world. Where it is one of `joints`, every
         donor goes on from the place and heading that the one before has come to, the first
         from the base's own. Default: none does.
     up : int
         The axis that points up: 0, 1 or 2.
+    guides : ndarray of int, optional
+        The base group's joints, by which donors are aligned with ``alignment="dtw"``. Without
+        them they are stretched evenly.
+    held : dict of int to str, optional
+        Of divided joints the axes of the channels that the group holds; see
+        `JointGroups.held`. Only those are exchanged.
 
     Returns
     -------
@@ -109,11 +123,15 @@ def transplant(
     # Of a stored library each clip has to be read: only those that lend something are.
     used, clip = np.unique(donors.clip, return_inverse=True)
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
-    tracks = [clip.rotations[:, joints] for clip in clips]
+    held = {} if held is None else held
+    joints = np.setdiff1d(joints, list(held)).astype(np.int64)
+    tracks = [np.concatenate([c.rotations[:, joints], apart(c, held)], axis=1) for c in clips]
     places = np.ascontiguousarray(base.positions[:, joints])
     travels = _travels(clips, joints)
     shifts = [clip.positions[:, joints[travels]] for clip in clips]
     laid = _Laid(cut, donors, base.rate)
+    if config.alignment == "dtw" and guides is not None:
+        laid = replace(laid, warp=Warp.of(base, cut, donors, clips, guides))
     seams = laid.true_seams(tracks)
     carries = root is not None and bool((joints == root).any())
     if root is not None and carries:
@@ -143,9 +161,15 @@ def transplant(
         quats[:, column], places[:, column] = _as_local(
             base, root, quats[:, column], places[:, column]
         )
+    turns, quats = quats[:, len(joints) :], np.ascontiguousarray(quats[:, : len(joints)])
     quats = _on_its_pelvis(base, joints, leaning, quats, up)
+    changed = (turns != apart(base, held)).any(axis=2)
+    single = {
+        key: np.where(changed[:, column], own, np.nan)
+        for column, (key, own) in enumerate(told(turns, held).items())
+    }
     gaps = np.linalg.norm(laid.ends(TURNS, tracks, np.flatnonzero(seams)).ways(TURNS), axis=-1)
-    return Part(joints, quats, places, cut.stop[:-1][seams], gaps)
+    return Part(joints, quats, places, cut.stop[:-1][seams], gaps, single)
 
 
 def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
@@ -183,6 +207,29 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
                 skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
             ):
                 values[changed[channel[1:]], at] = np.nan
+    single = {key: own for part in parts for key, own in part.angles.items()}
+    for joint in dict.fromkeys(joint for joint, _ in single):
+        order = skeleton.rotation_order(joint)
+        own = angles(base, joint)
+        new = own.copy()
+        for column, axis in enumerate(order):
+            wanted = single.get((joint, axis), np.full(base.n_frames, np.nan))
+            # Whole turns from the base's own angle are no difference.
+            off = np.angle(np.exp(1j * (wanted - own[:, column])))
+            new[:, column] = np.where(np.isnan(wanted), own[:, column], own[:, column] + off)
+        moves = (new != own).any(axis=1)
+        if not moves.any():
+            continue
+        turns = np.where(moves[:, None], rotations.from_euler(new, order), base.rotations[:, joint])
+        quats[:, joint] = rotations.continuous(turns)
+        if values is not None:
+            columns = skeleton.channel_columns[joint]
+            names = skeleton.channels[joint]
+            for at, name in zip(columns, names, strict=True):
+                if name.endswith("rotation"):
+                    angle = new[:, order.index(name[0])]
+                    kept = angle == own[:, order.index(name[0])]
+                    values[:, at] = np.where(kept, values[:, at], np.degrees(angle))
     return replace(
         base,
         rotations=quats,
@@ -206,6 +253,7 @@ class _Laid:
     donors: Segments
     rate: float
     place: "_Place | None" = None
+    warp: Warp | None = None
 
     def frames(self) -> tuple[IntArray, FloatArray]:
         """Return the moments of all frames; where segments meet, of both."""
@@ -228,6 +276,9 @@ class _Laid:
         donors = self.donors
         # In this order whole results of the division are exact.
         passed = step * donors.lengths[segment] / self.cut.lengths[segment]
+        if self.warp is not None:
+            bent = self.warp.at(segment, step / self.cut.lengths[segment])
+            passed = np.where(self.warp.is_bent[segment], bent * donors.lengths[segment], passed)
         clip = donors.clip[segment]
         values = np.empty((len(segment), *tracks[0].shape[1:]))
         for index in np.unique(clip):
@@ -242,13 +293,16 @@ class _Laid:
     def ends(self, algebra: Algebra, tracks: Sequence[FloatArray], seams: IntArray) -> Ends:
         """Return what meets where the segments `seams` end and those after them start."""
         donors = self.donors
-        pace = self.rate * (donors.lengths / self.cut.lengths)[:, None, None]
+        pace = np.tile((self.rate * donors.lengths / self.cut.lengths)[:, None], (1, 2))
+        if self.warp is not None:
+            pace *= np.where(self.warp.is_bent[:, None], self.warp.paces[:, [0, -1]], 1.0)
+        pace = pace[..., None, None]
         before, leaving = states(algebra, tracks, donors.clip[seams], donors.stop[seams])
         after, arriving = states(algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1])
         if self.place is not None:
             self.place.put(algebra, before, seams, leaving)
             self.place.put(algebra, after, seams + 1, arriving)
-        return Ends(before, after, leaving * pace[seams], arriving * pace[seams + 1])
+        return Ends(before, after, leaving * pace[seams, 1], arriving * pace[seams + 1, 0])
 
     def pieces(self, seams: IntArray, segment: IntArray, step: FloatArray) -> Moments:
         """Return moments as times in the pieces between segments `seams` and those after them."""
@@ -279,6 +333,8 @@ class _Laid:
 
         donors = self.donors
         as_long = donors.lengths == self.cut.lengths
+        if self.warp is not None:
+            as_long &= ~self.warp.is_bent
         ends = around(donors.clip[:-1], donors.stop[:-1])
         starts = around(donors.clip[1:], donors.start[1:])
         same = (ends == starts).all(axis=tuple(range(1, ends.ndim)))

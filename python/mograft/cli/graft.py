@@ -120,6 +120,12 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
     )
     graft.add_argument(
+        "--alignment",
+        choices=("uniform", "dtw"),
+        help="how a donor gets its length: stretched evenly (default), or bent in time so that "
+        "its base part does what the segment's does",
+    )
+    graft.add_argument(
         "--torso",
         choices=("pelvis", "world"),
         help="what a grafted trunk keeps: its angle to the pelvis (default), or how it leans",
@@ -329,6 +335,6 @@ def chosen_config(options: argparse.Namespace) -> "Config":
 
 def _changed(config: "Config", options: argparse.Namespace) -> "Config":
     """Return the configuration with those fields changed for which there are options."""
-    names = ("sigma_scale", "choice", "temperature", "seam", "torso", "feet")
+    names = ("sigma_scale", "choice", "temperature", "seam", "alignment", "torso", "feet")
     given = {name: getattr(options, name, None) for name in names}
     return replace(config, **{name: value for name, value in given.items() if value is not None})
