@@ -28,7 +28,8 @@ html_theme = "furo"
 html_title = f"mograft {release}"
 html_extra_path = ["_made/pages"]
 exclude_patterns = ["_build", "_made/pages"]
-suppress_warnings = ["config.cache"]
+# The n_joints of a shape is taken for a name, of which there are two.
+suppress_warnings = ["config.cache", "ref.python"]
 myst_heading_anchors = 3
 myst_enable_extensions = ["dollarmath"]
 napoleon_google_docstring = False
