@@ -107,6 +107,12 @@ def test_the_documentation_builds_without_a_warning(tmp_path):
     )
     assert told.returncode == 0, told.stderr[-3000:]
     assert (tmp_path / "graft.html").exists()
+    for page in set(PAGES) - {ROOT / "README.md"}:
+        # Sphinx has pages of its own, as search, which would take the place of ours.
+        heading = page.read_text(encoding="utf-8").partition("\n")[0]
+        made = tmp_path / page.relative_to(ROOT / "docs").with_suffix(".html")
+        (title,) = re.findall("<h1>(.*?)<a", made.read_text(encoding="utf-8"))
+        assert re.sub(r"\W", "", title) == re.sub(r"\W", "", heading), page.name
     commands = (tmp_path / "_made" / "cli.html").read_text(encoding="utf-8")
     for words in ("graft", "lib verify", "config show"):
         assert f"mograft {words}" in commands
