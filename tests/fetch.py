@@ -54,5 +54,6 @@ def _run(words):
         return f"left out, {error}"
     if told.returncode:
         said = (told.stderr or told.stdout).strip().splitlines()
-        return f"left out, {said[0] if said else f'exit code {told.returncode}'}"
+        why = next((line for line in said if "error" in line.lower()), "no word of why")
+        return f"left out: {why}"
     return "fetched"
