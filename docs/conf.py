@@ -5,9 +5,12 @@ build time from the code itself, so that they cannot fall behind it.
 """
 
 import argparse
+import contextlib
+import importlib
 import inspect
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import matplotlib as mpl
 
@@ -16,6 +19,7 @@ from matplotlib import pyplot
 
 import mograft as mg
 from mograft import cli, plot
+from mograft.cli._settings import command_parsers
 from mograft.dancer import dance
 from mograft.stream import joined
 
@@ -33,7 +37,8 @@ html_theme = "furo"
 html_title = f"mograft {release}"
 html_extra_path = ["_made/pages"]
 exclude_patterns = ["_build", "_made/pages"]
-suppress_warnings = ["config.cache"]
+# The n_joints of a shape is taken for a name, of which there are two.
+suppress_warnings = ["config.cache", "ref.python"]
 myst_heading_anchors = 3
 myst_enable_extensions = ["dollarmath"]
 napoleon_google_docstring = False
@@ -87,11 +92,19 @@ def make_command_line() -> None:
     """Write the reference of the command line from its parser."""
     parser = cli._parser()
     lines = ["# Command line", "", "```text", parser.format_help().rstrip(), "```", ""]
-    (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    for name, command in commands.choices.items():
-        lines += [f"## mograft {name}", "", "```text", command.format_help().rstrip(), "```", ""]
+    lines += _told_of(parser, "mograft", 2)
     lines += ["## Exit codes", "", inspect.getdoc(cli).split("\n\n")[1], ""]
     (MADE / "cli.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def _told_of(parser: argparse.ArgumentParser, name: str, level: int) -> list[str]:
+    """Return the help of the commands below a parser, and of theirs."""
+    lines: list[str] = []
+    for word, command in command_parsers(parser).items():
+        own = f"{name} {word}"
+        lines += [f"{'#' * level} {own}", "", "```text", command.format_help().rstrip(), "```", ""]
+        lines += _told_of(command, own, level + 1)
+    return lines
 
 
 def make_api() -> None:
@@ -109,15 +122,28 @@ def make_api() -> None:
             )
         elif inspect.isfunction(value):
             parts["Functions"].append(f"```{{eval-rst}}\n.. autofunction:: mograft.{name}\n```\n")
-    for name in plot.__all__:
-        if inspect.isfunction(getattr(plot, name)):
-            parts.setdefault("mograft.plot", []).append(
-                f"```{{eval-rst}}\n.. autofunction:: mograft.plot.{name}\n```\n"
-            )
+    modules = [name for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
+    for module in (*modules, "capsules", "dancer", "evaluation"):
+        with contextlib.suppress(ModuleNotFoundError):
+            title, entries = _module(importlib.import_module(f"mograft.{module}"))
+            parts[title] = entries
     lines = ["# API", ""]
     for title, entries in parts.items():
         lines += [f"## {title}", "", *entries]
     (MADE / "api.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def _module(module: ModuleType) -> tuple[str, list[str]]:
+    """Return the name of a module and the entries of its public names."""
+    entries = [f"{inspect.getdoc(module).split(chr(10) * 2)[0]}\n"]
+    for name in module.__all__:
+        value = getattr(module, name)
+        if hasattr(mg, name) and getattr(mg, name) is value:
+            entries.append(f"`mograft.{name}`, above.\n")
+        elif inspect.isfunction(value) or inspect.isclass(value):
+            directive = "autofunction" if inspect.isfunction(value) else "autoclass"
+            entries.append(f"```{{eval-rst}}\n.. {directive}:: {module.__name__}.{name}\n```\n")
+    return module.__name__, entries
 
 
 def make_depth() -> None:

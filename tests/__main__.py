@@ -1,6 +1,7 @@
 """Run every check of the project: ``python -m tests [--thorough]``.
 
-Rust first, since what follows stands on it; then style and types; then the tests. Every
+Where there is a network, programs that read our files are fetched first: see `tests.fetch`.
+Rust next, since what follows stands on it; then style and types; then the tests. Every
 check runs, whatever the ones before it found; the exit code is 1 if any of them failed.
 """
 
@@ -8,6 +9,8 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+
+from tests.fetch import fetch
 
 PYTHON = sys.executable
 CHECKS = (
@@ -28,6 +31,8 @@ def main(arguments):
         return 1
     # The crates that bind to Python are checked against the Python that runs this.
     print(f"Python {sysconfig.get_python_version()} at {PYTHON}", flush=True)
+    print("\n== programs that read our files", flush=True)
+    fetch()
     failed = []
     for name, command in CHECKS:
         extra = arguments if name == "pytest" else []

@@ -8,7 +8,7 @@ import pytest
 
 from mograft import JointGroups, Library, graft, rotations, view
 from mograft.dancer import dance
-from tests.browser import chromium, opened
+from tests.browser import PATIENCE, chromium, opened, until
 from tests.test_viewing import HOSTILE
 
 DASH = "\N{EN DASH}"
@@ -38,15 +38,6 @@ def pixels(page, selector):
     image = pytest.importorskip("matplotlib.image", reason="matplotlib reads the screenshots")
     shot = page.locator(selector).screenshot()
     return image.imread(io.BytesIO(shot), format="png")[..., :3]
-
-
-def until(page, condition):
-    """Wait for it from outside: the page's own rules allow no script that would."""
-    for _ in range(300):
-        if page.evaluate(condition):
-            return
-        page.wait_for_timeout(20)
-    raise AssertionError(f"never: {condition}")
 
 
 def nodes(motion):
@@ -183,6 +174,7 @@ def test_a_notebooks_frame_works_inside_its_sandbox(browser, new, tmp_path):
     path = tmp_path / "notebook.html"
     path.write_text(f"<!doctype html><title>n</title>{new._repr_html_()}", encoding="utf-8")
     page = browser.new_page()
+    page.set_default_timeout(PATIENCE)
     said = []
     page.on("console", lambda message: said.append(message.text))
     page.goto(path.as_uri())

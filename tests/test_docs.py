@@ -3,6 +3,7 @@
 import contextlib
 import doctest
 import importlib
+import inspect
 import io
 import re
 import shlex
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+import mograft
 from mograft.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -105,4 +107,26 @@ def test_the_documentation_builds_without_a_warning(tmp_path):
     )
     assert told.returncode == 0, told.stderr[-3000:]
     assert (tmp_path / "graft.html").exists()
-    assert "mograft graft" in (tmp_path / "_made" / "cli.html").read_text(encoding="utf-8")
+    for page in set(PAGES) - {ROOT / "README.md"}:
+        # Sphinx has pages of its own, as search, which would take the place of ours.
+        heading = page.read_text(encoding="utf-8").partition("\n")[0]
+        made = tmp_path / page.relative_to(ROOT / "docs").with_suffix(".html")
+        (title,) = re.findall("<h1>(.*?)<a", made.read_text(encoding="utf-8"))
+        assert re.sub(r"\W", "", title) == re.sub(r"\W", "", heading), page.name
+    commands = (tmp_path / "_made" / "cli.html").read_text(encoding="utf-8")
+    for words in ("graft", "lib verify", "config show"):
+        assert f"mograft {words}" in commands
+    reference = (tmp_path / "_made" / "api.html").read_text(encoding="utf-8")
+    for name in set(mograft.__all__) - {"__version__"}:
+        module = inspect.ismodule(getattr(mograft, name))
+        assert f">mograft.{name}<" in reference if module else f'id="mograft.{name}"' in reference
+
+
+LINK = re.compile(r"\]\(([^)#:]+)\)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
+def test_links_lead_to_what_there_is(page):
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        if not target.startswith("_made/"):
+            assert (page.parent / target).exists(), target

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import rotations
+from mograft.dancer import dance
 from tests.dialects import motions
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -78,18 +79,15 @@ def test_new_angles_put_joints_where_pybvh_has_them(path, tmp_path):
 NOT_FOR_PYMOTION = ("rotation_first_root", "custom_skeleton_walk_example", "wd2_")
 
 
-@pytest.mark.parametrize("path", RECORDINGS, ids=named)
-def test_joints_are_where_pymotion_has_them(path):
+def pymotion_places(path, motion):
+    """Where pymotion's rotations of a file put the joints."""
     pymotion = pytest.importorskip("pymotion.io.bvh", reason="pymotion is not installed")
-    if need(path).stem.startswith(NOT_FOR_PYMOTION):
-        pytest.skip("pymotion misreads it")
     clip = pymotion.BVH()
     try:
         clip.load(str(path))
         turned, placed, parents, *_ = clip.get_data()
     except (ValueError, IndexError, AssertionError, TypeError) as error:
         pytest.skip(f"pymotion does not read it: {error}")
-    motion = mg.read_bvh(path)
     scalar_last = np.ascontiguousarray(np.roll(turned, -1, axis=-1), dtype=np.float64)
     parents = np.asarray([parent or 0 for parent in parents])
     parents[0] = -1
@@ -99,7 +97,27 @@ def test_joints_are_where_pymotion_has_them(path):
         scalar_last / np.linalg.norm(scalar_last, axis=-1, keepdims=True),
         placed,
     )
-    assert_close(motion.world_positions(), other.world_positions())
+    return other.world_positions()
+
+
+@pytest.mark.parametrize("path", RECORDINGS, ids=named)
+def test_joints_are_where_pymotion_has_them(path):
+    if need(path).stem.startswith(NOT_FOR_PYMOTION):
+        pytest.skip("pymotion misreads it")
+    motion = mg.read_bvh(path)
+    assert_close(motion.world_positions(), pymotion_places(path, motion))
+
+
+@pytest.fixture(scope="module")
+def graft():
+    return mg.graft(mg.Library.build(dance(seed=2, strides=1).motion[:400]), seed=5).motion
+
+
+def test_pybvh_and_pymotion_read_a_graft_as_it_is(graft, tmp_path):
+    mg.write_bvh(graft, tmp_path / "graft.bvh")
+    places = graft.world_positions()
+    assert_close(pymotion_places(tmp_path / "graft.bvh", graft), places)
+    assert_close(pybvh_places(read_with_pybvh(tmp_path / "graft.bvh")), places)
 
 
 # bvhio is slow, and does not read channel names in capitals.

@@ -279,8 +279,8 @@ def process(*words, **options):
 
 def wait_for(what, child):
     """Wait until something is true, or the command is over."""
-    for _ in range(60_000):
-        if what() or child.poll() is not None:
+    for _ in range(30_000):
+        if child.poll() is not None or what():
             return
         time.sleep(0.002)
     raise AssertionError("never came to be")
@@ -328,7 +328,11 @@ pytestmark_posix = pytest.mark.skipif(os.name != "posix", reason="Ctrl-C is a si
 def interrupted(child):
     """Send Ctrl-C to a command as a terminal does, to all of its processes."""
     os.killpg(child.pid, signal.SIGINT)
-    _, err = child.communicate()
+    try:
+        _, err = child.communicate(timeout=60)
+    finally:
+        if child.poll() is None:
+            os.killpg(child.pid, signal.SIGKILL)
     assert child.returncode == 130
     assert err.splitlines()[-1] == "interrupted"
     assert "Traceback" not in err
@@ -366,7 +370,12 @@ def test_an_interrupted_index_leaves_the_library_that_was(here, clip, jobs):
         shutil.copy(clip, here / "clips" / f"c{number}.bvh")
     child = process("index", "clips", "-o", "lib", "--add", "-j", str(jobs))
     seen = set((here / "lib").rglob("*"))
-    wait_for(lambda: set((here / "lib").rglob("*")) - seen, child)
+    below = Path(f"/proc/{child.pid}/task/{child.pid}/children")
+    if jobs > 1 and below.exists():
+        # Its processes have begun: what they are doing then, they would tell of.
+        wait_for(lambda: len(below.read_text().split()) > jobs, child)
+    else:
+        wait_for(lambda: set((here / "lib").rglob("*")) - seen, child)
     interrupted(child)
     assert (here / "lib" / "manifest.json").read_bytes() == before
     assert main(["lib", "verify", "lib"]) == 0

@@ -56,15 +56,20 @@ def shares(picture):
 @pytest.mark.parametrize("dark", [False, True])
 def test_a_film_shows_the_figure_and_it_moves(motion, tmp_path, ending, dark):
     path = tmp_path / f"m.{ending}"
+    # On the spot, so that the camera stands still: what differs are the limbs.
+    places = np.tile(motion.positions[:1], (motion.n_frames, 1, 1))
+    motion = replace(motion, positions=places, channel_values=None)
     assert write_video(motion, path, rate=15, size=SIZE, dark=dark) == 15
     film = frames_of(path)
     assert len(film) == motion.resample(15).n_frames
     paper = np.median(film[0].reshape(-1, 3), axis=0)
     assert (paper.mean() < 100) == dark
     for picture in (film[0], film[-1]):
-        assert (shares(picture) > 0.001).all()
+        # In one of four pixels colour is blurred away by the film's format.
+        assert (shares(picture) > 0.0003).all()
         assert shares(picture).sum() < 0.3
-    assert (np.abs(film[-1].astype(int) - film[0]).max(axis=-1) > 60).mean() > 0.005
+    above = film[:, :100].astype(int)  # Below runs the clock.
+    assert (np.abs(above[-1] - above[0]).max(axis=-1) > 60).mean() > 0.005
 
 
 @settings(max_examples=30)

@@ -140,7 +140,7 @@ def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = 
     bounds = np.append(cut.start, cut.stop[-1])
     for start, stop in zip(cut.start[::2], cut.stop[::2], strict=True):
         axes.axvspan(time[start], time[stop], color="0.5", alpha=0.13, linewidth=0)
-    axes.plot(time, values, color=PALETTE[0], alpha=0.5, linewidth=0.8, label="measured")
+    axes.plot(time, values, color="0.5", linewidth=0.8, label="measured")
     axes.plot(time, smooth, color=PALETTE[0], linewidth=1.4, label="smoothed")
     axes.plot(time[bounds], smooth[bounds], ".", color=PALETTE[1], markersize=4, label="cuts")
     axes.set_xlim(time[0], time[-1])

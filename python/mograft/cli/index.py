@@ -1,17 +1,21 @@
 """``mograft index``: a library of many files, in a folder."""
 
 import argparse
+import multiprocessing
 import os
 import signal
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from mograft.cli._common import at_least_one, given, print_json, progress, say
 from mograft.cli.graft import chosen_config, chosen_groups
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -121,27 +125,29 @@ def _pool(jobs: int) -> Iterator[Executor | None]:
     # Spawned, not forked, as threads and open files do not survive a fork.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    pool = ProcessPoolExecutor(jobs, mp_context=_Context())
+    pool = _Pool(jobs, mp_context=multiprocessing.get_context("spawn"))
     try:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-class _Worker(SpawnProcess):
-    """A process that Ctrl-C does not reach: who started it ends it, and one tells of it."""
+class _Pool(ProcessPoolExecutor):
+    """Processes that Ctrl-C does not reach: who started them ends them, and one tells of it."""
 
-    def start(self) -> None:
-        if not hasattr(signal, "pthread_sigmask"):
-            super().start()
-            return
-        # What is blocked here is blocked from the first moment there; here it only waits.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        if os.name != "posix" or threading.current_thread() is not threading.main_thread():
+            return super().submit(fn, *args, **kwargs)
+        # It starts processes. What is blocked here is blocked there from the first moment; and
+        # here it has to wait: a pool that is interrupted in between never comes to its end.
+        waiting: list[int] = []
+        handler = signal.signal(signal.SIGINT, lambda number, _: waiting.append(number))
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            super().start()
+            future = super().submit(fn, *args, **kwargs)
         finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-class _Context(SpawnContext):
-    Process = _Worker
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            signal.signal(signal.SIGINT, handler)
+        if waiting:
+            raise KeyboardInterrupt
+        return future

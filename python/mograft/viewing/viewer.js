@@ -917,7 +917,8 @@
     state.follow = scene.follow;
     find("follow").setAttribute("aria-pressed", state.follow);
     resize();
-    if (most > 60) show(0, ((nFrames - 1) * 40) / most);
+    const fit = Math.max(rows.clientWidth / 28, 8);
+    if (most > 1.5 * fit) show(0, ((nFrames - 1) * fit) / most);
     new ResizeObserver(resize).observe(root);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       readTheme();
