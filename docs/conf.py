@@ -14,7 +14,7 @@ mpl.use("agg")
 from matplotlib import pyplot
 
 import mograft as mg
-from mograft import cli, plot
+from mograft import cli, evaluation, plot
 from mograft.dancer import dance
 
 HERE = Path(__file__).parent
@@ -93,6 +93,12 @@ def make_api() -> None:
             parts.setdefault("mograft.plot", []).append(
                 f"```{{eval-rst}}\n.. autofunction:: mograft.plot.{name}\n```\n"
             )
+    for name in evaluation.__all__:
+        kind = "autoclass" if inspect.isclass(getattr(evaluation, name)) else "autofunction"
+        options = "   :members:\n" if kind == "autoclass" else ""
+        parts.setdefault("mograft.evaluation", []).append(
+            f"```{{eval-rst}}\n.. {kind}:: mograft.evaluation.{name}\n{options}```\n"
+        )
     lines = ["# API", ""]
     for title, entries in parts.items():
         lines += [f"## {title}", "", *entries]

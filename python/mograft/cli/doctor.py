@@ -14,7 +14,9 @@ from mograft.cli._common import print_json
 
 NEEDED = ("numpy",)
 EXTRAS = {
-    "matplotlib": "mograft plot",
+    "matplotlib": "mograft plot, mograft evaluate",
+    "scikit-learn": "mograft evaluate",
+    "scipy": "mograft evaluate",
     "pybvh": "mograft.to_pybvh, mograft.from_pybvh",
 }
 
