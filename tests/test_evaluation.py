@@ -140,7 +140,7 @@ def test_too_few_segments_are_refused_in_words():
 
 def test_the_page_tells_all_and_runs_nothing(found):
     page = evaluation_page(found, "A <b>bold</b> title")
-    assert "A &lt;b&gt;bold&lt;/b&gt; title" in page.html
+    assert "<h1>A &lt;b&gt;bold&lt;/b&gt; title</h1>" in page.html
     for way in WAYS:
         assert way.name in page.html
     for heading in ("Balance", "Quality", "Enrichment", "In words"):
