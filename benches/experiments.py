@@ -425,8 +425,7 @@ def counts(results):
         f"{min(defaults):.1f} to {max(defaults):.1f}. A set with fewer segments, or less alike "
         "ones, has fewer. The paper's numbers for five groups, and in table 1 those for four, come "
         "from no single clustering: with K the base group, the clusters or a filter must have "
-        "changed. And it is "
-        "segments that multiply, not frames as the text says.",
+        "changed. And it is segments that multiply, not frames as the text says.",
         "",
     ]
     return lines
@@ -506,9 +505,8 @@ def page(results, missing):
         "",
         "Printed by `python benches/experiments.py --write`. In brackets: 95 % intervals; they "
         "hold the choice of segments and donors, not that of the recordings. Seed 0. All "
-        "recordings are "
-        "taken to 30 frames a second, since the paper's segments of 7.3 frames tell that its "
-        "frames were about that long. What each measure is and what it does not say: "
+        "recordings are taken to 30 frames a second, since the paper's segments of 7.3 frames "
+        "tell that its frames were about that long. What each measure is and what it does not say: "
         "[Evaluation](evaluation.md).",
         "",
     ]

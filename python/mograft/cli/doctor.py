@@ -14,10 +14,10 @@ from mograft.cli._common import print_json
 
 NEEDED = ("numpy",)
 EXTRAS = {
-    "matplotlib": "mograft plot, mograft evaluate",
+    "matplotlib": "mograft plot",
+    "pybvh": "mograft.to_pybvh, mograft.from_pybvh",
     "scikit-learn": "mograft evaluate",
     "scipy": "mograft evaluate",
-    "pybvh": "mograft.to_pybvh, mograft.from_pybvh",
 }
 
 
