@@ -5,7 +5,6 @@ build time from the code itself, so that they cannot fall behind it.
 """
 
 import argparse
-import contextlib
 import importlib
 import inspect
 import sys
@@ -123,10 +122,9 @@ def make_api() -> None:
         elif inspect.isfunction(value):
             parts["Functions"].append(f"```{{eval-rst}}\n.. autofunction:: mograft.{name}\n```\n")
     modules = [name for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
-    for module in (*modules, "capsules", "dancer", "evaluation"):
-        with contextlib.suppress(ModuleNotFoundError):
-            title, entries = _module(importlib.import_module(f"mograft.{module}"))
-            parts[title] = entries
+    for module in (*modules, "capsules", "dancer"):
+        title, entries = _module(importlib.import_module(f"mograft.{module}"))
+        parts[title] = entries
     lines = ["# API", ""]
     for title, entries in parts.items():
         lines += [f"## {title}", "", *entries]

@@ -173,6 +173,25 @@ def test_who_stands_still_has_one_balance_and_who_leans_over_falls():
         assert not far.unbalanced(cut, rule, margin=float(far.distance[0]) + 1e-9)[0].any()
 
 
+@pytest.mark.parametrize("pull", [-300.0, 150.0, 600.0])
+def test_who_speeds_up_must_lean_into_it(pull):
+    # On a cart that speeds up evenly the zero-moment point stays behind the centre of mass.
+    still = upright()
+    time = np.arange(still.n_frames) * still.frame_time
+    places = still.positions.copy()
+    places[:, 0, 2] += 0.5 * pull * time**2
+    cart = replace(still, positions=places)
+    ground = support(cart, like=DANCE)
+    height = body(still.skeleton).height
+    center = center_of_mass(cart)
+    gravity = 9.81 * height / 1.75
+    behind = center.copy()
+    behind[:, 2] -= (center[:, 1] - ground.floor) * pull / gravity
+    want = signed_distance(ground.polygons, ground.sizes, behind[:, ground.axes]) / height
+    found = dynamic_balance(cart, like=DANCE)
+    np.testing.assert_allclose(found.distance, want, atol=1e-6)
+
+
 @given(npst.arrays(np.float64, 30, elements=st.sampled_from([-0.1, 0.1, np.nan])))
 def test_rules_are_ordered_and_count_grounded_frames_alone(distance):
     own = Balance("static", distance, np.isfinite(distance), "rods", ())

@@ -184,3 +184,15 @@ def test_without_legs_there_are_no_contact_patterns():
     assert Nearest() not in methods(frozen)
     with pytest.raises(InsufficientDataError, match="differ"):
         Nearest().candidates(frozen, np.array([0]))
+
+
+def test_ways_may_differ_in_how_motions_are_made(library):
+    plain, other = (
+        grafts_by(ByCost(changes=changes), library, None, 1, seed=2)[0]
+        for changes in ((), (("seam", "displacement"),))
+    )
+    assert [s.donor for s in plain.substitutions] == [s.donor for s in other.substitutions]
+    assert (plain.motion.rotations != other.motion.rotations).any()
+    assert other.library.config.seam == "displacement"
+    with pytest.raises(ValueError, match="samples must be"):
+        grafts_by(ByCost(changes=(("samples", 5),)), library)

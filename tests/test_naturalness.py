@@ -19,6 +19,7 @@ from mograft.evaluation.naturalness import (
     part_features,
 )
 from tests.strategies import SEEDS
+from tests.test_balance import moved
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
@@ -152,8 +153,6 @@ def test_features_of_a_part_know_nothing_of_the_other(seed):
 @settings(max_examples=10)
 @given(st.floats(-3, 3), st.floats(-500, 500), st.floats(0.01, 50))
 def test_features_know_no_heading_place_or_scale(turn, x, scale):
-    from tests.test_balance import moved
-
     clip = dance(seed=7, strides=1).motion[:300]
     own = Library.build(clip)
     other = replace(own, clips=(moved(clip, scale, turn, (x, 0.0, -x)),))

@@ -21,6 +21,8 @@ EXTRAS = {
     "pyarrow": "mograft lib export --parquet",
     "shtab": "mograft completion",
     "pybvh": "mograft.to_pybvh, mograft.from_pybvh",
+    "scikit-learn": "mograft evaluate",
+    "scipy": "mograft evaluate",
 }
 
 

@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.config import Config
 from mograft.errors import InsufficientDataError
 from mograft.footskate import contacts, legs
 from mograft.grafting import Graft, Grafts, _Plan
@@ -51,11 +53,15 @@ class Method:
         Whether a donor is drawn among those within `Config.max_angle` of the one before.
     by_cost : bool
         Whether donors are chosen by `Config.choice` instead of drawn.
+    changes : tuple of (str, value)
+        Fields of the library's configuration that differ, as ``(("seam", "paper"),)``: any
+        but those that its segments and embedding are built by.
     """
 
     name: str = ""
     limits_seams: bool = True
     by_cost: bool = False
+    changes: tuple[tuple[str, Any], ...] = ()
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
         """Return who may take the places of some segments.
@@ -211,7 +217,10 @@ def methods(library: Library) -> tuple[Method, ...]:
         ways.append(ContactPattern())
     if library.embedding[library.groups.base] is not None:
         ways.append(Nearest())
-    return (*ways, Analogy(), ByCost())
+    ways += [Analogy(), ByCost()]
+    if "torso" in Config.__dataclass_fields__:  # posture alignment after Heck et al. 2006
+        ways.append(ByCost(f"{ByCost.name}, posture aligned", changes=(("torso", "world"),)))
+    return tuple(ways)
 
 
 def contact_patterns(library: Library) -> BoolArray:
@@ -360,6 +369,8 @@ def _planned(
     swap: Sequence[str] | None,
     seed: int,
 ) -> tuple[_Plan, list[Donors]]:
+    if method.changes:
+        library = library.relabelled(replace(library.config, **dict(method.changes)))
     plan = _Plan.make(library, base, swap, ())
     problem = plan.problem
     allowed = method.candidates(problem.library, problem.scenario)

@@ -347,10 +347,18 @@ def coordination(motion: Motion) -> tuple[float, float]:
     pairs = _limbs(motion.skeleton)
     if not pairs or motion.n_frames < 8:
         return math.nan, math.nan
+    places = motion.world_positions()
+    up = np.eye(3)[up_axis(motion)]
+    (_, (right, _)), (_, (left, _)) = pairs
+    ahead = _direction(np.cross(places[:, left] - places[:, right], up))
     found = []
     most = max(round(_LAG * motion.rate), 1)
-    for arm, leg in pairs:
-        a, b = (_swing(motion, *limb) for limb in (arm, leg))
+    for pair in pairs:
+        # The part of a limb's direction that points ahead needs no angle that could wrap.
+        a, b = (
+            np.gradient((_direction(places[:, end] - places[:, top]) * ahead).sum(axis=1))
+            for top, end in pair
+        )
         if a.std() < 1e-9 or b.std() < 1e-9 or len(a) < 2 * most + 4:
             return math.nan, math.nan
         lags = np.arange(-most, most + 1)
@@ -389,16 +397,7 @@ def _limbs(skeleton: Skeleton) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     return pairs
 
 
-def _swing(motion: Motion, top: int, end: int) -> FloatArray:
-    """Return how fast a limb swings forwards as seen from the hips, in rad/s."""
-    places = motion.world_positions()
-    thighs = [int(anatomy(motion.skeleton).joints("thigh", side=s)[0]) for s in ("left", "right")]
-    up = np.eye(3)[up_axis(motion)]
-    across = places[:, thighs[0]] - places[:, thighs[1]]
-    ahead = np.cross(across, up)
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
-    limb = places[:, end] - places[:, top]
-    limb /= np.maximum(np.linalg.norm(limb, axis=1, keepdims=True), 1e-12)
-    # The part of a limb's direction that points ahead needs no angle that could wrap.
-    swing: FloatArray = np.gradient((limb * ahead).sum(axis=1)) * motion.rate
-    return swing
+def _direction(vectors: FloatArray) -> FloatArray:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    units: FloatArray = vectors / np.maximum(lengths, 1e-12)
+    return units

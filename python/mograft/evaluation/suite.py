@@ -222,16 +222,18 @@ def evaluate(
     found: list[Compatibility] = []
     people = None
     if "naturalness" in topics:
+        # What only the making of a motion depends on changes nothing of who goes with whom.
+        choosing = [way for way in chosen if not way.changes]
         for group in library.groups.names:
             if group == library.groups.base:
                 continue
             try:
-                found.append(compatibility(library, group, chosen, seed=seed, progress=progress))
+                found.append(compatibility(library, group, choosing, seed=seed, progress=progress))
             except InsufficientDataError as error:
                 refused[f"naturalness of {group}"] = str(error)
         if labels is not None:
             try:
-                people = judgement(library, labels, chosen, seed=seed)
+                people = judgement(library, labels, choosing, seed=seed)
             except InsufficientDataError as error:
                 refused["labels"] = str(error)
     parameters = {
