@@ -176,6 +176,19 @@ def test_bad_arguments_are_refused_by_name(sample):
         Config(feet="sometimes")
 
 
+def test_a_foot_that_is_said_to_stand_and_walks_is_not_held(sample):
+    """As at a seam between donors whose feet stand far apart: the root would be torn away."""
+    motion = sample.motion[:240]
+    everywhere = np.ones((240, 2, 2), bool)
+    still, report = plant_feet(motion, everywhere)
+    points, height = _Ground.of(motion).points(motion), body(motion.skeleton).height
+    moved = np.linalg.norm(_Ground.of(motion).points(still) - points, axis=-1) / height
+    speeds = np.linalg.norm(np.gradient(points, axis=0), axis=-1) * motion.rate / height
+    assert report.plants > 4
+    assert moved[speeds > 1.5].max() < 0.15
+    assert report.moved_root < 0.1
+
+
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, st.floats(0.01, 0.04))
 def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):

@@ -38,6 +38,8 @@ _CLEAR = 0.05
 """Heights at which a foot that swings is clear of the floor."""
 _RISE = 1.5
 """Frames after a plant from which on it is lifted."""
+_FAR = 0.1
+"""Heights from its mean place at which a foot that moves fast steps instead of sliding."""
 _SINK = 0.01
 """Heights by which a plant may be below the floor; above it, as near as in `contacts`."""
 _MISSED = 1e-4
@@ -276,12 +278,15 @@ def plant_feet(
         return motion, FeetReport(0, before, before, 0.0, 0.0, 0)
     turned, placed = motion.world()
     points = ground.points(motion)
+    parted = _parted(given, points, ground, motion.rate)
+    least = np.full(given.shape, -np.inf) if heights is None else heights
+    least = np.where(given & ~parted, _CLEAR, least)
+    given = parted
     ways = np.zeros_like(points)
     for index, bend in enumerate(may_bend):
         if bend:
-            least = np.full((motion.n_frames, 2), -np.inf) if heights is None else heights[:, index]
             ways[:, index] = _ways(
-                points[:, index], given[:, index], least, ground, index, motion.rate
+                points[:, index], given[:, index], least[:, index], ground, index, motion.rate
             )
     given = given & np.array(may_bend)[None, :, None]
     shift = np.zeros((motion.n_frames, 3))
@@ -427,6 +432,24 @@ def _widened(marked: BoolArray, allowed: BoolArray) -> BoolArray:
         if marked[first : last + 1].any():
             wide[first : last + 1] = True
     return wide
+
+
+def _parted(stands: BoolArray, points: FloatArray, ground: _Ground, rate: float) -> BoolArray:
+    """Return when heels and toes stand without the frames in which they go fast.
+
+    Where donors' feet stand on both sides of a seam, but far apart, they are no one plant: the
+    root would be pulled half way between the two. They step.
+    """
+    parted = stands.copy()
+    fast = _speeds(points, rate) >= _SLIDES * ground.height
+    for leg, point in np.ndindex(stands.shape[1:]):
+        for first, last in _runs(stands[:, leg, point]):
+            own = slice(first, last + 1)
+            places = points[own, leg, point]
+            off = np.linalg.norm(places - places.mean(axis=0), axis=1)
+            if off.max() > _FAR * ground.height:
+                parted[own, leg, point] = ~fast[own, leg, point]
+    return parted
 
 
 def _lifts(

@@ -46,13 +46,10 @@ def partners(skeleton: Skeleton) -> IntArray:
 
     Examples
     --------
-    >>> skeleton = Skeleton(
-    ...     ["Hips", "LeftLeg", "Spine", "RightLeg"],
-    ...     [-1, 0, 0, 0],
-    ...     [[0, 0, 0], [9, 0, 0], [0, 9, 0], [-9, 0, 0]],
-    ... )
-    >>> partners(skeleton)
-    array([0, 3, 2, 1])
+    >>> from mograft.dancer import dance
+    >>> skeleton = dance(strides=1).motion.skeleton
+    >>> skeleton.names[3], skeleton.names[partners(skeleton)[3]]
+    ('LeftFoot', 'RightFoot')
     """
     known = anatomy(skeleton)
     found = np.zeros(skeleton.n_joints, np.int64)
