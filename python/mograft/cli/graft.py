@@ -2,6 +2,7 @@
 
 import argparse
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,8 +110,6 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dataclasses import replace
-
     from mograft.grafting import graft_many, repair
     from mograft.library import Library
 
@@ -274,8 +273,6 @@ def chosen_config(options: argparse.Namespace) -> "Config":
 
 def _changed(config: "Config", options: argparse.Namespace) -> "Config":
     """Return the configuration with those fields changed for which there are options."""
-    from dataclasses import replace
-
     names = ("sigma_scale", "choice", "temperature", "seam", "feet")
     given = {name: getattr(options, name, None) for name in names}
     return replace(config, **{name: value for name, value in given.items() if value is not None})
