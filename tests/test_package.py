@@ -22,7 +22,8 @@ try:
     main({words})
 except SystemExit as stop:
     print("code", stop.code)
-heavy = {{"numpy", "matplotlib", "webbrowser", "sqlite3"}} & set(sys.modules)
+heavy = {{"numpy", "matplotlib", "webbrowser", "sqlite3", "multiprocessing", "importlib.metadata"}}
+heavy &= set(sys.modules)
 print("heavy", *heavy)
 """
     assert run(code)[-3:] == ["code", "0", "heavy"]

@@ -4,9 +4,8 @@ import argparse
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 __all__ = ["FILE", "Setting", "command_parsers", "nearest", "parse", "settings"]
 
@@ -19,8 +18,7 @@ _NEVER = {"help", "output", "force", "json", "open", "add", "base", "clip", "gro
 _NEVER |= {"title", "frames", "tags", "scenario", "duration", "repair", "origin"}
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(NamedTuple):
     """The value of an option that the command line does not give, and who gave it."""
 
     value: Any

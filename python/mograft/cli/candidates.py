@@ -2,7 +2,6 @@
 
 import argparse
 import math
-from dataclasses import asdict
 from typing import Any
 
 from mograft.cli._common import PRESETS, expanded, library_folder, print_json, progress, whole
@@ -28,6 +27,8 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dataclasses import asdict
+
     from mograft.library import Library
 
     wanted = constraints(options)

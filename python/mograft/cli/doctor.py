@@ -5,7 +5,6 @@ import os
 import platform
 import sys
 import tempfile
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +50,8 @@ def _check(what: str, state: str, detail: str) -> dict[str, str]:
 
 
 def _versions() -> list[dict[str, str]]:
+    from importlib import metadata
+
     system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
     found = [
         _check("mograft", "ok", __version__),

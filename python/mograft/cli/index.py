@@ -1,21 +1,17 @@
 """``mograft index``: a library of many files, in a folder."""
 
 import argparse
-import multiprocessing
 import os
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from mograft.cli._common import at_least_one, given, print_json, progress, say
 from mograft.cli.graft import chosen_config, chosen_groups
 
-P = ParamSpec("P")
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -117,7 +113,7 @@ def _true_rates(options: argparse.Namespace) -> dict[str, float]:
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[Executor | None]:
+def _pool(jobs: int) -> "Iterator[Executor | None]":
     if jobs == 1:
         yield None
         return
@@ -125,29 +121,12 @@ def _pool(jobs: int) -> Iterator[Executor | None]:
     # Spawned, not forked, as threads and open files do not survive a fork.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    pool = _Pool(jobs, mp_context=multiprocessing.get_context("spawn"))
+    import multiprocessing
+
+    from mograft.cli._pool import Pool
+
+    pool = Pool(jobs, mp_context=multiprocessing.get_context("spawn"))
     try:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-class _Pool(ProcessPoolExecutor):
-    """Processes that Ctrl-C does not reach: who started them ends them, and one tells of it."""
-
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        if os.name != "posix" or threading.current_thread() is not threading.main_thread():
-            return super().submit(fn, *args, **kwargs)
-        # It starts processes. What is blocked here is blocked there from the first moment; and
-        # here it has to wait: a pool that is interrupted in between never comes to its end.
-        waiting: list[int] = []
-        handler = signal.signal(signal.SIGINT, lambda number, _: waiting.append(number))
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            future = super().submit(fn, *args, **kwargs)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            signal.signal(signal.SIGINT, handler)
-        if waiting:
-            raise KeyboardInterrupt
-        return future
