@@ -263,7 +263,7 @@ def compatibility(
     ways: Sequence[Method] | None = None,
     *,
     seed: int = 0,
-    splits: int = 3,
+    splits: int = 4,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Compatibility:
     """Score how well donors' parts go with the base parts that they join.
@@ -287,8 +287,8 @@ def compatibility(
     Returns
     -------
     Compatibility
-        Its intervals resample blocks of segments or clips and take each time one of the
-        splits: they hold the choice of both, and not that of the recordings.
+        Its intervals resample blocks of segments or clips, and splits: they hold the choice
+        of both, and not that of the recordings.
 
     Raises
     ------
@@ -620,14 +620,15 @@ class _Kappas:
             return Estimate(math.nan, math.nan, math.nan, n, of, how)
         whole = combine([np.array(sums.sum() / counts.sum()) for sums, counts in terms])
 
+        rng = np.random.default_rng(self.seed)
+
         def statistic(drawn: FloatArray) -> FloatArray:
-            split = np.arange(len(drawn)) % n_splits
-            return combine(
-                [
-                    (drawn * sums[split]).sum(axis=1) / (drawn * counts[split]).sum(axis=1)
-                    for sums, counts in terms
-                ]
-            )
+            splits = rng.multinomial(n_splits, np.full(n_splits, 1.0 / n_splits), len(drawn))
+            means = []
+            for sums, counts in terms:
+                total, n = ((splits * (drawn @ own.T)).sum(axis=1) for own in (sums, counts))
+                means.append(total / n)
+            return combine(means)
 
         low, high = estimate.bootstrap(statistic, n_blocks, self.seed)
         return Estimate(float(whole), float(low[0]), float(high[0]), n, of, how)
