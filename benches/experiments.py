@@ -347,14 +347,16 @@ def naturalness(results):
     for name, sentence in undecided + reversed_steps + barely:
         own = results[name]
         found = own.evaluation.naturalness[0]
-        share = own.passes["contact pattern"]
+        step = sentence.split(":")[0]
+        gap = found.difference(*step.split(" less "))
         lines += [
-            f"Why for {name}, {sentence.split(':')[0]}: contact patterns let "
-            f"{100 * share:.0f} % of the donors of fitting length pass (analogy "
-            f"{100 * own.passes['analogy']:.0f} %), and the classifier tells captured parts from "
-            f"random ones in {found.auc.text(0, 100, ' %')} of the pairs. The more a rule lets "
-            "pass, the nearer to chance it must be, and the less the classifier knows, the wider "
-            "the interval.",
+            f"Why, for {name}, {step}: {gap.kappa.n} of {found.segments} segments have donors of "
+            "both ways among the held out; contact patterns let "
+            f"{100 * own.passes['contact pattern']:.0f} % of the donors of fitting length pass, "
+            f"analogy {100 * own.passes['analogy']:.0f} %; the classifier tells captured parts "
+            f"from random ones in {found.auc.text(0, 100, ' %')} of the pairs. The more a rule "
+            "lets pass, the nearer to chance it must be; the fewer segments and the less the "
+            "classifier knows, the wider the interval.",
             "",
         ]
     lines += [

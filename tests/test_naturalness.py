@@ -166,11 +166,9 @@ def test_features_know_no_heading_place_or_scale(turn, x, scale):
 def test_kappa_is_what_its_definition_says(seed):
     rng = np.random.default_rng(seed)
     n = 60
-    real, random = rng.uniform(0.5, 1, n), rng.uniform(0, 0.4, n)
-    way = rng.uniform(0, 1, n)
-    way[rng.random(n) < 0.4] = np.nan
-    if np.isfinite(way).sum() < 5:
-        return
+    real, random = rng.uniform(0.5, 1, (3, n)), rng.uniform(0, 0.4, (3, n))
+    way = rng.uniform(0, 1, (3, n))
+    way[rng.random((3, n)) < 0.4] = np.nan
     own = _Kappas(real, random, {"x": way, "y": real, "z": random}, np.arange(n) // 5, seed)
     whole = (np.nanmean(way) - random.mean()) / (real.mean() - random.mean())
     assert own.of("x").value == pytest.approx(whole)
@@ -182,4 +180,17 @@ def test_kappa_is_what_its_definition_says(seed):
     gap = own.difference("x", "z").kappa
     assert gap.value == pytest.approx(whole)
     assert gap.low <= gap.value <= gap.high
-    assert own.of("x").n == int(has.sum())
+    assert own.of("x").n == int(has.any(axis=0).sum())
+    assert own.mean(way, "y").value == pytest.approx(np.nanmean(way))
+
+
+def test_splits_that_disagree_widen_the_interval():
+    rng = np.random.default_rng(0)
+    real, random = np.ones((3, 200)), np.zeros((3, 200))
+    way = np.tile(rng.uniform(0.4, 0.6, 200), (3, 1))
+    block = np.arange(200) // 5
+    apart = way + np.array([[-0.3], [0.0], [0.3]])
+    one, two = (_Kappas(real, random, {"x": own}, block, 0).of("x") for own in (way, apart))
+    assert one.value == pytest.approx(two.value)
+    assert two.low < one.low - 0.1
+    assert two.high > one.high + 0.1

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mograft import rotations
-from mograft._arrays import FloatArray, IntArray
+from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body
 from mograft.errors import InsufficientDataError
@@ -43,10 +43,10 @@ _COMPONENTS = 20
 _SAMPLES = 10
 _MOST = 600
 """Captured pairs that a classifier learns from, at most: its cost grows with their square."""
-_PARTNERS = 20
-"""Donors that are looked at for one segment, at most."""
+_PARTNERS, _PAIRS = 20, 10_000
+"""Donors that are looked at for one segment, and pairs in one fold, at most."""
 _DRAWS = 20
-_GRID = {"C": (0.3, 1.0, 3.0, 10.0, 30.0), "gamma": (0.003, 0.01, 0.03, 0.1, 0.3)}
+_GRID = {"C": (0.3, 1.0, 3.0, 10.0, 30.0), "gamma": (0.003, 0.01, 0.03, 0.1)}
 
 
 @dataclass(frozen=True)
@@ -128,8 +128,9 @@ class Compatibility:
     ----------
     group : str
         The grafted group.
-    segments, folds, fold_groups : int
-        How many segments, folds of cross-validation, and clips or blocks these are made of.
+    segments, splits, folds, fold_groups : int
+        How many segments, times that they were dealt into folds, folds of each, and clips or
+        blocks that these are made of.
     auc : Estimate
         How often a captured part scores above a random one in the same place; 0.5 is chance.
     real, random : Estimate
@@ -144,6 +145,7 @@ class Compatibility:
 
     group: str
     segments: int
+    splits: int
     folds: int
     fold_groups: int
     auc: Estimate
@@ -171,6 +173,7 @@ class Compatibility:
         return {
             "group": self.group,
             "segments": self.segments,
+            "splits": self.splits,
             "folds": self.folds,
             "fold_groups": self.fold_groups,
             "auc": self.auc.as_dict(),
@@ -260,7 +263,7 @@ def compatibility(
     ways: Sequence[Method] | None = None,
     *,
     seed: int = 0,
-    repeats: int = 2,
+    splits: int = 4,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Compatibility:
     """Score how well donors' parts go with the base parts that they join.
@@ -275,16 +278,17 @@ def compatibility(
         Ways to choose donors. Default: `methods` of the library.
     seed : int
         Of the random pairs, the donors looked at and the resampling.
-    repeats : int
-        How many classifiers, of different random pairs, are averaged in every fold.
+    splits : int
+        How many times the groups are dealt into folds, at random; each has classifiers and
+        random pairs of its own.
     progress : callable, optional
         Called with a stage's name, what is done of it and the whole.
 
     Returns
     -------
     Compatibility
-        Its intervals resample blocks of segments or clips; they hold neither the choice of
-        the clips nor that of the classifier.
+        Its intervals resample blocks of segments or clips, and splits: they hold the choice
+        of both, and not that of the recordings.
 
     Raises
     ------
@@ -320,76 +324,73 @@ def compatibility(
             f"compatibility needs two clips or blocks of {_BLOCK} segments, there is one"
         )
     needed("sklearn")
-    folds = _split(together, _FOLDS, seed)
     lower, upper = (part_features(library, g) for g in (base, group))
-    rng = np.random.default_rng(seed)
-    partners = _partners(library, group, ways, folds, seed)
+    drawn = {way.name: _donors_drawn(library, group, way, seed) for way in ways if way.by_cost}
     n = len(library.segments)
-    real = np.full(n, np.nan)
-    wins = np.full(n, np.nan)
-    accepted = {way.name: np.full(n, np.nan) for way in ways}
-    random = np.full(n, np.nan)
+    real, random, wins = (np.full((splits, n), np.nan) for _ in range(3))
+    accepted = {way.name: np.full((splits, n), np.nan) for way in ways}
     parameters = []
-    for fold in range(int(folds.max()) + 1):
-        if progress is not None:
-            progress("judging", fold, int(folds.max()) + 1)
-        train = sound[folds[sound] != fold]
-        test = sound[folds[sound] == fold]
-        if len(test) < 2 or len(train) < 10:
-            continue
-        machines, chosen = _trained(lower, upper, train, together, rng, seed, repeats)
-        parameters.append(chosen)
-        pairs = {way: _within(partners[way], test, rng) for way in partners}
-        chance = _chance(test, rng)
-        scores = machines(np.stack([test, test], axis=1))
-        real[test] = (scores > 0).mean(axis=0)
-        against = machines(chance)
-        random[test] = _by_segment((against > 0).mean(axis=0), chance, n)[test]
-        of_real = np.full((len(scores), n), np.nan)
-        of_real[:, test] = scores
-        better = (against < of_real[:, chance[:, 0]]).mean(axis=0)
-        wins[test] = _by_segment(better, chance, n)[test]
-        for name, several in pairs.items():
-            if len(several):
-                share = (machines(several) > 0).mean(axis=0)
-                accepted[name][test] = _by_segment(share, several, n)[test]
-    judged = np.isfinite(real)
-    block = estimate.blocks(library.segments)
+    for split in range(splits):
+        rng = np.random.default_rng((seed, split))
+        folds = _split(together, _FOLDS, (seed, split))
+        n_folds = int(folds.max()) + 1
+        partners = _partners(library, ways, folds, drawn)
+        for fold in range(n_folds):
+            if progress is not None:
+                progress("judging", split * n_folds + fold, splits * n_folds)
+            train = sound[folds[sound] != fold]
+            test = sound[folds[sound] == fold]
+            if len(test) < 2 or len(train) < 10:
+                continue
+            machine, chosen = _trained(lower, upper, train, together, rng, seed)
+            parameters.append(chosen)
+            chance = _chance(test, rng)
+            scores, against = machine(np.stack([test, test], axis=1)), machine(chance)
+            real[split, test] = scores > 0
+            random[split, test] = _by_segment(against > 0, chance, n)[test]
+            of_real = np.full(n, np.nan)
+            of_real[test] = scores
+            better = against < of_real[chance[:, 0]]
+            wins[split, test] = _by_segment(better, chance, n)[test]
+            for way in ways:
+                several = _within(partners[way.name], test, rng)
+                calls = machine(several) > 0
+                accepted[way.name][split, test] = _by_segment(calls, several, n)[test]
+    judged = np.isfinite(real).any(axis=0)
     a_real, a_random = float(np.nanmean(real)), float(np.nanmean(random))
     if a_real - a_random < APART:
         raise InsufficientDataError(
             f"a classifier accepts {a_real:.0%} of held-out captured parts and {a_random:.0%} of "
             f"random ones: with less than {APART:.0%} between them compatibility has no meaning"
         )
-    kappas = _Kappas(real, random, accepted, block, seed)
+    kappas = _Kappas(real, random, accepted, estimate.blocks(library.segments), seed)
     scores_of = tuple(
         Score(
             way.name,
-            estimate.mean(accepted[way.name], block, "segments with a donor", seed),
+            kappas.mean(accepted[way.name], "segments with a donor"),
             kappas.of(way.name),
             kappas.of(way.name, matched=True),
-            float(np.isfinite(accepted[way.name][judged]).mean()),
+            float(np.isfinite(accepted[way.name])[:, judged].mean()),
         )
         for way in ways
     )
-    names = [way.name for way in ways]
+    names = [way.name for way in ways][::-1]
     return Compatibility(
         group,
         int(judged.sum()),
-        len(parameters),
+        splits,
+        len(parameters) // splits,
         n_groups,
-        estimate.mean(wins, block, "segments", seed),
-        estimate.mean(real, block, "segments", seed),
-        estimate.mean(random, block, "segments", seed),
+        kappas.mean(wins, "segments"),
+        kappas.mean(real, "segments"),
+        kappas.mean(random, "segments"),
         scores_of,
-        tuple(
-            kappas.difference(a, b) for i, a in enumerate(names[::-1]) for b in names[::-1][i + 1 :]
-        ),
+        tuple(kappas.difference(a, b) for i, a in enumerate(names) for b in names[i + 1 :]),
         tuple(parameters),
     )
 
 
-def _split(together: IntArray, n_folds: int, seed: int) -> IntArray:
+def _split(together: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> IntArray:
     """Deal groups of segments into folds of about equal size."""
     sizes = np.bincount(together)
     shuffled = np.random.default_rng(seed).permutation(len(sizes))
@@ -403,52 +404,60 @@ def _split(together: IntArray, n_folds: int, seed: int) -> IntArray:
     return fold[together]
 
 
+def _donors_drawn(library: Library, group: str, way: Method, seed: int) -> list[IntArray]:
+    """Return for each segment the donors that a way by cost has chosen, as often as it did."""
+    lists: list[list[int]] = [[] for _ in range(len(library.segments))]
+    for clip in library.clips:
+        scenario, draws = donors_by(way, library, clip.name, _DRAWS, swap=[group], seed=seed)
+        for chosen in draws:
+            for own, donor in zip(scenario.tolist(), chosen[group].tolist(), strict=True):
+                lists[own].append(donor)
+    return [np.array(own, np.int64) for own in lists]
+
+
 def _partners(
-    library: Library, group: str, ways: Sequence[Method], folds: IntArray, seed: int
+    library: Library,
+    ways: Sequence[Method],
+    folds: IntArray,
+    drawn: Mapping[str, list[IntArray]],
 ) -> dict[str, list[IntArray]]:
-    """Return for each way and segment the donors of its own fold, as often as drawn."""
+    """Return for each way and segment the donors of its own fold."""
     found: dict[str, list[IntArray]] = {}
     n = len(library.segments)
     for way in ways:
-        lists: list[list[int]] = [[] for _ in range(n)]
-        if way.by_cost:
-            for clip in range(len(library.clips)):
-                scenario, draws = donors_by(
-                    way, library, library.clips[clip].name, _DRAWS, swap=[group], seed=seed
-                )
-                for chosen in draws:
-                    for own, donor in zip(scenario.tolist(), chosen[group].tolist(), strict=True):
-                        lists[own].append(donor)
-            arrays = [np.array(own, np.int64) for own in lists]
-        else:
-            arrays = []
-            for start in range(0, n, 500):  # the lists of all at once may not fit in memory
-                some = np.arange(start, min(start + 500, n))
-                allowed = way.candidates(library, some)
-                arrays += [
-                    mates[folds[mates] == folds[own]]
-                    for own, mates in zip(some.tolist(), allowed, strict=True)
-                ]
-        found[way.name] = [
-            mates[(mates != own) & (folds[mates] == folds[own])] for own, mates in enumerate(arrays)
-        ]
+        lists: list[IntArray] = []
+        for start in range(0, n, 500):  # the lists of all at once may not fit in memory
+            some = np.arange(start, min(start + 500, n))
+            several = (
+                drawn[way.name][start : start + 500]
+                if way.name in drawn
+                else way.candidates(library, some)
+            )
+            for own, mates in zip(some.tolist(), several, strict=True):
+                lists.append(mates[(folds[mates] == folds[own]) & (mates != own)])
+        found[way.name] = lists
     return found
 
 
 def _within(partners: Sequence[IntArray], test: IntArray, rng: np.random.Generator) -> IntArray:
     """Return pairs of test segments and some of their donors, shape (n_pairs, 2)."""
     pairs = []
+    most = _most(len(test))
     for own in test.tolist():
         mates = partners[own]
-        if len(mates) > _PARTNERS:
-            mates = rng.choice(mates, _PARTNERS, replace=False)
+        if len(mates) > most:
+            mates = rng.choice(mates, most, replace=False)
         pairs.append(np.stack([np.full(len(mates), own), mates], axis=1))
     return np.concatenate(pairs).astype(np.int64)
 
 
+def _most(n: int) -> int:
+    return min(max(_PAIRS // n, 2), _PARTNERS)
+
+
 def _chance(test: IntArray, rng: np.random.Generator) -> IntArray:
     """Return pairs of each test segment with random others."""
-    count = min(_PARTNERS, len(test) - 1)
+    count = min(_most(len(test)), len(test) - 1)
     pairs = []
     for place, own in enumerate(test.tolist()):
         others = np.delete(test, place)
@@ -457,7 +466,7 @@ def _chance(test: IntArray, rng: np.random.Generator) -> IntArray:
     return np.concatenate(pairs).astype(np.int64)
 
 
-def _by_segment(values: FloatArray, pairs: IntArray, n: int) -> FloatArray:
+def _by_segment(values: FloatArray | BoolArray, pairs: IntArray, n: int) -> FloatArray:
     """Return the mean over each segment's pairs; NaN where it has none."""
     counts = np.bincount(pairs[:, 0], minlength=n)
     sums = np.bincount(pairs[:, 0], values, minlength=n)
@@ -472,9 +481,8 @@ def _trained(
     together: IntArray,
     rng: np.random.Generator,
     seed: int,
-    repeats: int,
 ) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
-    """Return what scores pairs, shape (repeats, n_pairs), and the parameters chosen for it."""
+    """Return what scores pairs, and the parameters chosen for it."""
     halves = [_reduced(part, train) for part in (lower, upper)]
     inner = _split(np.unique(together[train], return_inverse=True)[1], _INNER, seed)
     some = rng.permutation(len(train))[:_MOST]
@@ -484,32 +492,24 @@ def _trained(
     def joined(pairs: IntArray) -> FloatArray:
         return np.concatenate([halves[0][pairs[:, 0]], halves[1][pairs[:, 1]]], axis=1)
 
-    def sample() -> tuple[FloatArray, IntArray, IntArray]:
-        """Return captured pairs and pairs of parts from one inner fold, every part once."""
-        strangers = train.copy()
-        for fold in np.unique(inner):
-            own = rng.permutation(np.flatnonzero(inner == fold))
-            strangers[own] = train[np.roll(own, 1)]
-        pairs = np.concatenate(
-            [np.stack([train, train], axis=1), np.stack([train, strangers], axis=1)]
-        )
-        keep = np.arange(len(pairs)) < len(train)
-        keep |= pairs[:, 0] != pairs[:, 1]
-        labels = np.repeat([1, 0], len(train))
-        return joined(pairs[keep]), labels[keep], np.tile(inner, 2)[keep]
-
-    features, labels, fold = sample()
-    chosen = _searched(features, labels, fold)
-    machines = [_classifier(chosen).fit(features, labels)]
-    for _ in range(repeats - 1):
-        features, labels, _ = sample()
-        machines.append(_classifier(chosen).fit(features, labels))
+    # Captured pairs and pairs of parts from one inner fold, every part once.
+    strangers = train.copy()
+    for fold in np.unique(inner):
+        own = rng.permutation(np.flatnonzero(inner == fold))
+        strangers[own] = train[np.roll(own, 1)]
+    pairs = np.concatenate([np.stack([train, train], axis=1), np.stack([train, strangers], axis=1)])
+    keep = np.arange(len(pairs)) < len(train)
+    keep |= pairs[:, 0] != pairs[:, 1]
+    labels, folds = np.repeat([1, 0], len(train))[keep], np.tile(inner, 2)[keep]
+    features = joined(pairs[keep])
+    chosen = _searched(features, labels, folds)
+    machine = _classifier(chosen).fit(features, labels)
 
     def scores(pairs: IntArray) -> FloatArray:
         if not len(pairs):
-            return np.zeros((len(machines), 0))
-        given = joined(pairs)
-        return np.stack([own.decision_function(given) for own in machines])
+            return np.zeros(0)
+        found: FloatArray = machine.decision_function(joined(pairs))
+        return found
 
     return scores, chosen
 
@@ -549,9 +549,15 @@ def _searched(features: FloatArray, labels: IntArray, fold: IntArray) -> dict[st
     return {name: float(search.best_params_[f"svc__{name}"]) for name in _GRID}
 
 
+Sums = tuple[FloatArray, FloatArray]
+
+
 @dataclass(frozen=True, eq=False)
 class _Kappas:
-    """Normalised compatibilities and their intervals, all on the same resamplings."""
+    """Normalised compatibilities and their intervals, all on the same resamplings.
+
+    Values are of shape (n_splits, n_segments).
+    """
 
     real: FloatArray
     random: FloatArray
@@ -559,45 +565,76 @@ class _Kappas:
     block: IntArray
     seed: int
 
-    def _sums(self, values: FloatArray, where: FloatArray) -> tuple[FloatArray, FloatArray]:
-        own, index = np.unique(self.block, return_inverse=True)
-        kept = np.isfinite(values) & np.isfinite(where)
-        sums, counts = (
-            np.bincount(index[kept], weights, minlength=len(own)).astype(np.float64)
-            for weights in (values[kept], np.ones(int(kept.sum())))
-        )
-        return sums, counts
-
-    def _terms(self, name: str, *, matched: bool) -> list[tuple[FloatArray, FloatArray]]:
-        own = self.accepted[name]
-        where = own if matched else self.real
-        return [
-            self._sums(own, own),
-            self._sums(self.random, where),
-            self._sums(self.real, where),
-        ]
-
-    @staticmethod
-    def _kappa(terms: Sequence[tuple[FloatArray, FloatArray]], drawn: FloatArray) -> FloatArray:
-        way, chance, real = ((drawn @ sums) / (drawn @ counts) for sums, counts in terms)
-        kappa: FloatArray = (way - chance) / (real - chance)
-        return kappa
+    def mean(self, values: FloatArray, of: str) -> Estimate:
+        """Return the mean over splits and segments."""
+        sums = self._sums(values, values)
+        return self._estimate([sums], lambda means: means[0], values, of)
 
     def of(self, name: str, *, matched: bool = False) -> Estimate:
+        """Return the kappa of a way."""
         terms = self._terms(name, matched=matched)
-        return self._estimate(lambda drawn: self._kappa(terms, drawn), int(terms[0][1].sum()))
+        return self._estimate(terms, _kappa, self.accepted[name], "segments with a donor")
 
     def difference(self, first: str, second: str) -> Difference:
-        one, two = (self._terms(name, matched=False) for name in (first, second))
-        n = int(min(one[0][1].sum(), two[0][1].sum()))
-        gap = self._estimate(lambda d: self._kappa(one, d) - self._kappa(two, d), n)
+        """Return the difference of two ways' kappas."""
+        terms = [*self._terms(first), *self._terms(second)]
+        both = self.accepted[first] + self.accepted[second]
+        gap = self._estimate(
+            terms,
+            lambda means: _kappa(means[:3]) - _kappa(means[3:]),
+            both,
+            "segments with a donor of both",
+        )
         return Difference(first, second, gap)
 
-    def _estimate(self, statistic: Callable[[FloatArray], FloatArray], n: int) -> Estimate:
-        n_blocks = len(np.unique(self.block))
-        how = f"bootstrap of {n_blocks} blocks"
-        if n == 0:
-            return Estimate(math.nan, math.nan, math.nan, 0, "segments with a donor", how)
-        whole = float(statistic(np.ones((1, n_blocks)))[0])
+    def _sums(self, values: FloatArray, where: FloatArray) -> Sums:
+        """Return sums and counts of each block, both of shape (n_splits, n_blocks)."""
+        own, index = np.unique(self.block, return_inverse=True)
+        kept = np.isfinite(values) & np.isfinite(where)
+        each = [
+            (
+                np.bincount(index[row], value[row], minlength=len(own)),
+                np.bincount(index[row], minlength=len(own)),
+            )
+            for value, row in zip(values, kept, strict=True)
+        ]
+        sums, counts = (np.array(rows, np.float64) for rows in zip(*each, strict=True))
+        return sums, counts
+
+    def _terms(self, name: str, *, matched: bool = False) -> list[Sums]:
+        own = self.accepted[name]
+        where = own if matched else self.real
+        return [self._sums(own, own), self._sums(self.random, where), self._sums(self.real, where)]
+
+    def _estimate(
+        self,
+        terms: Sequence[Sums],
+        combine: Callable[[list[FloatArray]], FloatArray],
+        values: FloatArray,
+        of: str,
+    ) -> Estimate:
+        n_splits, n_blocks = terms[0][0].shape
+        how = f"bootstrap of {n_blocks} blocks and {n_splits} splits"
+        n = int(np.isfinite(values).any(axis=0).sum())
+        if min(float(counts.sum()) for _, counts in terms) == 0:
+            return Estimate(math.nan, math.nan, math.nan, n, of, how)
+        whole = combine([np.array(sums.sum() / counts.sum()) for sums, counts in terms])
+
+        rng = np.random.default_rng(self.seed)
+
+        def statistic(drawn: FloatArray) -> FloatArray:
+            splits = rng.multinomial(n_splits, np.full(n_splits, 1.0 / n_splits), len(drawn))
+            means = []
+            for sums, counts in terms:
+                total, n = ((splits * (drawn @ own.T)).sum(axis=1) for own in (sums, counts))
+                means.append(total / n)
+            return combine(means)
+
         low, high = estimate.bootstrap(statistic, n_blocks, self.seed)
-        return Estimate(whole, float(low[0]), float(high[0]), n, "segments with a donor", how)
+        return Estimate(float(whole), float(low[0]), float(high[0]), n, of, how)
+
+
+def _kappa(means: Sequence[FloatArray]) -> FloatArray:
+    way, chance, real = means
+    kappa: FloatArray = (way - chance) / (real - chance)
+    return kappa

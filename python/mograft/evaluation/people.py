@@ -32,6 +32,7 @@ from mograft.evaluation.estimate import Estimate, rogan_gladen
 from mograft.evaluation.naturalness import (
     _by_segment,
     _classifier,
+    _donors_drawn,
     _partners,
     _reduced,
     _searched,
@@ -527,7 +528,10 @@ def judgement(
     accuracy, sensitivity, specificity = (estimate.share(*own, "test labels") for own in counts)
 
     rng = np.random.default_rng(seed)
-    partners = _partners(library, labels.group, ways, np.zeros(len(everyone), np.int64), seed)
+    drawn = {
+        way.name: _donors_drawn(library, labels.group, way, seed) for way in ways if way.by_cost
+    }
+    partners = _partners(library, ways, np.zeros(len(everyone), np.int64), drawn)
     verdicts = []
     for way in ways:
         several = _within(partners[way.name], everyone, rng)

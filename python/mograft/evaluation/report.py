@@ -214,8 +214,9 @@ def _natural(evaluation: Evaluation) -> list[str]:
         parts.append(_table(head, rows))
         parts.append(
             _note(
-                f"{found.segments} segments in {found.folds} folds of {found.fold_groups} clips "
-                f"or blocks. Accepted are {found.real.text(0, 100, ' %')} of captured and "
+                f"{found.segments} segments, {found.splits} times dealt into {found.folds} folds "
+                f"of {found.fold_groups} clips or blocks. Accepted are "
+                f"{found.real.text(0, 100, ' %')} of captured and "
                 f"{found.random.text(0, 100, ' %')} of random parts; a captured part scores "
                 f"above a random one in {found.auc.text(0, 100, ' %')}."
             )
