@@ -122,8 +122,8 @@ def test_a_part_tells_where_it_comes_from_and_is_held_by_a_click(browser, path, 
         assert page.locator("[data-part=detail]").text_content() == told
         assert part.start <= page.evaluate("mograft.frame()") <= part.stop
         page.locator("summary").click()
-        rows = page.locator("[data-part=table] tr")
-        assert rows.count() == 3 * len(own)
+        # The table is filled once the browser tells of the opening, some time after the click.
+        until(page, f"document.querySelectorAll('[data-part=table] tr').length === {3 * len(own)}")
 
 
 def test_keys_and_buttons_change_what_they_say(browser, path, new):

@@ -230,6 +230,20 @@ def test_the_command_writes_numbers_and_a_page(files, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == json.loads(several[0][0])
 
 
+def test_a_library_says_what_its_files_say(files, tmp_path, capsys):
+    Library.index(files, tmp_path / "lib")
+    asked = ["quality", "enrichment", "--runs", "1", "--bases", "1", "--json"]
+    documents = []
+    for what in (files, [str(tmp_path / "lib")]):
+        assert main(["evaluate", *what, *asked]) == 0
+        documents.append(json.loads(capsys.readouterr().out))
+    assert documents[0] == documents[1]
+    for option in (["--rate", "15"], ["--groups", "lower_upper"], ["--preset", "paper"]):
+        with pytest.raises(SystemExit, match="2"):
+            main(["evaluate", str(tmp_path / "lib"), *option])
+        assert "is settled when a library is made" in capsys.readouterr().err
+
+
 def test_labels_go_the_whole_way(files, tmp_path, capsys):
     page = tmp_path / "label.html"
     assert main(["evaluate", "label", *files, "-n", "120", "-o", str(page)]) == 0
@@ -256,7 +270,7 @@ def test_labels_go_the_whole_way(files, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
-        (["enrichment"], 2, "at least one BVH file"),
+        (["enrichment"], 2, "a library or at least one BVH file"),
         (["label", "quality", "FILE"], 2, "asked for alone"),
         (["label", "FILE"], 2, "a .html file"),
         (["label", "FILE", "-o", "x.txt"], 2, "a .html file"),
@@ -264,7 +278,7 @@ def test_labels_go_the_whole_way(files, tmp_path, capsys):
         (["FILE", "--runs", "0"], 2, "must be 1 or more"),
         (["missing.bvh"], 1, "missing.bvh"),
         (["FILE", "--labels", "missing.csv"], 1, "missing.csv"),
-        (["FILE", "--groups", "wings"], 1, "wings"),
+        (["FILE", "--groups", "wings"], 2, "wings"),
     ],
 )
 def test_wrong_words_are_told(files, capsys, words, code, told):

@@ -10,11 +10,13 @@ from mograft.cli._common import (
     at_least_one,
     check_free,
     expanded,
+    library_folder,
     print_json,
     progress,
     say,
     write_text,
 )
+from mograft.cli.graft import chosen_config, chosen_groups, opened
 
 if TYPE_CHECKING:
     from mograft.library import Library
@@ -32,7 +34,9 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         f"Words among FILE that are no files choose what: {', '.join(TOPICS)} (default all), or "
         f"{LABEL}, which writes a page on which a person labels pieces as natural or not.",
     )
-    evaluate.add_argument("files", nargs="+", metavar="FILE", help="BVH files, and what to measure")
+    evaluate.add_argument(
+        "files", nargs="+", metavar="LIB|FILE", help="a library or BVH files, and what to measure"
+    )
     evaluate.add_argument(
         "-o",
         "--output",
@@ -40,8 +44,8 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         metavar="DIR",
         help=f"folder for evaluation.json and index.html; with {LABEL} the page to write",
     )
-    evaluate.add_argument("--groups", default="lower_upper", metavar="NAME|FILE")
-    evaluate.add_argument("--preset", choices=("default", "paper"), default="default")
+    evaluate.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
+    evaluate.add_argument("--preset", choices=("default", "paper"))
     evaluate.add_argument("--sigma-scale", type=float, metavar="X", help="see mograft graft")
     evaluate.add_argument(
         "--rate", type=float, metavar="FPS", help="resample all files to this rate first"
@@ -71,13 +75,13 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     words = (*TOPICS, "all", LABEL)
     asked = [own for own in options.files if own in words and not Path(own).exists()]
-    files = expanded([own for own in options.files if own not in asked])
-    if not files:
-        options.usage("at least one BVH file must be given")
+    options.files = [own for own in options.files if own not in asked]
+    if not options.files:
+        options.usage("a library or at least one BVH file must be given")
     if LABEL in asked:
         if len(asked) > 1:
             options.usage(f"{LABEL} must be asked for alone")
-        return _label(options, files)
+        return _label(options)
     from mograft.evaluation import evaluate, evaluation_page, read_labels
     from mograft.evaluation.report import reading
 
@@ -87,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     check_free(written, force=options.force)
     if folder is not None:
         _need_plots()
-    library = _library(options, files)
+    library = _library(options)
     labels = None if options.labels is None else read_labels(options.labels, library)
     try:
         with progress() as tell:
@@ -127,33 +131,34 @@ def _need_plots() -> None:
         raise ValueError("the page needs matplotlib: pip install 'mograft[evaluate]'") from error
 
 
-def _library(options: argparse.Namespace, files: list[str]) -> "Library":
+def _library(options: argparse.Namespace) -> "Library":
     from mograft.bvh import read_bvh
-    from mograft.config import Config
-    from mograft.groups import JointGroups
     from mograft.library import Library
 
-    changes = {} if options.sigma_scale is None else {"sigma_scale": options.sigma_scale}
-    config = Config.paper(**changes) if options.preset == "paper" else Config(**changes)
-    groups = options.groups
-    if Path(groups).exists():
-        groups = JointGroups.from_toml(Path(groups))
+    if options.rate is not None and not options.rate > 0:
+        options.usage(f"--rate must be above 0; got {options.rate:g}")
+    folder = library_folder(options)
+    if folder is not None:
+        if options.rate is not None:
+            options.usage("--rate is settled when a library is made: mograft index --rate")
+        return opened(folder, options)
+    options.groups = options.groups or "lower_upper"
+    groups, config = chosen_groups(options), chosen_config(options)
+    files = expanded(options.files)
     with progress() as tell:
         if options.rate is None:
             return Library.build(files, groups, config, progress=tell)
-        if not options.rate > 0:
-            options.usage(f"--rate must be above 0; got {options.rate:g}")
         clips = [read_bvh(file).resample(options.rate) for file in files]
         return Library.build(clips, groups, config, progress=tell)
 
 
-def _label(options: argparse.Namespace, files: list[str]) -> int:
+def _label(options: argparse.Namespace) -> int:
     from mograft.evaluation import label_items, label_page
 
     if options.output is None or options.output.suffix.lower() != ".html":
         options.usage(f"-o must be the page to write with {LABEL}: a .html file")
     check_free([options.output], force=options.force)
-    library = _library(options, files)
+    library = _library(options)
     items = label_items(library, options.count, seed=options.seed)
     page = label_page(library, items)
     options.output.parent.mkdir(parents=True, exist_ok=True)

@@ -152,7 +152,7 @@ def run(options: argparse.Namespace) -> int:
     single = options.output.suffix.lower() == ".bvh"
     if single and options.count != 1:
         options.usage("-o must be a folder where -n is not 1")
-    library = None if folder is None else _opened(folder, options)
+    library = None if folder is None else opened(folder, options)
     first = files[0] if library is None else library.entries[0].name
     stem = Path(options.base or first).stem
     paths = (
@@ -230,7 +230,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _opened(folder: Path, options: argparse.Namespace) -> "Library":
+def opened(folder: Path, options: argparse.Namespace) -> "Library":
     """Open a library; what it was made by is settled, but for how it is used."""
     from mograft.library import Library
 

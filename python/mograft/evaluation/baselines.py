@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.config import Config
 from mograft.errors import InsufficientDataError
 from mograft.footskate import contacts, legs
 from mograft.grafting import Graft, Grafts, _Plan
@@ -213,14 +212,14 @@ def methods(library: Library) -> tuple[Method, ...]:
         From chance to choice.
     """
     ways: list[Method] = [Random(), RandomLength()]
-    if legs(library.clips[0].skeleton):
+    if legs(library.skeleton):
         ways.append(ContactPattern())
     if library.embedding[library.groups.base] is not None:
         ways.append(Nearest())
     ways += [Analogy(), ByCost()]
-    if "torso" in Config.__dataclass_fields__:  # posture alignment after Heck et al. 2006
-        ways.append(ByCost(f"{ByCost.name}, posture aligned", changes=(("torso", "world"),)))
-    return tuple(ways)
+    # Posture alignment is that of Heck et al. 2006.
+    aligned = ByCost(f"{ByCost.name}, posture aligned", changes=(("torso", "world"),))
+    return (*ways, aligned)
 
 
 def contact_patterns(library: Library) -> BoolArray:
@@ -282,7 +281,7 @@ def contact_words(library: Library) -> list[str]:
 
 @lru_cache(maxsize=1)
 def _touching(library: Library) -> list[BoolArray]:
-    if not legs(library.clips[0].skeleton):
+    if not legs(library.skeleton):
         raise InsufficientDataError("contact patterns need legs: none is known in the skeleton")
     return [np.asarray(contacts(clip).any(axis=2), bool) for clip in library.clips]
 

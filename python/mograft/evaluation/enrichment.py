@@ -252,7 +252,7 @@ def cluster_numbers(library: Library) -> dict[int, dict[str, int]]:
         For each number of groups that the skeleton has a preset for, the clusters of each.
     """
     found = {}
-    skeleton = library.clips[0].skeleton
+    skeleton = library.skeleton
     with warnings.catch_warnings():  # what the library itself was built with was told then
         warnings.simplefilter("ignore")
         for preset, names in PRESETS.items():

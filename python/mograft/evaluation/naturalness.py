@@ -219,7 +219,7 @@ def part_features(library: Library, group: str) -> FloatArray:
         segment's start, with the root's own way; for others from the joint that they hang on,
         as a graft takes them along. So no turn or place of the root is in both.
     """
-    skeleton, cut = library.clips[0].skeleton, library.segments
+    skeleton, cut = library.skeleton, library.segments
     joints = library.joints(group)
     counted = feature_joints(skeleton, joints)
     is_base = group == library.groups.base
@@ -407,8 +407,8 @@ def _split(together: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> Int
 def _donors_drawn(library: Library, group: str, way: Method, seed: int) -> list[IntArray]:
     """Return for each segment the donors that a way by cost has chosen, as often as it did."""
     lists: list[list[int]] = [[] for _ in range(len(library.segments))]
-    for clip in library.clips:
-        scenario, draws = donors_by(way, library, clip.name, _DRAWS, swap=[group], seed=seed)
+    for entry in library.entries:
+        scenario, draws = donors_by(way, library, entry.name, _DRAWS, swap=[group], seed=seed)
         for chosen in draws:
             for own, donor in zip(scenario.tolist(), chosen[group].tolist(), strict=True):
                 lists[own].append(donor)

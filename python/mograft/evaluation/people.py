@@ -237,8 +237,8 @@ def label_items(
     own: dict[tuple[int, int], Item] = {}
     rounds = 0
     while len(made) < count and rounds < 40:
-        for clip in rng.permutation(len(library.clips)).tolist():
-            name = library.clips[clip].name
+        for clip in rng.permutation(len(library.entries)).tolist():
+            name = library.entries[clip].name
             graft = grafts_by(way, library, name, swap=[group], seed=int(rng.integers(2**31)))[0]
             for s in graft.substitutions:
                 item = Item(graft, group, s.segment, s.donor, s.start, s.stop)
@@ -261,7 +261,7 @@ def label_items(
 
 def _captured(library: Library, clip: int, group: str, seed: int) -> list[Item]:
     """Return pieces of a clip as it was captured."""
-    graft = grafts_by(Captured(), library, library.clips[clip].name, swap=[group], seed=seed)[0]
+    graft = grafts_by(Captured(), library, library.entries[clip].name, swap=[group], seed=seed)[0]
     return [Item(graft, group, s.segment, s.donor, s.start, s.stop) for s in graft.substitutions]
 
 

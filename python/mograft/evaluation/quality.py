@@ -149,7 +149,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
     if not grafts or not all(grafts):
         raise InsufficientDataError("quality needs at least one graft on every base")
     library = grafts[0][0].library
-    skeleton = library.clips[0].skeleton
+    skeleton = library.skeleton
     joints = _grafted(grafts[0][0])
     source = [_coarse(clip, joints) for clip in library.clips]
     step = math.ceil(sum(map(len, source)) / _MOST)
@@ -232,7 +232,7 @@ def _percentile(values: FloatArray, block: IntArray, whole: float, seed: int) ->
 
 def _grafted(graft: Graft) -> IntArray:
     library = graft.library
-    skeleton = library.clips[0].skeleton
+    skeleton = library.skeleton
     every = [feature_joints(skeleton, library.joints(group)) for group in graft.alternatives]
     return np.unique(np.concatenate(every))
 

@@ -143,12 +143,12 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
         If matplotlib is not installed.
     """
     library = evaluation.library
-    names = [clip.name for clip in library.clips]
+    names = [entry.name for entry in library.entries]
     more = f" and {len(names) - 2} more" if len(names) > 2 else ""
     named = title or f"Evaluation of {', '.join(names[:2])}{more}"
-    known = body(library.clips[0].skeleton)
+    known = body(library.skeleton)
     lead = (
-        f"{len(names)} clips, {sum(clip.n_frames for clip in library.clips)} frames at "
+        f"{len(names)} clips, {sum(entry.n_frames for entry in library.entries)} frames at "
         f"{library.rate:.4g} a second, {len(library.segments)} segments. Seed "
         f"{evaluation.parameters['seed']}, mograft {VERSION}. In brackets: 95 % intervals; "
         "they hold the choice of segments and donors, not that of the recordings."

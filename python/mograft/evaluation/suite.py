@@ -97,7 +97,7 @@ class Evaluation:
     def as_dict(self) -> dict[str, Any]:
         """Return all numbers, each with its sample size and interval, as JSON can hold them."""
         library = self.library
-        known = body(library.clips[0].skeleton)
+        known = body(library.skeleton)
         found: dict[str, Any] = {
             "schema": "mograft.evaluation/1",
             "mograft": VERSION,
@@ -105,11 +105,11 @@ class Evaluation:
             "library": {
                 "clips": [
                     {
-                        "name": clip.name,
-                        "file": None if clip.path is None else clip.path.name,
-                        "frames": clip.n_frames,
+                        "name": entry.name,
+                        "file": library.file_name(index),
+                        "frames": entry.n_frames,
                     }
-                    for clip in library.clips
+                    for index, entry in enumerate(library.entries)
                 ],
                 "rate": library.rate,
                 "segments": len(library.segments),
@@ -264,9 +264,9 @@ def evaluate(
 
 def _bases(library: Library, most: int) -> list[str]:
     """Return names of clips, evenly among those of the library."""
-    n = len(library.clips)
+    n = len(library.entries)
     picked = np.unique(np.linspace(0, n - 1, min(most, n)).round().astype(int))
-    return [library.clips[at].name for at in picked.tolist()]
+    return [library.entries[at].name for at in picked.tolist()]
 
 
 def _made(
@@ -280,7 +280,7 @@ def _made(
     progress: Progress,
 ) -> tuple[list[BalanceRow], list[Quality]]:
     """Make motions by every way and measure them, one way after the other."""
-    index = {clip.name: at for at, clip in enumerate(library.clips)}
+    index = {entry.name: at for at, entry in enumerate(library.entries)}
     clips = [library.clips[index[name]] for name in names]
     scenarios = [library.segments.of_clip(index[name]) for name in names]
     cuts = [Segments(library.segments.start[own], library.segments.stop[own]) for own in scenarios]
