@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
+from mograft import (
+    Config,
+    Library,
+    Motion,
+    Skeleton,
+    graft,
+    kinetic_energy,
+    segment,
+    write_bvh,
+)
 from mograft.cli import main
 from mograft.cli.plot import KINDS
 from mograft.dancer import dance
@@ -49,6 +58,29 @@ def test_a_strip_holds_every_bone_of_every_pose(motion, axes):
     assert 0.9 * np.ptp(world) < np.ptp(heights) * _height(motion) < tall
     shown = {colors.to_hex(line.get_color()) for line in bones}
     assert shown == set(plot.PALETTE[:2])
+
+
+def test_a_strip_draws_no_bone_to_a_root_that_stays_behind(motion):
+    skeleton = motion.skeleton
+    under = Skeleton(
+        ["World", *skeleton.names],
+        [-1, *(skeleton.parents + 1)],
+        np.concatenate([np.zeros((1, 3)), skeleton.offsets]),
+    )
+    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (motion.n_frames, 1, 4))
+    away = motion.positions + 500.0 * (np.arange(motion.n_joints) == 0)[:, None]
+    own = Motion(
+        under,
+        motion.frame_time,
+        np.concatenate([still, motion.rotations], axis=1),
+        np.concatenate([np.zeros((motion.n_frames, 1, 3)), away], axis=1),
+    )
+    axes = plot.strip(own, 3)
+    bones = [line for line in axes.lines if len(line.get_xdata()) == 2][:-1]
+    assert len(bones) == 3 * (skeleton.n_joints - 1)
+    lengths = [np.hypot(np.ptp(line.get_xdata()), np.ptp(line.get_ydata())) for line in bones]
+    assert max(lengths) < 0.5  # of the figure's height
+    pyplot.close("all")
 
 
 def _height(motion):

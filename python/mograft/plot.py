@@ -74,19 +74,24 @@ def strip(
     frames = np.unique(np.linspace(0, motion.n_frames - 1, poses).round().astype(int))
     figure = Scene.of([motion], groups).figures[0]
     sideways, upright = _seen(motion, frames)
-    apart = 1.15 * max(float(np.ptp(sideways, axis=1).max()), 0.5)
+    parents = [*motion.skeleton.parents, *(site.parent for site in motion.skeleton.end_sites)]
+    # What is above the joint that carries the body stands still in the world: no bone goes there.
+    beyond, joint = set(), motion.locomotion_root()
+    while joint >= 0:
+        beyond.add(joint)
+        joint = int(parents[joint])
+    bones = [(node, int(p)) for node, p in enumerate(parents) if p >= 0 and node not in beyond]
+    ends = sorted({end for bone in bones for end in bone})
+    apart = 1.15 * max(float(np.ptp(sideways[:, ends], axis=1).max(initial=0.0)), 0.5)
     tall = max(float(upright.max()), 0.5) + 0.3
     axes = _axes(ax, (max(1.1 * len(frames), 3), max(1.1 * tall / apart, 1.0) + 0.2))
-    parents = [*motion.skeleton.parents, *(site.parent for site in motion.skeleton.end_sites)]
     owner = np.zeros(motion.n_joints, int)
     for index, joints in enumerate(figure.members.values()):
         owner[joints] = index
     labelled: set[int] = set()
     names = list(figure.members)
     for place, frame in enumerate(frames.tolist()):
-        for node, parent in enumerate(parents):
-            if parent < 0:
-                continue
+        for node, parent in bones:
             group = int(owner[parent])
             axes.plot(
                 sideways[place, [parent, node]] + place * apart,
