@@ -3,8 +3,7 @@
     python benches/linkage_figure.py [FIGURES.json]
 
 draws two stages of complete linkage into docs/linkage-stages.svg and, given what
-``benches/linkage.py --json FIGURES.json`` has written, processor time over the number of points
-into
+``benches/linkage.py --json FIGURES.json`` has written, seconds over the number of points into
 docs/linkage-speed.svg.
 """
 
@@ -63,17 +62,17 @@ def ring(panel, members):
 
 
 def draw_speed(rows):
-    """Draw processor time over the number of points, both on logarithmic scales."""
+    """Draw seconds over the number of points, both on logarithmic scales."""
     figure, axes = plt.subplots(figsize=(6.4, 4.0))
     colours = {"SciPy": "tab:red", "fastcluster": "tab:orange", "mograft": "tab:blue"}
     dashes = {"white": "-", "mixture": "--", "walk": ":"}
     for who, colour in colours.items():
         for kind, dash in dashes.items():
-            line = {r["n"]: r["cpu"] for r in rows if (r["who"], r["kind"]) == (who, kind)}
+            line = {r["n"]: r["wall"] for r in rows if (r["who"], r["kind"]) == (who, kind)}
             if line:
                 label = f"{who}, {kind}"
                 axes.loglog(*zip(*sorted(line.items()), strict=True), dash, c=colour, label=label)
-    axes.set(xlabel="points of ten axes", ylabel="processor seconds for the tree")
+    axes.set(xlabel="points of ten axes", ylabel="seconds for the tree, two processors")
     axes.grid(visible=True, alpha=0.3)
     axes.legend(fontsize="small")
     figure.tight_layout()
