@@ -382,7 +382,7 @@ class Pool:
         left = left[(mate[left] != left) | (mate[left + 1] != left + 1)]
         if not len(left):
             return np.inf, np.inf
-        some = np.unique(np.linspace(0, len(left) - 1, _PAIRS).round().astype(np.int64))
+        some = np.linspace(0, len(left) - 1, min(_PAIRS, len(left))).round().astype(np.int64)
         ending, starting = mate[left[some]], mate[left[some] + 1]
         turned = rotations.multiply(rotations.inverse(self.last[ending]), self.first[starting])
         angle = float(np.linalg.norm(rotations.log(turned), axis=-1).mean())
