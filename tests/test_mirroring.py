@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
 from mograft import Config, JointGroups, Library, graft, kinetic_energy, mirror, read_bvh, rotations
 from mograft.anatomy import anatomy
@@ -63,6 +63,7 @@ def test_a_mirror_image_is_one(seed):
 
 @settings(deadline=None, max_examples=30)
 @given(SEEDS)
+@example(485600)  # its image once seemed to face another mirror
 def test_the_axes_of_joints_do_not_matter(seed):
     """Quarter turns of every joint's axes: the image is that of the plain figure."""
     rng = np.random.default_rng(seed)

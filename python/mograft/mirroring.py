@@ -157,18 +157,17 @@ class _Image:
     def of(cls, motion: Motion) -> "_Image":
         skeleton = motion.skeleton
         pair = partners(skeleton)
-        rest = skeleton.rest_positions()
-        apart = np.abs(rest - rest[pair]).sum(axis=0)
-        apart[up_axis(motion)] = -1.0
-        axis = int(apart.argmax())
-        height = body(skeleton).height
-        seen = _reflected(skeleton.offsets, axis)
-        off = np.linalg.norm(skeleton.offsets[pair] - seen, axis=1)
-        off[0] = 0.0
+        alike = _ALIKE * body(skeleton).height
+        level = [axis for axis in range(3) if axis != up_axis(motion)]
+        off = {axis: _missed(skeleton.offsets, pair, axis) for axis in level}
+        through = [axis for axis in level if (off[axis] <= alike).all()]
+        # Where the axes of joints are their own, any upright mirror does, and the image of the
+        # image needs the same one.
+        axis = min(through, key=lambda own: float(off[own].sum()), default=level[0])
+        is_plain = bool(through)
         turn = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
-        is_plain = bool((off <= _ALIKE * height).all())
         if not is_plain:
-            turn = _own_axes(motion, pair, axis, _ALIKE * height)
+            turn = _own_axes(motion, pair, axis, alike)
         above = turn[np.maximum(skeleton.parents, 0)]
         above[skeleton.parents < 0] = rotations.IDENTITY
         return cls(pair, axis, turn, above, is_plain)
@@ -198,6 +197,13 @@ def _reflected(vectors: FloatArray, axis: int) -> FloatArray:
     seen = vectors.copy()
     seen[..., axis] = -seen[..., axis]
     return seen
+
+
+def _missed(offsets: FloatArray, pair: IntArray, axis: int) -> FloatArray:
+    """Return by how much each bone but the root's is no mirror image of its partner's."""
+    off: FloatArray = np.linalg.norm(offsets[pair] - _reflected(offsets, axis), axis=1)
+    off[0] = 0.0
+    return off
 
 
 def _turned_back(quats: FloatArray, axis: int) -> FloatArray:
