@@ -99,6 +99,22 @@ def test_what_is_indexed_is_what_is_built(clips, stored):
         assert stored.candidates(segment, "upper") == built.candidates(segment, "upper")
 
 
+def test_a_base_is_a_clip_of_the_library_or_a_file(stored, tmp_path, capsys):
+    """Mirrored too, when the library is in memory."""
+    options = ["graft", str(stored.folder), "-o", str(tmp_path / "new.bvh")]
+    name = stored.entries[1].name
+    assert main([*options, "--base", name, "--mirror"]) == 0
+    capsys.readouterr()
+    options[-1] = str(tmp_path / "other.bvh")
+    for more in ([], ["--mirror"]):
+        assert main([*options, "--base", "waltz", *more]) == 1
+        told = capsys.readouterr().err
+        assert f"--base must be a clip of {stored.folder}, one of" in told
+        assert name in told
+        assert "or a file; got 'waltz'" in told
+    assert not (tmp_path / "other.bvh").exists()
+
+
 def test_a_motion_from_elsewhere_is_grafted_on_a_stored_library(clips, stored):
     built = Library.build([entry.origin.path for entry in stored.entries])
     base = WHOLE[700:900]
