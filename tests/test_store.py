@@ -298,9 +298,13 @@ def test_tags_come_from_folders_and_tables(clips, stored, tmp_path):
     tagged = Library.index(clips, tmp_path / "l", tags=read_table(table))
     wanted = [{"calm", "slow"}, {"calm"}, {"jump", "short"}, {"walk", "short"}, {"walk"}]
     assert [set(tags) for tags in tagged.tags] == wanted
-    later = tagged.add(clips, tags={"b": ["late"]})
+    stages = []
+    later = tagged.add(clips, tags={"b": ["late"]}, progress=lambda *told: stages.append(told[0]))
     assert set(later.tags[4]) == {"walk", "late"}
     same(later, stored)
+    assert set(stages) == {"writing"}  # of what was compared nothing is compared again
+    same(Library.open(later.folder), stored)
+    assert store.verify(later.folder) == []
     table.write_text("c\n")
     with pytest.raises(ValueError, match=r"tags.csv:1: must be a clip and its tags"):
         read_table(table)
