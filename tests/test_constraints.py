@@ -413,6 +413,21 @@ def test_repair_of_what_is_right_is_the_captured_motion(library):
     np.testing.assert_array_equal(graft.motion.channel_numbers(), base.channel_numbers())
 
 
+@pytest.mark.parametrize("changes", [{"torso": "world"}, {"alignment": "dtw"}])
+def test_what_is_told_is_true_of_motions_put_together_in_other_ways(library, changes):
+    """Candidates are looked at as they are; what is told is of the finished motion all the same."""
+    other = replace(library, config=replace(library.config, **changes))
+    avoid = in_the_way(library)
+    worst = []
+    for graft in (mg.repair(other, constraints=[avoid]), mg.graft(other, constraints=[avoid])):
+        after, _ = avoid.errors(mg.Poses.of(graft.motion))
+        assert (after.max() > 1.0) == bool(graft.violations)
+        assert any(not s.is_own for s in graft.substitutions)
+        worst.append(after.max())
+    before, _ = avoid.errors(mg.Poses.of(library.clips[0]))
+    assert worst[0] < before.max()
+
+
 def test_soft_constraints_pull_and_are_never_violated(library):
     target = (60.0, 170.0, 30.0)
     soft = mg.Reach(HAND, target, 300, weight=5.0)

@@ -324,6 +324,26 @@ def test_a_path_is_followed_to_its_end(library, graph, corners):
     assert np.linalg.norm(places[-1] - path[-1]) < 0.7 * height
 
 
+@settings(max_examples=10, deadline=None)
+@given(st.floats(0.3, 1.0) | st.floats(0.0, 0.001), st.floats(0.3, 2.0))
+def test_a_path_takes_no_longer_than_ten_times_its_time(library, graph, share, length):
+    """Those who stand do not get along it, whatever it costs them: that is said, with numbers."""
+    height, rate = body(library.skeleton).height, library.rate
+    slower = replace(graph, ways=share * graph.ways)
+    lasts = library.segments.lengths[graph.segments] / rate
+    speeds = np.linalg.norm(slower.ways, axis=1) / height / lasts
+    fast = speeds >= 0.25
+    usual = (length + 1) / (np.average(speeds[fast], weights=lasts[fast]) if fast.any() else 0.25)
+    path = [[0.0, 0.0], [length * height, 0.0]]
+    if share < 0.01:
+        message = rf"along the path of .* in {10 * usual:.4g} s, ten times"
+        with pytest.raises(ValueError, match=message):
+            follow(library, path, graph=slower)
+        return
+    way = follow(library, path, graph=slower)
+    assert library.segments.lengths[way.segments].sum() / rate <= 10 * usual + 1e-9
+
+
 def test_the_root_is_where_the_search_says(library, graph):
     """Where segments meet the root is where it was said to be: seams move it only between."""
     way = follow(library, np.array([[5.0, 7.0], [200.0, 40.0]]), graph=graph)

@@ -99,6 +99,22 @@ def test_what_is_indexed_is_what_is_built(clips, stored):
         assert stored.candidates(segment, "upper") == built.candidates(segment, "upper")
 
 
+def test_a_base_is_a_clip_of_the_library_or_a_file(stored, tmp_path, capsys):
+    """Mirrored too, when the library is in memory."""
+    options = ["graft", str(stored.folder), "-o", str(tmp_path / "new.bvh")]
+    name = stored.entries[1].name
+    assert main([*options, "--base", name, "--mirror"]) == 0
+    capsys.readouterr()
+    options[-1] = str(tmp_path / "other.bvh")
+    for more in ([], ["--mirror"]):
+        assert main([*options, "--base", "waltz", *more]) == 1
+        told = capsys.readouterr().err
+        assert f"--base must be a clip of {stored.folder}, one of" in told
+        assert name in told
+        assert "or a file; got 'waltz'" in told
+    assert not (tmp_path / "other.bvh").exists()
+
+
 def test_a_motion_from_elsewhere_is_grafted_on_a_stored_library(clips, stored):
     built = Library.build([entry.origin.path for entry in stored.entries])
     base = WHOLE[700:900]
@@ -282,9 +298,13 @@ def test_tags_come_from_folders_and_tables(clips, stored, tmp_path):
     tagged = Library.index(clips, tmp_path / "l", tags=read_table(table))
     wanted = [{"calm", "slow"}, {"calm"}, {"jump", "short"}, {"walk", "short"}, {"walk"}]
     assert [set(tags) for tags in tagged.tags] == wanted
-    later = tagged.add(clips, tags={"b": ["late"]})
+    stages = []
+    later = tagged.add(clips, tags={"b": ["late"]}, progress=lambda *told: stages.append(told[0]))
     assert set(later.tags[4]) == {"walk", "late"}
     same(later, stored)
+    assert set(stages) == {"writing"}  # of what was compared nothing is compared again
+    same(Library.open(later.folder), stored)
+    assert store.verify(later.folder) == []
     table.write_text("c\n")
     with pytest.raises(ValueError, match=r"tags.csv:1: must be a clip and its tags"):
         read_table(table)

@@ -497,3 +497,32 @@ def test_groups_that_hold_legs_or_root_are_refused(library):
     turned = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
     with pytest.raises(ValueError, match=r"groups without root and legs.*got 'lower'"):
         mg.Stream(turned)
+
+
+@pytest.mark.parametrize(("field", "value"), [("torso", "world"), ("alignment", "dtw")])
+def test_ways_that_a_stream_does_not_know_are_refused(library, field, value):
+    other = replace(library, config=replace(library.config, **{field: value}))
+    with pytest.raises(ValueError, match=rf"config\.{field} must be .* in a stream, got '{value}'"):
+        mg.Stream(other)
+
+
+def test_only_grafted_groups_must_be_of_whole_joints(base):
+    """A joint of the base group and one that is grafted: either may be divided or neither."""
+    short = base[:120]
+    spine = [name for name in short.skeleton.names if name != "Spine"]
+    groups = {
+        "body": [n for n in spine if n not in ("Head", "LeftForeArm")],
+        "head": ["Head"],
+        "roll": ["Spine.Yrotation"],
+        "arm": ["LeftForeArm"],
+    }
+    groups["body"] += [f"Spine.{axis}rotation" for axis in "XZ"]
+    library = mg.Library.build(short, mg.JointGroups(groups, base="body"))
+    with pytest.raises(ValueError, match=r"of whole joints.*got 'roll'.*single channels of Spine"):
+        mg.Stream(library)
+    with pytest.raises(ValueError, match="got 'roll'"):
+        mg.Stream(library, swap=["arm", "roll"])
+    pieces = streamed(library, short, swap=["arm", "head"])
+    spine = short.skeleton.index("Spine")
+    motion = joined(pieces)
+    np.testing.assert_array_equal(motion.rotations[:, spine], short.rotations[:, spine])

@@ -485,10 +485,13 @@ def write(
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, terms.skeleton)
     _warn(entries, terms.rate)
-    embedding = _embedded(samples, groups, terms, digesting.tell)
-    digesting.tell("clustering", 0, 1)
-    labels, sigma = clusters(embedding, len(segments), terms.config)
-    digesting.tell("clustering", 1, 1)
+    if base is not None and kept and not slots:  # nothing has changed but tags
+        embedding, labels, sigma = base.embedding, base.labels, base.sigma
+    else:
+        embedding = _embedded(samples, groups, terms, digesting.tell)
+        digesting.tell("clustering", 0, 1)
+        labels, sigma = clusters(embedding, len(segments), terms.config)
+        digesting.tell("clustering", 1, 1)
     refused = {**(base.refused if base is not None else {}), **digesting.reasons()}
     library = Library(
         (),

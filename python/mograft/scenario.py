@@ -45,6 +45,10 @@ _TURNS = 8
 _STRAY, _REST = 3.0, 2.0
 """Radians per skeleton height beside a path and height gone, and per height that is left of it.
 So going on is worth its price up to two thirds of a height beside it."""
+_STROLL = 0.25
+"""Heights a second: slower segments do not travel. People who walk make about 0.8."""
+_DAWDLING = 10.0
+"""Times as long as at the pace of segments that travel: a way along a path takes no longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,11 +498,15 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     Raises
     ------
     ValueError
-        If the path has fewer than two different points, the segments do not get to its end, or
-        there is nowhere to walk.
+        If the path has fewer than two different points, the segments do not get to its end in
+        time, or there is nowhere to walk.
 
     Notes
     -----
+    In time is up to ten times as long as the path and a height more take at the mean speed of
+    those segments that travel, by a quarter of a height a second at least, or at this speed
+    where none does.
+
     A beam search of 2048 rows, no two of which do the same with the same heading: the
     transitions' costs, plus for each segment's way, in skeleton heights, 3 rad per height
     between the root and the nearest point of the path, which may be ahead of that before by no
@@ -533,20 +541,29 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     spot, gone, cost = np.zeros(len(at), complex), np.zeros(len(at)), np.zeros(len(at))
     parent = np.arange(len(at))
     history: list[tuple[IntArray, IntArray]] = []
-    slowest = max(float(np.abs(ways).mean()), 1e-9)
-    for _ in range(64 + int(8 * passed[-1] / slowest)):
+    clock, lasts = np.zeros(len(at)), library.segments.lengths[graph.segments] / library.rate
+    longest = _DAWDLING * float(passed[-1] + 1.0) / _pace(np.abs(ways), lasts)
+    while True:
         step = np.exp(1j * sense * turn) * ways[at]
         spot = spot + step
         gone, off = _along(target, passed, spot, gone, gone + 2.0 * np.abs(step))
         cost = cost + _STRAY * off * np.abs(step)
+        clock = clock + lasts[at]
         left = passed[-1] - gone
         best = np.argsort(cost + _REST * left, kind="stable")
+        best = best[clock[best] <= longest]
+        if not len(best):
+            raise ValueError(
+                f"the segments go {gone.max() * height:.4g} along the path of "
+                f"{passed[-1] * height:.4g} in {longest:.4g} s, ten times as long as segments "
+                "that travel would take: add clips of someone who walks"
+            )
         # Of those that do the same with the same heading only the best goes on.
         octant = np.round(turn[best] / (2 * np.pi / _TURNS)).astype(np.int64) % _TURNS
         _, alone = np.unique(at[best] * _TURNS + octant, return_index=True)
         best = best[np.sort(alone)[:_BEAM]]
         at, before, began, turn, spot = (own[best] for own in (at, before, began, turn, spot))
-        gone, cost, parent, left = (own[best] for own in (gone, cost, parent, left))
+        gone, cost, clock, parent, left = (own[best] for own in (gone, cost, clock, parent, left))
         history.append((at, parent))
         if left[0] == 0:
             break
@@ -559,12 +576,7 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
         parent, edge = (own[fresh] if fresh.any() else own for own in (parent, edge))
         before, at, began = at[parent], graph.to[edge], began[parent]
         turn, spot, gone = turn[parent] + graph.turns[edge], spot[parent], gone[parent]
-        cost = cost[parent] + graph.costs[edge]
-    else:
-        raise ValueError(
-            f"the segments go {gone[0] * height:.4g} along the path of {passed[-1] * height:.4g}, "
-            "and then no further"
-        )
+        cost, clock = cost[parent] + graph.costs[edge], clock[parent]
     way, row = [], 0
     for nodes, parents in reversed(history):
         way.append(int(nodes[row]))
@@ -572,6 +584,12 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     place = np.zeros(3)
     place[floor] = as_floats("path", path)[0]
     return Scenario(graph.segments[way[::-1]], None, place, float(began[0]))
+
+
+def _pace(ways: FloatArray, lasts: FloatArray) -> float:
+    """Return the mean speed of those segments that travel, or the least that counts as one."""
+    travels = ways >= _STROLL * lasts
+    return float(ways[travels].sum() / lasts[travels].sum()) if travels.any() else _STROLL
 
 
 def _along(

@@ -130,8 +130,9 @@ class Stream:
     TypeError
         If something is no constraint.
     ValueError
-        If a group is none, is the base group or holds legs or root, the horizon is below 1, or
-        a constraint names what is not there.
+        If a group is none, is the base group or holds legs, root or single channels, the
+        horizon is below 1, the library's `Config.torso` or `Config.alignment` is not the
+        default, or a constraint names what is not there.
 
     Notes
     -----
@@ -168,6 +169,8 @@ class Stream:
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
             raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
         groups = sorted(swapped(library, swap), key=lambda own: int(library.joints(own).min()))
+        _check_config(library.config)
+        _check_whole(library, groups)
         self._library, self._horizon = library, horizon
         self._members = {group: library.joints(group) for group in groups}
         _check_upper(library, self._members)
@@ -819,4 +822,24 @@ def _check_upper(library: Library, members: Mapping[str, IntArray]) -> None:
         if not held.isdisjoint(joints.tolist()):
             raise ValueError(
                 f"swap must name groups without root and legs, which a stream keeps; got {group!r}"
+            )
+
+
+def _check_whole(library: Library, groups: Sequence[str]) -> None:
+    """Refuse groups that hold single channels: a stream exchanges whole joints."""
+    held = library.groups.held(library.skeleton)
+    for group in groups:
+        if held[group]:
+            joints = ", ".join(library.skeleton.names[joint] for joint in held[group])
+            raise ValueError(
+                "swap must name groups of whole joints, which a stream exchanges; "
+                f"got {group!r}, which holds single channels of {joints}"
+            )
+
+
+def _check_config(config: Config) -> None:
+    for name, only in (("torso", "pelvis"), ("alignment", "uniform")):
+        if getattr(config, name) != only:
+            raise ValueError(
+                f"config.{name} must be {only!r} in a stream, got {getattr(config, name)!r}"
             )

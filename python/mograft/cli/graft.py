@@ -22,6 +22,7 @@ from mograft.cli._common import (
     write_report,
 )
 from mograft.cli._constraints import add_constraints, constraints
+from mograft.errors import listed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,7 +55,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         help="a library, or BVH files: where donors come from",
     )
     graft.add_argument(
-        "--base", metavar="FILE", help="whose base group is kept; default: the first"
+        "--base", metavar="CLIP|FILE", help="whose base group is kept; default: the first"
     )
     graft.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
     graft.add_argument("--swap", metavar="GROUP,...", help="groups to graft; default: all others")
@@ -176,7 +177,7 @@ def run(options: argparse.Namespace) -> int:
             )
     if options.mirror:
         library = library.mirrored()
-    base = _base(library, options.base)
+    base = _base(library, options.base, folder)
     many: dict[str, Any] = {"constraints": wanted, "swap": swap, "seed": options.seed}
     many["scenario"] = _scenario(library, options)
     grafts: Sequence[Graft]
@@ -240,18 +241,23 @@ def opened(folder: Path, options: argparse.Namespace) -> "Library":
     return library.relabelled(_changed(library.config, options))
 
 
-def _base(library: "Library", name: str | None) -> "Motion | str | None":
+def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion | str | None":
     """Return the clip that was read from a file or has a name, else the file's motion."""
     if name is None:
         return None
     from mograft.bvh import read_bvh
 
-    if library.folder is not None and name in {entry.name for entry in library.entries}:
+    names = [entry.name for entry in library.entries]
+    if folder is not None and name in names:
         return name
     there = os.path.realpath(name)
     for entry in library.entries:
         if entry.origin is not None and os.path.realpath(entry.origin.path) == there:
             return entry.name
+    if folder is not None and not Path(name).exists():
+        raise ValueError(
+            f"--base must be a clip of {folder}, one of {listed(names)}, or a file; got {name!r}"
+        )
     return read_bvh(name)
 
 
