@@ -105,9 +105,10 @@ def report_page(
     links = list(files) or [None] * len(grafts)
     library = first.library
     base = library.groups.base
-    swapped = " and ".join(first.alternatives)
+    *others, last = first.alternatives
+    swapped = f"{', '.join(others)} and {last} come" if others else f"{last} comes"
     lead = (
-        f"{count}: the {base} of {first.base.name} is kept, its {swapped} comes from elsewhere. "
+        f"{count}: the {base} of {first.base.name} is kept, its {swapped} from elsewhere. "
         f"Seed {first.seed}, mograft {VERSION}."
     )
     more = len(grafts) - _SHOWN
