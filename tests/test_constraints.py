@@ -426,6 +426,11 @@ def test_what_is_told_is_true_of_motions_put_together_in_other_ways(library, cha
         worst.append(after.max())
     before, _ = avoid.errors(mg.Poses.of(library.clips[0]))
     assert worst[0] < before.max()
+    far = mg.Reach(HAND, (0.0, 9000.0, 0.0), 300)
+    graft = mg.graft(other, constraints=[far])
+    (violation,) = graft.violations
+    error, _ = far.errors(mg.Poses.of(graft.motion))
+    assert violation.error == pytest.approx(error.max())
 
 
 def test_soft_constraints_pull_and_are_never_violated(library):

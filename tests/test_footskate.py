@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mograft import Config, JointGroups, Library, foot_skate, graft, plant_feet, read_bvh, rotations
 from mograft.body import body
 from mograft.dancer import dance
-from mograft.footskate import _Ground, contacts, foot_heights, legs, two_bones
+from mograft.footskate import Ground, contacts, foot_heights, legs, two_bones
 from tests.hierarchies import DANCES, DATA, recorded, recording
 from tests.strategies import SEEDS
 
@@ -122,7 +122,7 @@ def test_planted_feet_stand_still_and_bones_keep_their_lengths(sample, seed):
     motion = sliding(sample.motion[start : start + 200], [*rng.uniform(-8, 8, 1), 0.0, 5.0])
     still, _ = plant_feet(motion, stands)
     height = body(motion.skeleton).height
-    points = _Ground.of(motion).points(still)
+    points = Ground.of(motion).points(still)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1) / height
     held = stands[1:] & stands[:-1]
     assert steps[held].max(initial=0) < 1e-3
@@ -181,8 +181,8 @@ def test_a_foot_that_is_said_to_stand_and_walks_is_not_held(sample):
     motion = sample.motion[:240]
     everywhere = np.ones((240, 2, 2), bool)
     still, report = plant_feet(motion, everywhere)
-    points, height = _Ground.of(motion).points(motion), body(motion.skeleton).height
-    moved = np.linalg.norm(_Ground.of(motion).points(still) - points, axis=-1) / height
+    points, height = Ground.of(motion).points(motion), body(motion.skeleton).height
+    moved = np.linalg.norm(Ground.of(motion).points(still) - points, axis=-1) / height
     speeds = np.linalg.norm(np.gradient(points, axis=0), axis=-1) * motion.rate / height
     assert report.plants > 4
     assert moved[speeds > 1.5].max() < 0.15
@@ -204,7 +204,7 @@ def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
     loose, tight = (
         plant_feet(sunk, stands, like=sample.motion, heights=own)[0] for own in (None, high)
     )
-    ground = _Ground.of(sample.motion)
+    ground = Ground.of(sample.motion)
     low = [ground.above(ground.points(one)) / height for one in (loose, tight)]
     # Far from plants, where nothing else pulls at a foot, and with a leg to spare.
     free = ~stands.any(axis=2)
@@ -227,7 +227,7 @@ def test_feet_of_every_skeleton_stand(path):
     assert report.skate_after <= report.skate_before + 0.01
     stands, height = contacts(motion), body(motion.skeleton).height
     held = stands[1:] & stands[:-1]
-    points = _Ground.of(motion).points(still)
+    points = Ground.of(motion).points(still)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1) / height
     if report.unreached_frames == 0:
         assert steps[held].max(initial=0) < 1e-3

@@ -17,6 +17,7 @@ from mograft.scenario import (
     Scenario,
     Transitions,
     _ends,
+    _pace,
     _strongest,
     fill,
     follow,
@@ -342,6 +343,23 @@ def test_a_path_takes_no_longer_than_ten_times_its_time(library, graph, share, l
         return
     way = follow(library, path, graph=slower)
     assert library.segments.lengths[way.segments].sum() / rate <= 10 * usual + 1e-9
+
+
+SPANS = st.lists(st.tuples(st.floats(0.0, 3.0), st.floats(0.1, 2.0)), max_size=8)
+
+
+@given(SPANS, SPANS)
+def test_those_who_stand_do_not_slow_the_pace(segments, more):
+    """The pace is the way of those that travel by the time that they take."""
+    ways, lasts = np.array(segments).reshape(-1, 2).T
+    idle = np.array(more).reshape(-1, 2).T * [[0.05], [1.0]]
+    idle = idle[:, idle[0] < 0.2 * idle[1]]
+    pace = _pace(ways, lasts)
+    assert pace >= 0.25 * (1 - 1e-12)
+    both = np.concatenate([[ways, lasts], idle], axis=1)
+    assert _pace(*both) == pytest.approx(pace, rel=1e-12)
+    if (ways >= 0.25 * lasts).all() and len(ways):
+        assert pace == pytest.approx(ways.sum() / lasts.sum())
 
 
 def test_the_root_is_where_the_search_says(library, graph):

@@ -156,7 +156,7 @@ def contacts(motion: Motion) -> BoolArray:
         height, and slower than 0.25 heights a second; for 0.1 s at least, and before and after
         that as long as they are slower than 0.6.
     """
-    ground = _Ground.of(motion)
+    ground = Ground.of(motion)
     points = ground.points(motion)
     low = ground.above(points) < _NEAR * ground.height
     speeds = _speeds(points, motion.rate) / ground.height
@@ -182,7 +182,7 @@ def foot_heights(motion: Motion) -> FloatArray:
     ndarray, shape (n_frames, n_legs, 2)
         In skeleton heights; below 0 where they are lower than in 95 of 100 frames.
     """
-    ground = _Ground.of(motion)
+    ground = Ground.of(motion)
     heights: FloatArray = ground.above(ground.points(motion)) / ground.height
     return heights
 
@@ -202,7 +202,7 @@ def foot_skate(motion: Motion) -> float:
         its floor and the slowest of those that are moves over the floor at more than 0.3
         heights a second: a foot that rolls over its toe does not. 0 without legs.
     """
-    return _skate(motion, _Ground.of(motion))
+    return skate_on(motion, Ground.of(motion))
 
 
 def plant_feet(
@@ -272,8 +272,8 @@ def plant_feet(
         raise ValueError(f"bends must tell of {len(limbs)} legs, got {len(may_bend)}")
     if heights is not None and heights.shape != given.shape:
         raise ValueError(f"heights must have shape {given.shape}, got {heights.shape}")
-    ground = _Ground.of(motion if like is None else like)
-    before = _skate(motion, ground)
+    ground = Ground.of(motion if like is None else like)
+    before = skate_on(motion, ground)
     if (heights is None and not given.any()) or not any(may_bend):
         return motion, FeetReport(0, before, before, 0.0, 0.0, 0)
     turned, placed = motion.world()
@@ -313,7 +313,7 @@ def plant_feet(
     report = FeetReport(
         sum(len(_runs(given[:, i, k])) for i in range(len(limbs)) for k in range(2)),
         before,
-        _skate(still, ground),
+        skate_on(still, ground),
         float(np.linalg.norm(shift, axis=1).max()) / ground.height,
         float(missed.max()),
         int((missed > _MISSED).any(axis=(1, 2)).sum()),
@@ -322,7 +322,7 @@ def plant_feet(
 
 
 @dataclass(frozen=True, eq=False)
-class _Ground:
+class Ground:
     """Where the floor is below each heel and toe.
 
     `up` is the unit vector that points up, `floors` (n_legs, 2) the height of the floor below
@@ -335,7 +335,7 @@ class _Ground:
     height: float
 
     @classmethod
-    def of(cls, motion: Motion) -> "_Ground":
+    def of(cls, motion: Motion) -> "Ground":
         found = body(motion.skeleton)
         up = np.zeros(3)
         axis = up_axis(motion)
@@ -391,7 +391,7 @@ def _speeds(points: FloatArray, rate: float) -> FloatArray:
     return speeds
 
 
-def _skate(motion: Motion, ground: _Ground) -> float:
+def skate_on(motion: Motion, ground: Ground) -> float:
     points = ground.points(motion)
     if not points.size or motion.n_frames < 2:
         return 0.0
@@ -434,7 +434,7 @@ def _widened(marked: BoolArray, allowed: BoolArray) -> BoolArray:
     return wide
 
 
-def _parted(stands: BoolArray, points: FloatArray, ground: _Ground, rate: float) -> BoolArray:
+def _parted(stands: BoolArray, points: FloatArray, ground: Ground, rate: float) -> BoolArray:
     """Return when heels and toes stand without the frames in which they go fast.
 
     Where donors' feet stand on both sides of a seam, but far apart, they are no one plant: the
@@ -456,7 +456,7 @@ def _lifts(
     points: FloatArray,
     stands: BoolArray,
     heights: FloatArray,
-    ground: _Ground,
+    ground: Ground,
     index: int,
     rate: float,
 ) -> FloatArray:
@@ -484,7 +484,7 @@ def _ways(
     points: FloatArray,
     stands: BoolArray,
     heights: FloatArray,
-    ground: _Ground,
+    ground: Ground,
     index: int,
     rate: float,
 ) -> FloatArray:
@@ -514,7 +514,7 @@ def _ways(
 
 
 def _targets(
-    points: FloatArray, stands: BoolArray, ground: _Ground, index: int
+    points: FloatArray, stands: BoolArray, ground: Ground, index: int
 ) -> tuple[list[tuple[int, int, FloatArray]], ...]:
     """Return the plants of a heel and of a toe: first and last frame, and where.
 

@@ -7,16 +7,14 @@ from typing import Any, overload
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import BoolArray, FloatArray, IntArray, as_indices
+from mograft._arrays import IntArray, as_indices
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
-from mograft.footskate import FeetReport, contacts, foot_heights, legs, plant_feet
+from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors, Problem, take
-from mograft.scenario import Scenario
+from mograft.scenario import Scenario, arranged, stands
 from mograft.search import best, diverse, sample, viterbi
-from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
 from mograft.substitution import Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
@@ -259,7 +257,7 @@ class Graft:
 class Grafts(Sequence[Graft]):
     """Several grafts on one base; each is made when it is asked for, and not kept."""
 
-    _plan: "_Plan"
+    _plan: "Plan"
     _draws: tuple[Donors, ...]
     _seed: int
 
@@ -281,7 +279,7 @@ class Grafts(Sequence[Graft]):
 
 
 @dataclass(frozen=True, eq=False)
-class _Plan:
+class Plan:
     """What all grafts on one base have in common."""
 
     problem: Problem
@@ -299,7 +297,7 @@ class _Plan:
         swap: Sequence[str] | None,
         constraints: Sequence[Constraint],
         order: Sequence[int] | IntArray | Scenario | None = None,
-    ) -> "_Plan":
+    ) -> "Plan":
         groups = swapped(library, swap)
         if order is None:
             library, at = library.holding(base)
@@ -310,7 +308,7 @@ class _Plan:
         else:
             wanted = order if isinstance(order, Scenario) else Scenario(_checked(order))
             scenario = _within(wanted.segments, library)
-            motion, cut = _arranged(library, wanted)
+            motion, cut = arranged(library, wanted)
         own_order = () if order is None else tuple(scenario.tolist())
         problem = Problem.of(library, motion, scenario, cut, groups, constraints)
         return cls(problem, own_order)
@@ -450,38 +448,15 @@ class _Plan:
         if library.config.feet == "never" or not any(grafted):
             return new, None
         sources = [donors.get(limb.ankle, self.problem.scenario) for limb in limbs]
-        stands, heights = _stands(library, self.problem.cut, sources)
+        stood, heights = stands(library, self.problem.cut, sources)
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
-            stands | contacts(new),
+            stood | contacts(new),
             bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
             moves_root=library.root in donors,
             heights=heights,
         )
-
-
-def _stands(
-    library: Library, cut: Segments, sources: Sequence[IntArray]
-) -> tuple[BoolArray, FloatArray]:
-    """Return when feet stand and how high they are, as in the segments that legs come from."""
-    n_frames = int(cut.stop[-1]) + 1
-    stands = np.empty((n_frames, len(sources), 2), bool)
-    heights = np.empty((n_frames, len(sources), 2))
-    known: dict[int, tuple[BoolArray, FloatArray]] = {}
-    taken = library.segments
-    for index, donors in enumerate(sources):
-        for place, donor in enumerate(donors.tolist()):
-            clip = int(taken.clip[donor])
-            if clip not in known:
-                own = library.clips[clip]
-                known[clip] = contacts(own), foot_heights(own)
-            n, m = int(cut.lengths[place]), int(taken.lengths[donor])
-            frames = taken.start[donor] + (np.arange(n + 1) * m + n // 2) // n
-            rows = slice(int(cut.start[place]), int(cut.stop[place]) + 1)
-            stands[rows, index] = known[clip][0][frames, index]
-            heights[rows, index] = known[clip][1][frames, index]
-    return stands, heights
 
 
 def _checked(order: Sequence[int] | IntArray) -> IntArray:
@@ -498,59 +473,6 @@ def _within(scenario: IntArray, library: Library) -> IntArray:
     if len(wrong):
         raise ValueError(f"scenario must be of segments 0 to {n - 1}, got {wrong[0]}")
     return scenario
-
-
-def _arranged(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
-    """Return the motion of segments one after the other, on its feet, and where they are in it."""
-    own = take(library.segments, scenario.segments)
-    stops = np.cumsum(own.lengths if scenario.lengths is None else scenario.lengths)
-    cut = Segments(np.concatenate([[0], stops[:-1]]), stops)
-    # Each clip is read once: a stored library's are only there while they are asked for.
-    clips = {int(index): library.clips[int(index)] for index in np.unique(own.clip)}
-    numbers, at = np.unique(own.clip, return_inverse=True)
-    own = replace(own, clip=at)
-    several = [clips[index] for index in numbers.tolist()]
-    first = several[at[0]]
-    n_frames = int(stops[-1]) + 1
-    bare = replace(
-        first,
-        rotations=np.repeat(first.rotations[own.start[:1]], n_frames, axis=0),
-        positions=np.repeat(first.positions[own.start[:1]], n_frames, axis=0),
-        channel_values=None,
-        name=f"{first.name}_scenario",
-        path=None,
-        repairs=(),
-    )
-    if scenario.place is not None or scenario.turn:
-        bare = _moved(bare, scenario, library.root, library.up)
-    everything = np.arange(first.n_joints)
-    part = transplant(
-        bare, cut, own, several, everything, library.config, root=library.root, up=library.up
-    )
-    motion = recombine(bare, [part], bare.name)
-    if library.config.feet != "never" and len(part.seams):
-        sources = [scenario.segments] * len(legs(first.skeleton))
-        stands, heights = _stands(library, cut, sources)
-        motion, _ = plant_feet(motion, stands, heights=heights)
-    return motion, cut
-
-
-def _moved(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
-    """Return a still figure with its root turned about up and put in its place."""
-    turned, placed = motion.world()
-    spot, above = placed[0, root].copy(), int(motion.skeleton.parents[root])
-    if scenario.place is not None:
-        height = spot[up]
-        spot = scenario.place.copy()
-        spot[up] = height
-    quat = rotations.multiply(rotations.about(np.eye(3)[up], scenario.turn), turned[0, root])
-    if above >= 0:
-        back = rotations.inverse(turned[0, above])
-        quat = rotations.multiply(back, quat)
-        spot = rotations.rotate(back, spot - placed[0, above])
-    quats, places = motion.rotations.copy(), motion.positions.copy()
-    quats[:, root], places[:, root] = quat, spot
-    return replace(motion, rotations=quats, positions=places)
 
 
 def _above(skeleton: Skeleton, joint: int, root: int) -> list[int]:
@@ -656,7 +578,7 @@ def graft_many(
         raise ValueError(f"count must be a whole number from 1, got {count!r}")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
-    plan = _Plan.make(library, base, swap, constraints, scenario)
+    plan = Plan.make(library, base, swap, constraints, scenario)
     return Grafts(plan, tuple(plan.settled_draws(count, seed)), seed)
 
 
@@ -706,7 +628,7 @@ def repair(
     best: Graft | None = None
     chosen: Donors | None = None
     while True:
-        plan = _Plan.make(careful, base, swap, constraints)
+        plan = Plan.make(careful, base, swap, constraints)
         # What has been put right stays as it is when the clusters grow.
         chosen = plan.problem.own if chosen is None else chosen
         plan = replace(plan, problem=plan.problem.narrowed(chosen))

@@ -790,6 +790,40 @@ def _with_points(embedding: Embedding, samples: Samples) -> Embedding:
     return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
 
 
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Segments by their clusters, to find those that a new one belongs to.
+
+    `order` has them cluster by cluster, ascending in each; `starts` is where each cluster
+    begins in it, and `points` are theirs, in this order.
+    """
+
+    order: IntArray
+    starts: IntArray
+    points: FloatArray
+
+    @classmethod
+    def of(cls, labels: IntArray, points: FloatArray) -> "Members":
+        order = np.argsort(labels, kind="stable")
+        return cls(order, np.flatnonzero(np.diff(labels[order], prepend=-1)), points[order])
+
+    def around(self, point: FloatArray, sigma: float) -> tuple[IntArray, FloatArray]:
+        """Return the nearest cluster that stays within the diameter, and how far its members are.
+
+        The nearest is that of the nearest member; of equals the first. None may be.
+        """
+        # A cluster fits with all its members or not at all: most do not with their first.
+        first = np.linalg.norm(self.points[self.starts] - point, axis=1)
+        ends = np.append(self.starts[1:], len(self.order))
+        found = self.order[:0], np.zeros(0)
+        for cluster in np.flatnonzero(first <= sigma).tolist():
+            rows = slice(self.starts[cluster], ends[cluster])
+            apart = np.linalg.norm(self.points[rows] - point, axis=1)
+            if apart.max() <= sigma and (not len(found[0]) or apart.min() < found[1].min()):
+                found = self.order[rows], apart
+        return found
+
+
 def _nearest_cluster(
     embedding: Embedding | None, labels: IntArray, n_new: int, sigma: float
 ) -> IntArray:
@@ -798,13 +832,10 @@ def _nearest_cluster(
     if embedding is None:
         return fresh
     known, points = embedding.points[:-n_new], embedding.points[-n_new:]
-    order = np.argsort(labels, kind="stable")
-    starts = np.flatnonzero(np.diff(labels[order], prepend=-1))
+    members = Members.of(labels, known)
     chosen = fresh.copy()
     for index, point in enumerate(points):
-        distances = np.linalg.norm(known[order] - point, axis=1)
-        fits = np.maximum.reduceat(distances, starts) <= sigma
-        if fits.any():
-            nearest = np.where(fits, np.minimum.reduceat(distances, starts), np.inf)
-            chosen[index] = labels[order][starts[int(nearest.argmin())]]
+        mates, _ = members.around(point, sigma)
+        if len(mates):
+            chosen[index] = labels[mates[0]]
     return chosen

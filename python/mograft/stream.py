@@ -18,7 +18,7 @@ from mograft.digest import edges, same_rate
 from mograft.embedding import Samples, features, normalise
 from mograft.footskate import legs
 from mograft.grafting import Substitution, swapped
-from mograft.library import Library
+from mograft.library import Library, Members
 from mograft.motion import Motion
 from mograft.planning import check_names, owners, take
 from mograft.poses import Poses
@@ -720,29 +720,24 @@ class _Clusters:
 
     library: Library
     height: float
-    order: IntArray
-    starts: IntArray
-    points: FloatArray | None
+    members: Members | None
 
     @classmethod
     def of(cls, library: Library, height: float) -> "_Clusters":
         base = library.groups.base
         labels, known = library.labels[base], library.embedding[base]
-        order = np.argsort(labels, kind="stable")
-        starts = np.flatnonzero(np.diff(labels[order], prepend=-1))
-        return cls(library, height, order, starts, None if known is None else known.points[order])
+        return cls(library, height, None if known is None else Members.of(labels, known.points))
 
     def mates(self, motion: Motion, cut: Segments) -> tuple[IntArray, FloatArray]:
         """Return the members of a segment's cluster, the one that `Library.extended` finds.
 
         Ascending; and how far they are, in greatest distances within a cluster.
         """
-        none = np.zeros(0, np.int64), np.zeros(0)
         library = self.library
         base, config = library.groups.base, library.config
         known, sigma = library.embedding[base], library.sigma[base]
-        if known is None or self.points is None:
-            return none
+        if known is None or self.members is None:
+            return np.zeros(0, np.int64), np.zeros(0)
         samples = normalise(
             [motion], cut, config, root=library.root, up=library.up, heights=[self.height]
         )
@@ -750,20 +745,8 @@ class _Clusters:
         point = known.project(
             features(samples, known.joints, known.reference, has_root=known.has_root)
         )
-        # A cluster fits with all its members or not at all: most do not with their first.
-        first = np.linalg.norm(self.points[self.starts] - point, axis=1)
-        best = -1, np.zeros(0)
-        for cluster in np.flatnonzero(first <= sigma).tolist():
-            apart = np.linalg.norm(self.points[self._rows(cluster)] - point, axis=1)
-            if apart.max() <= sigma and (best[0] < 0 or apart.min() < best[1].min()):
-                best = cluster, apart
-        if best[0] < 0:
-            return none
-        return self.order[self._rows(best[0])], best[1] / sigma if sigma > 0 else best[1]
-
-    def _rows(self, cluster: int) -> slice:
-        last = cluster + 1 == len(self.starts)
-        return slice(self.starts[cluster], None if last else self.starts[cluster + 1])
+        mates, apart = self.members.around(point[0], sigma)
+        return mates, apart / sigma if sigma > 0 else apart
 
 
 class _Donors:

@@ -16,7 +16,7 @@ from mograft.body import body, center_of_mass
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.footskate import _Ground
+from mograft.footskate import Ground
 from mograft.motion import Motion
 from mograft.segmentation import Segments
 
@@ -256,7 +256,7 @@ def support(motion: Motion, *, like: Motion | None = None) -> Support:
     and, before a toe that touches, as far as a foot of 0.117 heights does, 0.055 heights wide
     at the ball and 0.033 at the tip.
     """
-    ground = _Ground.of(motion if like is None else like)
+    ground = Ground.of(motion if like is None else like)
     if not ground.limbs:
         shown = ", ".join(motion.skeleton.names[:8])
         raise InsufficientDataError(
@@ -269,7 +269,7 @@ def support(motion: Motion, *, like: Motion | None = None) -> Support:
     joints = ground.points(motion)
     touches = ground.above(joints) < _NEAR * ground.height
     flat = joints[..., axes]
-    forward = _forward(motion, ground)[:, axes]
+    forward = facing(motion, ground)[:, axes]
     soles = [
         _sole(flat[:, i], touches[:, i], joints[:, i], forward, ground.height)
         for i in range(len(ground.limbs))
@@ -288,14 +288,14 @@ def support(motion: Motion, *, like: Motion | None = None) -> Support:
     )
 
 
-def _forward(motion: Motion, ground: _Ground) -> FloatArray:
+def facing(motion: Motion, ground: Ground) -> FloatArray:
     """Return where the hips face, over the floor; zero where nothing tells."""
     sides = {limb.side: limb.hip for limb in reversed(ground.limbs)}
     if not {"left", "right"} <= sides.keys():
         return np.zeros((motion.n_frames, 3))
     places = motion.world_positions()
-    facing = np.cross(places[:, sides["left"]] - places[:, sides["right"]], ground.up)
-    return _units(facing)
+    ahead = np.cross(places[:, sides["left"]] - places[:, sides["right"]], ground.up)
+    return _units(ahead)
 
 
 def _units(vectors: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy as np
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.errors import InsufficientDataError
 from mograft.footskate import contacts, legs
-from mograft.grafting import Graft, Grafts, _Plan
+from mograft.grafting import Graft, Grafts, Plan
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors
@@ -367,10 +367,10 @@ def _planned(
     count: int,
     swap: Sequence[str] | None,
     seed: int,
-) -> tuple[_Plan, list[Donors]]:
+) -> tuple[Plan, list[Donors]]:
     if method.changes:
         library = library.relabelled(replace(library.config, **dict(method.changes)))
-    plan = _Plan.make(library, base, swap, ())
+    plan = Plan.make(library, base, swap, ())
     problem = plan.problem
     allowed = method.candidates(problem.library, problem.scenario)
     plan = replace(plan, problem=replace(problem, candidates=dict.fromkeys(problem.pools, allowed)))

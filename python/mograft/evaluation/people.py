@@ -26,7 +26,7 @@ from mograft.body import body
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
-from mograft.evaluation.balance import _forward
+from mograft.evaluation.balance import facing
 from mograft.evaluation.baselines import Captured, Method, RandomLength, grafts_by, methods
 from mograft.evaluation.estimate import Estimate, rogan_gladen
 from mograft.evaluation.naturalness import (
@@ -40,7 +40,7 @@ from mograft.evaluation.naturalness import (
     _within,
     part_features,
 )
-from mograft.footskate import _Ground
+from mograft.footskate import Ground
 from mograft.grafting import Graft
 from mograft.library import Library
 from mograft.motion import Motion
@@ -356,7 +356,7 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
 
 def _standing(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
     """Return joints and ends in heights, y up from the floor, and where the hips face about y."""
-    ground = _Ground.of(base)
+    ground = Ground.of(base)
     turns, joints = motion.world()
     ends = [
         joints[:, site.parent] + rotations.rotate(turns[:, site.parent], np.asarray(site.offset))
@@ -369,7 +369,7 @@ def _standing(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
     order = [(up + 2) % 3, up, (up + 1) % 3]
     signs = np.array([ground.up[up], ground.up[up], 1.0])
     y_up = nodes[..., order] * signs - [0.0, float(low), 0.0]
-    ahead = _forward(motion, ground)[:, order] * signs
+    ahead = facing(motion, ground)[:, order] * signs
     return y_up / body(motion.skeleton).height, np.arctan2(ahead[:, 0], ahead[:, 2])
 
 

@@ -18,7 +18,7 @@ from mograft.body import up_axis
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.footskate import _Ground, _skate, legs
+from mograft.footskate import Ground, legs, skate_on
 from mograft.grafting import Graft
 from mograft.motion import Motion
 from mograft.skeleton import Skeleton
@@ -166,8 +166,8 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
             )
         track = base.rotations[:, joints]
         before = angular_derivatives(track, base.rate)
-        ground = _Ground.of(base)
-        skates = _skate(base, ground)
+        ground = Ground.of(base)
+        skates = skate_on(base, ground)
         swings = coordination(base)
         rows["diversity"].append(diversity([graft.motion for graft in own], joints))
         for graft in own:
@@ -179,7 +179,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
             for name, a, b in zip(("acceleration", "jerk"), after, before, strict=True):
                 rows[name].append(a / b if b > 0 else math.nan)
             if legs(skeleton):
-                rows["foot_skate"].append(_skate(graft.motion, ground) - skates)
+                rows["foot_skate"].append(skate_on(graft.motion, ground) - skates)
             covered, local = nearest_windows(source, _coarse(graft.motion, joints), step)
             rows["coverage"].append(covered)
             rows["local_diversity"].append(local)

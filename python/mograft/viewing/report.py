@@ -23,7 +23,7 @@ __all__ = ["report_page"]
 _SHOWN = 4
 """Grafts that the viewer shows at once: more are too small to be judged."""
 
-_STYLE = """
+STYLE = """
 .report main { max-width: 1180px; margin: 0 auto; padding: 20px 20px 60px; }
 .report h1 { font-size: 26px; line-height: 1.2; margin: 8px 0 4px; overflow-wrap: anywhere; }
 .report h2 { font-size: 18px; margin: 34px 0 8px; }
@@ -139,7 +139,7 @@ def report_page(
             "</main>",
         ]
     )
-    return assembled(named, body_text, "report", _STYLE)
+    return assembled(named, body_text, "report", STYLE)
 
 
 _MADE = (
@@ -161,21 +161,21 @@ def _cards(library: Library) -> str:
     seconds = (frames - len(library.entries)) / library.rate
     whole = combinations(library.labels[base], len(library.groups.names))
     cards = [
-        (_number(len(library.entries)), "clip" if len(library.entries) == 1 else "clips"),
-        (_number(frames), f"frames, {seconds:.0f} s"),
-        (_number(n), "segments"),
+        (number(len(library.entries)), "clip" if len(library.entries) == 1 else "clips"),
+        (number(frames), f"frames, {seconds:.0f} s"),
+        (number(n), "segments"),
         *(
-            (_number(int(labels.max()) + 1), f"clusters of {group}")
+            (number(int(labels.max()) + 1), f"clusters of {group}")
             for group, labels in library.labels.items()
         ),
         (
             f"{whole / n:.1f} \N{MULTIPLICATION SIGN}",
-            f"{_number(whole)} combinations of what was captured",
+            f"{number(whole)} combinations of what was captured",
         ),
     ]
     shown = "".join(
-        f"<div><b>{html.escape(number)}</b><span>{html.escape(what)}</span></div>"
-        for number, what in cards
+        f"<div><b>{html.escape(value)}</b><span>{html.escape(what)}</span></div>"
+        for value, what in cards
     )
     return f'<div class="cards">{shown}</div>'
 
@@ -201,7 +201,7 @@ def _made(grafts: Sequence[Graft], links: Sequence[Path | None]) -> str:
                 f"{100 * stray.max():.1f} %",
             ]
         )
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _stray(graft: Graft) -> FloatArray:
@@ -293,7 +293,7 @@ def _funnel(graft: Graft) -> str:
         ]
         for group, counts in graft.alternatives.items()
     ]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _with_file(library: Library, clip: int) -> str:
@@ -313,14 +313,14 @@ def _sources(grafts: Sequence[Graft]) -> str:
     rows = [
         [
             html.escape(_with_file(library, index)),
-            _number(entry.n_frames),
+            number(entry.n_frames),
             f"{(entry.n_frames - 1) / library.rate:.1f} s",
-            _number(parts[entry.name]),
-            _number(frames[entry.name]),
+            number(parts[entry.name]),
+            number(frames[entry.name]),
         ]
         for index, entry in enumerate(library.entries)
     ]
-    return _table(["clip", "frames", "length", "parts lent", "frames lent"], rows)
+    return table(["clip", "frames", "length", "parts lent", "frames lent"], rows)
 
 
 def _parameters(library: Library) -> str:
@@ -337,14 +337,14 @@ def _parameters(library: Library) -> str:
         ]
         for group, joints in members.items()
     ]
-    return _table(["parameter", "value"], rows)
+    return table(["parameter", "value"], rows)
 
 
 def _plain(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _number(value: int) -> str:
+def number(value: int) -> str:
     return f"{value:,}".replace(",", "\N{THIN SPACE}")
 
 
@@ -356,7 +356,7 @@ def _link(name: str, path: Path | None) -> str:
     return f'<a href="{html.escape(target)}">{html.escape(path.name)}</a>'
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table; the cells are HTML already, the head is not."""
     top = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in head)
     body_rows = "".join(
