@@ -63,7 +63,7 @@ pub(crate) type Wide = Aligned<f64>;
 pub(crate) fn rounding(dim: usize) -> f64 {
     // Each of dim squares and dim + 1 additions rounds by at most half a unit of 2^-23;
     // the rest of the margin covers the products of these.
-    (dim as f64 + 4.0) / (1 << 23) as f64
+    (dim as f64 + 4.0) / f64::from(1 << 23)
 }
 
 /// An instruction set that this processor has.
