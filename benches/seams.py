@@ -21,10 +21,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from mograft import rotations
 from mograft.anatomy import anatomy, feature_joints
-from mograft.body import body
+from mograft.body import body, center_of_mass
 from mograft.seams import TURNS
 from mograft.transplant import _Laid, transplant
-from mograft.viewing import center_of_mass
 
 RATE = 30.0
 TREATMENTS = ("none", "offset", "paper", "displacement", "inertial", "dead")
