@@ -463,3 +463,21 @@ def euler_degrees(rotations, order, before):
     """Return Euler angles in degrees, whole turns taken out from frame to frame."""
     angles = Rotation.from_quat(rotations).as_euler(order, degrees=True)
     return np.unwrap(np.concatenate([before[None], angles]), axis=0, period=360)[1:]
+
+
+def blended(steps, lengths, seams, seam, window):
+    """Velocities that fade over from one segment's to the next one's, frame by frame."""
+    bounds = [0, *np.cumsum(lengths).tolist()]
+    faded = steps.copy()
+    for index, meets in enumerate(seams):
+        start, middle, stop = bounds[index : index + 3]
+        if not meets or seam in ("paper", "displacement"):
+            continue
+        for frame in range(middle, stop):
+            x = max(1 - (frame + 0.5 - middle) / min(window, stop - middle), 0)
+            x = x / 2 if seam == "offset" else x
+            faded[frame] += (3 * x**2 - 2 * x**3) * (steps[middle - 1] - steps[frame])
+        for frame in range(start, middle if seam == "offset" else start):
+            x = max(1 - (middle - frame - 0.5) / min(window, middle - start), 0) / 2
+            faded[frame] += (3 * x**2 - 2 * x**3) * (steps[middle] - steps[frame])
+    return faded

@@ -7,10 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mograft import Config, JointGroups, Library, foot_skate, graft, plant_feet, read_bvh, rotations
+from mograft import (
+    Config,
+    JointGroups,
+    KeepOriginal,
+    Library,
+    foot_skate,
+    graft,
+    plant_feet,
+    read_bvh,
+    rotations,
+)
 from mograft.body import body
 from mograft.dancer import dance
-from mograft.footskate import Ground, contacts, foot_heights, legs, two_bones
+from mograft.footskate import Ground, _no_faster, contacts, foot_heights, legs, two_bones
 from tests.hierarchies import DANCES, DATA, recorded, recording
 from tests.strategies import SEEDS
 
@@ -144,6 +154,40 @@ def test_the_root_is_not_shaken(sample):
     assert bends[1] < 2 * bends[0]
 
 
+@settings(max_examples=25, deadline=None)
+@given(SEEDS)
+def test_the_root_goes_no_faster_than_at_its_fastest(sample, seed):
+    """However far legs are too short: the shift takes its time, and is none where nothing is."""
+    rng = np.random.default_rng(seed)
+    start = int(rng.integers(0, sample.motion.n_frames - 200))
+    motion = sliding(sample.motion[start : start + 200], rng.uniform(-20, 20, 3))
+    stands = contacts(sample.motion)[start : start + 200]
+    still, report = plant_feet(motion, stands)
+    speeds = [
+        np.linalg.norm(np.diff(m.positions[:, 0, [0, 2]], axis=0), axis=1) for m in (motion, still)
+    ]
+    assert speeds[1].max() <= speeds[0].max() * (1 + 1e-9)
+    if report.moved_root == 0:
+        np.testing.assert_array_equal(still.positions, motion.positions)
+
+
+@given(SEEDS, st.integers(2, 40), st.floats(0.0, 3.0))
+def test_a_shift_that_makes_nothing_too_fast_is_kept(seed, n, size):
+    rng = np.random.default_rng(seed)
+    path, shift = np.cumsum(rng.normal(size=(n, 3)), axis=0), size * rng.normal(size=(n, 3))
+    up = np.eye(3)[int(rng.integers(3))]
+
+    def speeds(places):
+        steps = np.diff(places, axis=0)
+        return np.linalg.norm(steps - np.outer(steps @ up, up), axis=1)
+
+    new = _no_faster(shift, path, up)
+    assert speeds(path + new).max() <= speeds(path).max() * (1 + 1e-9)
+    np.testing.assert_allclose(new @ up, shift @ up, atol=1e-12)
+    if speeds(path + shift).max() <= speeds(path).max():
+        np.testing.assert_array_equal(new, shift)
+
+
 def test_the_root_stays_where_it_may_not_move(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
     still, report = plant_feet(motion, contacts(sample.motion), moves_root=False)
@@ -232,6 +276,20 @@ def test_feet_of_every_skeleton_stand(path):
     if report.unreached_frames == 0:
         assert steps[held].max(initial=0) < 1e-3
     assert np.isfinite(still.rotations).all()
+
+
+def test_where_nothing_is_exchanged_every_bit_stays(sample):
+    """Feet too, that other grafts on an upper body plant."""
+    motion = sample.motion
+    preset = JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
+    members = {group: [int(j) for j in joints] for group, joints in preset.items()}
+    library = Library.build(motion, JointGroups(members, base="upper"))
+    assert graft(library, seed=1).feet is not None
+    new = graft(library, seed=1, constraints=[KeepOriginal(frames=(0, motion.n_frames - 1))])
+    assert new.feet is None
+    np.testing.assert_array_equal(new.motion.rotations, motion.rotations)
+    np.testing.assert_array_equal(new.motion.positions, motion.positions)
+    np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 
 def test_a_quadruped_has_four_legs():

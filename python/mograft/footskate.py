@@ -45,6 +45,9 @@ _SINK = 0.01
 _MISSED = 1e-4
 """Heights by which a foot may be off its plant before it counts as out of reach."""
 
+_SWEEPS, _SPARE = 1000, 0.9999
+"""How often too great a speed of the root is passed on to the frames beside, and down to what."""
+
 
 @dataclass(frozen=True)
 class Leg:
@@ -292,6 +295,7 @@ def plant_feet(
     shift = np.zeros((motion.n_frames, 3))
     if moves_root:
         shift = _root_shift(limbs, placed, ways[:, :, 0], given.any(axis=2), motion.rate)
+        shift = _no_faster(shift, placed[:, motion.locomotion_root()], ground.up)
     parts = [
         _bent(
             motion,
@@ -600,6 +604,28 @@ def _root_shift(
     pick = (np.arange(len(nearest)) + windows.argmax(axis=1) - around).clip(0, len(nearest) - 1)
     smooth = np.stack([gaussian(axis, _ROOT_BLEND * rate) for axis in nearest[pick].T], axis=1)
     return within(smooth)
+
+
+def _no_faster(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
+    """Return a shift with which a path goes over the floor no faster than at its fastest.
+
+    Frames that would be too far apart are moved towards each other, and the next ones after.
+    """
+    level = np.eye(3) - np.outer(up, up)
+    own, wanted = path @ level, (path + shift) @ level
+    most = np.linalg.norm(np.diff(own, axis=0), axis=1).max(initial=0.0)
+    moved = wanted.copy()
+    for _ in range(_SWEEPS):
+        steps = np.diff(moved, axis=0)
+        speeds = np.linalg.norm(steps, axis=1)
+        over = np.flatnonzero(speeds > most)
+        if not len(over):
+            return shift + (moved - wanted)
+        # To a little less, so that there is an end to it.
+        too_far = 0.5 * (1.0 - _SPARE * most / speeds[over])[:, None] * steps[over]
+        moved[over] += too_far
+        moved[over + 1] -= too_far
+    return shift + (own - wanted)
 
 
 def _shifted(motion: Motion, turned: FloatArray, shift: FloatArray) -> Part:

@@ -110,7 +110,8 @@ class Graft:
     violations : tuple of Violation
         Where hard constraints are not met; empty where all are.
     feet : FeetReport or None
-        What was done to make feet stand still; None where the base group keeps them.
+        What was done to make feet stand still; None where the base group keeps them, and where
+        nothing that carries them was exchanged.
     scenario : tuple of int
         The segments that the base was put together from; none where it is a clip.
     """
@@ -445,7 +446,8 @@ class Plan:
         grafted = [
             [j for j in _above(skeleton, limb.ankle, library.root) if j in donors] for limb in limbs
         ]
-        if library.config.feet == "never" or not any(grafted):
+        exchanged = {j for j, own in donors.items() if (own != self.problem.scenario).any()}
+        if library.config.feet == "never" or exchanged.isdisjoint(chain.from_iterable(grafted)):
             return new, None
         sources = [donors.get(limb.ankle, self.problem.scenario) for limb in limbs]
         stood, heights = stands(library, self.problem.cut, sources)

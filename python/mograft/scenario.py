@@ -19,6 +19,7 @@ from mograft.planning import take
 from mograft.seams import TURNS
 from mograft.segmentation import Segments, gaussian, kinetic_energy
 from mograft.transplant import recombine, states, transplant
+from mograft.travel import fading, turns
 
 __all__ = ["Scenario", "Transitions", "fill", "follow", "to_beats", "transitions", "walk"]
 
@@ -128,7 +129,10 @@ class Transitions:
         Each segment's way over the floor from its first frame to its last, as captured.
     turns : ndarray, shape (m,)
         By what angle about up the next segment is turned more than the one before, to go on
-        from its heading.
+        from the heading that it comes to.
+    shifts : ndarray, shape (m, 3)
+        By how much farther the root gets over the floor than on the two segments' ways, for
+        its velocity fades from the one's to the other's; turned as the one was captured.
     rests : ndarray of bool, shape (n,)
         Whether a segment ends where the kinetic energy is least: there a beat may be.
     """
@@ -140,6 +144,7 @@ class Transitions:
     limit: float
     ways: FloatArray
     turns: FloatArray
+    shifts: FloatArray
     rests: BoolArray
 
     def __repr__(self) -> str:
@@ -235,7 +240,7 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     place[kept] = np.arange(len(kept))
     inside = (place[froms] >= 0) & (place[tos] >= 0)
     froms, tos, price = froms[inside], tos[inside], price[inside]
-    apart = rotations.multiply(ends.turned[froms], rotations.inverse(starts.turned[tos]))
+    yaws, shifts = _led(ends, starts, froms, tos, goes_on, library.up)
     level = np.arange(3) != library.up
     return Transitions(
         own[kept],
@@ -244,7 +249,8 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
         price,
         limit,
         (level * (ends.places - starts.places))[kept],
-        rotations.log(rotations.twist(apart, library.up))[:, library.up],
+        yaws,
+        shifts,
         ends.rests[kept],
     )
 
@@ -533,7 +539,9 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     legs = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     passed = np.concatenate([[0.0], np.cumsum(legs)])
     floor = [axis for axis in range(3) if axis != library.up]
-    ways = graph.ways[:, floor] @ np.array([1.0, 1j]) / height
+    ways, shifts = (
+        own[:, floor] @ np.array([1.0, 1j]) / height for own in (graph.ways, graph.shifts)
+    )
     # A turn about up is one from x to y, but from z to x where y points up.
     sense = -1.0 if library.up == 1 else 1.0
     n = len(ways)
@@ -577,7 +585,8 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
         fresh = graph.to[edge] != before[parent]
         parent, edge = (own[fresh] if fresh.any() else own for own in (parent, edge))
         before, at, began = at[parent], graph.to[edge], began[parent]
-        turn, spot, gone = turn[parent] + graph.turns[edge], spot[parent], gone[parent]
+        spot = spot[parent] + np.exp(1j * sense * turn[parent]) * shifts[edge]
+        turn, gone = turn[parent] + graph.turns[edge], gone[parent]
         cost, clock = cost[parent] + graph.costs[edge], clock[parent]
     way, row = [], 0
     for nodes, parents in reversed(history):
@@ -712,7 +721,12 @@ class _Steps:
 
 @dataclass(frozen=True, eq=False)
 class _Ends:
-    """One end of segments: the base group's pose there, and how it moves; one row each."""
+    """One end of segments: the base group's pose there, and how it moves; one row each.
+
+    `steps` (n, 4) is the root's way over the floor and its turn in the frame nearest to the
+    end; `shares` is how many frames' worth of the other side's step it takes on at a seam, and
+    `faded` (n, 4) what it gives up for that.
+    """
 
     poses: FloatArray
     speeds: FloatArray
@@ -724,6 +738,9 @@ class _Ends:
     turns: FloatArray
     feet: BoolArray
     rests: BoolArray
+    steps: FloatArray
+    shares: FloatArray
+    faded: FloatArray
 
     def points(self) -> FloatArray:
         """Return points whose distances are the root mean squares of what the cost sums.
@@ -775,6 +792,7 @@ def _ends(library: Library, own: IntArray) -> tuple[_Ends, _Ends]:
     members = library.joints(library.groups.base)
     joints = np.setdiff1d(feature_joints(skeleton, members), [root])
     carries = bool((members == root).any())
+    inside = np.arange(0.5, np.ceil(library.config.seam_blend * library.rate))
     rows: tuple[list[_Ends], list[_Ends]] = ([], [])
     for index in np.unique(cut.clip[own]):
         clip = library.clips[int(index)]
@@ -788,13 +806,23 @@ def _ends(library: Library, own: IntArray) -> tuple[_Ends, _Ends]:
         energy = gaussian(energy, config.smoothing * clip.rate)
         bounds = np.append(cut.start[cut.clip == index], clip.n_frames - 1)
         later = bounds[np.minimum(np.searchsorted(bounds, cut.stop[mine]) + 1, len(bounds) - 1)]
+        yaws = turns(quats[:-1], quats[1:], library.up)
+        ways = np.where(np.arange(3) == library.up, 0.0, np.diff(places, axis=0))
+        velocities = np.concatenate([ways, yaws[:, None]], axis=1)
         at_rest = energy[cut.stop[mine]] < np.minimum(
             energy[cut.start[mine]], np.where(later > cut.stop[mine], energy[later], np.inf)
         )
-        for side, frames in zip(rows, (cut.start[mine], cut.stop[mine]), strict=True):
+        for side, frames, sign in zip(
+            rows, (cut.start[mine], cut.stop[mine]), (1, -1), strict=True
+        ):
             none = 0 * mine
+            inward = frames[:, None] + sign * np.arange(len(inside)) - (sign < 0)
+            beside = velocities[inward.clip(0, len(velocities) - 1)]
+            lengths = cut.lengths[mine][:, None]
+            before, after = fading(inside, lengths, config, library.rate)
+            shares = after if sign > 0 else before
             poses, speeds = states(TURNS, [clip.rotations[:, joints]], none, frames)
-            _, turns = states(TURNS, [quats[:, None]], none, frames)
+            _, turning = states(TURNS, [quats[:, None]], none, frames)
             back = rotations.inverse(rotations.twist(quats[frames], library.up))
             moves = float(carries)
             side.append(
@@ -808,9 +836,12 @@ def _ends(library: Library, own: IntArray) -> tuple[_Ends, _Ends]:
                     moves * places[frames, library.up] / height,
                     places[frames],
                     moves * rotations.rotate(back, speed[frames]) / height,
-                    moves * turns[:, 0] * library.rate,
+                    moves * turning[:, 0] * library.rate,
                     stands[frames],
                     at_rest,
+                    moves * beside[:, 0],
+                    shares.sum(axis=1),
+                    moves * (shares[..., None] * beside).sum(axis=1),
                 )
             )
     starts, ends = (
@@ -818,6 +849,22 @@ def _ends(library: Library, own: IntArray) -> tuple[_Ends, _Ends]:
         for side in rows
     )
     return starts, ends
+
+
+def _led(
+    ends: _Ends, starts: _Ends, i: IntArray, j: IntArray, goes_on: BoolArray, up: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return how the root goes on from segments `i` to segments `j`: see `Transitions`."""
+    apart = rotations.multiply(ends.turned[i], rotations.inverse(starts.turned[j]))
+    heading = rotations.twist(apart, up)
+    coming, given = (
+        np.concatenate([rotations.rotate(heading, own[j, :3]), own[j, 3:]], axis=1)
+        for own in (starts.steps, starts.faded)
+    )
+    more = ends.shares[i, None] * coming - ends.faded[i]
+    more += starts.shares[j, None] * ends.steps[i] - given
+    more[(j == i + 1) & np.append(goes_on, False)[i]] = 0.0
+    return rotations.log(heading)[:, up] + more[:, 3], more[:, :3]
 
 
 def _allowed(goes_on: BoolArray, i: IntArray, j: IntArray) -> BoolArray:

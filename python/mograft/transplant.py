@@ -25,6 +25,7 @@ from mograft.seams import (
     offset,
 )
 from mograft.segmentation import Segments
+from mograft.travel import blended, led, turns
 
 __all__ = ["Part", "recombine", "states", "transplant"]
 
@@ -150,6 +151,11 @@ def transplant(
     if travels.any():
         moved = _joined(laid, seams, SHIFTS, shifts, segment, step, config)
         places[:, travels] = laid.unpack(segment, step, moved)
+    if root is not None and carries:
+        column = columns[0]
+        quats[:, column], places[:, column] = _led(
+            laid, seams, tracks, shifts, (quats[:, column], places[:, column]), up, config
+        )
 
     if config.seam == "paper":
         window = round(config.seam_window * base.rate)
@@ -431,6 +437,33 @@ def _joined(
     at = np.flatnonzero(seams)
     ends, moments = laid.ends(algebra, tracks, at), laid.pieces(at, segment, step)
     return treatment(algebra, values, moments, ends, config.seam_blend)
+
+
+def _led(
+    laid: _Laid,
+    seams: BoolArray,
+    tracks: Sequence[FloatArray],
+    shifts: Sequence[FloatArray],
+    joined: tuple[FloatArray, FloatArray],
+    up: int,
+    config: Config,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the root's rotations and places, as fast over the floor as donors go."""
+    segment, step = laid.frames()
+    assert laid.place is not None
+    columns = laid.place.columns
+    own = replace(laid, place=replace(laid.place, columns=(0, 0)))
+    tracks = [track[:, columns[0], None] for track in tracks]
+    shifts = [shift[:, columns[1], None] for shift in shifts]
+    turned = own.sample(TURNS, tracks, segment, step)[:, 0]
+    placed = own.sample(SHIFTS, shifts, segment, step)[:, 0]
+    inside = np.diff(segment) == 0
+    ways = np.where(np.arange(3) == up, 0.0, np.diff(placed, axis=0))[inside]
+    yaws = turns(turned[:-1], turned[1:], up)[inside]
+    captured = np.concatenate([ways, yaws[:, None]], axis=1)
+    velocities = blended(captured, laid.cut, seams, config, laid.rate)
+    rows = laid.unpack(segment, step, turned), laid.unpack(segment, step, placed)
+    return led(velocities, captured, rows, joined, up)
 
 
 def states(
