@@ -20,6 +20,7 @@ import mograft as mg
 from mograft import cli, plot
 from mograft.cli._settings import command_parsers
 from mograft.dancer import dance
+from mograft.scenario import walk
 from mograft.stream import joined
 
 HERE = Path(__file__).parent
@@ -53,12 +54,14 @@ def make_pictures() -> None:
     motion = dance(seed=0, strides=2).motion
     library = mg.Library.build(motion)
     new = mg.graft(library, seed=7)
+    minute = mg.graft(library, scenario=walk(library, 60.0, seed=7), seed=7)
     drawings = {
         "strip": lambda: plot.strip(motion[:900], 10, groups="lower_upper"),
         "graft": lambda: plot.strip(new.motion[:900], 10, groups="lower_upper"),
         "energy": lambda: plot.energy(motion[:300]),
         "timeline": lambda: plot.timeline(new, frames=(0, 300)),
         "live": lambda: plot.strip(streamed(library)[300:1200], 10, groups="lower_upper"),
+        "minute": lambda: plot.strip(minute.motion, 20, groups="lower_upper"),
         "pca": lambda: plot.pca(library),
         "dendrogram": lambda: plot.dendrogram(library),
         "clusters": lambda: plot.clusters(library),
