@@ -16,15 +16,14 @@ from mograft.dancer import dance
 from mograft.scenario import (
     Scenario,
     Transitions,
-    _ends,
     _pace,
-    _strongest,
     fill,
     follow,
     to_beats,
     transitions,
     walk,
 )
+from mograft.transitions import _ends, _strongest
 from tests.hierarchies import DANCES, recording
 from tests.strategies import SEEDS
 
@@ -164,13 +163,13 @@ def test_a_graph_of_many_clips_keeps_only_the_nearest_and_reads_each_once(librar
     some = transitions(several, ["c1*", "c2"])
     names = {several.entries[c].name for c in several.segments.clip[some.segments]}
     assert names <= {"c1", "c10", "c11", "c2"}
-    monkeypatch.setattr("mograft.scenario._FOLLOWERS", len(several.segments))
+    monkeypatch.setattr("mograft.transitions._FOLLOWERS", len(several.segments))
     full, few = dense(transitions(several)), dense(whole)
     # What is kept costs what it costs, and of each segment the cheapest is kept.
     if full.shape == few.shape:
         kept = np.isfinite(few)
         np.testing.assert_array_equal(few[kept], full[kept])
-    monkeypatch.setattr("mograft.scenario._MOST", 10)
+    monkeypatch.setattr("mograft.transitions._MOST", 10)
     with pytest.raises(ValueError, match="a graph may be found of 10 segments, the library has"):
         transitions(several)
 

@@ -8,12 +8,13 @@ from typing import Any, overload
 import numpy as np
 
 from mograft._arrays import IntArray, as_indices
+from mograft.arrangement import arranged, stands
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
 from mograft.footskate import FeetReport, contacts, legs, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors, Problem, take
-from mograft.scenario import Scenario, arranged, stands
+from mograft.scenario import Scenario
 from mograft.search import best, diverse, sample, viterbi
 from mograft.skeleton import Skeleton
 from mograft.substitution import Row, choose, reachable
