@@ -16,6 +16,7 @@ from mograft import (
     graft_many,
     rotations,
 )
+from mograft.contacts import contacts
 from mograft.dancer import dance
 from mograft.evaluation.baselines import (
     Analogy,
@@ -32,7 +33,6 @@ from mograft.evaluation.baselines import (
     grafts_by,
     methods,
 )
-from mograft.footskate import contacts
 from mograft.substitution import length_fits
 from tests.strategies import wander
 

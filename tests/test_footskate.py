@@ -19,8 +19,9 @@ from mograft import (
     rotations,
 )
 from mograft.body import body
+from mograft.contacts import Ground, contacts, foot_heights, legs
 from mograft.dancer import dance
-from mograft.footskate import Ground, _no_faster, contacts, foot_heights, legs, two_bones
+from mograft.footskate import _no_faster, two_bones
 from tests.hierarchies import DANCES, DATA, recorded, recording
 from tests.strategies import SEEDS
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         Reach,
         Violation,
     )
+    from mograft.contacts import foot_skate
     from mograft.errors import (
         BvhError,
         InsufficientDataError,
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
         SkeletonMismatchError,
     )
     from mograft.faults import Fault, find_faults
-    from mograft.footskate import FeetReport, foot_skate, plant_feet
+    from mograft.footskate import FeetReport, plant_feet
     from mograft.formats import read_npz, write_csv, write_glb, write_npz, write_usd
     from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
     from mograft.groups import JointGroups, subtree
@@ -63,7 +64,8 @@ _HOMES = {
     "MaxStretch NotFrom OnlyFrom Reach Violation",
     "errors": "BvhError InsufficientDataError LibraryError MograftError SkeletonMismatchError",
     "faults": "Fault find_faults",
-    "footskate": "FeetReport foot_skate plant_feet",
+    "contacts": "foot_skate",
+    "footskate": "FeetReport plant_feet",
     "formats": "read_npz write_csv write_glb write_npz write_usd",
     "grafting": "Graft Grafts Seam Substitution graft graft_many repair",
     "groups": "JointGroups subtree",

@@ -7,7 +7,8 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.footskate import contacts, foot_heights, legs, plant_feet
+from mograft.contacts import contacts, foot_heights, legs
+from mograft.footskate import plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import take

@@ -10,7 +10,8 @@ import numpy as np
 from mograft._arrays import IntArray, as_indices
 from mograft.arrangement import arranged, stands
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
-from mograft.footskate import FeetReport, contacts, legs, plant_feet
+from mograft.contacts import contacts, legs
+from mograft.footskate import FeetReport, plant_feet
 from mograft.library import Library
 from mograft.motion import Motion
 from mograft.planning import Donors, Problem, take

@@ -14,9 +14,9 @@ from mograft.body import body
 from mograft.capsules import capsules
 from mograft.config import Config
 from mograft.constraints import AvoidSelf, Clip, Constraint, MaxAngle, Violation, violations
+from mograft.contacts import legs
 from mograft.digest import edges, same_rate
 from mograft.embedding import Samples, features, normalise
-from mograft.footskate import legs
 from mograft.grafting import Substitution, swapped
 from mograft.library import Library, Members
 from mograft.motion import Motion

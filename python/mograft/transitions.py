@@ -11,7 +11,7 @@ from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body
-from mograft.footskate import contacts
+from mograft.contacts import contacts
 from mograft.library import Library
 from mograft.seams import TURNS
 from mograft.segmentation import gaussian, kinetic_energy

@@ -13,10 +13,10 @@ import numpy as np
 
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.body import body, center_of_mass
+from mograft.contacts import Ground
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.footskate import Ground
 from mograft.motion import Motion
 from mograft.segmentation import Segments
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft.contacts import contacts, legs
 from mograft.errors import InsufficientDataError
-from mograft.footskate import contacts, legs
 from mograft.grafting import Graft, Grafts, Plan
 from mograft.library import Library
 from mograft.motion import Motion
@@ -233,7 +233,7 @@ def contact_patterns(library: Library) -> BoolArray:
     Returns
     -------
     ndarray of bool, shape (n_segments, 10, n_legs)
-        Whether a foot stands, as `mograft.footskate.contacts` tells, at ten equal times.
+        Whether a foot stands, as `mograft.contacts.contacts` tells, at ten equal times.
 
     Raises
     ------

@@ -23,6 +23,7 @@ import numpy as np
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.body import body
+from mograft.contacts import Ground
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
@@ -40,7 +41,6 @@ from mograft.evaluation.naturalness import (
     _within,
     part_features,
 )
-from mograft.footskate import Ground
 from mograft.grafting import Graft
 from mograft.library import Library
 from mograft.motion import Motion

@@ -15,10 +15,10 @@ from mograft import rotations
 from mograft._arrays import FloatArray, IntArray
 from mograft.anatomy import anatomy, feature_joints
 from mograft.body import up_axis
+from mograft.contacts import Ground, legs, skate_on
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.footskate import Ground, legs, skate_on
 from mograft.grafting import Graft
 from mograft.motion import Motion
 from mograft.skeleton import Skeleton
