@@ -142,7 +142,7 @@ def _leaps(motion: Motion) -> Iterator[Fault]:
     first = steps[0] > max(_FAR_ABOVE * usual, _RETURN * steps[1], 0.02)
     if first:
         ratio = steps[0] / max(usual, floor)
-        message = f"the step to the next frame is {ratio:.0f} times the usual: a rest pose?"
+        message = f"the step to the next frame is {ratio:.0f} times the usual, as after a rest pose"
         yield Fault("first_frame", (0, 0), None, message)
     both = np.minimum(steps[1:], steps[:-1])
     out_and_back = (both > _RETURN * passing) & (both * rate > _RETURN_SPEED)

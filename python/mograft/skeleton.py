@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, as_vectors, frozen
-from mograft.errors import SkeletonMismatchError
+from mograft.errors import SkeletonMismatchError, listed
 
 __all__ = ["EndSite", "Skeleton"]
 
@@ -218,8 +218,8 @@ class Skeleton:
         missing = [joint for joint in self.names if joint not in other.names]
         extra = [joint for joint in other.names if joint not in self.names]
         if missing or extra:
-            parts = [f"lacks {', '.join(missing)}"] if missing else []
-            parts += [f"has also {', '.join(extra)}"] if extra else []
+            parts = [f"lacks {listed(missing)}"] if missing else []
+            parts += [f"has also {listed(extra)}"] if extra else []
             raise SkeletonMismatchError(f"{name} {' and '.join(parts)}")
         for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=False)):
             if ours != theirs:

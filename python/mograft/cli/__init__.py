@@ -1,7 +1,8 @@
 """The command line: a thin layer over the public functions.
 
 Results go to stdout, progress and remarks to stderr. Exit codes: 0 done, 1 failed at run
-time, 2 usage, 3 invalid input file, 4 no donors satisfy the constraints, 130 interrupted.
+time, 2 usage, 3 invalid BVH file or damaged library, 4 no donors satisfy the constraints, 130
+interrupted.
 """
 
 import argparse
