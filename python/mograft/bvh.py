@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from mograft import _core
 from mograft._arrays import FloatArray, IntArray
+from mograft._fields import instance
 from mograft._files import replacing
 from mograft.errors import BvhError
 from mograft.motion import Motion
@@ -262,8 +263,12 @@ def write_bvh(motion: Motion, target: Source) -> None:
     0.0
     <BLANKLINE>
     """
+    instance("motion", motion, Motion)
     pieces = _written(motion)
     if not isinstance(target, str | os.PathLike):
+        if not hasattr(target, "write"):
+            kind = type(target).__name__
+            raise TypeError(f"target must be a path or a file object, got {kind}")
         as_text = _takes_text(target)
         for piece in pieces:
             target.write(piece.decode() if as_text else piece)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from mograft import rotations
 from mograft._arrays import FloatArray
+from mograft._fields import instance
 from mograft.motion import Motion
 
 __all__ = ["KINDS", "Fault", "find_faults"]
@@ -103,6 +104,7 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     ...     print(fault.kind, fault.frames, fault.message)
     frozen (0, 39) nothing moves for 1.30 s
     """
+    instance("motion", motion, Motion)
     # Places beyond all measure overflow; no limit is above that.
     with np.errstate(over="ignore", invalid="ignore"):
         return (

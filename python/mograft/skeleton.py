@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, as_vectors, frozen
+from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, as_vectors, frozen, restore
 from mograft.errors import SkeletonMismatchError, listed
 
 __all__ = ["EndSite", "Skeleton"]
@@ -39,6 +40,9 @@ class EndSite:
         offset = as_floats("offset", self.offset, (3,)).copy()
         frozen(offset)
         object.__setattr__(self, "offset", offset)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +124,9 @@ class Skeleton:
             ("end_sites", tuple(self.end_sites)),
         ):
             object.__setattr__(self, name, value)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
     def __repr__(self) -> str:
         return f"Skeleton({self.n_joints} joints, {self.n_channels} channels, root {self.names[0]})"

@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             # interpreter would complain once more at its end, when it flushes.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 1
-        except (MograftError, ModuleNotFoundError, OSError, ValueError) as error:
+        except (MograftError, MemoryError, ModuleNotFoundError, OSError, ValueError) as error:
             say(f"error: {_in_words(error)}")
             code = 1
         except KeyboardInterrupt:
