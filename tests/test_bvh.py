@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import bvh, rotations
+from mograft.dancer import dance
 from tests.dialects import Clip, Dialect, clips, dialects, layouts, motions, written
 from tests.fuzz_bvh import SEEDS, check
 
@@ -480,6 +481,14 @@ def test_sources_that_are_none_are_refused():
         mg.read_bvh(3)
     with pytest.raises(FileNotFoundError):
         mg.read_bvh("no/such/file.bvh")
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    motion = dance(strides=1).motion[:3]
+    for write, name in ((mg.write_bvh, "a.bvh"), (mg.write_npz, "a.npz"), (mg.write_glb, "a.glb")):
+        with pytest.raises(FileNotFoundError, match="no such folder") as caught:
+            write(motion, tmp_path / "none" / name)
+        assert caught.value.filename == str(tmp_path / "none")
 
 
 @given(st.integers(0, 2**32))

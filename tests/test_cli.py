@@ -375,3 +375,142 @@ def test_wrong_usage_ends_with_2(arguments, capsys):
         main(arguments)
     assert stop.value.code == 2
     assert capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "value", "wanted"),
+    [
+        ("graft", "--seed", "x", "a whole number, 0 or more"),
+        ("graft", "--count", "1.5", "a whole number, 1 or more"),
+        ("graft", "--sigma-scale", "nan", "a number above 0"),
+        ("graft", "--temperature", "-1", "a number above 0"),
+        ("graft", "--max-stretch", "nan", "a number, 0 or more"),
+        ("graft", "--max-angle", "-4", "a number above 0"),
+        ("graft", "--radius", "0", "a number above 0"),
+        ("index", "--sigma-scale", "-1", "a number above 0"),
+        ("index", "--rate", "0", "a number above 0"),
+        ("evaluate", "--rate", "inf", "a number above 0"),
+        ("export", "--rate", "fast", "a number above 0"),
+        ("export", "--scale", "furlong", "m, cm, mm, inch, CMU or a number above 0"),
+    ],
+)
+def test_a_number_out_of_range_names_the_option_and_what_is_wanted(
+    capsys, command, option, value, wanted
+):
+    with pytest.raises(SystemExit) as stop:
+        main([command, "a.bvh", "-o", "out", option, value])
+    assert stop.value.code == 2
+    err = capsys.readouterr().err
+    assert option in err.splitlines()[-1]
+    assert f"must be {wanted}, got {value}" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("graft {} --temperature 1 --choice best", "--temperature is for --choice sample, got b"),
+        ("graft {} --avoid sphere:0,0,0,-1", "--avoid sphere: radius must not be negative"),
+        ("plot pca {} --frames 1-5", "--frames is for strip, timeline, energy; got pca"),
+        ("plot strip {} --group lower", "--group is for pca, dendrogram, clusters; got strip"),
+        ("view {} --groups wings", "--groups must be a TOML file or one of lower_upper"),
+        ("evaluate {} enrichmen", "enrichmen is no file, and what to measure must be enrichment"),
+    ],
+)
+def test_what_would_be_passed_over_is_refused(capsys, folder, tmp_path, words, told):
+    target = tmp_path / "new.png"
+    words = [word.format(folder / "a.bvh") for word in words.split()]
+    with pytest.raises(SystemExit) as stop:
+        main([*words, "-o", str(target)])
+    assert stop.value.code == 2
+    assert told in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", [("plot", "strip"), ("export",)])
+def test_frames_that_are_not_there_are_refused(capsys, folder, tmp_path, command):
+    ending = "png" if command[0] == "plot" else "npz"
+    target, last = tmp_path / f"a.{ending}", read_bvh(folder / "a.bvh").n_frames - 1
+    words = (*command, folder / "a.bvh", "-o", target, "--frames")
+    code, _, err = run(capsys, *words, f"5-{last + 1}")
+    assert code == 1
+    assert f"--frames must be within 0-{last} of a, got 5-{last + 1}" in err
+    assert not target.exists()
+    assert run(capsys, *words, f"{last - 4}-{last}")[0] == 0
+
+
+def test_own_groups_are_taken_wherever_groups_are(capsys, folder, tmp_path):
+    groups = tmp_path / "groups.toml"
+    groups.write_text('base = "all"\n[groups]\nall = ["*"]\n')
+    assert run(capsys, "groups", folder / "a.bvh", "-o", groups, "--force")[0] == 0
+    groups.write_text(groups.read_text().replace("upper", "above"))
+    clip = folder / "a.bvh"
+    for words in (
+        ("plot", "clusters", clip, "--group", "above", "-o", tmp_path / "a.png"),
+        ("plot", "strip", clip, "-o", tmp_path / "strip.png"),
+        ("view", clip, "-o", tmp_path / "a.html"),
+        ("export", clip, "-o", tmp_path / "a.glb"),
+        ("candidates", clip, "--segment", 3, "--group", "above"),
+    ):
+        code, _, err = run(capsys, *words, "--groups", groups)
+        assert code == 0, err
+    assert '"above"' in (tmp_path / "a.html").read_text()
+
+
+def test_the_base_may_be_named_as_one_of_the_files(capsys, folder, tmp_path):
+    made = []
+    for index, name in enumerate([folder / "b.bvh", "b.bvh", "b"]):
+        target = tmp_path / f"{index}.bvh"
+        assert run(capsys, "graft", folder, "--base", name, "-o", target)[0] == 0
+        made.append(target.read_bytes())
+    assert len(set(made)) == 1
+    code, _, err = run(capsys, "graft", folder, "--base", "c.bvh", "-o", tmp_path / "c.bvh")
+    assert code == 1
+    assert "--base must be a clip, one of a, b, or a file; got 'c.bvh'" in err
+
+
+def test_folders_of_what_is_written_are_made(capsys, folder, tmp_path):
+    clip = folder / "a.bvh"
+    for number, words in enumerate(
+        [
+            ("groups", clip, "-o", "g.toml"),
+            ("view", clip, "-o", "p.html"),
+            ("plot", "energy", clip, "-o", "p.png"),
+            ("export", clip, "-o", "p.csv"),
+        ]
+    ):
+        target = tmp_path / str(number) / "deep" / words[-1]
+        assert run(capsys, *words[:-1], target)[0] == 0
+        assert [own.name for own in target.parent.iterdir()] == [words[-1]]
+
+
+def test_a_file_where_a_folder_is_wanted_is_told_before_the_work(capsys, folder, tmp_path):
+    taken = tmp_path / "taken"
+    taken.write_text("mine")
+    for words in (("graft", folder, "-o", taken), ("demo", "-o", taken)):
+        code, _, err = run(capsys, *words, "--force")
+        assert code == 1
+        assert f"{taken} is a file, where a folder is wanted" in err
+    assert taken.read_text() == "mine"
+    code, _, err = run(capsys, "view", folder, "-o", tmp_path, "--force")
+    assert code == 1
+    assert f"{tmp_path}: is a folder, where a file is wanted" in err
+
+
+def test_a_library_is_no_folder_of_files(capsys, folder, tmp_path):
+    library = tmp_path / "lib"
+    assert run(capsys, "index", folder, "-o", library)[0] == 0
+    code, _, err = run(capsys, "export", library, "-o", tmp_path / "a.glb")
+    assert code == 1
+    assert f"{library} is a library, where BVH files are wanted" in err
+    with pytest.raises(SystemExit):
+        main(["graft", str(folder / "a.bvh"), str(library), "-o", str(tmp_path / "out")])
+    assert "give one library or files" in capsys.readouterr().err
+
+
+def test_rates_and_tags_of_no_clip_are_told(capsys, folder, tmp_path):
+    tags = tmp_path / "tags.csv"
+    tags.write_text("clip,tag\na.bvh,slow\nz*,fast\n")
+    words = ["--tags", tags, "--true-rate", "b=60", "--true-rate", "c=60"]
+    code, _, err = run(capsys, "index", folder, "-o", tmp_path / "lib", *words)
+    assert code == 0
+    assert "--true-rate or --tags name no clip of these files: c, z*" in err

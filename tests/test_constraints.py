@@ -517,7 +517,7 @@ def test_the_report_gives_donor_cost_and_seams_of_every_exchange(library):
         (lambda: mg.Box((0, 0, 0), (1, 1, 1), (0, 0, 0, 2)), "rotation must be a unit quaternion"),
         (lambda: mg.HalfSpace((0, 0, 0), (0, 0, 0)), "normal must not be zero"),
         (lambda: mg.Avoid(mg.Sphere((0, 0, 0), 1), tolerance=0), "tolerance must be above 0"),
-        (lambda: mg.Reach(HAND, (0, 0, 0), -1), "frame must not be negative, got -1"),
+        (lambda: mg.Reach(HAND, (0, 0, 0), -1), "frame must be a whole number from 0, got -1"),
         (lambda: mg.NotFrom("a", weight=-1), "weight must not be negative, got -1"),
         (lambda: mg.NotFrom(), "clips or tags must say which clips are meant, got neither"),
         (lambda: mg.KeepOriginal(frames=(5, 2)), "frames must be first and last, ascending"),

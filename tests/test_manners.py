@@ -192,7 +192,7 @@ def test_settings_are_no_options_that_were_given(capsys, clip):
         ("seed = ", "mograft.toml: Invalid value"),
         ("sed = 1", "sed is no setting: see mograft config show"),
         ("[graft]\npreset = 'x'", "preset must be one of default, paper, got 'x'"),
-        ("[graft]\nseed = -1", "seed: must be 0 or more, got -1"),
+        ("[graft]\nseed = -1", "seed: must be a whole number, 0 or more, got -1"),
         ("[graft]\nseed = [1]", "seed must be a text or a number, got [1]"),
         ("[graft]\nseed = true", "seed must be a value, got true"),
         ("[graft]\nreport = 1", "report must be true or false, got 1"),

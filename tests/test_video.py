@@ -55,6 +55,8 @@ def shares(picture):
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
 @pytest.mark.parametrize("dark", [False, True])
 def test_a_film_shows_the_figure_and_it_moves(motion, tmp_path, ending, dark):
+    if ending == "mp4":
+        program()
     path = tmp_path / f"m.{ending}"
     # On the spot, so that the camera stands still: what differs are the limbs.
     places = np.tile(motion.positions[:1], (motion.n_frames, 1, 1))

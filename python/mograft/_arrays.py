@@ -1,6 +1,6 @@
 """The one door through which arrays enter: dtype, shape, finiteness, unit norm."""
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -125,13 +125,24 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
     return indices
 
 
+def restore(owner: object, state: dict[str, Any]) -> None:
+    """Set the fields of a value that was pickled or copied, its arrays read-only once more."""
+    for value in state.values():
+        if isinstance(value, np.ndarray):
+            frozen(value)
+    owner.__dict__.update(state)
+
+
 def frozen(array: npt.NDArray[np.generic]) -> None:
     """Make an array read-only, for values that are shared and never change."""
     array.flags.writeable = False
 
 
 def _as_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> FloatArray:
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name} must be an array, got rows of different lengths") from None
     if array.size and not (
         np.issubdtype(array.dtype, np.floating) or np.issubdtype(array.dtype, np.integer)
     ):

@@ -1,6 +1,23 @@
-"""Checks of the fields of frozen values, each by its name."""
+"""Checks of single values, each by its name."""
+
+from typing import Any
+
+import numpy as np
 
 from mograft._arrays import as_floats
+
+
+def whole(name: str, value: object, least: int = 0) -> int:
+    """Return a whole number, Python's or NumPy's, as Python's."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"{name} must be a whole number from {least}, got {value!r}")
+    return int(value)
+
+
+def instance(name: str, value: object, kind: type) -> None:
+    """Refuse what is of another kind."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
 
 
 def vector(owner: object, name: str) -> None:
@@ -9,10 +26,26 @@ def vector(owner: object, name: str) -> None:
 
 
 def above_zero(owner: object, name: str) -> None:
-    if not getattr(owner, name) > 0:
+    if not _number(owner, name) > 0:
         raise ValueError(f"{name} must be above 0, got {getattr(owner, name)}")
 
 
 def not_negative(owner: object, name: str) -> None:
-    if not getattr(owner, name) >= 0:
+    if not _number(owner, name) >= 0:
         raise ValueError(f"{name} must not be negative, got {getattr(owner, name)}")
+
+
+def plain(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
+    """Return a field, a number of NumPy's made Python's, as files and messages want it."""
+    value = getattr(owner, name)
+    if isinstance(value, np.generic):
+        value = value.item()
+        object.__setattr__(owner, name, value)
+    return value
+
+
+def _number(owner: object, name: str) -> float:
+    value: float = plain(owner, name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    return value

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft import rotations
-from mograft._arrays import FloatArray, frozen
+from mograft._arrays import FloatArray, frozen, restore
 from mograft.anatomy import ARM, LEG, Anatomy, anatomy
 from mograft.motion import Motion
 from mograft.skeleton import Skeleton
@@ -119,6 +120,9 @@ class Body:
     def __post_init__(self) -> None:
         for array in (self.mass, self.bone, self.center, self.gyration):
             frozen(array)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
     def __repr__(self) -> str:
         return f"Body({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"

@@ -26,6 +26,8 @@ import numpy.typing as npt
 
 from mograft import _core
 from mograft._arrays import FloatArray, IntArray
+from mograft._fields import instance
+from mograft._files import replacing
 from mograft.errors import BvhError
 from mograft.motion import Motion
 from mograft.skeleton import CHANNELS, EndSite, Skeleton
@@ -261,26 +263,24 @@ def write_bvh(motion: Motion, target: Source) -> None:
     0.0
     <BLANKLINE>
     """
+    instance("motion", motion, Motion)
     pieces = _written(motion)
     if not isinstance(target, str | os.PathLike):
+        if not hasattr(target, "write"):
+            kind = type(target).__name__
+            raise TypeError(f"target must be a path or a file object, got {kind}")
         as_text = _takes_text(target)
         for piece in pieces:
             target.write(piece.decode() if as_text else piece)
         return
-    path = Path(os.path.realpath(target))
+    path = Path(target)
     if path.exists() and not path.is_file():
         # A pipe or a device cannot be replaced.
         with path.open("wb") as stream:
             stream.writelines(pieces)
         return
-    partial = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
-    try:
-        with partial.open("xb") as stream:
-            stream.writelines(pieces)
-        partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
+    with replacing(path) as draft, draft.open("xb") as stream:
+        stream.writelines(pieces)
 
 
 # Text, a piece at a time.

@@ -4,6 +4,8 @@ import math
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
+from mograft._fields import plain
+
 __all__ = ["Config"]
 
 FRAME = 1.0 / 30.0
@@ -150,6 +152,8 @@ class Config:
     feet: Literal["auto", "never"] = "auto"
 
     def __post_init__(self) -> None:
+        for field in fields(self):
+            plain(self, field.name)
         for name, allowed in (
             ("omega", ("world", "local")),
             ("inertia", ("own", "subtree", "unit")),
@@ -163,10 +167,12 @@ class Config:
                 raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
         for name, least in (("samples", 2), ("components", 1), ("max_candidates", 1)):
             value = getattr(self, name)
-            if not isinstance(value, int) or value < least:
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise ValueError(
                     f"{name} must be a whole number of at least {least}, got {value!r}"
                 )
+        if not isinstance(self.keep_heading, bool):
+            raise ValueError(f"keep_heading must be True or False, got {self.keep_heading!r}")
         named = ("rms", "literal")
         above_zero = ["min_length", "max_length", "sigma_scale", "max_stretch", "max_angle"]
         above_zero += ["seam_blend"]

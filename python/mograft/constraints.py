@@ -16,7 +16,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray, as_floats
-from mograft._fields import above_zero, not_negative, vector
+from mograft._fields import above_zero, not_negative, vector, whole
 from mograft.anatomy import anatomy
 from mograft.body import body
 from mograft.capsules import Capsules, clearance
@@ -79,12 +79,10 @@ class Constraint:
     frames: Span | None = None
 
     def __post_init__(self) -> None:
-        if self.weight is not None and not self.weight >= 0:
-            raise ValueError(f"weight must not be negative, got {self.weight}")
+        if self.weight is not None:
+            not_negative(self, "weight")
         if self.frames is not None:
-            first, last = self.frames
-            if not 0 <= first <= last:
-                raise ValueError(f"frames must be first and last, ascending, got {self.frames}")
+            object.__setattr__(self, "frames", _span("frames", self.frames))
 
     @property
     def is_hard(self) -> bool:
@@ -161,6 +159,7 @@ class Avoid(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _check_obstacle("obstacle", self.obstacle)
         above_zero(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
@@ -270,8 +269,7 @@ class Reach(Constraint):
         super().__post_init__()
         vector(self, "target")
         above_zero(self, "tolerance")
-        if self.frame < 0:
-            raise ValueError(f"frame must not be negative, got {self.frame}")
+        object.__setattr__(self, "frame", whole("frame", self.frame))
         object.__setattr__(self, "frames", (self.frame, self.frame))
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
@@ -366,6 +364,7 @@ class KeepOut(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _check_obstacle("region", self.region)
         above_zero(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
@@ -474,7 +473,7 @@ class OnlyFrom(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _not_nothing(self.clips, self.tags)
+        _check_origin(self)
 
     def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
@@ -507,7 +506,7 @@ class NotFrom(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _not_nothing(self.clips, self.tags)
+        _check_origin(self)
 
     def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
@@ -687,9 +686,30 @@ def _is_own(own: Segments, donors: Segments) -> BoolArray:
     return same
 
 
-def _not_nothing(clips: str | Sequence[str], tags: str | Collection[str]) -> None:
-    if not clips and not tags:
+def _check_obstacle(name: str, value: object) -> None:
+    if not callable(getattr(value, "distances", None)):
+        raise TypeError(f"{name} must be a Sphere, Capsule, Box or the like, got {value!r}")
+
+
+def _span(name: str, span: object) -> Span:
+    ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()
+    try:
+        first, last = (whole(name, end) for end in ends)
+    except ValueError:
+        first, last = 0, -1
+    if first > last:
+        raise ValueError(f"{name} must be first and last, ascending, got {span}")
+    return first, last
+
+
+def _check_origin(origin: "OnlyFrom | NotFrom") -> None:
+    for name, words in (("clips", origin.clips), ("tags", origin.tags)):
+        if not isinstance(words, Collection) or not all(isinstance(word, str) for word in words):
+            raise TypeError(f"{name} must be names, got {words!r}")
+    if not origin.clips and not origin.tags:
         raise ValueError("clips or tags must say which clips are meant, got neither")
+    if origin.clip_frames is not None:
+        object.__setattr__(origin, "clip_frames", _span("clip_frames", origin.clip_frames))
 
 
 def _several(words: str | Collection[str]) -> list[str]:

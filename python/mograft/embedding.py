@@ -138,6 +138,11 @@ class Embedding:
     components: FloatArray
     variances: FloatArray
 
+    def __repr__(self) -> str:
+        n, axes = self.points.shape
+        part = self.variances[:axes].sum() / max(self.variances.sum(), np.finfo(float).tiny)
+        return f"Embedding({n} points of {axes} axes, {part:.0%} of the variance)"
+
     def project(self, matrix: FloatArray) -> FloatArray:
         """Return the points of feature vectors, shape (n, n_features) to (n, n_components)."""
         return product((matrix - self.mean) / self.scale, self.components)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from mograft import rotations
 from mograft._arrays import FloatArray
+from mograft._fields import instance
 from mograft.motion import Motion
 
 __all__ = ["KINDS", "Fault", "find_faults"]
@@ -103,6 +104,7 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     ...     print(fault.kind, fault.frames, fault.message)
     frozen (0, 39) nothing moves for 1.30 s
     """
+    instance("motion", motion, Motion)
     # Places beyond all measure overflow; no limit is above that.
     with np.errstate(over="ignore", invalid="ignore"):
         return (
@@ -142,7 +144,7 @@ def _leaps(motion: Motion) -> Iterator[Fault]:
     first = steps[0] > max(_FAR_ABOVE * usual, _RETURN * steps[1], 0.02)
     if first:
         ratio = steps[0] / max(usual, floor)
-        message = f"the step to the next frame is {ratio:.0f} times the usual: a rest pose?"
+        message = f"the step to the next frame is {ratio:.0f} times the usual, as after a rest pose"
         yield Fault("first_frame", (0, 0), None, message)
     both = np.minimum(steps[1:], steps[:-1])
     out_and_back = (both > _RETURN * passing) & (both * rate > _RETURN_SPEED)

@@ -8,6 +8,7 @@ from typing import Any, overload
 import numpy as np
 
 from mograft._arrays import IntArray, as_indices
+from mograft._fields import instance, whole
 from mograft.arrangement import arranged, stands
 from mograft.constraints import Constraint, MaxAngle, Violation, violations
 from mograft.contacts import contacts, legs
@@ -578,10 +579,8 @@ def graft_many(
     ValueError
         As for `graft`, and if `count` is below 1 or the seed is no whole number from 0.
     """
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise ValueError(f"count must be a whole number from 1, got {count!r}")
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
+    count, seed = whole("count", count, 1), whole("seed", seed)
+    instance("library", library, Library)
     plan = Plan.make(library, base, swap, constraints, scenario)
     return Grafts(plan, tuple(plan.settled_draws(count, seed)), seed)
 
@@ -695,6 +694,8 @@ def swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
     """Check and return the groups to graft, in the library's order."""
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]
+    if isinstance(swap, str):
+        raise TypeError(f"swap must be a list of groups, got {swap!r}")
     wanted = others if swap is None else list(swap)
     for name in wanted:
         if name not in others:

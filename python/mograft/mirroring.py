@@ -8,6 +8,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import FloatArray, IntArray
+from mograft._fields import instance
 from mograft.anatomy import anatomy
 from mograft.body import body, up_axis
 from mograft.motion import Motion
@@ -110,6 +111,7 @@ def mirror(motion: Motion) -> Motion:
     >>> bool((mirror(mirror(motion)).rotations == motion.rotations).all())
     True
     """
+    instance("motion", motion, Motion)
     image = _Image.of(motion)
     skeleton, pair = motion.skeleton, image.pair
     quats, places = np.empty_like(motion.rotations), np.empty_like(motion.positions)

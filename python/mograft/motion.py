@@ -3,12 +3,21 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft import _core, rotations
-from mograft._arrays import BoolArray, FloatArray, as_floats, as_quaternions, as_vectors, frozen
+from mograft._arrays import (
+    BoolArray,
+    FloatArray,
+    as_floats,
+    as_quaternions,
+    as_vectors,
+    frozen,
+    restore,
+)
 from mograft.resample import segments, segments_positions
 from mograft.skeleton import Skeleton
 
@@ -88,6 +97,9 @@ class Motion:
             frozen(view)
             object.__setattr__(self, "channel_values", view)
         object.__setattr__(self, "frame_time", frame_time)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
     def __repr__(self) -> str:
         joints = "1 joint" if self.n_joints == 1 else f"{self.n_joints} joints"
@@ -186,11 +198,13 @@ class Motion:
         Raises
         ------
         ValueError
-            If the rate is not above 0.
+            If the rate is not above 0, or so high that memory does not hold the frames.
         """
         wanted = float(as_floats("rate", rate, ()))
         if wanted <= 0:
             raise ValueError(f"rate must be above 0 frames per second, got {wanted}")
+        if self.duration * wanted >= 2**53:
+            raise ValueError(f"rate must be one whose frames can be counted, got {wanted:g}")
         intervals = max(round(self.duration * wanted), 1)
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self

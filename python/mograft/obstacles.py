@@ -11,7 +11,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import FloatArray, IntArray, as_floats
-from mograft._fields import not_negative, vector
+from mograft._fields import instance, not_negative, vector
 from mograft.body import up_axis
 from mograft.capsules import box_clearance, capsules, clearance
 from mograft.motion import Motion
@@ -173,6 +173,7 @@ class Character:
     radius: float = 1.0
 
     def __post_init__(self) -> None:
+        instance("motion", self.motion, Motion)
         vector(self, "offset")
         not_negative(self, "radius")
 

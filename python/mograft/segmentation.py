@@ -1,11 +1,13 @@
 """Cutting motions at the extrema of their kinetic energy (paper, 4.1.1)."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from mograft import _core
-from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, frozen
+from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, frozen, restore
+from mograft._fields import instance
 from mograft.body import body
 from mograft.body import inertia as moments
 from mograft.config import Config
@@ -46,6 +48,9 @@ class Segments:
         for name, array in (("start", start), ("stop", stop), ("clip", clip)):
             frozen(array)
             object.__setattr__(self, name, array)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
     def __len__(self) -> int:
         return len(self.start)
@@ -95,6 +100,7 @@ def kinetic_energy(
     The paper leaves open what I and ω are. Of the combinations the default comes nearest to
     the true kinetic energy without the root's travel.
     """
+    instance("motion", motion, Motion)
     if motion.n_frames < 2:
         raise ValueError(
             f"kinetic energy needs at least 2 frames, {motion.name or 'the motion'} has 1"

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, as_vectors, frozen
-from mograft.errors import SkeletonMismatchError
+from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, as_vectors, frozen, restore
+from mograft.errors import SkeletonMismatchError, listed
 
 __all__ = ["EndSite", "Skeleton"]
 
@@ -39,6 +40,9 @@ class EndSite:
         offset = as_floats("offset", self.offset, (3,)).copy()
         frozen(offset)
         object.__setattr__(self, "offset", offset)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +124,9 @@ class Skeleton:
             ("end_sites", tuple(self.end_sites)),
         ):
             object.__setattr__(self, name, value)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
     def __repr__(self) -> str:
         return f"Skeleton({self.n_joints} joints, {self.n_channels} channels, root {self.names[0]})"
@@ -218,8 +225,8 @@ class Skeleton:
         missing = [joint for joint in self.names if joint not in other.names]
         extra = [joint for joint in other.names if joint not in self.names]
         if missing or extra:
-            parts = [f"lacks {', '.join(missing)}"] if missing else []
-            parts += [f"has also {', '.join(extra)}"] if extra else []
+            parts = [f"lacks {listed(missing)}"] if missing else []
+            parts += [f"has also {listed(extra)}"] if extra else []
             raise SkeletonMismatchError(f"{name} {' and '.join(parts)}")
         for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=False)):
             if ours != theirs:

@@ -220,6 +220,10 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.allowed)
 
+    def __repr__(self) -> str:
+        numbers = f"{len(self.allowed)} allowed, {len(self.refused)} refused"
+        return f"Candidates({numbers}, {self.elsewhere} of other clusters)"
+
 
 @dataclass(frozen=True, eq=False)
 class Pool:

@@ -1,7 +1,8 @@
 """The command line: a thin layer over the public functions.
 
 Results go to stdout, progress and remarks to stderr. Exit codes: 0 done, 1 failed at run
-time, 2 usage, 3 invalid input file, 4 no donors satisfy the constraints, 130 interrupted.
+time, 2 usage, 3 invalid BVH file or damaged library, 4 no donors satisfy the constraints, 130
+interrupted.
 """
 
 import argparse
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             # interpreter would complain once more at its end, when it flushes.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 1
-        except (MograftError, ModuleNotFoundError, OSError, ValueError) as error:
+        except (MograftError, MemoryError, ModuleNotFoundError, OSError, ValueError) as error:
             say(f"error: {_in_words(error)}")
             code = 1
         except KeyboardInterrupt:

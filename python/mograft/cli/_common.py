@@ -2,13 +2,14 @@
 
 import argparse
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mograft import __version__
 from mograft._files import write_text
@@ -17,10 +18,14 @@ from mograft.errors import listed
 if TYPE_CHECKING:
     from mograft.grafting import Graft
     from mograft.library import Library
+    from mograft.motion import Motion
+
+N = TypeVar("N", int, float)
 
 __all__ = [
     "ENDS",
     "PRESETS",
+    "above_zero",
     "add_making",
     "at_least_one",
     "check_free",
@@ -29,6 +34,8 @@ __all__ = [
     "frames",
     "given",
     "library_folder",
+    "not_negative",
+    "only_frames",
     "print_json",
     "progress",
     "say",
@@ -54,23 +61,39 @@ _MOST_CLIPS = 12
 
 def add_making(parser: argparse.ArgumentParser) -> None:
     """Add what every command that makes motions takes."""
-    parser.add_argument("--seed", type=whole, default=0, help="of what is left to chance")
+    parser.add_argument(
+        "--seed", type=whole, default=0, help="of what is left to chance (default 0)"
+    )
     parser.add_argument("--force", action="store_true", help="overwrite what is there")
 
 
 def whole(text: str) -> int:
     """Read a whole number from 0, for argparse."""
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"must be 0 or more, got {number}")
-    return number
+    return _number(int, text, lambda number: number >= 0, "a whole number, 0 or more")
 
 
 def at_least_one(text: str) -> int:
     """Read a whole number from 1, for argparse."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"must be 1 or more, got {number}")
+    return _number(int, text, lambda number: number >= 1, "a whole number, 1 or more")
+
+
+def above_zero(text: str) -> float:
+    """Read a number above 0, for argparse."""
+    return _number(float, text, lambda number: 0 < number < math.inf, "a number above 0")
+
+
+def not_negative(text: str) -> float:
+    """Read a number from 0, for argparse."""
+    return _number(float, text, lambda number: 0 <= number < math.inf, "a number, 0 or more")
+
+
+def _number(kind: Callable[[str], N], text: str, fits: Callable[[N], bool], wanted: str) -> N:
+    try:
+        number = kind(text)
+    except ValueError:
+        number = None
+    if number is None or not fits(number):
+        raise argparse.ArgumentTypeError(f"must be {wanted}, got {text}")
     return number
 
 
@@ -80,6 +103,18 @@ def frames(text: str) -> tuple[int, int]:
     if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
         raise argparse.ArgumentTypeError(f"must be FIRST-LAST, as 100-400, got {text}")
     return int(first), int(last)
+
+
+def only_frames(motion: "Motion", span: tuple[int, int] | None) -> "Motion":
+    """Return the frames that ``--frames`` means; all, if it is not given."""
+    if span is None:
+        return motion
+    first, last = span
+    if last >= motion.n_frames:
+        raise ValueError(
+            f"--frames must be within 0-{motion.n_frames - 1} of {motion.name}, got {first}-{last}"
+        )
+    return motion[first : last + 1]
 
 
 def given(options: argparse.Namespace, *names: str) -> list[str]:
@@ -93,6 +128,8 @@ def expanded(names: Iterable[str]) -> list[str]:
     files: list[str] = []
     for name in names:
         if Path(name).is_dir():
+            if _is_library(name):
+                raise ValueError(f"{name} is a library, where BVH files are wanted")
             inside = sorted(str(p) for p in Path(name).rglob("*") if p.suffix.lower() == ".bvh")
             if not inside:
                 raise ValueError(f"{name}: no BVH file in this folder")
@@ -104,12 +141,15 @@ def expanded(names: Iterable[str]) -> list[str]:
 
 def library_folder(options: argparse.Namespace) -> Path | None:
     """Return the library, if that is what the files of a command are."""
-    folder = Path(options.files[0])
-    if not (folder / "manifest.json").is_file():
+    if not any(_is_library(name) for name in options.files):
         return None
     if len(options.files) > 1:
         options.usage("give one library or files; mograft index --add joins them")
-    return folder
+    return Path(options.files[0])
+
+
+def _is_library(name: str) -> bool:
+    return (Path(name) / "manifest.json").is_file()
 
 
 def chosen_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
@@ -130,6 +170,12 @@ def chosen_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
 
 
 def check_free(paths: Iterable[Path], *, force: bool) -> None:
+    """Refuse to overwrite files, or to write into what is no folder."""
+    paths = list(paths)
+    for path in paths:
+        nearest = next((above for above in path.parents if above.exists()), path)
+        if not nearest.is_dir():
+            raise NotADirectoryError(f"{nearest} is a file, where a folder is wanted")
     taken = [str(path) for path in paths if path.exists()]
     if taken and not force:
         more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""

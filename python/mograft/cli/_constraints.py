@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from mograft.cli._common import above_zero, not_negative
+
 if TYPE_CHECKING:
     from mograft.constraints import Constraint
     from mograft.obstacles import Obstacle
@@ -14,8 +16,8 @@ T = TypeVar("T")
 _SHAPES = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
 
 
-def add_constraints(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say what a motion must do."""
+def add_constraints(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add the options that say what a motion must do; return their group."""
     group = parser.add_argument_group(
         "constraints",
         "Places are in the file's unit, frames those of the base. What cannot be met ends "
@@ -33,7 +35,7 @@ def add_constraints(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--radius",
-        type=_told(_positive),
+        type=above_zero,
         default=1.0,
         metavar="X",
         help="how stout the characters of --avoid are (default 1)",
@@ -72,21 +74,15 @@ def add_constraints(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--not-tagged", metavar="TAG,...", help="tags of clips that none comes from")
     group.add_argument(
-        "--max-stretch", type=float, metavar="X", help="part of its length a donor may change by"
+        "--max-stretch",
+        type=not_negative,
+        metavar="X",
+        help="part of its length a donor may change by",
     )
     group.add_argument(
-        "--max-angle", type=float, metavar="DEGREES", help="widest seam (default 45)"
+        "--max-angle", type=above_zero, metavar="DEGREES", help="widest seam (default 45)"
     )
-    group.add_argument(
-        "--repair",
-        action="store_true",
-        help="keep the captured motion but where it does not meet the constraints",
-    )
-    group.add_argument(
-        "--best-effort",
-        action="store_true",
-        help="write the best that was found even where constraints are not met, and end with 0",
-    )
+    return group
 
 
 def constraints(options: argparse.Namespace) -> "list[Constraint]":
@@ -100,7 +96,10 @@ def constraints(options: argparse.Namespace) -> "list[Constraint]":
     found: list[Constraint] = []
     for kind, numbers in options.avoid:
         if kind in _SHAPES:
-            found.append(of.Avoid(_shape(kind, numbers)))
+            try:
+                found.append(of.Avoid(_shape(kind, numbers)))
+            except ValueError as error:
+                options.usage(f"--avoid {kind}: {error}")
             continue
         other = Character(
             read_bvh(kind),
@@ -168,13 +167,6 @@ def _numbers(text: str, *counts: int) -> list[float]:
     return numbers
 
 
-def _positive(text: str) -> float:
-    (number,) = _numbers(text, 1)
-    if number <= 0:
-        raise ValueError(f"must be above 0, got {number:g}")
-    return number
-
-
 def _avoided(text: str) -> tuple[str, list[float]]:
     kind, colon, rest = text.partition(":")
     if colon and kind in _SHAPES:
@@ -191,7 +183,7 @@ def _reached(text: str) -> tuple[int, str, tuple[float, ...], float]:
     if not colon or not frame.isdigit():
         raise ValueError(f"expected FRAME:JOINT:X,Y,Z[~TOL], got {text!r}")
     place, tilde, tolerance = place.partition("~")
-    within = _positive(tolerance) if tilde else 0.03
+    within = above_zero(tolerance) if tilde else 0.03
     return int(frame), joint, tuple(_numbers(place, 3)), within
 
 

@@ -4,8 +4,10 @@ import argparse
 import math
 from typing import Any
 
-from mograft.cli._common import PRESETS, expanded, library_folder, print_json, progress, whole
+from mograft.cli._common import expanded, library_folder, print_json, progress, whole
 from mograft.cli._constraints import add_constraints, constraints
+from mograft.cli.graft import chosen_groups
+from mograft.errors import listed
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -18,7 +20,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--segment", type=whole, metavar="N", help="its number in the clip, from 0")
     where.add_argument("--frame", type=whole, metavar="N", help="or a frame that it holds")
-    parser.add_argument("--groups", choices=PRESETS, metavar="NAME", help="default: lower_upper")
+    parser.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
     parser.add_argument("--group", metavar="GROUP", help="the group to graft; default: the first")
     parser.add_argument("--json", action="store_true", help="all of it as a JSON document")
     add_constraints(parser)
@@ -38,9 +40,13 @@ def run(options: argparse.Namespace) -> int:
             options.usage("--groups is settled when a library is made")
         library = Library.open(folder)
     else:
-        groups = options.groups or "lower_upper"
+        options.groups = options.groups or "lower_upper"
         with progress() as tell:
-            library = Library.build(expanded(options.files), groups, progress=tell)
+            files = expanded(options.files)
+            library = Library.build(files, chosen_groups(options), progress=tell)
+    names = [entry.name for entry in library.entries]
+    if options.clip is not None and options.clip not in names:
+        raise ValueError(f"--clip must be one of {listed(names)}; got {options.clip!r}")
     _, clip = library.holding(options.clip)
     own = library.segments.of_clip(clip)
     if options.segment is not None:
@@ -56,7 +62,6 @@ def run(options: argparse.Namespace) -> int:
     group = options.group or others[0]
     found = library.candidates(segment, group, wanted)
     start, stop = int(library.segments.start[segment]), int(library.segments.stop[segment])
-    names = [entry.name for entry in library.entries]
 
     def row(candidate: Any) -> dict[str, Any]:  # noqa: ANN401 - a Candidate
         plain = asdict(candidate)

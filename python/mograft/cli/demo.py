@@ -18,7 +18,9 @@ from mograft.cli._common import (
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
     """Add the command to the parser."""
     demo = commands.add_parser("demo", help="the whole story on the built-in dancer")
-    demo.add_argument("-o", "--output", type=Path, default=Path("demo"), help="folder to fill")
+    demo.add_argument(
+        "-o", "--output", type=Path, default=Path("demo"), help="folder to fill (default demo)"
+    )
     demo.add_argument("--open", action="store_true", help="show the page at the end")
     demo.add_argument("--json", action="store_true", help="the story as one JSON document")
     add_making(demo)
@@ -57,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     whole = combinations(library.labels[library.groups.base], len(library.groups.names))
     tell(f"segments    {n}, cut at the extrema of kinetic energy")
     counts = ", ".join(f"{count} of {group}" for group, count in clusters.items())
-    tell(f"clusters    {counts}: segments whose legs move alike")
+    tell(f"clusters    {counts}: segments in which these move alike")
     tell(f"combinations {whole} of legs and upper bodies, {whole / n:.1f} times the {n} captured")
     grafts = list(graft_many(library, count=3, seed=options.seed))
     paths = []

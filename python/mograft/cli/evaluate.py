@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft.cli._common import (
+    above_zero,
     add_making,
     at_least_one,
     check_free,
@@ -46,9 +47,9 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     evaluate.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
     evaluate.add_argument("--preset", choices=("default", "paper"))
-    evaluate.add_argument("--sigma-scale", type=float, metavar="X", help="see mograft graft")
+    evaluate.add_argument("--sigma-scale", type=above_zero, metavar="X", help="see mograft graft")
     evaluate.add_argument(
-        "--rate", type=float, metavar="FPS", help="resample all files to this rate first"
+        "--rate", type=above_zero, metavar="FPS", help="resample all files to this rate first"
     )
     evaluate.add_argument(
         "--runs", type=at_least_one, default=10, help="motions on each base and way (default 10)"
@@ -78,6 +79,9 @@ def run(options: argparse.Namespace) -> int:
     options.files = [own for own in options.files if own not in asked]
     if not options.files:
         options.usage("a library or at least one BVH file must be given")
+    for own in options.files:
+        if own.isalpha() and not Path(own).exists():
+            options.usage(f"{own} is no file, and what to measure must be {', '.join(words)}")
     if LABEL in asked:
         if len(asked) > 1:
             options.usage(f"{LABEL} must be asked for alone")
@@ -135,8 +139,6 @@ def _library(options: argparse.Namespace) -> "Library":
     from mograft.bvh import read_bvh
     from mograft.library import Library
 
-    if options.rate is not None and not options.rate > 0:
-        options.usage(f"--rate must be above 0; got {options.rate:g}")
     folder = library_folder(options)
     if folder is not None:
         if options.rate is not None:

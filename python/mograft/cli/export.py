@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft.cli._common import (
-    PRESETS,
+    above_zero,
     check_free,
     expanded,
     frames,
     given,
+    only_frames,
     print_json,
     progress,
     say,
 )
+from mograft.cli.graft import chosen_groups
 
 if TYPE_CHECKING:
     from mograft.motion import Motion
@@ -53,7 +55,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     export.add_argument(
         "--frames", type=frames, metavar="FIRST-LAST", help="only these; default: all"
     )
-    export.add_argument("--rate", type=_above_zero, metavar="FPS", help="resample to this rate")
+    export.add_argument("--rate", type=above_zero, metavar="FPS", help="resample to this rate")
     export.add_argument(
         "--scale",
         type=_scale,
@@ -62,7 +64,9 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
         "default: what makes the figure as tall as a human",
     )
     export.add_argument(
-        "--groups", choices=PRESETS, help="of a figure or film: joint groups to colour by"
+        "--groups",
+        metavar="NAME|FILE",
+        help="of a figure or film: joint groups to colour by",
     )
     export.add_argument(
         "--size",
@@ -77,15 +81,14 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     export.set_defaults(run=run, usage=export.error)
 
 
-def _above_zero(text: str) -> float:
-    number = float(text)
-    if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
-    return number
-
-
 def _scale(text: str) -> float | str:
-    return text if text in ("m", "cm", "mm", "inch", "CMU") else _above_zero(text)
+    units = ("m", "cm", "mm", "inch", "CMU")
+    try:
+        return text if text in units else above_zero(text)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(
+            f"must be {', '.join(units)} or a number above 0, got {text}"
+        ) from None
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -112,10 +115,10 @@ def run(options: argparse.Namespace) -> int:
     check_free([target], force=options.force)
     from mograft.bvh import read_bvh
 
-    motions = [read_bvh(name) for name in files]
-    if options.frames is not None:
-        first, last = options.frames
-        motions = [motion[first : last + 1] for motion in motions]
+    if options.groups is not None:
+        options.groups = chosen_groups(options)
+    motions = [only_frames(read_bvh(name), options.frames) for name in files]
+    target.parent.mkdir(parents=True, exist_ok=True)
     told: dict[str, Any] = {"schema": "mograft.export/1", "file": str(target)}
     if ending in FILMS:
         told |= _write_film(motions, target, options)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mograft.cli._common import (
     ENDS,
     PRESETS,
+    above_zero,
     add_making,
     at_least_one,
     check_free,
@@ -69,7 +70,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument(
         "--sigma-scale",
-        type=float,
+        type=above_zero,
         metavar="X",
         help="how unlike the legs may be whose upper bodies are exchanged: smaller is more "
         "natural, larger more varied. Default: 0.75, and as much more as COUNT motions need",
@@ -83,7 +84,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument(
         "--temperature",
-        type=float,
+        type=above_zero,
         metavar="X",
         help="with --choice sample: how much dearer than the cheapest a draw may be (default 1)",
     )
@@ -139,7 +140,17 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     graft.add_argument("--report", action="store_true", help="also write a page that shows them")
     graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
     add_making(graft)
-    add_constraints(graft)
+    told = add_constraints(graft)
+    told.add_argument(
+        "--repair",
+        action="store_true",
+        help="keep the captured motion but where it does not meet the constraints",
+    )
+    told.add_argument(
+        "--best-effort",
+        action="store_true",
+        help="write the best that was found even where constraints are not met, and end with 0",
+    )
     graft.set_defaults(run=run, usage=graft.error)
 
 
@@ -175,6 +186,8 @@ def run(options: argparse.Namespace) -> int:
             library = Library.build(
                 files, chosen_groups(options), chosen_config(options), progress=tell
             )
+    if given(options, "temperature") and library.config.choice != "sample":
+        options.usage(f"--temperature is for --choice sample, got {library.config.choice}")
     if options.mirror:
         library = library.mirrored()
     base = _base(library, options.base, folder)
@@ -254,10 +267,13 @@ def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion 
     for entry in library.entries:
         if entry.origin is not None and os.path.realpath(entry.origin.path) == there:
             return entry.name
-    if folder is not None and not Path(name).exists():
-        raise ValueError(
-            f"--base must be a clip of {folder}, one of {listed(names)}, or a file; got {name!r}"
-        )
+    if not Path(name).exists():
+        files = [Path(entry.origin.path).name for entry in library.entries if entry.origin]
+        if len(files) == len(names) and files.count(name) == 1:
+            return names[files.index(name)]
+        if name in names:
+            return name
+        raise ValueError(f"--base must be a clip, one of {listed(names)}, or a file; got {name!r}")
     return read_bvh(name)
 
 

@@ -28,6 +28,7 @@ def run(options: argparse.Namespace) -> int:
     target: Path | None = options.output
     if target is not None:
         check_free([target], force=options.force)
+        target.parent.mkdir(parents=True, exist_ok=True)
         write_text(target, groups.to_toml())
     if options.json:
         members = groups.resolve(skeleton).items()

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import at_least_one, given, print_json, progress, say
+from mograft.cli._common import above_zero, at_least_one, given, print_json, progress, say
 from mograft.cli.graft import chosen_config, chosen_groups
+from mograft.errors import listed
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -27,9 +28,12 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     index.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
     index.add_argument("--preset", choices=("default", "paper"))
-    index.add_argument("--sigma-scale", type=float, metavar="X", help="see mograft graft")
+    index.add_argument("--sigma-scale", type=above_zero, metavar="X", help="see mograft graft")
     index.add_argument(
-        "--rate", type=float, metavar="FPS", help="of the library; default: that of most frames"
+        "--rate",
+        type=above_zero,
+        metavar="FPS",
+        help="of the library; default: that of most frames",
     )
     index.add_argument(
         "--true-rate",
@@ -52,13 +56,19 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from mograft.library import Library
-    from mograft.sources import read_table
+    from mograft.sources import find, matching, read_table
 
     fixed = given(options, "groups", "preset", "sigma_scale", "rate", "force")
     if options.add and fixed:
         options.usage(f"--{fixed[0].replace('_', '-')} is settled when a library is made: no --add")
     rates = _true_rates(options)
     tags = None if options.tags is None else read_table(options.tags)
+    if rates or tags:
+        table = {key: key for key in (*rates, *(tags or ()))}
+        used = {key for own in find(options.files) for key in matching(table, own.keys)}
+        unused = [key for key in table if key not in used]
+        if unused:
+            say(f"warning: --true-rate or --tags name no clip of these files: {listed(unused)}")
     with progress() as tell, _pool(options.jobs) as executor:
         if options.add:
             before = set(Library.open(options.output).refused)

@@ -134,6 +134,7 @@ def run_export(options: argparse.Namespace) -> int:
 
     library = Library.open(options.library)
     check_free([options.output], force=options.force)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
     paths = [str(path) for path in export(library, options.output, options.kind)]
     if options.json:
         print_json({"schema": "mograft.tables/1", "kind": options.kind, "files": paths})

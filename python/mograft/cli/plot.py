@@ -4,22 +4,30 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mograft._files import replacing
 from mograft.cli._common import (
-    PRESETS,
     at_least_one,
     check_free,
     chosen_clips,
     expanded,
     frames,
+    given,
     library_folder,
+    only_frames,
     print_json,
 )
+from mograft.cli.graft import chosen_groups
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters")
 ENDINGS = (".png", ".svg", ".pdf")
+_USES = {
+    "frames": ("strip", "timeline", "energy"),
+    "groups": ("strip", "timeline", "pca", "dendrogram", "clusters"),
+    "group": ("pca", "dendrogram", "clusters"),
+}
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -37,8 +45,12 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     plot.add_argument(
         "-o", "--output", type=Path, required=True, help="a .png, .svg or .pdf to write"
     )
-    plot.add_argument("--groups", choices=PRESETS, help="joint groups (default lower_upper)")
-    plot.add_argument("--group", metavar="NAME", help="the one to show; default: the base group")
+    plot.add_argument("--groups", metavar="NAME|FILE", help="joint groups (default lower_upper)")
+    plot.add_argument(
+        "--group",
+        metavar="NAME",
+        help="of points, a tree or sizes: the group to show; default: the base group",
+    )
     plot.add_argument("--poses", type=at_least_one, default=12, help="of a strip (default 12)")
     plot.add_argument(
         "--frames", type=frames, metavar="FIRST-LAST", help="of a timeline, strip or energy curve"
@@ -69,12 +81,11 @@ def run(options: argparse.Namespace) -> int:
         mpl.rcParams["svg.hashsalt"] = "mograft"
         figure = _draw(options).get_figure(root=True)
         assert figure is not None  # The axes were made with theirs.
-        draft = target.with_name(f".draft-{target.name}")
+        target.parent.mkdir(parents=True, exist_ok=True)
         try:
-            figure.savefig(draft, dpi=options.dpi, metadata=metadata)
-            draft.replace(target)
+            with replacing(target) as draft:
+                figure.savefig(draft, dpi=options.dpi, metadata=metadata)
         finally:
-            draft.unlink(missing_ok=True)
             pyplot.close("all")
     if options.json:
         print_json({"schema": "mograft.plot/1", "file": str(target), "kind": options.kind})
@@ -95,7 +106,11 @@ def _draw(options: argparse.Namespace) -> "Axes":
     if options.clip and (folder is None or options.kind in ("pca", "dendrogram", "clusters")):
         options.usage("--clip chooses clips of a library for a strip, energy curve or timeline")
     files = expanded(options.files) if folder is None else []
-    groups = options.groups or "lower_upper"
+    for name in given(options, *_USES):
+        if options.kind not in _USES[name]:
+            options.usage(f"--{name} is for {', '.join(_USES[name])}; got {options.kind}")
+    options.groups = options.groups or "lower_upper"
+    groups = chosen_groups(options)
     if options.kind in ("strip", "energy"):
         if folder is not None:
             library = Library.open(folder)
@@ -105,9 +120,7 @@ def _draw(options: argparse.Namespace) -> "Axes":
             motions = [read_bvh(file) for file in files]
         if len(motions) != 1:
             raise ValueError(f"{options.kind} shows one motion, got {len(motions)}")
-        motion = motions[0]
-        if options.frames is not None:
-            motion = motion[options.frames[0] : options.frames[1] + 1]
+        motion = only_frames(motions[0], options.frames)
         if options.kind == "energy":
             return plot.energy(motion)
         return plot.strip(motion, options.poses, groups=groups)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft.cli._common import check_free, chosen_clips, expanded, library_folder, print_json, say
+from mograft.cli.graft import chosen_groups
 
 if TYPE_CHECKING:
     from mograft.viewing.scene import Scene
@@ -34,7 +35,6 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.groups import JointGroups
     from mograft.viewing.page import open_file, temporary, view
 
     if options.output is not None:
@@ -42,13 +42,13 @@ def run(options: argparse.Namespace) -> int:
     folder = library_folder(options)
     if options.clip and folder is None:
         options.usage("--clip chooses clips of a library")
-    groups = options.groups
-    if groups is not None and Path(groups).exists():
-        groups = JointGroups.from_toml(Path(groups))
     if folder is None:
+        groups = None if options.groups is None else chosen_groups(options)
         page = view(*expanded(options.files), groups=groups, title=options.title, show=False)
     else:
         page = view(_clips(folder, options), title=options.title, show=False)
+    if options.output is not None:
+        options.output.parent.mkdir(parents=True, exist_ok=True)
     path = page.save(temporary() if options.output is None else options.output, force=True)
     if options.json:
         print_json({"schema": "mograft.view/1", "file": str(path), "title": page.title})

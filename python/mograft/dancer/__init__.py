@@ -13,11 +13,12 @@ side at x. In the first half of a stride the left foot swings, in the second the
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from mograft import rotations
-from mograft._arrays import FloatArray, as_floats, frozen
+from mograft._arrays import FloatArray, as_floats, frozen, restore
 from mograft.dancer.figure import INDEX, JOINTS, OFFSETS, skeleton
 from mograft.dancer.plan import (
     BoolArray,
@@ -60,6 +61,9 @@ class Dance:
     def __post_init__(self) -> None:
         for array in (self.legs, self.arms, self.phase, self.stance):
             frozen(array)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
 
     def __len__(self) -> int:
         return self.motion.n_frames

@@ -1,6 +1,5 @@
 """USD: UsdSkel, which Houdini, Maya, Omniverse, Unreal and Blender read."""
 
-import errno
 import os
 import re
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import FloatArray, IntArray
+from mograft._files import replacing
 from mograft.body import up_axis
 from mograft.formats.figure import PALETTE, bones, members, scale_of, to_y_up
 from mograft.groups import JointGroups
@@ -77,9 +77,6 @@ def write_usd(
     group = members(skeleton, groups)
     rest = scale * rotations.rotate(turn, skeleton.rest_positions())
 
-    if not target.parent.is_dir():
-        # USD would make the folder.
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(target))
     # A layer without a file: what is interrupted leaves none.
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
@@ -132,13 +129,9 @@ def write_usd(
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
     _draw(stage, bones(skeleton, scale, turn), group)
-    draft = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
-    try:
+    with replacing(target) as draft:
         if not layer.Export(str(draft)):
             raise OSError(f"{target}: cannot be written")
-        draft.replace(target)
-    finally:
-        draft.unlink(missing_ok=True)
     return scale
 
 

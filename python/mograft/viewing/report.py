@@ -108,7 +108,7 @@ def report_page(
     *others, last = first.alternatives
     swapped = f"{', '.join(others)} and {last} come" if others else f"{last} comes"
     lead = (
-        f"{count}: the {base} of {first.base.name} is kept, its {swapped} from elsewhere. "
+        f"{count}: of {first.base.name} the group {base} is kept; {swapped} from elsewhere. "
         f"Seed {first.seed}, mograft {VERSION}."
     )
     more = len(grafts) - _SHOWN

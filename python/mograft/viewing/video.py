@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._arrays import FloatArray, IntArray
+from mograft._files import replacing
 from mograft.anatomy import anatomy
 from mograft.formats.figure import PALETTE
 from mograft.groups import JointGroups
@@ -118,15 +119,11 @@ def write_video(
     count = max(motion.n_frames for motion in shown)
     if progress is not None:
         pictures = _told(pictures, count, progress)
-    draft = target.with_name(f".{target.stem}.{os.getpid()}{ending}")
-    try:
+    with replacing(target) as draft:
         if ending == ".gif":
             _save_gif(pictures, draft, rate, count)
         else:
             _save_mp4(pictures, draft, rate, size, program)
-        draft.replace(target)
-    finally:
-        draft.unlink(missing_ok=True)
     return float(rate)
 
 

@@ -39,6 +39,8 @@ pub enum Error {
         /// The pair's place in the list.
         pair: usize,
     },
+    /// More frames are wanted than memory holds.
+    NoRoom,
 }
 
 impl std::error::Error for Error {}
@@ -49,6 +51,7 @@ impl fmt::Display for Error {
             Self::TooFewFrames { needed, given } => {
                 write!(f, "at least {needed} frames are needed, got {given}")
             }
+            Self::NoRoom => write!(f, "more frames are wanted than memory holds"),
             Self::TimesNotIncreasing => write!(f, "frame times must strictly increase"),
             Self::LengthMismatch { expected, given } => {
                 write!(f, "expected {expected} values, got {given}")

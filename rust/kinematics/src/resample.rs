@@ -253,7 +253,15 @@ fn segment_knots<K: Knot>(
         return Err(Error::BadSegment { segment });
     }
 
-    let mut resampled = Vec::with_capacity(counts.iter().sum::<usize>() * n_joints);
+    // What is wanted is the caller's word: a failed allocation would end the process.
+    let wanted = counts
+        .iter()
+        .try_fold(0_usize, |sum, &count| sum.checked_add(count));
+    let size = wanted.and_then(|frames| frames.checked_mul(n_joints));
+    let mut resampled = Vec::new();
+    if size.is_none_or(|size| resampled.try_reserve_exact(size).is_err()) {
+        return Err(Error::NoRoom);
+    }
     for ((&start, &stop), &count) in starts.iter().zip(stops).zip(counts) {
         let span = Span::new(knots, n_joints, start, stop, &|_| 1.0);
         let (length, steps) = (stop - start, count.saturating_sub(1).max(1));
@@ -343,6 +351,17 @@ mod tests {
         let refusal = |start, stop| segments(&frames, 1, &[start], &[stop], &[3]).unwrap_err();
         assert_eq!(refusal(2, 5), Error::BadSegment { segment: 0 });
         assert_eq!(refusal(2, 2), Error::BadSegment { segment: 0 });
+    }
+
+    #[test]
+    fn more_frames_than_memory_holds_are_refused() {
+        let frames = wander(5);
+        let refusal = |counts: &[usize]| {
+            segments(&frames, 1, &[0, 0][..counts.len()], &[4, 4][..counts.len()], counts)
+        };
+        for counts in [&[usize::MAX >> 6][..], &[usize::MAX][..], &[usize::MAX, 2][..]] {
+            assert_eq!(refusal(counts).unwrap_err(), Error::NoRoom);
+        }
     }
 
     #[test]
