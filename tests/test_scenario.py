@@ -360,6 +360,18 @@ def test_those_who_stand_do_not_slow_the_pace(segments, more):
         assert pace == pytest.approx(ways.sum() / lasts.sum())
 
 
+def test_a_walk_does_not_tire_of_few_segments(library):
+    """After hours every segment was used too often for a number; what counts is which more."""
+    costs = np.zeros((5, 5))
+    np.fill_diagonal(costs, np.inf)
+    few = graph_of(costs)
+    way = walk(library, 3000.0, 1, graph=few)
+    uses = np.bincount(way, minlength=5)
+    assert uses.min() > 800
+    assert uses.max() - uses.min() < 10
+    assert (np.diff(way) != 0).all()
+
+
 @pytest.mark.parametrize("seam", ["offset", "inertial", "displacement"])
 def test_the_root_goes_where_the_search_says(library, seam):
     """Turned to the same side, and within a few hundredths of its height, after any seams."""
@@ -437,8 +449,16 @@ def test_bad_arguments_are_refused_by_name(library):
     n = len(library.segments)
     with pytest.raises(ValueError, match="duration must be above 0 seconds, got 0"):
         walk(library, 0)
+    for endless in (np.inf, np.nan):
+        with pytest.raises(ValueError, match="duration must be finite"):
+            walk(library, endless)
+    with pytest.raises(ValueError, match="1000000000 frames are too many to plan among"):
+        fill(library, 10**9 + 1)
+    with pytest.raises(ValueError, match="frames are too many to plan among"):
+        to_beats(library, [0.0, 1.0, 1e9])
     with pytest.raises(ValueError, match="seed must be a whole number from 0, got -1"):
         walk(library, 1.0, -1)
+    assert len(walk(library, np.int64(1), np.int64(3))) > 0
     with pytest.raises(ValueError, match=f"scenario must be of segments 0 to {n - 1}, got {n}"):
         graft(library, scenario=[0, n])
     with pytest.raises(ValueError, match="scenario must hold at least one segment, got none"):

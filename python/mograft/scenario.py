@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._arrays import FloatArray, IntArray, as_floats, as_indices, frozen
+from mograft._fields import whole
 from mograft.body import body
 from mograft.library import Library
 from mograft.transitions import Transitions, transitions
@@ -13,6 +14,8 @@ from mograft.transitions import Transitions, transitions
 __all__ = ["Scenario", "Transitions", "fill", "follow", "to_beats", "transitions", "walk"]
 
 _APART = 2
+_TABLE = 1 << 29
+"""Chances, one for each frame and segment, that are kept at most: two gigabytes, and twice that."""
 _WARP = 0.15
 """By which part of their length segments may be stretched to meet a beat."""
 _BEAM = 2048
@@ -122,19 +125,18 @@ def walk(
     >>> bool(library.segments.lengths[chosen].sum() >= 300)
     True
     """
-    if isinstance(duration, bool) or not isinstance(duration, int | float) or not duration > 0:
+    if isinstance(duration, bool) or not as_floats("duration", duration, ()) > 0.0:
         raise ValueError(f"duration must be above 0 seconds, got {duration!r}")
     rng = _chance(seed)
     graph = transitions(library) if graph is None else graph
     chances = graph.chances()
     lengths = library.segments.lengths[graph.segments]
     wanted = duration * library.rate
-    way = [int(rng.integers(len(graph.segments)))]
-    frames = int(lengths[way[0]])
+    way, uses = _begun(int(rng.integers(len(lengths))), len(lengths))
+    frames = int(lengths[way[-1]])
     while frames < wanted:
         near = graph.after(way[-1])
-        way.append(_drawn(rng, graph.to[near], chances[near], way))
-        frames += int(lengths[way[-1]])
+        frames += int(lengths[_go_on(rng, graph.to[near], chances[near], way, uses)])
     return graph.segments[way]
 
 
@@ -163,7 +165,8 @@ def fill(
     ------
     ValueError
         If no row of segments has so many frames, with the nearest number that one has; if
-        `frames` is no whole number from 2, the seed none from 0, or there is nowhere to walk.
+        `frames` is no whole number from 2 or too many, the seed none from 0, or there is nowhere
+        to walk.
 
     Notes
     -----
@@ -178,13 +181,13 @@ def fill(
     >>> int(library.segments.lengths[fill(library, 301)].sum())
     300
     """
-    if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 2:
-        raise ValueError(f"frames must be a whole number from 2, got {frames!r}")
+    wanted = whole("frames", frames, 2) - 1
     rng = _chance(seed)
     graph = transitions(library) if graph is None else graph
+    _check_size(wanted, graph)
     lengths = library.segments.lengths[graph.segments]
     steps = _Steps.of(graph)
-    wanted, most = int(frames) - 1, int(lengths.max())
+    most = int(lengths.max())
     # By frames left: how likely a walk that starts with a segment ends with the last of them.
     ends = np.zeros((wanted + most + 1, len(lengths)), np.float32)
     after = np.zeros_like(ends)
@@ -199,12 +202,13 @@ def fill(
         can = np.flatnonzero(ends.any(axis=1))
         nearest = int(can[np.abs(can - wanted).argmin()]) + 1
         raise ValueError(f"no row of segments has {frames} frames; the nearest has {nearest}")
-    way, left = [int(rng.choice(len(lengths), p=_shares(ends[wanted])))], wanted
+    way, uses = _begun(int(rng.choice(len(lengths), p=_shares(ends[wanted]))), len(lengths))
+    left = wanted
     while left > lengths[way[-1]]:
         left -= int(lengths[way[-1]])
         near = graph.after(way[-1])
         to = graph.to[near]
-        way.append(_drawn(rng, to, steps.chances[near] * ends[left, to], way))
+        _go_on(rng, to, steps.chances[near] * ends[left, to], way, uses)
     return graph.segments[way]
 
 
@@ -261,6 +265,7 @@ def to_beats(
     graph = transitions(library) if graph is None else graph
     lengths = library.segments.lengths[graph.segments]
     steps = _Steps.of(graph)
+    _check_size(round(float(times[-1] - times[0]) * library.rate), graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
     n = len(lengths)
     # By beat: how likely a walk that starts there with a segment meets all later ones; and by
@@ -288,7 +293,7 @@ def to_beats(
         meets[beat] = own[0] / own[0].max()
         passed.append(own)
     passed.reverse()
-    way = [int(rng.choice(n, p=_shares(meets[0])))]
+    way, uses = _begun(int(rng.choice(n, p=_shares(meets[0]))), n)
     lasting: list[int] = []
     for beat, span in enumerate(spans.tolist()):
         least, most = _paces(span)
@@ -302,12 +307,11 @@ def to_beats(
             ending *= graph.rests[way[-1]] and done >= least
             if rng.random() * (ending.sum() + going.sum()) < ending.sum():
                 break
-            way.append(_drawn(rng, to, going, way))
-            own_lengths.append(int(lengths[way[-1]]))
+            own_lengths.append(int(lengths[_go_on(rng, to, going, way, uses)]))
         bounds = np.round(np.cumsum([0, *own_lengths]) * (span / done)).astype(np.int64)
         lasting += np.diff(bounds).tolist()
         if beat < len(spans) - 1:
-            way.append(_drawn(rng, to, ending, way))
+            _go_on(rng, to, ending, way, uses)
     return Scenario(graph.segments[way], np.array(lasting))
 
 
@@ -470,9 +474,17 @@ class _Steps:
 
 
 def _chance(seed: int) -> np.random.Generator:
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
-    return np.random.default_rng(seed)
+    return np.random.default_rng(whole("seed", seed))
+
+
+def _check_size(frames: int, graph: Transitions) -> None:
+    """Refuse walks whose chances, by frame and segment, would not fit in memory."""
+    most = _TABLE // len(graph.segments)
+    if frames > most:
+        raise ValueError(
+            f"{frames} frames are too many to plan among {len(graph.segments)} segments: at most "
+            f"{most}, or more among the segments of fewer clips"
+        )
 
 
 def _shares(weights: npt.NDArray[np.floating]) -> FloatArray:
@@ -481,11 +493,23 @@ def _shares(weights: npt.NDArray[np.floating]) -> FloatArray:
     return shares
 
 
-def _drawn(rng: np.random.Generator, to: IntArray, weights: FloatArray, way: list[int]) -> int:
-    """Draw the next segment by its weight; one that was just used, only if there is no other."""
-    weights = weights * np.exp(-(np.array(way)[:, None] == to).sum(axis=0))
+def _begun(first: int, n: int) -> tuple[list[int], IntArray]:
+    """Return a walk that is at its first segment, and how often it was at each."""
+    uses = np.zeros(n, np.int64)
+    uses[first] = 1
+    return [first], uses
+
+
+def _go_on(
+    rng: np.random.Generator, to: IntArray, weights: FloatArray, way: list[int], uses: IntArray
+) -> int:
+    """Go on to a segment by its weight; to one that was just used, only if there is no other."""
+    been = uses[to]
+    weights = weights * np.exp(been[weights > 0].min() - been)
     fresh = np.where(np.isin(to, way[-_APART - 1 :]), 0.0, weights)
-    return int(rng.choice(to, p=_shares(fresh if fresh.any() else weights)))
+    way.append(int(rng.choice(to, p=_shares(fresh if fresh.any() else weights))))
+    uses[way[-1]] += 1
+    return way[-1]
 
 
 def _paces(span: int) -> tuple[int, int]:
