@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -57,6 +58,25 @@ class Capsules:
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    @cached_property
+    def meetings(self) -> IntArray:
+        """Which meet where a body touches itself, shape (n_pairs, 2).
+
+        Each hand and forearm with the trunk, the head, the thighs and those of the other side.
+        """
+        kinds = list(zip(self.parts, self.sides, strict=True))
+        pairs = [
+            (a, b)
+            for a, (part, side) in enumerate(kinds)
+            for b, (other, other_side) in enumerate(kinds)
+            if part in ("hand", "forearm")
+            and (
+                other in ("pelvis", "trunk", "head", "thigh")
+                or (other in ("hand", "forearm") and side != other_side)
+            )
+        ]
+        return np.array(pairs, np.int64).reshape(-1, 2)
 
     def ends(self, turned: FloatArray, placed: FloatArray) -> FloatArray:
         """Return where the capsules are.
