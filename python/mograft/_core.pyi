@@ -10,6 +10,7 @@ __all__ = [
     "VERSION",
     "angle",
     "box_clearance",
+    "capsule_ends",
     "clearance",
     "cubic",
     "cubic_positions",
@@ -79,13 +80,16 @@ def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def capsule_ends(
+    turned: FloatArray, placed: FloatArray, joints: IntArray, bones: FloatArray
+) -> FloatArray: ...
 def clearance(
     ends: FloatArray,
     radii: FloatArray,
     others: FloatArray,
     other_radii: FloatArray,
     at: IntArray,
-    pairs: Sequence[tuple[int, int]],
+    pairs: tuple[IntArray, IntArray],
 ) -> tuple[FloatArray, IntArray]: ...
 def box_clearance(
     ends: FloatArray,

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mograft import _core, rotations
+from mograft import _core
 from mograft._arrays import FloatArray, IntArray
 from mograft.anatomy import anatomy
 from mograft.body import body
@@ -93,10 +93,12 @@ class Capsules:
         ndarray, shape (n_frames, n_capsules, 2, 3)
             Both ends of each, in the file's unit.
         """
-        start = placed[:, self.joints]
-        bones = np.broadcast_to(self.bones, start.shape)
-        stop = start + rotations.rotate(turned[:, self.joints], bones)
-        return np.stack([start, stop], axis=2)
+        return _core.capsule_ends(
+            np.ascontiguousarray(turned),
+            np.ascontiguousarray(placed),
+            self.joints,
+            np.ascontiguousarray(self.bones),
+        )
 
 
 def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Capsules:
@@ -211,7 +213,7 @@ def clearance(
         np.ascontiguousarray(others),
         np.ascontiguousarray(other_radii),
         np.ascontiguousarray(at, np.int64),
-        [(int(a), int(b)) for a, b in pairs.tolist()],
+        (np.ascontiguousarray(pairs[:, 0], np.int64), np.ascontiguousarray(pairs[:, 1], np.int64)),
     )
     which = np.full((len(ends), 2), -1)
     which[found >= 0] = pairs[found[found >= 0]]

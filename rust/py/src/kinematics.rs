@@ -281,6 +281,26 @@ pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py
     into_array(py, gaps, &shape)
 }
 
+/// See `mograft.capsules.Capsules.ends`.
+#[pyfunction]
+pub fn capsule_ends<'py>(
+    py: Python<'py>,
+    turned: Floats<'py>,
+    placed: Floats<'py>,
+    joints: Indices<'py>,
+    bones: Floats<'py>,
+) -> Array<'py> {
+    let &[n_frames, n_joints, _] = turned.shape() else {
+        return Err(PyValueError::new_err("expected shape (n_frames, n_joints, 4)"));
+    };
+    let (quats, vecs) = (as_quats(&turned)?, as_vecs(&placed)?);
+    let (joints, bones) = (as_usizes(&joints)?, as_vecs(&bones)?);
+    let ends = py
+        .detach(|| capsule::capsule_ends(quats, vecs, n_joints, &joints, bones))
+        .map_err(value_error)?;
+    from_vecs(py, &ends, &[n_frames, joints.len(), 2])
+}
+
 /// See `mograft.capsules.clearance`.
 #[pyfunction]
 pub fn clearance<'py>(
@@ -290,10 +310,12 @@ pub fn clearance<'py>(
     others: Floats<'py>,
     other_radii: Floats<'py>,
     at: Indices<'py>,
-    pairs: Vec<(usize, usize)>,
+    pairs: (Indices<'py>, Indices<'py>),
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let (own, far) = (as_vecs(&ends)?, as_vecs(&others)?);
     let (radii, other_radii, at) = (radii.as_slice()?, other_radii.as_slice()?, as_usizes(&at)?);
+    let (left, right) = (as_usizes(&pairs.0)?, as_usizes(&pairs.1)?);
+    let pairs: Vec<_> = left.into_iter().zip(right).collect();
     let (distances, which) = py
         .detach(|| capsule::clearance(own, radii, far, other_radii, &at, &pairs))
         .map_err(value_error)?;
