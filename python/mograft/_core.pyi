@@ -29,7 +29,9 @@ __all__ = [
     "linkage_tuned",
     "log",
     "log_from",
+    "multiply",
     "pose_gaps",
+    "rotate",
     "scan_numbers",
     "segments",
     "segments_positions",
@@ -45,6 +47,8 @@ VERSION: Final[str]
 def exp(vectors: FloatArray) -> FloatArray: ...
 def log(rotations: FloatArray) -> FloatArray: ...
 def log_from(references: FloatArray, rotations: FloatArray) -> FloatArray: ...
+def multiply(a: FloatArray, b: FloatArray) -> FloatArray: ...
+def rotate(rotations: FloatArray, vectors: FloatArray) -> FloatArray: ...
 def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
 def from_channels(
     values: FloatArray,
@@ -89,7 +93,8 @@ def clearance(
     others: FloatArray,
     other_radii: FloatArray,
     at: IntArray,
-    pairs: tuple[IntArray, IntArray],
+    left: IntArray,
+    right: IntArray,
 ) -> tuple[FloatArray, IntArray]: ...
 def box_clearance(
     ends: FloatArray,

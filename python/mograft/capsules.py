@@ -202,22 +202,21 @@ def clearance(
     >>> float(distance[0])
     1.25
     """
-    n, m = len(radii), len(other_radii)
     if at is None:
         at = np.arange(len(ends)) if len(others) > 1 else np.zeros(len(ends), np.int64)
     if pairs is None:
-        pairs = np.stack(np.divmod(np.arange(n * m), max(m, 1)), axis=1)
-    distance, found = _core.clearance(
+        left, right = np.indices((len(radii), len(other_radii))).reshape(2, -1)
+    else:
+        left, right = np.ascontiguousarray(pairs.T, np.int64)
+    return _core.clearance(
         np.ascontiguousarray(ends),
         np.ascontiguousarray(radii),
         np.ascontiguousarray(others),
         np.ascontiguousarray(other_radii),
         np.ascontiguousarray(at, np.int64),
-        (np.ascontiguousarray(pairs[:, 0], np.int64), np.ascontiguousarray(pairs[:, 1], np.int64)),
+        left,
+        right,
     )
-    which = np.full((len(ends), 2), -1)
-    which[found >= 0] = pairs[found[found >= 0]]
-    return distance, which
 
 
 def box_clearance(

@@ -220,15 +220,16 @@ def inertial(
     """
     ways = ends.ways(algebra)
     start = algebra.growth(-ways, ends.leaving - algebra.carry(-ways, ends.arriving))
-    value, velocity = _beside(-ways, at.piece)[0], _beside(start, at.piece)[0]
-    window = np.minimum(blend, at.durations)[at.piece][:, None]
+    none = np.zeros((1, *ways.shape[1:]))  # before the first piece there is no seam
+    value, velocity = np.concatenate([none, -ways]), np.concatenate([none, start])
+    window = np.minimum(blend, at.durations)[:, None]
     towards = -(value * velocity).sum(axis=-1)
     squared = (value * value).sum(axis=-1)
     # Not at once, though, where a joint hardly has a way to go but comes at another speed.
     swings = 5.0 * squared < window * towards
     sooner = np.divide(5.0 * squared, towards, out=np.zeros_like(squared), where=swings)
     window = np.where(swings, np.maximum(sooner, window / 3.0), window)
-    offsets = _quintic(value, velocity, at.since, window)
+    offsets = _quintic(value[at.piece], velocity[at.piece], at.since, window[at.piece])
     return _moved(algebra, values, offsets)
 
 

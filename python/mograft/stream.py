@@ -460,10 +460,9 @@ class Stream:
         times = starts[:, None] + steps * lengths[:, None] / n
         values = cubic(np.arange(len(track)), track, times.ravel())
         pace = (self._library.rate * lengths / n)[:, None, None]
-        ends = np.concatenate([starts, starts + lengths])
-        before, here, after = (track[ends + step] for step in (-1, 0, 1))
-        speeds = 0.5 * (TURNS.way(before, here) + TURNS.way(here, after))
-        arriving, leaving = speeds.reshape(2, len(donors), -1, 3) * pace
+        ends = np.stack([starts, starts + lengths])
+        before, after = TURNS.way(track[[ends - 1, ends]], track[[ends, ends + 1]])
+        arriving, leaving = 0.5 * (before + after) * pace
         return _Sampled(values.reshape(len(donors), n + 3, -1, 4), arriving, leaving)
 
     def _lay(self, place: "_Place", given: "_Sampled", past: "_Past | None") -> "_Laid":
@@ -483,7 +482,7 @@ class Stream:
         met = Ends(before, raw[:, 0], speed, arriving)
         flat = raw.reshape(-1, *raw.shape[2:])
         values = treatment(TURNS, flat, moments, met, self._config.seam_blend).reshape(raw.shape)
-        back, further = (TURNS.way(values[:, n], values[:, n + k]) for k in (1, 2))
+        back, further = TURNS.way(values[:, n], np.moveaxis(values[:, n + 1 :], 1, 0))
         moved = (0.5 * further - 2.0 * back) * (rate / _MOMENT)
         settled = (values[:, n:] == raw[:, n:]).all(axis=(1, 3))
         leaving = np.where(settled[..., None], leaving, moved)

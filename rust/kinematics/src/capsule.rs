@@ -8,6 +8,7 @@ use glam::{DQuat, DVec3};
 
 use crate::Error;
 use crate::error::check_len;
+use crate::rotation::rotate;
 
 /// Both ends of every capsule in every frame.
 ///
@@ -35,10 +36,8 @@ pub fn capsule_ends(
     let mut ends = Vec::with_capacity(2 * n_frames * joints.len());
     for first in (0..turned.len()).step_by(n_joints.max(1)) {
         for (&joint, &bone) in joints.iter().zip(bones) {
-            let (turn, start) = (turned[first + joint], placed[first + joint]);
-            let sideways = 2.0 * turn.xyz().cross(bone);
-            let along = bone + turn.w * sideways + turn.xyz().cross(sideways);
-            ends.extend([start, start + along]);
+            let start = placed[first + joint];
+            ends.extend([start, start + rotate(turned[first + joint], bone)]);
         }
     }
     Ok(ends)
@@ -80,7 +79,7 @@ pub fn segment_distance(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
 /// `ends` holds frames of `radii.len()` capsules, `others` frames of `other_radii.len()`;
 /// frame `f` of the one meets frame `at[f]` of the other. `pairs` names the capsules of either
 /// side that are compared; of equally near pairs the first is told. Without pairs the
-/// distance is infinite. Takes O(frames × pairs) time; pairs whose bounding spheres are
+/// distance is infinite and the pair -1, -1. Takes O(frames × pairs) time; pairs whose bounding spheres are
 /// farther apart than the nearest so far are passed over. NaN counts as far away.
 ///
 /// # Errors
@@ -93,7 +92,7 @@ pub fn clearance(
     other_radii: &[f64],
     at: &[usize],
     pairs: &[(usize, usize)],
-) -> Result<(Vec<f64>, Vec<i64>), Error> {
+) -> Result<(Vec<f64>, Vec<[i64; 2]>), Error> {
     let (width, other_width) = (2 * radii.len(), 2 * other_radii.len());
     check_len(ends.len(), at.len() * width)?;
     let n_others = others.len().checked_div(other_width).unwrap_or(0);
@@ -117,7 +116,7 @@ pub fn clearance(
     let mut which = Vec::with_capacity(at.len());
     for (frame, &met) in at.iter().enumerate() {
         let body = &ends[frame * width..][..width];
-        let (mut least, mut pair_of_least) = (f64::INFINITY, -1_i64);
+        let (mut least, mut pair_of_least) = (f64::INFINITY, [-1, -1]);
         if !pairs.is_empty() {
             let other = &others[met * other_width..][..other_width];
             for ((slot, capsule), &radius) in own.iter_mut().zip(body.chunks_exact(2)).zip(radii) {
@@ -126,7 +125,7 @@ pub fn clearance(
             far.clear();
             let capsules = other.chunks_exact(2).zip(other_radii);
             far.extend(capsules.map(|(capsule, &radius)| round(capsule, radius)));
-            for (index, &(i, j)) in (0_i64..).zip(pairs) {
+            for &(i, j) in pairs {
                 let ((middle, reach), (other_middle, other_reach)) = (own[i], far[j]);
                 let apart = least + reach + other_reach;
                 // A margin keeps rounding from passing over the nearest.
@@ -139,7 +138,7 @@ pub fn clearance(
                 let (c, d) = (other[2 * j], other[2 * j + 1]);
                 let distance = segment_distance(a, b, c, d) - radii[i] - other_radii[j];
                 if distance < least {
-                    (least, pair_of_least) = (distance, index);
+                    (least, pair_of_least) = (distance, [i as i64, j as i64]);
                 }
             }
         }
@@ -218,13 +217,13 @@ mod tests {
         let others = [3.0 * Y, 3.0 * Y, 9.0 * Y, 9.0 * Y];
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[1], &[(0, 0), (1, 0)]).unwrap();
-        assert_eq!((distances[0], which[0]), (2.75, 1));
+        assert_eq!((distances[0], which[0]), (2.75, [1, 0]));
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[0], &[(1, 0), (1, 0)]).unwrap();
-        assert_eq!((distances[0], which[0]), (0.75, 0));
+        assert_eq!((distances[0], which[0]), (0.75, [1, 0]));
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[0], &[]).unwrap();
-        assert_eq!((distances[0], which[0]), (f64::INFINITY, -1));
+        assert_eq!((distances[0], which[0]), (f64::INFINITY, [-1, -1]));
     }
 
     #[test]

@@ -3,7 +3,9 @@
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
 use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation};
-use numpy::{IntoPyArray as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
+use numpy::{
+    IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -28,6 +30,23 @@ pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
     let slice = as_quats(&rotations)?;
     let vectors: Vec<DVec3> = py.detach(|| slice.iter().map(|&q| rotation::log(q)).collect());
     from_vecs(py, &vectors, &with_last(&rotations, &[]))
+}
+
+/// See `mograft.rotations.multiply`.
+#[pyfunction]
+pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
+    let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
+    let products = py.detach(|| pairs.map(|(&a, &b)| a.mul_quat(b)).collect());
+    from_owned_quats(py, products, &with_last(&a, &[]))
+}
+
+/// See `mograft.rotations.rotate`.
+#[pyfunction]
+pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
+    let pairs = as_quats(&rotations)?.iter().zip(as_vecs(&vectors)?);
+    let turned: Vec<DVec3> =
+        py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
+    from_vecs(py, &turned, &with_last(&vectors, &[]))
 }
 
 /// See `mograft.embedding.features`.
@@ -310,17 +329,24 @@ pub fn clearance<'py>(
     others: Floats<'py>,
     other_radii: Floats<'py>,
     at: Indices<'py>,
-    pairs: (Indices<'py>, Indices<'py>),
+    left: Indices<'py>,
+    right: Indices<'py>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let (own, far) = (as_vecs(&ends)?, as_vecs(&others)?);
     let (radii, other_radii, at) = (radii.as_slice()?, other_radii.as_slice()?, as_usizes(&at)?);
-    let (left, right) = (as_usizes(&pairs.0)?, as_usizes(&pairs.1)?);
-    let pairs: Vec<_> = left.into_iter().zip(right).collect();
+    let pairs: Vec<_> = as_usizes(&left)?
+        .into_iter()
+        .zip(as_usizes(&right)?)
+        .collect();
     let (distances, which) = py
         .detach(|| capsule::clearance(own, radii, far, other_radii, &at, &pairs))
         .map_err(value_error)?;
     let n_frames = distances.len();
-    Ok((into_array(py, distances, &[n_frames])?.into_any(), which.into_pyarray(py).into_any()))
+    let which = which.into_flattened().into_pyarray(py);
+    Ok((
+        into_array(py, distances, &[n_frames])?.into_any(),
+        which.reshape([n_frames, 2])?.into_any(),
+    ))
 }
 
 /// See `mograft.capsules.box_clearance`.
