@@ -638,6 +638,8 @@ def violations(
 
 def _where(constraint: Constraint, poses: Poses, errors: Callable[[Poses], Errors]) -> Errors:
     """Ask for errors only in the frames where a constraint holds."""
+    if constraint.frames is None:
+        return errors(poses)
     holds = constraint.applies(poses.frames)
     if holds.all():
         return errors(poses)

@@ -303,5 +303,7 @@ def _quintic(
 
 def _moved(algebra: Algebra, values: FloatArray, ways: FloatArray) -> FloatArray:
     """Move values by ways; where there is none, leave every bit."""
-    stays = (ways == 0.0).all(axis=-1, keepdims=True)
-    return np.where(stays, values, algebra.move(values, ways))
+    x, y, z = np.moveaxis(ways == 0.0, -1, 0)
+    moved = algebra.move(values, ways)
+    np.copyto(moved, values, where=(x & y & z)[..., None])
+    return moved

@@ -494,7 +494,7 @@ class Stream:
         """Return the piece of a choice, and remember how it ends."""
         place, library = self._places[0], self._library
         new = slice(1 if self._count else 0, None)
-        base = place.base[place.rows][new]
+        base = place.base[place.rows.start + new.start : place.rows.stop]
         substitutions, missed, parts = [], [], []
         segment = len(library.segments) + self._count
         for group, at in chosen.items():
