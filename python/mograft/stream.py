@@ -333,8 +333,8 @@ class Stream:
             place.alone[group] = place.flat
             if place.posed:
                 place.sampled[group] = sampled = self._sampled(place, group, donors)
-                values = sampled.values[:, : place.length + 1]
-                place.alone[group] = place.flat + self._misses(place, group, values, place.local)
+                missed = self._misses(place, group, sampled.frames, place.local)
+                place.alone[group] = place.flat + missed
         self._places.append(place)
 
     def _origins(self, own: Segments, mates: IntArray) -> tuple[FloatArray, BoolArray]:
@@ -413,14 +413,14 @@ class Stream:
             past, alone, every = self._past.get(group), place.flat, None
             if place.posed:
                 every = self._lay(place, place.sampled[group], past)
-                alone = place.flat + self._misses(place, group, every.values, local)
+                alone = place.flat + self._misses(place, group, every.frames, local)
             chosen[group] = at = self._first(self._chain(group, alone))
             if every is None:
                 taken = self._sampled(place, group, place.donors[at : at + 1])
                 laid[group] = self._lay(place, taken, past)
             else:
                 laid[group] = every.only(at)
-            local[:, joints] = laid[group].values[0]
+            local[:, joints] = laid[group].frames[0]
         return chosen, laid, self._posed(place, local) if place.posed else None
 
     def _chain(self, group: str, first: FloatArray) -> Chain:
@@ -454,7 +454,7 @@ class Stream:
         ]
         frames = np.array([len(track) for track in tracks])
         starts, lengths = np.cumsum(frames) - frames + 1, frames - 3
-        track = np.ascontiguousarray(np.concatenate(tracks)[:, joints])
+        track = np.concatenate(tracks).take(joints, axis=1)
         steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
         # In this order whole results of the division are exact.
         times = starts[:, None] + steps * lengths[:, None] / n
@@ -468,9 +468,9 @@ class Stream:
     def _lay(self, place: "_Place", given: "_Sampled", past: "_Past | None") -> "_Laid":
         """Put donors into their place, each going on from where the one before has ended."""
         rate, n = self._library.rate, place.length
-        raw, arriving, leaving = given.values, given.arriving, given.leaving
+        raw, arriving = given.values, given.arriving
         if past is None:
-            return _Laid(raw[:, : n + 1], raw[:, n], leaving)
+            return _Laid(given, raw, rate)
         treatment = dead if self._config.seam == "dead" else inertial
         steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
         piece = np.repeat(np.arange(1, len(raw) + 1), n + 3)
@@ -481,12 +481,8 @@ class Stream:
         speed = np.broadcast_to(past.speed, arriving.shape)
         met = Ends(before, raw[:, 0], speed, arriving)
         flat = raw.reshape(-1, *raw.shape[2:])
-        values = treatment(TURNS, flat, moments, met, self._config.seam_blend).reshape(raw.shape)
-        back, further = TURNS.way(values[:, n], np.moveaxis(values[:, n + 1 :], 1, 0))
-        moved = (0.5 * further - 2.0 * back) * (rate / _MOMENT)
-        settled = (values[:, n:] == raw[:, n:]).all(axis=(1, 3))
-        leaving = np.where(settled[..., None], leaving, moved)
-        return _Laid(values[:, : n + 1], values[:, n], leaving)
+        values = treatment(TURNS, flat, moments, met, self._config.seam_blend)
+        return _Laid(given, values.reshape(raw.shape), rate)
 
     def _committed(
         self, chosen: Mapping[str, int], laid: "Mapping[str, _Laid]", poses: Poses | None
@@ -524,7 +520,7 @@ class Stream:
                 if isinstance(own, MaxAngle) and gap > own.limit
             ]
             joints = self._members[group]
-            values, spots = laid[group].values[0, new], base.positions[:, joints]
+            values, spots = laid[group].frames[0, new], base.positions[:, joints]
             parts.append(Part(joints, values, spots, np.zeros(0, np.int64), np.zeros((0, 0))))
             last = {key: ends[key][at : at + 1] for key in ("last", "last_velocity")}
             self._past[group] = _Past(laid[group].pose[0], laid[group].speed[0], **last)
@@ -557,25 +553,49 @@ class _BaseClip:
 class _Sampled:
     """Donors stretched to a place, one each row, and their speeds per second at both ends.
 
-    Behind the frames there are two moments just before the end.
+    `values` are their frames and, behind these, two moments just before the last.
     """
 
     values: FloatArray
     arriving: FloatArray
     leaving: FloatArray
 
+    @property
+    def frames(self) -> FloatArray:
+        return self.values[:, :-2]
+
+    def only(self, at: int) -> "_Sampled":
+        row = slice(at, at + 1)
+        return _Sampled(self.values[row], self.arriving[row], self.leaving[row])
+
 
 @dataclass(frozen=True, eq=False)
 class _Laid:
-    """Donors in a place, one each row, and their poses and speeds per second at its end."""
+    """Donors in a place: as they are given, and their values when the seam is closed."""
 
+    given: _Sampled
     values: FloatArray
-    pose: FloatArray
-    speed: FloatArray
+    rate: float
+
+    @property
+    def frames(self) -> FloatArray:
+        return self.values[:, :-2]
+
+    @property
+    def pose(self) -> FloatArray:
+        return self.values[:, -3]
+
+    @property
+    def speed(self) -> FloatArray:
+        """Per second, at the end."""
+        last, raw = self.values[:, -3:], self.given.values[:, -3:]
+        back, further = TURNS.way(last[:, 0], np.moveaxis(last[:, 1:], 1, 0))
+        moved = (0.5 * further - 2.0 * back) * (self.rate / _MOMENT)
+        settled = (last == raw).all(axis=(1, 3))
+        return np.where(settled[..., None], self.given.leaving, moved)
 
     def only(self, at: int) -> "_Laid":
-        row = slice(at, at + 1)
-        return _Laid(self.values[row], self.pose[row], self.speed[row])
+        return _Laid(self.given.only(at), self.values[at : at + 1], self.rate)
 
 
 @dataclass(frozen=True, eq=False)
