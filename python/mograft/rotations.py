@@ -69,7 +69,8 @@ def inverse(q: FloatArray) -> FloatArray:
     ndarray, shape (..., 4)
         The inverses.
     """
-    undone: FloatArray = q * np.array([-1.0, -1.0, -1.0, 1.0])
+    undone: FloatArray = np.negative(q)
+    undone[..., 3] = q[..., 3]
     return undone
 
 

@@ -111,7 +111,15 @@ pub fn clearance(
         let (a, b) = (own[0], own[1]);
         ((a + b) * 0.5, a.distance(b) * 0.5 + radius)
     };
-    let (mut own, mut far) = (vec![(DVec3::ZERO, 0.0); radii.len()], Vec::new());
+    let named = |side: fn(&(usize, usize)) -> usize| {
+        let mut capsules: Vec<usize> = pairs.iter().map(side).collect();
+        capsules.sort_unstable();
+        capsules.dedup();
+        capsules
+    };
+    let (own_named, far_named) = (named(|pair| pair.0), named(|pair| pair.1));
+    let mut own = vec![(DVec3::ZERO, 0.0); radii.len()];
+    let mut far = vec![(DVec3::ZERO, 0.0); other_radii.len()];
     let mut nearest = Vec::with_capacity(at.len());
     let mut which = Vec::with_capacity(at.len());
     for (frame, &met) in at.iter().enumerate() {
@@ -119,12 +127,12 @@ pub fn clearance(
         let (mut least, mut pair_of_least) = (f64::INFINITY, [-1, -1]);
         if !pairs.is_empty() {
             let other = &others[met * other_width..][..other_width];
-            for ((slot, capsule), &radius) in own.iter_mut().zip(body.chunks_exact(2)).zip(radii) {
-                *slot = round(capsule, radius);
+            for &i in &own_named {
+                own[i] = round(&body[2 * i..], radii[i]);
             }
-            far.clear();
-            let capsules = other.chunks_exact(2).zip(other_radii);
-            far.extend(capsules.map(|(capsule, &radius)| round(capsule, radius)));
+            for &j in &far_named {
+                far[j] = round(&other[2 * j..], other_radii[j]);
+            }
             for &(i, j) in pairs {
                 let ((middle, reach), (other_middle, other_reach)) = (own[i], far[j]);
                 let apart = least + reach + other_reach;
