@@ -313,6 +313,22 @@ def test_what_is_missed_no_donor_meets(library, base, monkeypatch):
         assert bool(piece.violations) == (exact[piece.start] > 0).all()
 
 
+@LIGHT
+@given(
+    st.sampled_from(["viterbi", "sample", "random", "nearest"]),
+    st.sampled_from(["inertial", "dead"]),
+    st.integers(1, 8),
+)
+def test_what_no_donor_can_miss_changes_nothing(library, base, choice, seam, horizon):
+    """All donors are put together for it, and without it only the one that is taken."""
+    chosen = with_choice(library, choice, seam=seam)
+    far = mg.Avoid(mg.Sphere((1e5, 0.0, 0.0), 1.0))
+    pieces = streamed(chosen, base, horizon=horizon)
+    looked = streamed(chosen, base, horizon=horizon, constraints=[far])
+    assert donors_of(looked) == donors_of(pieces)
+    same_rotations(joined(looked).rotations, joined(pieces).rotations, 1e-9)
+
+
 def test_new_constraints_hold_for_all_that_is_not_committed(library, base):
     stream = mg.Stream(library, horizon=2)
     stream.push(base)

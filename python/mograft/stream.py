@@ -449,8 +449,7 @@ class Stream:
         """Return donors stretched to a place, as they are."""
         joints, n = self._members[group], place.length
         tracks = [
-            place.track if donor < 0 else self._donors.track(donor)
-            for donor in donors.tolist()
+            place.track if donor < 0 else self._donors.track(donor) for donor in donors.tolist()
         ]
         frames = np.array([len(track) for track in tracks])
         starts, lengths = np.cumsum(frames) - frames + 1, frames - 3
