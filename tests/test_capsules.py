@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from mograft import Skeleton, rotations
 from mograft.body import body
-from mograft.capsules import RADII, box_clearance, capsules, clearance
+from mograft.capsules import RADII, Capsules, box_clearance, capsules, clearance
 from mograft.dancer import dance
 from tests import plain
-from tests.strategies import SEEDS, quaternions, skeletons, vectors
+from tests.strategies import SEEDS, quaternions, skeletons, vectors, wander
 
 ALL_PAIRS = np.array([(i, j) for i in range(3) for j in range(2)])
 
@@ -74,6 +75,20 @@ def test_passing_over_far_pairs_changes_no_bit(seed):
 
 
 @settings(max_examples=25, deadline=None)
+@given(SEEDS, st.sets(st.integers(0, 5)))
+def test_only_the_pairs_that_are_named_count(seed, some):
+    """Of the same pair in another frame nothing is left."""
+    ends, radii, others, other_radii = bodies(seed)
+    pairs = ALL_PAIRS[sorted(some)]
+    distance, which = clearance(ends, radii, others, other_radii, None, pairs)
+    exact = plain.capsule_distances(ends, radii, others, other_radii)
+    expected = exact[:, pairs[:, 0], pairs[:, 1]]
+    np.testing.assert_allclose(distance, expected.min(axis=1, initial=np.inf), atol=1e-6)
+    named = [tuple(pair) for pair in pairs.tolist()] or [(-1, -1)]
+    assert {tuple(pair) for pair in which.tolist()} <= set(named)
+
+
+@settings(max_examples=25, deadline=None)
 @given(SEEDS, vectors((1,)))
 def test_distances_are_symmetric_and_move_with_both(seed, shift):
     ends, radii, others, other_radii = bodies(seed)
@@ -114,6 +129,22 @@ def test_boxes_are_as_far_as_dense_points(seed, turn, center):
             expected = signed.min() - radii[i]
             assert expected >= found[frame, i] - 1e-9
             assert expected == pytest.approx(found[frame, i], abs=0.02)
+
+
+@settings(max_examples=25, deadline=None)
+@given(SEEDS, st.lists(st.integers(0, 4), max_size=4))
+def test_capsules_reach_from_their_joint_along_the_turned_bone(seed, joints):
+    rng = np.random.default_rng(seed)
+    turned, placed = wander(rng, 6, 5), rng.normal(size=(6, 5, 3))
+    bones, names = rng.normal(size=(len(joints), 3)), ("",) * len(joints)
+    flesh = Capsules(np.array(joints, np.int64), names, names, bones, np.ones(len(joints)))
+    ends = flesh.ends(turned[::2], placed[::2])
+    assert ends.shape == (3, len(joints), 2, 3)
+    for at, joint in enumerate(joints):
+        start = placed[::2, joint]
+        stop = start + Rotation.from_quat(turned[::2, joint]).apply(bones[at])
+        np.testing.assert_array_equal(ends[:, at, 0], start)
+        np.testing.assert_allclose(ends[:, at, 1], stop, atol=1e-14)
 
 
 def test_every_bone_of_the_dancer_has_flesh_where_it_is():

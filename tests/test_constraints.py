@@ -13,6 +13,7 @@ from mograft.capsules import capsules
 from mograft.constraints import violations
 from mograft.dancer import dance
 from mograft.planning import Problem, take
+from tests import plain
 from tests.strategies import SEEDS, vectors
 
 HAND = "LeftHand"
@@ -149,18 +150,49 @@ def test_bodies_touch_themselves_no_deeper_than_captured(poses):
     assert len(flesh) == len(capsules(skeleton))
 
 
+def scattered(poses, rng, frames=8):
+    """Some poses with limbs where they may well be in each other."""
+    rows = rng.choice(len(poses), frames)
+    moved = poses.positions[rows] + rng.normal(size=(frames, poses.skeleton.n_joints, 3)) * 8.0
+    return poses.at(poses.frames[rows], poses.rotations[rows], moved)
+
+
+@settings(max_examples=10, deadline=None)
+@given(SEEDS)
+def test_a_body_is_as_deep_in_itself_as_its_deepest_pair(poses, seed):
+    some = scattered(poses, np.random.default_rng(seed))
+    flesh = some.capsules
+    parts, sides = np.array(flesh.parts), np.array(flesh.sides)
+    arm, rest = (
+        np.isin(parts, names)
+        for names in (["hand", "forearm"], ["pelvis", "trunk", "head", "thigh"])
+    )
+    kept = arm[:, None] & (rest | (arm & (sides[:, None] != sides)))
+    apart = plain.capsule_distances(some.ends, flesh.radii, some.ends, flesh.radii)
+    deepest = -np.where(kept, apart, np.inf).min(axis=(1, 2)) / some.height
+    constraint = mg.AvoidSelf(captured=0.01)
+    error, _ = constraint.errors(some)
+    np.testing.assert_allclose(
+        error * constraint.tolerance, np.maximum(deepest - 0.01, 0), atol=1e-6
+    )
+
+
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
 def test_errors_of_all_joints_are_the_worst_of_any(poses, seed):
     rng = np.random.default_rng(seed)
-    mask = rng.random(poses.skeleton.n_joints) < 0.5
-    obstacle = mg.Sphere(tuple(rng.normal(size=3) * 30 + np.array([0, 100, 0])), 40.0)
-    whole, _ = mg.Avoid(obstacle).errors(poses)
-    parts = [mg.Avoid(obstacle).errors(poses, joints)[0] for joints in (mask, ~mask)]
-    np.testing.assert_array_equal(whole, np.maximum(*parts))
-    for joints in (mask, ~mask):
-        _, blamed = mg.Avoid(obstacle).errors(poses, joints)
-        assert joints[blamed[blamed >= 0]].all()
+    some, mask = scattered(poses, rng), rng.random(poses.skeleton.n_joints) < 0.5
+    place = tuple(rng.normal(size=3) * 30 + np.array([0, 100, 0]))
+    for constraint in (
+        mg.Avoid(mg.Sphere(place, 40.0)),
+        mg.Avoid(mg.Capsule((0.0, 0.0, 0.0), place, 20.0)),
+        mg.AvoidSelf(),
+    ):
+        whole, _ = constraint.errors(some)
+        parts = [constraint.errors(some, joints) for joints in (mask, ~mask)]
+        np.testing.assert_array_equal(whole, np.maximum(parts[0][0], parts[1][0]))
+        for joints, (_, blamed) in zip((mask, ~mask), parts, strict=True):
+            assert joints[blamed[blamed >= 0]].all()
 
 
 def test_violations_are_runs_of_frames_with_the_worst_in_words(poses):

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mograft import rotations
+from tests import plain
 from tests.strategies import SEEDS, quaternions, same_rotations, vectors, wander
 
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
@@ -33,6 +34,26 @@ def test_products_and_turns_are_scipys(a, b, v):
     np.testing.assert_allclose(
         rotations.angle(a, b), (scipy_a.inv() * scipy_b).magnitude(), atol=1e-12
     )
+
+
+@given(
+    SEEDS,
+    st.sampled_from(
+        [((), ()), ((3,), ()), ((), (2, 3)), ((4, 1), (3,)), ((2, 1, 3), (4, 1)), ((0,), (1,))]
+    ),
+)
+def test_products_and_turns_broadcast_as_arrays_do(seed, shapes):
+    """Views that go backwards or skip rows too."""
+    rng = np.random.default_rng(seed)
+    a, b, v = (
+        rng.normal(size=(*s, n)) for s, n in zip((*shapes, shapes[1]), (4, 4, 3), strict=True)
+    )
+    a, b = a / np.linalg.norm(a, axis=-1, keepdims=True), b[..., ::-1]
+    np.testing.assert_allclose(rotations.multiply(a, b), plain.multiply(a, b), atol=1e-14)
+    pure = np.concatenate([v, np.zeros((*v.shape[:-1], 1))], axis=-1)
+    turned = plain.multiply(plain.multiply(a, pure), plain.inverse(a))[..., :3]
+    np.testing.assert_allclose(rotations.rotate(a, v), turned, atol=1e-14)
+    np.testing.assert_array_equal(rotations.inverse(a), plain.inverse(a))
 
 
 @given(vectors((), size=1e-6))
@@ -123,5 +144,6 @@ def test_what_is_no_rotation_is_refused_by_name(call, message):
 
 
 def test_words_are_no_rotations():
-    with pytest.raises(TypeError, match="vectors must be real numbers"):
-        rotations.exp(["a", "b", "c"])
+    for other in (["a", "b", "c"], [1j, 0, 0], np.zeros(3, "timedelta64[s]")):
+        with pytest.raises(TypeError, match="vectors must be real numbers"):
+            rotations.exp(other)

@@ -15,7 +15,7 @@ from mograft.planning import Problem, take
 from mograft.resample import cubic
 from mograft.seams import TURNS
 from mograft.segmentation import Cutter, extrema, gaussian
-from mograft.stream import _with_neighbours, joined
+from mograft.stream import _MOMENT, _Laid, _Sampled, _with_neighbours, joined
 from mograft.transplant import states, transplant
 from tests import plain
 from tests.strategies import SEEDS, same_rotations, wander
@@ -272,6 +272,25 @@ def test_a_segment_with_its_neighbours_is_as_good_as_its_clip(seed, n):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+@given(SEEDS, st.sampled_from([24.0, 120.0]))
+def test_a_donor_ends_with_the_slope_of_its_curve_and_where_no_seam_reaches_with_its_own(
+    seed, rate
+):
+    rng = np.random.default_rng(seed)
+    pose, speed, pull = wander(rng, 4, 3), rng.normal(size=(4, 3, 3)), rng.normal(size=(4, 3, 3))
+    times = np.array([-1.0, 0.0, -_MOMENT, -2 * _MOMENT])[:, None, None, None] / rate
+    curve = rotations.multiply(pose, rotations.exp(speed * times + 0.5 * pull * times**2))
+    values, own = np.moveaxis(curve, 0, 1), rng.normal(size=(4, 3, 3))
+    raw = values.copy()
+    raw[:2, 1:] = wander(rng, 3, 3)
+    laid = _Laid(_Sampled(raw, own, own), values, rate)
+    np.testing.assert_allclose(laid.speed[:2], speed[:2], atol=1e-4)
+    np.testing.assert_array_equal(laid.speed[2:], own[2:])
+    for at in range(4):
+        np.testing.assert_array_equal(laid.only(at).speed[0], laid.speed[at])
+        np.testing.assert_array_equal(laid.only(at).pose[0], pose[at])
+
+
 # Constraints
 
 
@@ -311,6 +330,22 @@ def test_what_is_missed_no_donor_meets(library, base, monkeypatch):
     assert any((cost > 0).any() and (cost == 0).any() for cost in exact.values())
     for piece in pieces:
         assert bool(piece.violations) == (exact[piece.start] > 0).all()
+
+
+@LIGHT
+@given(
+    st.sampled_from(["viterbi", "sample", "random", "nearest"]),
+    st.sampled_from(["inertial", "dead"]),
+    st.integers(1, 8),
+)
+def test_what_no_donor_can_miss_changes_nothing(library, base, choice, seam, horizon):
+    """All donors are put together for it, and without it only the one that is taken."""
+    chosen = with_choice(library, choice, seam=seam)
+    far = mg.Avoid(mg.Sphere((1e5, 0.0, 0.0), 1.0))
+    pieces = streamed(chosen, base, horizon=horizon)
+    looked = streamed(chosen, base, horizon=horizon, constraints=[far])
+    assert donors_of(looked) == donors_of(pieces)
+    same_rotations(joined(looked).rotations, joined(pieces).rotations, 1e-9)
 
 
 def test_new_constraints_hold_for_all_that_is_not_committed(library, base):

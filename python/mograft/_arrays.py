@@ -118,7 +118,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
         If the shape differs.
     """
     array = np.asarray(value, order="C")
-    if array.size and not np.issubdtype(array.dtype, np.integer):
+    if array.size and array.dtype.kind not in "iu":
         raise TypeError(f"{name} must be whole numbers, got {array.dtype}")
     indices = array.astype(np.int64, copy=False)
     _check_shape(name, indices.shape, shape)
@@ -143,9 +143,7 @@ def _as_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> FloatArra
         array = np.asarray(value)
     except ValueError:
         raise ValueError(f"{name} must be an array, got rows of different lengths") from None
-    if array.size and not (
-        np.issubdtype(array.dtype, np.floating) or np.issubdtype(array.dtype, np.integer)
-    ):
+    if array.size and array.dtype.kind not in "fiu":
         raise TypeError(f"{name} must be real numbers, got {array.dtype}")
     floats = np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
     _check_shape(name, floats.shape, shape)

@@ -10,6 +10,7 @@ __all__ = [
     "VERSION",
     "angle",
     "box_clearance",
+    "capsule_ends",
     "clearance",
     "cubic",
     "cubic_positions",
@@ -28,7 +29,9 @@ __all__ = [
     "linkage_tuned",
     "log",
     "log_from",
+    "multiply",
     "pose_gaps",
+    "rotate",
     "scan_numbers",
     "segments",
     "segments_positions",
@@ -44,6 +47,8 @@ VERSION: Final[str]
 def exp(vectors: FloatArray) -> FloatArray: ...
 def log(rotations: FloatArray) -> FloatArray: ...
 def log_from(references: FloatArray, rotations: FloatArray) -> FloatArray: ...
+def multiply(a: FloatArray, b: FloatArray) -> FloatArray: ...
+def rotate(rotations: FloatArray, vectors: FloatArray) -> FloatArray: ...
 def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
 def from_channels(
     values: FloatArray,
@@ -79,13 +84,17 @@ def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def capsule_ends(
+    turned: FloatArray, placed: FloatArray, joints: IntArray, bones: FloatArray
+) -> FloatArray: ...
 def clearance(
     ends: FloatArray,
     radii: FloatArray,
     others: FloatArray,
     other_radii: FloatArray,
     at: IntArray,
-    pairs: Sequence[tuple[int, int]],
+    left: IntArray,
+    right: IntArray,
 ) -> tuple[FloatArray, IntArray]: ...
 def box_clearance(
     ends: FloatArray,

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from mograft import _core, rotations
+from mograft import _core
 from mograft._arrays import FloatArray, IntArray
 from mograft.anatomy import anatomy
 from mograft.body import body
@@ -58,6 +59,25 @@ class Capsules:
     def __len__(self) -> int:
         return len(self.joints)
 
+    @cached_property
+    def meetings(self) -> IntArray:
+        """Which meet where a body touches itself, shape (n_pairs, 2).
+
+        Each hand and forearm with the trunk, the head, the thighs and those of the other side.
+        """
+        kinds = list(zip(self.parts, self.sides, strict=True))
+        pairs = [
+            (a, b)
+            for a, (part, side) in enumerate(kinds)
+            for b, (other, other_side) in enumerate(kinds)
+            if part in ("hand", "forearm")
+            and (
+                other in ("pelvis", "trunk", "head", "thigh")
+                or (other in ("hand", "forearm") and side != other_side)
+            )
+        ]
+        return np.array(pairs, np.int64).reshape(-1, 2)
+
     def ends(self, turned: FloatArray, placed: FloatArray) -> FloatArray:
         """Return where the capsules are.
 
@@ -73,10 +93,12 @@ class Capsules:
         ndarray, shape (n_frames, n_capsules, 2, 3)
             Both ends of each, in the file's unit.
         """
-        start = placed[:, self.joints]
-        bones = np.broadcast_to(self.bones, start.shape)
-        stop = start + rotations.rotate(turned[:, self.joints], bones)
-        return np.stack([start, stop], axis=2)
+        return _core.capsule_ends(
+            np.ascontiguousarray(turned),
+            np.ascontiguousarray(placed),
+            self.joints,
+            np.ascontiguousarray(self.bones),
+        )
 
 
 def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Capsules:
@@ -180,22 +202,21 @@ def clearance(
     >>> float(distance[0])
     1.25
     """
-    n, m = len(radii), len(other_radii)
     if at is None:
         at = np.arange(len(ends)) if len(others) > 1 else np.zeros(len(ends), np.int64)
     if pairs is None:
-        pairs = np.stack(np.divmod(np.arange(n * m), max(m, 1)), axis=1)
-    distance, found = _core.clearance(
+        left, right = np.indices((len(radii), len(other_radii))).reshape(2, -1)
+    else:
+        left, right = np.ascontiguousarray(pairs.T, np.int64)
+    return _core.clearance(
         np.ascontiguousarray(ends),
         np.ascontiguousarray(radii),
         np.ascontiguousarray(others),
         np.ascontiguousarray(other_radii),
         np.ascontiguousarray(at, np.int64),
-        [(int(a), int(b)) for a, b in pairs.tolist()],
+        left,
+        right,
     )
-    which = np.full((len(ends), 2), -1)
-    which[found >= 0] = pairs[found[found >= 0]]
-    return distance, which
 
 
 def box_clearance(

@@ -208,20 +208,9 @@ class AvoidSelf(Constraint):
 
     def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         flesh = poses.capsules
-        pairs = np.array(
-            [
-                (a, b)
-                for a, (part, side) in enumerate(zip(flesh.parts, flesh.sides, strict=True))
-                for b, (other, other_side) in enumerate(zip(flesh.parts, flesh.sides, strict=True))
-                if part in ("hand", "forearm")
-                and (joints is None or joints[flesh.joints[a]])
-                and (
-                    other in ("pelvis", "trunk", "head", "thigh")
-                    or (other in ("hand", "forearm") and side != other_side)
-                )
-            ],
-            np.int64,
-        ).reshape(-1, 2)
+        pairs = flesh.meetings
+        if joints is not None:
+            pairs = pairs[joints[flesh.joints[pairs[:, 0]]]]
         distance, which = clearance(
             poses.ends, flesh.radii, poses.ends, flesh.radii, np.arange(len(poses)), pairs
         )
@@ -648,6 +637,8 @@ def violations(
 
 def _where(constraint: Constraint, poses: Poses, errors: Callable[[Poses], Errors]) -> Errors:
     """Ask for errors only in the frames where a constraint holds."""
+    if constraint.frames is None:
+        return errors(poses)
     holds = constraint.applies(poses.frames)
     if holds.all():
         return errors(poses)

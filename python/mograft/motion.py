@@ -21,7 +21,7 @@ from mograft._arrays import (
 from mograft.resample import segments, segments_positions
 from mograft.skeleton import Skeleton
 
-__all__ = ["Motion"]
+__all__ = ["Motion", "world"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +171,7 @@ class Motion:
         positions : ndarray, shape (n_frames, n_joints, 3)
             In the file's unit.
         """
-        return _core.world(
-            self.skeleton.parents,
-            np.ascontiguousarray(self.rotations),
-            np.ascontiguousarray(self.positions),
-        )
+        return world(self.skeleton, self.rotations, self.positions)
 
     def world_positions(self) -> FloatArray:
         """Return where the joints are in the world, shape (n_frames, n_joints, 3)."""
@@ -257,6 +253,30 @@ class Motion:
                 order = skeleton.rotation_order(joint)
                 numbers[:, turns] = _fill_angles(numbers[:, turns], self.rotations[:, joint], order)
         return numbers
+
+
+def world(
+    skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what `Motion.world` does, of local rotations and positions that are no motion.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Whose joints they are.
+    rotations : ndarray, shape (n, n_joints, 4)
+        Local rotations, each row a pose; taken as they are.
+    positions : ndarray, shape (n, n_joints, 3)
+        Local positions.
+
+    Returns
+    -------
+    rotations, positions : ndarray
+        Of the same shapes, in the world.
+    """
+    return _core.world(
+        skeleton.parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions)
+    )
 
 
 def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:

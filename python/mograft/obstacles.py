@@ -51,7 +51,8 @@ class Sphere:
 
     def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
-        return Capsule(self.center, self.center, self.radius).distances(poses, counted)
+        ends = np.array([[[self.center, self.center]]], float)
+        return _nearest(poses, counted, ends, np.array([self.radius], float), None)
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,8 @@ class Capsule:
 
     def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
-        ends = np.array([[[self.start, self.stop]]])
-        return _nearest(poses, counted, ends, np.array([self.radius]), None)
+        ends = np.array([[[self.start, self.stop]]], float)
+        return _nearest(poses, counted, ends, np.array([self.radius], float), None)
 
 
 @dataclass(frozen=True)
@@ -197,12 +198,9 @@ class Character:
 def _nearest(
     poses: Poses, counted: IntArray, others: FloatArray, radii: FloatArray, at: IntArray | None
 ) -> tuple[FloatArray, IntArray]:
-    distance, which = clearance(
-        poses.ends[:, counted], poses.capsules.radii[counted], others, radii, at
-    )
-    return distance, np.where(which[:, 0] >= 0, counted[which[:, 0]], -1) if len(counted) else (
-        which[:, 0]
-    )
+    pairs = np.stack([np.repeat(counted, len(radii)), np.tile(np.arange(len(radii)), len(counted))])
+    distance, which = clearance(poses.ends, poses.capsules.radii, others, radii, at, pairs.T)
+    return distance, which[:, 0]
 
 
 def _least(apart: FloatArray, counted: IntArray) -> tuple[FloatArray, IntArray]:

@@ -171,13 +171,13 @@ def sample(chain: Chain, temperature: float, rng: np.random.Generator) -> IntArr
     if not len(chain):
         return np.zeros(0, np.int64)
     weights = [-chain.alone[-1] / temperature]
-    for alone, after in zip(chain.alone[-2::-1], chain.after[::-1], strict=True):
-        onward = weights[-1] - after / temperature
-        top = onward.max(axis=1, initial=-np.inf)
-        top[~np.isfinite(top)] = 0.0
-        with np.errstate(divide="ignore"):  # no way on at all: log 0
+    with np.errstate(divide="ignore"):  # no way on at all: log 0
+        for alone, after in zip(chain.alone[-2::-1], chain.after[::-1], strict=True):
+            onward = weights[-1] - after / temperature
+            top = onward.max(axis=1, initial=-np.inf)
+            top[~np.isfinite(top)] = 0.0
             total = top + np.log(np.exp(onward - top[:, None]).sum(axis=1))
-        weights.append(total - alone / temperature)
+            weights.append(total - alone / temperature)
     chosen: list[int] = []
     for position, own in enumerate(reversed(weights)):
         before = chain.after[position - 1][chosen[-1]] / temperature if position else 0.0

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +19,7 @@ from mograft.digest import edges, same_rate
 from mograft.embedding import Samples, features, normalise
 from mograft.grafting import Substitution, swapped
 from mograft.library import Library, Members
-from mograft.motion import Motion
+from mograft.motion import Motion, world
 from mograft.planning import check_names, owners, take
 from mograft.poses import Poses
 from mograft.resample import cubic
@@ -322,7 +322,7 @@ class Stream:
         few = cheapest(costs + np.append(prices, 0.0), is_own, config)
         donors = np.append(mates, -1)[few]
         ends, flat = edges(base, cut), np.append(prices, 0.0)[few]
-        place = _Place(start, base, at, own, donors, costs[few], costs[few] + flat, (), {}, {}, {})
+        place = _Place(start, base, at, own, donors, costs[few], costs[few] + flat, ())
         place = replace(place, posed=tuple(self._here(place)))
         for group in self._members:
             joints, known = self._columns[group], library.edges[group]
@@ -332,9 +332,9 @@ class Stream:
             }
             place.alone[group] = place.flat
             if place.posed:
-                raw, _ = self._sampled(place, group, np.arange(len(donors)))
-                values = raw[:, : place.length + 1]
-                place.alone[group] = place.flat + self._misses(place, group, values, place.local)
+                place.sampled[group] = sampled = self._sampled(place, group, donors)
+                missed = self._misses(place, group, sampled.frames, place.local)
+                place.alone[group] = place.flat + missed
         self._places.append(place)
 
     def _origins(self, own: Segments, mates: IntArray) -> tuple[FloatArray, BoolArray]:
@@ -397,9 +397,8 @@ class Stream:
         assert self._base is not None
         turns = len(local) // (place.length + 1)
         spots = np.tile(place.base.positions[place.rows], (turns, 1, 1))
-        moved = replace(place.base, rotations=local, positions=spots, channel_values=None)
         body = self._base.body(self._library.up)
-        return body.at(np.tile(place.frames, turns), *moved.world())
+        return body.at(np.tile(place.frames, turns), *world(body.skeleton, local, spots))
 
     def _decided(self) -> "tuple[dict[str, int], dict[str, _Laid], Poses | None]":
         """Choose what is committed in the first place: what the plan of all places has there.
@@ -413,14 +412,15 @@ class Stream:
         for group, joints in self._members.items():
             past, alone, every = self._past.get(group), place.flat, None
             if place.posed:
-                every = self._lay(place, group, np.arange(len(place.donors)), past)
-                alone = place.flat + self._misses(place, group, every.values, local)
+                every = self._lay(place, place.sampled[group], past)
+                alone = place.flat + self._misses(place, group, every.frames, local)
             chosen[group] = at = self._first(self._chain(group, alone))
             if every is None:
-                laid[group] = self._lay(place, group, np.array([at]), past)
+                taken = self._sampled(place, group, place.donors[at : at + 1])
+                laid[group] = self._lay(place, taken, past)
             else:
                 laid[group] = every.only(at)
-            local[:, joints] = laid[group].values[0]
+            local[:, joints] = laid[group].frames[0]
         return chosen, laid, self._posed(place, local) if place.posed else None
 
     def _chain(self, group: str, first: FloatArray) -> Chain:
@@ -445,54 +445,43 @@ class Stream:
         temperature = config.temperature if config.choice == "sample" else 1.0
         return int(sample(chain, temperature, self._rng)[0])
 
-    def _sampled(
-        self, place: "_Place", group: str, some: IntArray
-    ) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-        """Return donors stretched to a place, as they are, and their speeds at both ends.
-
-        Behind the frames there are two moments just before the end.
-        """
+    def _sampled(self, place: "_Place", group: str, donors: IntArray) -> "_Sampled":
+        """Return donors stretched to a place, as they are."""
         joints, n = self._members[group], place.length
         tracks = [
-            place.track if donor < 0 else self._donors.track(donor)
-            for donor in place.donors[some].tolist()
+            place.track if donor < 0 else self._donors.track(donor) for donor in donors.tolist()
         ]
         frames = np.array([len(track) for track in tracks])
         starts, lengths = np.cumsum(frames) - frames + 1, frames - 3
-        track = np.ascontiguousarray(np.concatenate(tracks)[:, joints])
+        track = np.concatenate(tracks).take(joints, axis=1)
         steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
         # In this order whole results of the division are exact.
         times = starts[:, None] + steps * lengths[:, None] / n
         values = cubic(np.arange(len(track)), track, times.ravel())
         pace = (self._library.rate * lengths / n)[:, None, None]
-        ends = np.concatenate([starts, starts + lengths])
-        before, here, after = (track[ends + step] for step in (-1, 0, 1))
-        speeds = 0.5 * (TURNS.way(before, here) + TURNS.way(here, after))
-        arriving, leaving = speeds.reshape(2, len(some), -1, 3) * pace
-        return values.reshape(len(some), n + 3, -1, 4), (arriving, leaving)
+        ends = np.stack([starts, starts + lengths])
+        before, after = TURNS.way(track[[ends - 1, ends]], track[[ends, ends + 1]])
+        arriving, leaving = 0.5 * (before + after) * pace
+        return _Sampled(values.reshape(len(donors), n + 3, -1, 4), arriving, leaving)
 
-    def _lay(self, place: "_Place", group: str, some: IntArray, past: "_Past | None") -> "_Laid":
+    def _lay(self, place: "_Place", given: "_Sampled", past: "_Past | None") -> "_Laid":
         """Put donors into their place, each going on from where the one before has ended."""
         rate, n = self._library.rate, place.length
-        raw, (arriving, leaving) = self._sampled(place, group, some)
+        raw, arriving = given.values, given.arriving
         if past is None:
-            return _Laid(raw[:, : n + 1], raw[:, n], leaving)
+            return _Laid(given, raw, rate)
         treatment = dead if self._config.seam == "dead" else inertial
         steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
-        piece = np.repeat(np.arange(1, len(some) + 1), n + 3)
+        piece = np.repeat(np.arange(1, len(raw) + 1), n + 3)
         # What a short segment has no time for goes on in the next: it meets what was laid.
-        longest = np.full(len(some) + 1, np.inf)
-        moments = Moments(piece, np.tile(steps / rate, len(some)), longest)
-        before = np.broadcast_to(past.pose, (len(some), *past.pose.shape))
+        longest = np.full(len(raw) + 1, np.inf)
+        moments = Moments(piece, np.tile(steps / rate, len(raw)), longest)
+        before = np.broadcast_to(past.pose, (len(raw), *past.pose.shape))
         speed = np.broadcast_to(past.speed, arriving.shape)
         met = Ends(before, raw[:, 0], speed, arriving)
         flat = raw.reshape(-1, *raw.shape[2:])
-        values = treatment(TURNS, flat, moments, met, self._config.seam_blend).reshape(raw.shape)
-        back, further = (TURNS.way(values[:, n], values[:, n + k]) for k in (1, 2))
-        moved = (0.5 * further - 2.0 * back) * (rate / _MOMENT)
-        settled = (values[:, n:] == raw[:, n:]).all(axis=(1, 3))
-        leaving = np.where(settled[..., None], leaving, moved)
-        return _Laid(values[:, : n + 1], values[:, n], leaving)
+        values = treatment(TURNS, flat, moments, met, self._config.seam_blend)
+        return _Laid(given, values.reshape(raw.shape), rate)
 
     def _committed(
         self, chosen: Mapping[str, int], laid: "Mapping[str, _Laid]", poses: Poses | None
@@ -500,7 +489,7 @@ class Stream:
         """Return the piece of a choice, and remember how it ends."""
         place, library = self._places[0], self._library
         new = slice(1 if self._count else 0, None)
-        base = place.base[place.rows][new]
+        base = place.base[place.rows.start + new.start : place.rows.stop]
         substitutions, missed, parts = [], [], []
         segment = len(library.segments) + self._count
         for group, at in chosen.items():
@@ -530,7 +519,7 @@ class Stream:
                 if isinstance(own, MaxAngle) and gap > own.limit
             ]
             joints = self._members[group]
-            values, spots = laid[group].values[0, new], base.positions[:, joints]
+            values, spots = laid[group].frames[0, new], base.positions[:, joints]
             parts.append(Part(joints, values, spots, np.zeros(0, np.int64), np.zeros((0, 0))))
             last = {key: ends[key][at : at + 1] for key in ("last", "last_velocity")}
             self._past[group] = _Past(laid[group].pose[0], laid[group].speed[0], **last)
@@ -560,16 +549,52 @@ class _BaseClip:
 
 
 @dataclass(frozen=True, eq=False)
-class _Laid:
-    """Donors in a place, one each row, and their poses and speeds per second at its end."""
+class _Sampled:
+    """Donors stretched to a place, one each row, and their speeds per second at both ends.
+
+    `values` are their frames and, behind these, two moments just before the last.
+    """
 
     values: FloatArray
-    pose: FloatArray
-    speed: FloatArray
+    arriving: FloatArray
+    leaving: FloatArray
+
+    @property
+    def frames(self) -> FloatArray:
+        return self.values[:, :-2]
+
+    def only(self, at: int) -> "_Sampled":
+        row = slice(at, at + 1)
+        return _Sampled(self.values[row], self.arriving[row], self.leaving[row])
+
+
+@dataclass(frozen=True, eq=False)
+class _Laid:
+    """Donors in a place: as they are given, and their values when the seam is closed."""
+
+    given: _Sampled
+    values: FloatArray
+    rate: float
+
+    @property
+    def frames(self) -> FloatArray:
+        return self.values[:, :-2]
+
+    @property
+    def pose(self) -> FloatArray:
+        return self.values[:, -3]
+
+    @property
+    def speed(self) -> FloatArray:
+        """Per second, at the end."""
+        last, raw = self.values[:, -3:], self.given.values[:, -3:]
+        back, further = TURNS.way(last[:, 0], np.moveaxis(last[:, 1:], 1, 0))
+        moved = (0.5 * further - 2.0 * back) * (self.rate / _MOMENT)
+        settled = (last == raw).all(axis=(1, 3))
+        return np.where(settled[..., None], self.given.leaving, moved)
 
     def only(self, at: int) -> "_Laid":
-        row = slice(at, at + 1)
-        return _Laid(self.values[row], self.pose[row], self.speed[row])
+        return _Laid(self.given.only(at), self.values[at : at + 1], self.rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -596,8 +621,8 @@ class _Place:
     `base` holds its frames and a few beside them; the first of its own is number `at`. The
     last of the donors is the base's own part, -1. `costs` are theirs by themselves, `flat`
     with constraints on where they come from, `alone` with those on poses too, which are
-    `posed`; `ends` are as the library's edges,
-    and `seams` the costs beside the next place's donors, once they are known.
+    `posed`: for these all donors are `sampled`. `ends` are as the library's edges, and `seams`
+    the costs beside the next place's donors, once they are known.
     """
 
     start: int
@@ -608,9 +633,10 @@ class _Place:
     costs: FloatArray
     flat: FloatArray
     posed: tuple[Constraint, ...]
-    ends: dict[str, dict[str, FloatArray]]
-    alone: dict[str, FloatArray]
-    seams: dict[str, FloatArray]
+    ends: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
+    alone: dict[str, FloatArray] = field(default_factory=dict)
+    seams: dict[str, FloatArray] = field(default_factory=dict)
+    sampled: dict[str, _Sampled] = field(default_factory=dict)
 
     @property
     def length(self) -> int:

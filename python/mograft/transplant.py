@@ -201,13 +201,13 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
     for part in parts:
         turned = (part.rotations != base.rotations[:, part.joints]).any(axis=-1)
         moved = (part.positions != base.positions[:, part.joints]).any(axis=-1)
-        for column, joint in enumerate(part.joints):
-            if turned[:, column].any():
-                quats[:, joint] = rotations.continuous(part.rotations[:, column])
-            if moved[:, column].any():
-                places[:, joint] = part.positions[:, column]
-            if values is None:
-                continue
+        turns, moves = turned.any(axis=0), moved.any(axis=0)
+        quats[:, part.joints[turns]] = rotations.continuous(part.rotations[:, turns])
+        places[:, part.joints[moves]] = part.positions[:, moves]
+        if values is None:
+            continue
+        for column in np.flatnonzero(turns | moves).tolist():
+            joint = part.joints[column]
             changed = {"rotation": turned[:, column], "position": moved[:, column]}
             for at, channel in zip(
                 skeleton.channel_columns[joint], skeleton.channels[joint], strict=True

@@ -8,6 +8,40 @@ use glam::{DQuat, DVec3};
 
 use crate::Error;
 use crate::error::check_len;
+use crate::rotation::rotate;
+
+/// Both ends of every capsule in every frame.
+///
+/// `turned` and `placed` are world rotations and positions of `n_joints` joints, frame by
+/// frame; capsule `i` hangs on joint `joints[i]` and ends at `bones[i]` in the joint's frame.
+/// Takes O(frames × capsules) time.
+///
+/// # Errors
+///
+/// If the buffers are no whole number of frames or differ in length, or a joint is not there.
+pub fn capsule_ends(
+    turned: &[DQuat],
+    placed: &[DVec3],
+    n_joints: usize,
+    joints: &[usize],
+    bones: &[DVec3],
+) -> Result<Vec<DVec3>, Error> {
+    let n_frames = turned.len().checked_div(n_joints).unwrap_or(0);
+    check_len(turned.len(), n_frames * n_joints)?;
+    check_len(placed.len(), turned.len())?;
+    check_len(bones.len(), joints.len())?;
+    if let Some(&joint) = joints.iter().find(|&&joint| joint >= n_joints) {
+        return Err(Error::LengthMismatch { expected: joint + 1, given: n_joints });
+    }
+    let mut ends = Vec::with_capacity(2 * n_frames * joints.len());
+    for first in (0..turned.len()).step_by(n_joints.max(1)) {
+        for (&joint, &bone) in joints.iter().zip(bones) {
+            let start = placed[first + joint];
+            ends.extend([start, start + rotate(turned[first + joint], bone)]);
+        }
+    }
+    Ok(ends)
+}
 
 /// Distance between the segments from `a` to `b` and from `c` to `d`.
 ///
@@ -45,7 +79,7 @@ pub fn segment_distance(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
 /// `ends` holds frames of `radii.len()` capsules, `others` frames of `other_radii.len()`;
 /// frame `f` of the one meets frame `at[f]` of the other. `pairs` names the capsules of either
 /// side that are compared; of equally near pairs the first is told. Without pairs the
-/// distance is infinite. Takes O(frames × pairs) time; pairs whose bounding spheres are
+/// distance is infinite and the pair -1, -1. Takes O(frames × pairs) time; pairs whose bounding spheres are
 /// farther apart than the nearest so far are passed over. NaN counts as far away.
 ///
 /// # Errors
@@ -58,7 +92,7 @@ pub fn clearance(
     other_radii: &[f64],
     at: &[usize],
     pairs: &[(usize, usize)],
-) -> Result<(Vec<f64>, Vec<i64>), Error> {
+) -> Result<(Vec<f64>, Vec<[i64; 2]>), Error> {
     let (width, other_width) = (2 * radii.len(), 2 * other_radii.len());
     check_len(ends.len(), at.len() * width)?;
     let n_others = others.len().checked_div(other_width).unwrap_or(0);
@@ -77,21 +111,29 @@ pub fn clearance(
         let (a, b) = (own[0], own[1]);
         ((a + b) * 0.5, a.distance(b) * 0.5 + radius)
     };
-    let (mut own, mut far) = (vec![(DVec3::ZERO, 0.0); radii.len()], Vec::new());
+    let named = |side: fn(&(usize, usize)) -> usize| {
+        let mut capsules: Vec<usize> = pairs.iter().map(side).collect();
+        capsules.sort_unstable();
+        capsules.dedup();
+        capsules
+    };
+    let (own_named, far_named) = (named(|pair| pair.0), named(|pair| pair.1));
+    let mut own = vec![(DVec3::ZERO, 0.0); radii.len()];
+    let mut far = vec![(DVec3::ZERO, 0.0); other_radii.len()];
     let mut nearest = Vec::with_capacity(at.len());
     let mut which = Vec::with_capacity(at.len());
     for (frame, &met) in at.iter().enumerate() {
         let body = &ends[frame * width..][..width];
-        let (mut least, mut pair_of_least) = (f64::INFINITY, -1_i64);
+        let (mut least, mut pair_of_least) = (f64::INFINITY, [-1, -1]);
         if !pairs.is_empty() {
             let other = &others[met * other_width..][..other_width];
-            for ((slot, capsule), &radius) in own.iter_mut().zip(body.chunks_exact(2)).zip(radii) {
-                *slot = round(capsule, radius);
+            for &i in &own_named {
+                own[i] = round(&body[2 * i..], radii[i]);
             }
-            far.clear();
-            let capsules = other.chunks_exact(2).zip(other_radii);
-            far.extend(capsules.map(|(capsule, &radius)| round(capsule, radius)));
-            for (index, &(i, j)) in (0_i64..).zip(pairs) {
+            for &j in &far_named {
+                far[j] = round(&other[2 * j..], other_radii[j]);
+            }
+            for &(i, j) in pairs {
                 let ((middle, reach), (other_middle, other_reach)) = (own[i], far[j]);
                 let apart = least + reach + other_reach;
                 // A margin keeps rounding from passing over the nearest.
@@ -104,7 +146,7 @@ pub fn clearance(
                 let (c, d) = (other[2 * j], other[2 * j + 1]);
                 let distance = segment_distance(a, b, c, d) - radii[i] - other_radii[j];
                 if distance < least {
-                    (least, pair_of_least) = (distance, index);
+                    (least, pair_of_least) = (distance, [i as i64, j as i64]);
                 }
             }
         }
@@ -183,13 +225,21 @@ mod tests {
         let others = [3.0 * Y, 3.0 * Y, 9.0 * Y, 9.0 * Y];
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[1], &[(0, 0), (1, 0)]).unwrap();
-        assert_eq!((distances[0], which[0]), (2.75, 1));
+        assert_eq!((distances[0], which[0]), (2.75, [1, 0]));
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[0], &[(1, 0), (1, 0)]).unwrap();
-        assert_eq!((distances[0], which[0]), (0.75, 0));
+        assert_eq!((distances[0], which[0]), (0.75, [1, 0]));
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[0], &[]).unwrap();
-        assert_eq!((distances[0], which[0]), (f64::INFINITY, -1));
+        assert_eq!((distances[0], which[0]), (f64::INFINITY, [-1, -1]));
+    }
+
+    #[test]
+    fn a_capsule_lies_along_its_joint() {
+        let quarter = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
+        let ends = capsule_ends(&[DQuat::IDENTITY, quarter], &[O, X], 2, &[1], &[X]).unwrap();
+        assert!(ends[0] == X && ends[1].abs_diff_eq(X + Y, 1e-15));
+        assert!(capsule_ends(&[quarter], &[O], 1, &[1], &[X]).is_err());
     }
 
     #[test]

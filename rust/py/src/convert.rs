@@ -49,20 +49,16 @@ pub fn into_array<'py>(py: Python<'py>, flat: Vec<f64>, shape: &[usize]) -> Arra
 }
 
 /// Hand quaternions over to NumPy as `(*shape, 4)`.
-pub fn from_quats<'py>(py: Python<'py>, quats: &[DQuat], shape: &[usize]) -> Array<'py> {
-    into_array(py, bytemuck::cast_slice(quats).to_vec(), &[shape, &[4]].concat())
-}
-
-/// Hand quaternions over to NumPy as `(*shape, 4)` without a copy.
-pub fn from_owned_quats<'py>(py: Python<'py>, quats: Vec<DQuat>, shape: &[usize]) -> Array<'py> {
+pub fn from_quats<'py>(py: Python<'py>, quats: Vec<DQuat>, shape: &[usize]) -> Array<'py> {
     // Collected in place.
     let numbers: Vec<_> = quats.into_iter().map(|q| q.to_array()).collect();
     into_array(py, numbers.into_flattened(), &[shape, &[4]].concat())
 }
 
 /// Hand vectors over to NumPy as `(*shape, 3)`.
-pub fn from_vecs<'py>(py: Python<'py>, vecs: &[DVec3], shape: &[usize]) -> Array<'py> {
-    into_array(py, bytemuck::cast_slice(vecs).to_vec(), &[shape, &[3]].concat())
+pub fn from_vecs<'py>(py: Python<'py>, vecs: Vec<DVec3>, shape: &[usize]) -> Array<'py> {
+    let numbers: Vec<_> = vecs.into_iter().map(|v| v.to_array()).collect();
+    into_array(py, numbers.into_flattened(), &[shape, &[3]].concat())
 }
 
 /// The Python exception for a kernel's refusal.

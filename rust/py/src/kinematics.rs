@@ -3,12 +3,14 @@
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
 use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation};
-use numpy::{IntoPyArray as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
+use numpy::{
+    IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, as_quats, as_vecs, from_owned_quats, from_quats, from_vecs, into_array,
+    Array, Floats, as_quats, as_vecs, from_quats, from_vecs, into_array,
     value_error, with_last,
 };
 
@@ -19,7 +21,7 @@ type Indices<'py> = PyReadonlyArray1<'py, i64>;
 pub fn exp<'py>(py: Python<'py>, vectors: Floats<'py>) -> Array<'py> {
     let slice = as_vecs(&vectors)?;
     let quats: Vec<DQuat> = py.detach(|| slice.iter().map(|&v| rotation::exp(v)).collect());
-    from_quats(py, &quats, &with_last(&vectors, &[]))
+    from_quats(py, quats, &with_last(&vectors, &[]))
 }
 
 /// See `mograft.rotations.log`.
@@ -27,7 +29,24 @@ pub fn exp<'py>(py: Python<'py>, vectors: Floats<'py>) -> Array<'py> {
 pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
     let slice = as_quats(&rotations)?;
     let vectors: Vec<DVec3> = py.detach(|| slice.iter().map(|&q| rotation::log(q)).collect());
-    from_vecs(py, &vectors, &with_last(&rotations, &[]))
+    from_vecs(py, vectors, &with_last(&rotations, &[]))
+}
+
+/// See `mograft.rotations.multiply`.
+#[pyfunction]
+pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
+    let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
+    let products = py.detach(|| pairs.map(|(&a, &b)| a.mul_quat(b)).collect());
+    from_quats(py, products, &with_last(&a, &[]))
+}
+
+/// See `mograft.rotations.rotate`.
+#[pyfunction]
+pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
+    let pairs = as_quats(&rotations)?.iter().zip(as_vecs(&vectors)?);
+    let turned: Vec<DVec3> =
+        py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
+    from_vecs(py, turned, &with_last(&vectors, &[]))
 }
 
 /// See `mograft.embedding.features`.
@@ -41,7 +60,7 @@ pub fn log_from<'py>(
     let vectors = py
         .detach(|| rotation::log_from(from, to))
         .map_err(value_error)?;
-    from_vecs(py, &vectors, &with_last(&rotations, &[]))
+    from_vecs(py, vectors, &with_last(&rotations, &[]))
 }
 
 /// See `mograft.rotations.angle`.
@@ -59,7 +78,7 @@ pub fn from_euler<'py>(py: Python<'py>, angles: Floats<'py>, axes: Vec<usize>) -
     let n = shape.iter().product();
     let slice = angles.as_slice()?;
     let quats = py.detach(|| rotation::from_euler(slice, &axes, n));
-    from_owned_quats(py, quats, &shape)
+    from_quats(py, quats, &shape)
 }
 
 /// See `mograft.bvh`.
@@ -79,7 +98,7 @@ pub fn from_channels<'py>(
     let quats = py
         .detach(|| rotation::from_channels(slice, n_channels, &starts, &turns, radians))
         .map_err(value_error)?;
-    from_owned_quats(py, quats, &[n_frames, n_joints])
+    from_quats(py, quats, &[n_frames, n_joints])
 }
 
 /// See `mograft.rotations.to_euler`.
@@ -115,7 +134,7 @@ pub fn hermite<'py>(
         ends.map(|(((&a, &b), (&u, &v)), &t)| resample::hermite(a, b, u, v, t))
             .collect()
     });
-    from_quats(py, &quats, &with_last(&start, &[]))
+    from_quats(py, quats, &with_last(&start, &[]))
 }
 
 /// See `mograft.Motion.world_positions`.
@@ -132,7 +151,7 @@ pub fn world<'py>(
         .detach(|| forward::world(parents, quats, vecs))
         .map_err(value_error)?;
     let shape = with_last(&rotations, &[]);
-    Ok((from_quats(py, &turned, &shape)?.into_any(), from_vecs(py, &placed, &shape)?.into_any()))
+    Ok((from_quats(py, turned, &shape)?.into_any(), from_vecs(py, placed, &shape)?.into_any()))
 }
 
 /// See `mograft.kinetic_energy`.
@@ -174,7 +193,7 @@ fn rotations_at<'py>(
     let resampled = py
         .detach(|| kernel(frame_times, quats, n_joints, times))
         .map_err(value_error)?;
-    from_quats(py, &resampled, &[times.len(), n_joints])
+    from_quats(py, resampled, &[times.len(), n_joints])
 }
 
 /// See `mograft.resample.slerp`.
@@ -213,7 +232,7 @@ pub fn cubic_positions<'py>(
     let resampled = py
         .detach(|| resample::cubic_positions(frame_times, vecs, n_joints, times))
         .map_err(value_error)?;
-    from_vecs(py, &resampled, &[times.len(), n_joints])
+    from_vecs(py, resampled, &[times.len(), n_joints])
 }
 
 fn as_usizes(indices: &Indices<'_>) -> PyResult<Vec<usize>> {
@@ -236,7 +255,7 @@ pub fn segments<'py>(
     let resampled = py
         .detach(|| resample::segments(quats, n_joints, &starts, &stops, &counts))
         .map_err(value_error)?;
-    from_quats(py, &resampled, &[counts.iter().sum(), n_joints])
+    from_quats(py, resampled, &[counts.iter().sum(), n_joints])
 }
 
 /// See `mograft.resample.segments_positions`.
@@ -254,7 +273,7 @@ pub fn segments_positions<'py>(
     let resampled = py
         .detach(|| resample::segments_positions(vecs, n_joints, &starts, &stops, &counts))
         .map_err(value_error)?;
-    from_vecs(py, &resampled, &[counts.iter().sum(), n_joints])
+    from_vecs(py, resampled, &[counts.iter().sum(), n_joints])
 }
 
 /// See `mograft.substitution.pose_gaps`.
@@ -281,6 +300,26 @@ pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py
     into_array(py, gaps, &shape)
 }
 
+/// See `mograft.capsules.Capsules.ends`.
+#[pyfunction]
+pub fn capsule_ends<'py>(
+    py: Python<'py>,
+    turned: Floats<'py>,
+    placed: Floats<'py>,
+    joints: Indices<'py>,
+    bones: Floats<'py>,
+) -> Array<'py> {
+    let &[n_frames, n_joints, _] = turned.shape() else {
+        return Err(PyValueError::new_err("expected shape (n_frames, n_joints, 4)"));
+    };
+    let (quats, vecs) = (as_quats(&turned)?, as_vecs(&placed)?);
+    let (joints, bones) = (as_usizes(&joints)?, as_vecs(&bones)?);
+    let ends = py
+        .detach(|| capsule::capsule_ends(quats, vecs, n_joints, &joints, bones))
+        .map_err(value_error)?;
+    from_vecs(py, ends, &[n_frames, joints.len(), 2])
+}
+
 /// See `mograft.capsules.clearance`.
 #[pyfunction]
 pub fn clearance<'py>(
@@ -290,15 +329,24 @@ pub fn clearance<'py>(
     others: Floats<'py>,
     other_radii: Floats<'py>,
     at: Indices<'py>,
-    pairs: Vec<(usize, usize)>,
+    left: Indices<'py>,
+    right: Indices<'py>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let (own, far) = (as_vecs(&ends)?, as_vecs(&others)?);
     let (radii, other_radii, at) = (radii.as_slice()?, other_radii.as_slice()?, as_usizes(&at)?);
+    let pairs: Vec<_> = as_usizes(&left)?
+        .into_iter()
+        .zip(as_usizes(&right)?)
+        .collect();
     let (distances, which) = py
         .detach(|| capsule::clearance(own, radii, far, other_radii, &at, &pairs))
         .map_err(value_error)?;
     let n_frames = distances.len();
-    Ok((into_array(py, distances, &[n_frames])?.into_any(), which.into_pyarray(py).into_any()))
+    let which = which.into_flattened().into_pyarray(py);
+    Ok((
+        into_array(py, distances, &[n_frames])?.into_any(),
+        which.reshape([n_frames, 2])?.into_any(),
+    ))
 }
 
 /// See `mograft.capsules.box_clearance`.

@@ -29,9 +29,9 @@ mod _core {
 
     #[pymodule_export]
     use crate::kinematics::{
-        angle, box_clearance, clearance, cubic, cubic_positions, exp, from_channels, from_euler,
-        hermite, kinetic_energy, log, log_from, pose_gaps, segments, segments_positions, slerp,
-        to_euler, velocity_gaps, world,
+        angle, box_clearance, capsule_ends, clearance, cubic, cubic_positions, exp, from_channels,
+        from_euler, hermite, kinetic_energy, log, log_from, multiply, pose_gaps, rotate, segments,
+        segments_positions, slerp, to_euler, velocity_gaps, world,
     };
 
     #[pymodule_export]
