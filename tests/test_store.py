@@ -73,7 +73,8 @@ def same(a, b, *, places=True):
         if one is not None and other is not None:
             names = ("points", "joints", "reference", "mean", "scale", "components", "variances")
             pairs += [(getattr(one, name), getattr(other, name)) for name in names]
-    pairs += zip(a.samples.rows(), b.samples.rows(), strict=True)
+    chunks = zip(a.samples.chunks(), b.samples.chunks(), strict=True)
+    pairs += [(one.rows, other.rows) for one, other in chunks]
     for ours, theirs in zip(a.clips, b.clips, strict=True):
         assert ours.frame_time == theirs.frame_time
         pairs += [(ours.rotations, theirs.rotations), (ours.positions, theirs.positions)]
@@ -243,8 +244,8 @@ def test_a_few_clips_that_a_dummy_carries_do_not_move_the_others():
     library = Library.build([other[:160], own[160:320], own[320:480]], groups)
     assert library.root == 1
     alike = Library.build([own[:160], own[160:320], own[320:480]], groups)
-    for ours, theirs in zip(library.samples.rows(), alike.samples.rows(), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-5)
+    for ours, theirs in zip(library.samples.chunks(), alike.samples.chunks(), strict=True):
+        np.testing.assert_allclose(ours.rows, theirs.rows, atol=1e-5)
 
 
 def test_a_wrong_rate_can_be_corrected(clips, tmp_path):
@@ -362,11 +363,11 @@ def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
 
     monkeypatch.setattr(store, "CHUNK", 7)
     assert embedding.CHUNK > 7
-    rows = list(stored.samples.rows())
+    rows = [chunk.rows for chunk in stored.samples.chunks()]
     assert [len(own) for own in rows[:-1]] == [7] * (len(rows) - 1)
     whole = np.concatenate(rows)
     split = replace(stored.samples, extents=((0, 5, 20), (0, 0, 3), (0, 40, 9)))
-    got = np.concatenate(list(split.rows()))
+    got = np.concatenate([chunk.rows for chunk in split.chunks()])
     np.testing.assert_array_equal(got, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
 
 

@@ -18,11 +18,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from mograft import rotations
-from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft._arrays import BoolArray, FloatArray, IntArray, Packed
 from mograft.body import body, up_axis
 from mograft.bvh import poses, read_bvh
 from mograft.config import Config
-from mograft.embedding import Packed, normalise
+from mograft.embedding import normalise
 from mograft.errors import MograftError
 from mograft.faults import find_faults
 from mograft.motion import Motion

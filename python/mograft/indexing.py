@@ -31,13 +31,12 @@ from mograft.digest import (
     same_rate,
     settle,
 )
-from mograft.embedding import CHUNK, Embedding, embed, means_of, normalise
+from mograft.embedding import CHUNK, Embedding, Samples, embed, means_of, normalise
 from mograft.embedding import Source as SampleSource
 from mograft.errors import MograftError
 from mograft.groups import JointGroups
 from mograft.library import (
     Library,
-    PackedSamples,
     Progress,
     Tags,
     clusters,
@@ -91,7 +90,7 @@ def build(
         if isinstance(own.clip, Motion)
     )
     segments = joined([own.segments for own in taken])
-    samples = PackedSamples(
+    samples = Samples(
         np.concatenate([own.samples for own in taken]), terms.config.samples, skeleton.n_joints
     )
     members = joints_compared(groups, skeleton)
@@ -130,7 +129,7 @@ def mirrored(library: Library) -> Library:
         [*(e.name for e in library.entries), *(f"{e.name}_mirrored" for e in library.entries)]
     )
     clips = MirroredClips(library.clips, tuple(names))
-    rows, ends = [*library.samples.rows()], []
+    rows, ends = [chunk.packed() for chunk in library.samples.chunks()], []
     for index in range(n):
         clip, own = clips[n + index], library.segments.of_clip(index)
         cut = Segments(library.segments.start[own], library.segments.stop[own])
@@ -144,7 +143,7 @@ def mirrored(library: Library) -> Library:
         )
         rows.append(sampled.packed())
         ends.append(edges(clip, cut))
-    samples = PackedSamples(np.concatenate(rows), library.config.samples, library.skeleton.n_joints)
+    samples = Samples(np.concatenate(rows), library.config.samples, library.skeleton.n_joints)
     terms = Terms(library.skeleton, library.rate, library.root, library.up, library.config)
     embedding = _embedded(samples, library.groups, terms, _say_nothing)
     labels, sigma = clusters(embedding, 2 * len(library.segments), library.config)

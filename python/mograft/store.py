@@ -33,10 +33,10 @@ from typing import IO, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from mograft._arrays import FloatArray, IntArray
+from mograft._arrays import FloatArray, IntArray, Packed
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft.digest import Digest, Facts, Kind, Origin, Stored, same_rate, unpack
-from mograft.embedding import CHUNK, Packed, Samples
+from mograft.embedding import CHUNK, Samples
 from mograft.errors import LibraryError
 from mograft.motion import Motion
 from mograft.skeleton import EndSite, Skeleton
@@ -236,8 +236,12 @@ class StoredSamples:
     def __len__(self) -> int:
         return sum(n for _, _, n in self.extents)
 
-    def rows(self) -> Iterator[Packed]:
-        """Yield `CHUNK` rows at a time."""
+    def chunks(self) -> Iterator[Samples]:
+        """Yield `CHUNK` segments at a time."""
+        for rows in self._rows():
+            yield Samples(rows, self.n_samples, self.n_joints)
+
+    def _rows(self) -> Iterator[Packed]:
         width = self.n_samples * (4 * self.n_joints + 3) + 1
         with contextlib.ExitStack() as stack:
             streams = [stack.enter_context(path.open("rb")) for path in self.files]
@@ -256,11 +260,6 @@ class StoredSamples:
                         waiting, held = [], 0
             if waiting:
                 yield np.concatenate(waiting)
-
-    def chunks(self, joints: IntArray) -> Iterator[Samples]:
-        """Yield `CHUNK` segments at a time, with the rotations of some joints alone."""
-        for rows in self.rows():
-            yield Samples.unpack(rows, self.n_samples, self.n_joints, joints)
 
 
 @dataclass(frozen=True, eq=False)

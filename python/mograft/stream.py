@@ -15,7 +15,7 @@ from mograft.capsules import capsules
 from mograft.config import Config
 from mograft.constraints import AvoidSelf, Clip, Constraint, MaxAngle, Violation, violations
 from mograft.digest import edges, same_rate
-from mograft.embedding import Samples, features, normalise
+from mograft.embedding import features, normalise
 from mograft.footskate import legs
 from mograft.grafting import Substitution, swapped
 from mograft.library import Library, Members
@@ -741,7 +741,7 @@ class _Clusters:
         samples = normalise(
             [motion], cut, config, root=library.root, up=library.up, heights=[self.height]
         )
-        samples = Samples.unpack(samples.packed(), config.samples, motion.n_joints)
+        samples = replace(samples, rows=samples.packed())
         point = known.project(
             features(samples, known.joints, known.reference, has_root=known.has_root)
         )

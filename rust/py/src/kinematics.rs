@@ -2,14 +2,14 @@
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
-use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation};
+use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation, sample};
 use numpy::{IntoPyArray as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, as_quats, as_vecs, from_owned_quats, from_quats, from_vecs, into_array,
-    value_error, with_last,
+    Array, Floats, Rows, as_quats, as_rows, as_vecs, from_owned_quats, from_quats, from_vecs,
+    into_array, value_error, with_last,
 };
 
 type Indices<'py> = PyReadonlyArray1<'py, i64>;
@@ -27,20 +27,6 @@ pub fn exp<'py>(py: Python<'py>, vectors: Floats<'py>) -> Array<'py> {
 pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
     let slice = as_quats(&rotations)?;
     let vectors: Vec<DVec3> = py.detach(|| slice.iter().map(|&q| rotation::log(q)).collect());
-    from_vecs(py, &vectors, &with_last(&rotations, &[]))
-}
-
-/// See `mograft.embedding.features`.
-#[pyfunction]
-pub fn log_from<'py>(
-    py: Python<'py>,
-    references: Floats<'py>,
-    rotations: Floats<'py>,
-) -> Array<'py> {
-    let (from, to) = (as_quats(&references)?, as_quats(&rotations)?);
-    let vectors = py
-        .detach(|| rotation::log_from(from, to))
-        .map_err(value_error)?;
     from_vecs(py, &vectors, &with_last(&rotations, &[]))
 }
 
@@ -255,6 +241,48 @@ pub fn segments_positions<'py>(
         .detach(|| resample::segments_positions(vecs, n_joints, &starts, &stops, &counts))
         .map_err(value_error)?;
     from_vecs(py, &resampled, &[counts.iter().sum(), n_joints])
+}
+
+/// See `mograft.embedding.moments`.
+#[pyfunction]
+pub fn moments<'py>(py: Python<'py>, rows: Rows<'py>, shape: (usize, usize)) -> Array<'py> {
+    let summed = match &rows {
+        Rows::Single(own) => {
+            let rows = as_rows(own, shape)?;
+            py.detach(|| sample::moments(rows))
+        }
+        Rows::Double(own) => {
+            let rows = as_rows(own, shape)?;
+            py.detach(|| sample::moments(rows))
+        }
+    };
+    into_array(py, summed.map_err(value_error)?, &[shape.1, 4, 4])
+}
+
+/// See `mograft.embedding.features`.
+#[pyfunction]
+pub fn features<'py>(
+    py: Python<'py>,
+    rows: Rows<'py>,
+    shape: (usize, usize),
+    joints: Indices<'py>,
+    references: Floats<'py>,
+    n_rest: usize,
+    threads: usize,
+) -> Array<'py> {
+    let (joints, from) = (as_usizes(&joints)?, as_quats(&references)?);
+    let (n, vectors) = match &rows {
+        Rows::Single(own) => {
+            let rows = as_rows(own, shape)?;
+            (own.shape()[0], py.detach(|| sample::features(rows, &joints, from, n_rest, threads)))
+        }
+        Rows::Double(own) => {
+            let rows = as_rows(own, shape)?;
+            (own.shape()[0], py.detach(|| sample::features(rows, &joints, from, n_rest, threads)))
+        }
+    };
+    let wide = 3 * shape.0 * joints.len() + n_rest;
+    into_array(py, vectors.map_err(value_error)?, &[n, wide])
 }
 
 /// See `mograft.substitution.pose_gaps`.
