@@ -20,6 +20,7 @@ new one. Readers need no lock; writers take one, which ends with their process.
 import contextlib
 import hashlib
 import json
+import mmap
 import os
 import shutil
 import sqlite3
@@ -28,7 +29,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
-from typing import IO, Any, overload
+from typing import IO, Any, Literal, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -107,8 +108,7 @@ class Entry:
         return Facts(skeleton, self.rate, self.own_frames, self.root, self.up)
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """Where a stored clip is, and how to read it.
 
     Attributes
@@ -388,7 +388,7 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> Contents:
         if name.endswith(".npy") and not key.startswith("samples-"):
             try:
                 arrays[key] = _mapped(path)
-            except ValueError as error:
+            except (TypeError, ValueError) as error:
                 raise _damaged(folder, f"{name}: {error}") from error
     try:
         return Contents(folder, manifest, *_read_catalogue(folder / inside / CATALOGUE), arrays)
@@ -397,8 +397,13 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> Contents:
 
 
 def _mapped(path: Path) -> npt.NDArray[Any]:
-    array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    return array.view(np.ndarray)
+    # As np.load does with mmap_mode, in a fifth of the time: dozens are mapped at each opening.
+    with path.open("rb") as stream:
+        np.lib.format.read_magic(stream)
+        shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+        numbers = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+        order: Literal["F", "C"] = "F" if is_fortran else "C"
+        return np.ndarray(shape, dtype, numbers, stream.tell(), order=order)
 
 
 def _damaged(folder: Path, what: str) -> LibraryError:
@@ -973,18 +978,21 @@ def _read_catalogue(
             if row[3] is not None:
                 where = os.path.normpath(os.path.join(folder, row[3]))
                 origin = Origin(where, row[4], row[5], row[6])
-            faults, tags = (tuple(json.loads(text)) if text != "[]" else () for text in row[13:15])
             facts = row[7], row[8], row[9], row[10], row[11], row[12]
-            entries.append(Entry(row[1], row[2], origin, *facts, faults, tags))
-            repairs = tuple(json.loads(row[21])) if row[21] != "[]" else ()
+            words = _words(row[13]), _words(row[14])
+            entries.append(Entry(row[1], row[2], origin, *facts, *words))
             place = row[15], row[16], row[17], row[18], row[19], row[20]
-            places.append(Place(*place, repairs, row[22]))
+            places.append(Place(*place, _words(row[21]), row[22]))
         skeletons = tuple(
             _read_skeleton(text)
             for (text,) in base.execute("SELECT json FROM skeleton ORDER BY id")
         )
         refused = dict(base.execute("SELECT path, reason FROM refused"))
     return tuple(entries), tuple(places), skeletons, refused
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return () if text == "[]" else tuple(json.loads(text))
 
 
 def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
