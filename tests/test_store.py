@@ -11,6 +11,7 @@ import warnings
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ from mograft.cli import main
 from mograft.cli._common import chosen_clips
 from mograft.dancer import dance
 from mograft.digest import pack, unpack
-from mograft.sources import read_table
+from mograft.sources import read_table, way_to
 from mograft.tables import export, tables
 from tests.strategies import motions
 
@@ -571,6 +572,17 @@ def test_a_full_disk_leaves_what_was_there_and_is_told_by_file(clips, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
     assert store.leftovers(tmp_path / "l") == []
     same(Library.open(tmp_path / "l"), library)
+
+
+WAYS = st.lists(st.sampled_from(["a", "b", "..", ".", "a b"]), max_size=5).map("/".join)
+
+
+@given(WAYS, WAYS, st.booleans())
+def test_the_way_to_a_file_is_that_of_the_standard_library(folders, folder, is_absolute):
+    path = f"{folders}/take.bvh".lstrip("/")
+    path = os.path.abspath(path) if is_absolute else path
+    expected = Path(os.path.relpath(path, folder or "."))
+    assert way_to(path, Path(folder)) == expected
 
 
 def test_a_library_can_be_moved_with_its_clips(clips, tmp_path):

@@ -27,7 +27,7 @@ import sqlite3
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal, NamedTuple, overload
 
@@ -41,6 +41,7 @@ from mograft.embedding import CHUNK, Samples
 from mograft.errors import LibraryError
 from mograft.motion import Motion
 from mograft.skeleton import EndSite, Skeleton
+from mograft.sources import way_to
 
 __all__ = [
     "Contents",
@@ -683,7 +684,6 @@ class Draft:
 
         `segments` has the columns clip, start, stop and is_donor.
         """
-        inside = [_inward(entry, self.final) for entry in entries]
         with _database(self.folder / CATALOGUE) as base:
             base.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _TABLES)
             base.executemany(
@@ -693,8 +693,8 @@ class Draft:
             base.executemany(
                 f"INSERT INTO clip VALUES ({', '.join('?' * _COLUMNS)})",
                 [
-                    _row(number, entry, place)
-                    for number, (entry, place) in enumerate(zip(inside, places, strict=True))
+                    _row(number, entry, place, self.final)
+                    for number, (entry, place) in enumerate(zip(entries, places, strict=True))
                 ],
             )
             base.executemany("INSERT INTO refused VALUES (?, ?)", list(refused.items()))
@@ -928,13 +928,16 @@ CREATE TABLE label (
 _COLUMNS = 23
 
 
-def _row(number: int, entry: Entry, place: Place) -> tuple[Any, ...]:
-    origin = (None,) * 4 if entry.origin is None else astuple(entry.origin)
+def _row(number: int, entry: Entry, place: Place, folder: Path) -> tuple[Any, ...]:
+    source: tuple[Any, ...] = (None,) * 4
+    if entry.origin is not None:
+        own = entry.origin
+        source = (way_to(own.path, folder).as_posix(), own.size, own.mtime_ns, own.sha256)
     return (
         number,
         entry.name,
         entry.own_name,
-        *origin,
+        *source,
         entry.rate,
         entry.given_rate,
         entry.own_frames,
@@ -943,26 +946,10 @@ def _row(number: int, entry: Entry, place: Place) -> tuple[Any, ...]:
         entry.up,
         json.dumps(entry.faults),
         json.dumps(entry.tags),
-        place.shard,
-        place.at,
-        place.size,
-        place.row,
-        place.kind,
-        place.frame_time,
+        *place[:6],
         json.dumps(place.repairs),
         place.skeleton,
     )
-
-
-def _inward(entry: Entry, folder: Path) -> Entry:
-    """Return the entry with its file's path as seen from the library."""
-    if entry.origin is None:
-        return entry
-    try:
-        path = Path(os.path.relpath(entry.origin.path, folder)).as_posix()
-    except ValueError:  # on another drive there is no way from here
-        path = Path(os.path.abspath(entry.origin.path)).as_posix()
-    return replace(entry, origin=replace(entry.origin, path=path))
 
 
 def _read_catalogue(
