@@ -429,6 +429,27 @@ def test_any_flipped_byte_is_harmless_or_reported(small, data):
         path.write_bytes(whole)
 
 
+@settings(max_examples=300)
+@given(st.data())
+def test_an_array_whose_header_differs_is_read_or_refused(small, data):
+    """Opening compares sizes alone; what a header says must not lead beyond the file."""
+    paths = [path for path in files_of(small) if path.suffix == ".npy"]
+    path = data.draw(st.sampled_from(paths), label="file")
+    whole = path.read_bytes()
+    at = data.draw(st.integers(0, 127))
+    header = bytearray(whole[:128])
+    header[at] = data.draw(st.one_of(st.integers(0, 255), st.sampled_from(b"0123456789(),'")))
+    try:
+        path.write_bytes(bytes(header) + whole[128:])
+        arrays = store.read(small).arrays
+    except LibraryError:
+        return
+    finally:
+        path.write_bytes(whole)
+    for name, array in arrays.items():
+        assert array.nbytes == (small / "0001" / f"{name}.npy").stat().st_size - 128
+
+
 @settings(max_examples=40)
 @given(st.data())
 def test_a_file_that_is_cut_or_gone_is_refused(small, data):
