@@ -358,6 +358,31 @@ def test_the_threads_of_the_blas_do_not_matter(tmp_path):
     assert files[2] == files[0]
 
 
+def test_the_command_settles_the_threads_of_the_blas_before_numpy_is_loaded(tmp_path):
+    script = """
+import os, sys
+from mograft.cli import main
+class Seen:
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy":
+            print(os.environ.get("OPENBLAS_NUM_THREADS"))
+sys.meta_path.insert(0, Seen())
+main(["index", "nothing.bvh", "-o", "l"])
+"""
+    environment = {key: own for key, own in os.environ.items() if not key.endswith("_THREADS")}
+    for extra, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            cwd=tmp_path,
+            env=environment | extra,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+        assert done.stdout.split() == [expected]
+
+
 def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
     """However the rows lie in files, the same chunks come out."""
     from mograft import embedding

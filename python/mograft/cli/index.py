@@ -51,6 +51,11 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    # Matrices are small here: the threads of NumPy's BLAS, in this process and in its workers,
+    # mostly wait for one another, for seconds where another program holds a processor. They are
+    # settled when NumPy is loaded.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     from mograft.library import Library
     from mograft.sources import read_table
 
@@ -117,10 +122,7 @@ def _pool(jobs: int) -> "Iterator[Executor | None]":
     if jobs == 1:
         yield None
         return
-    # Each worker does its own arithmetic on small arrays: threads below it only get in the way.
     # Spawned, not forked, as threads and open files do not survive a fork.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     import multiprocessing
 
     from mograft.cli._pool import Pool
