@@ -90,6 +90,7 @@ def run(script, *arguments):
         file.write(script)
     process = subprocess.Popen(
         [sys.executable, file.name, *map(str, arguments)],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # as in `mograft index`
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,

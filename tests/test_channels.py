@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mograft import Config, JointGroups, Library, Skeleton, graft, rotations
-from mograft.channels import angles, apart, held_alone, told
+from mograft.channels import HeldSamples, angles, apart, held_alone, samples_alone, told
 from mograft.dancer import dance
+from mograft.embedding import Samples
 from mograft.seams import SHIFTS, Ends, Moments, offset
 from mograft.transplant import _Laid, recombine, transplant
-from tests.strategies import SEEDS, same_rotations
+from tests.strategies import SEEDS, same_rotations, wander
 from tests.test_transplant import LENGTHS, SEAMS, clip, pick, tiles
 
 AXES = st.sampled_from(["X", "Y", "Z", "ZX", "XY", "ZY"])
@@ -79,6 +80,27 @@ def test_a_channel_is_joined_as_a_number(lengths, seed):
     found = part.angles[3, "Y"]
     found = np.where(np.isnan(found), angle, found)
     np.testing.assert_allclose(np.sin((found - plain) / 2), 0.0, atol=1e-6)
+
+
+@given(SEEDS, AXES, st.booleans())
+def test_of_samples_only_the_divided_joint_changes(seed, axes, is_single):
+    rng = np.random.default_rng(seed)
+    cut = tiles([3, 4])
+    skeleton = clip(rng, cut).skeleton
+    quats = wander(rng, 9 * 2, skeleton.n_joints).reshape(9, 2, skeleton.n_joints, 4)
+    rows = np.concatenate([quats.reshape(9, -1), rng.normal(size=(9, 7))], axis=1)
+    whole = Samples(rows.astype(np.float32) if is_single else rows, 2, skeleton.n_joints)
+    alone = samples_alone(whole, skeleton, {3: axes})
+    np.testing.assert_array_equal(alone.rest, whole.rest)
+    others = np.delete(np.arange(skeleton.n_joints), 3)
+    np.testing.assert_array_equal(alone.rotations[:, :, others], whole.rotations[:, :, others])
+    expected = held_alone(
+        whole.rotations[:, :, 3].astype(np.float64), skeleton.rotation_order(3), axes
+    )
+    np.testing.assert_array_equal(alone.rotations[:, :, 3], expected)
+    (chunk,) = HeldSamples(whole, skeleton, {3: axes}).chunks()
+    np.testing.assert_array_equal(chunk.rows, alone.rows)
+    assert samples_alone(whole, skeleton, {}) is whole
 
 
 @given(SEEDS, st.sampled_from(["XYZ", "ZXY", "YZX", "ZYX", "XZY", "YXZ"]))

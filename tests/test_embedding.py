@@ -10,7 +10,16 @@ from hypothesis.extra import numpy as npst
 from sklearn.decomposition import PCA
 
 from mograft import Config, Segments, rotations, segment
-from mograft.embedding import Spread, embed, features, mean_rotations, means_of, moments, normalise
+from mograft.embedding import (
+    Samples,
+    Spread,
+    embed,
+    features,
+    mean_rotations,
+    means_of,
+    moments,
+    normalise,
+)
 from mograft.embedding import pca as components_of
 from tests import plain
 from tests.strategies import SEEDS, motions, quaternions, same_rotations, wander
@@ -28,11 +37,39 @@ def pca(matrix, n_components, floors):
 def matrix_of(motion, config, joints=None):
     joints = np.arange(motion.n_joints) if joints is None else joints
     samples = normalise([motion], segment(motion, config), config, **PLACE)
-    turned = samples.rotations[:, :, joints].reshape(-1, len(joints), 4)
-    reference = mean_rotations(moments(turned))
+    reference = mean_rotations(moments(samples))[joints]
     if not config.keep_heading:
         reference[joints == 0] = rotations.IDENTITY
     return features(samples, joints, reference, has_root=0 in joints)
+
+
+def poses(quats):
+    """Return poses as segments of one sample each."""
+    n, n_joints, _ = quats.shape
+    return Samples(np.concatenate([quats.reshape(n, -1), np.zeros((n, 4))], axis=1), 1, n_joints)
+
+
+@given(SEEDS, st.integers(1, 300), st.integers(1, 3), st.integers(1, 4), st.booleans())
+def test_kernels_take_rows_as_they_are_kept(seed, n, n_samples, n_joints, is_single):
+    """Whatever the precision and the order of joints: the numbers of the plain version."""
+    rng = np.random.default_rng(seed)
+    quats = wander(rng, n * n_samples, n_joints).reshape(n, n_samples, n_joints, 4)
+    rest = rng.normal(size=(n, 3 * n_samples + 1))
+    rows = np.concatenate([quats.reshape(n, -1), rest], axis=1)
+    samples = Samples(rows.astype(np.float32) if is_single else rows, n_samples, n_joints)
+    turned, behind = samples.rotations.astype(np.float64), samples.rest.astype(np.float64)
+    products = turned[..., :, None] * turned[..., None, :]
+    summed = products.reshape(-1, n_joints, 4, 4).cumsum(axis=0)[-1]
+    np.testing.assert_array_equal(moments(samples), summed)
+    joints = rng.permutation(n_joints)[: rng.integers(n_joints + 1)]
+    reference = wander(rng, 1, len(joints))[0]
+    there = turned[:, :, joints] / np.linalg.norm(turned[:, :, joints], axis=-1, keepdims=True)
+    vectors = rotations.log(rotations.multiply(rotations.inverse(reference), there))
+    vectors = vectors.swapaxes(1, 2).reshape(n, -1)
+    for has_root, tail in ((False, behind[:, -1:]), (True, behind)):
+        matrix = features(samples, joints, reference, has_root=has_root)
+        np.testing.assert_allclose(matrix[:, : vectors.shape[1]], vectors, atol=1e-12)
+        np.testing.assert_array_equal(matrix[:, vectors.shape[1] :], tail)
 
 
 @given(LONG, st.sampled_from((ROBUST, PAPER)))
@@ -101,8 +138,8 @@ def test_signs_of_quaternions_do_not_matter(motion, seed):
 @given(SEEDS, quaternions(()))
 def test_the_mean_rotation_is_among_them_and_turns_with_them(seed, turn):
     quats = wander(np.random.default_rng(seed), 30, 2)
-    mean = mean_rotations(moments(quats))
-    turned = mean_rotations(moments(rotations.multiply(turn, quats)))
+    mean = mean_rotations(moments(poses(quats)))
+    turned = mean_rotations(moments(poses(rotations.multiply(turn, quats))))
     same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
     assert (
         rotations.angle(quats, mean).mean(axis=0)

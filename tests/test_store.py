@@ -11,6 +11,7 @@ import warnings
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ from mograft.cli import main
 from mograft.cli._common import chosen_clips
 from mograft.dancer import dance
 from mograft.digest import pack, unpack
-from mograft.sources import read_table
+from mograft.sources import read_table, way_to
 from mograft.tables import export, tables
 from tests.strategies import motions
 
@@ -73,7 +74,8 @@ def same(a, b, *, places=True):
         if one is not None and other is not None:
             names = ("points", "joints", "reference", "mean", "scale", "components", "variances")
             pairs += [(getattr(one, name), getattr(other, name)) for name in names]
-    pairs += zip(a.samples.rows(), b.samples.rows(), strict=True)
+    chunks = zip(a.samples.chunks(), b.samples.chunks(), strict=True)
+    pairs += [(one.rows, other.rows) for one, other in chunks]
     for ours, theirs in zip(a.clips, b.clips, strict=True):
         assert ours.frame_time == theirs.frame_time
         pairs += [(ours.rotations, theirs.rotations), (ours.positions, theirs.positions)]
@@ -243,8 +245,8 @@ def test_a_few_clips_that_a_dummy_carries_do_not_move_the_others():
     library = Library.build([other[:160], own[160:320], own[320:480]], groups)
     assert library.root == 1
     alike = Library.build([own[:160], own[160:320], own[320:480]], groups)
-    for ours, theirs in zip(library.samples.rows(), alike.samples.rows(), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-5)
+    for ours, theirs in zip(library.samples.chunks(), alike.samples.chunks(), strict=True):
+        np.testing.assert_allclose(ours.rows, theirs.rows, atol=1e-5)
 
 
 def test_a_wrong_rate_can_be_corrected(clips, tmp_path):
@@ -356,17 +358,42 @@ def test_the_threads_of_the_blas_do_not_matter(tmp_path):
     assert files[2] == files[0]
 
 
+def test_the_command_settles_the_threads_of_the_blas_before_numpy_is_loaded(tmp_path):
+    script = """
+import os, sys
+from mograft.cli import main
+class Seen:
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy":
+            print(os.environ.get("OPENBLAS_NUM_THREADS"))
+sys.meta_path.insert(0, Seen())
+main(["index", "nothing.bvh", "-o", "l"])
+"""
+    environment = {key: own for key, own in os.environ.items() if not key.endswith("_THREADS")}
+    for extra, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            cwd=tmp_path,
+            env=environment | extra,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+        assert done.stdout.split() == [expected]
+
+
 def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
     """However the rows lie in files, the same chunks come out."""
     from mograft import embedding
 
     monkeypatch.setattr(store, "CHUNK", 7)
     assert embedding.CHUNK > 7
-    rows = list(stored.samples.rows())
+    rows = [chunk.rows for chunk in stored.samples.chunks()]
     assert [len(own) for own in rows[:-1]] == [7] * (len(rows) - 1)
     whole = np.concatenate(rows)
     split = replace(stored.samples, extents=((0, 5, 20), (0, 0, 3), (0, 40, 9)))
-    got = np.concatenate(list(split.rows()))
+    got = np.concatenate([chunk.rows for chunk in split.chunks()])
     np.testing.assert_array_equal(got, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
 
 
@@ -425,6 +452,27 @@ def test_any_flipped_byte_is_harmless_or_reported(small, data):
             same(Library.open(small), plain)
     finally:
         path.write_bytes(whole)
+
+
+@settings(max_examples=300)
+@given(st.data())
+def test_an_array_whose_header_differs_is_read_or_refused(small, data):
+    """Opening compares sizes alone; what a header says must not lead beyond the file."""
+    paths = [path for path in files_of(small) if path.suffix == ".npy"]
+    path = data.draw(st.sampled_from(paths), label="file")
+    whole = path.read_bytes()
+    at = data.draw(st.integers(0, 127))
+    header = bytearray(whole[:128])
+    header[at] = data.draw(st.one_of(st.integers(0, 255), st.sampled_from(b"0123456789(),'")))
+    try:
+        path.write_bytes(bytes(header) + whole[128:])
+        arrays = store.read(small).arrays
+    except LibraryError:
+        return
+    finally:
+        path.write_bytes(whole)
+    for name, array in arrays.items():
+        assert array.nbytes == (small / "0001" / f"{name}.npy").stat().st_size - 128
 
 
 @settings(max_examples=40)
@@ -570,6 +618,17 @@ def test_a_full_disk_leaves_what_was_there_and_is_told_by_file(clips, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
     assert store.leftovers(tmp_path / "l") == []
     same(Library.open(tmp_path / "l"), library)
+
+
+WAYS = st.lists(st.sampled_from(["a", "b", "..", ".", "a b"]), max_size=5).map("/".join)
+
+
+@given(WAYS, WAYS, st.booleans())
+def test_the_way_to_a_file_is_that_of_the_standard_library(folders, folder, is_absolute):
+    path = f"{folders}/take.bvh".lstrip("/")
+    path = os.path.abspath(path) if is_absolute else path
+    expected = Path(os.path.relpath(path, folder or "."))
+    assert way_to(path, Path(folder)) == expected
 
 
 def test_a_library_can_be_moved_with_its_clips(clips, tmp_path):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mograft._arrays import FloatArray, IntArray
+from mograft._arrays import FloatArray, IntArray, Packed
 
 __all__ = [
     "BUILD_PROFILE",
@@ -18,6 +18,7 @@ __all__ = [
     "cut_tuned",
     "eigen",
     "exp",
+    "features",
     "format_rows",
     "from_channels",
     "from_euler",
@@ -28,7 +29,7 @@ __all__ = [
     "linkage_condensed",
     "linkage_tuned",
     "log",
-    "log_from",
+    "moments",
     "multiply",
     "pose_gaps",
     "rotate",
@@ -46,9 +47,17 @@ VERSION: Final[str]
 
 def exp(vectors: FloatArray) -> FloatArray: ...
 def log(rotations: FloatArray) -> FloatArray: ...
-def log_from(references: FloatArray, rotations: FloatArray) -> FloatArray: ...
 def multiply(a: FloatArray, b: FloatArray) -> FloatArray: ...
 def rotate(rotations: FloatArray, vectors: FloatArray) -> FloatArray: ...
+def moments(rows: Packed | FloatArray, shape: tuple[int, int]) -> FloatArray: ...
+def features(
+    rows: Packed | FloatArray,
+    shape: tuple[int, int],
+    joints: IntArray,
+    references: FloatArray,
+    n_rest: int,
+    threads: int,
+) -> FloatArray: ...
 def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
 def from_channels(
     values: FloatArray,

@@ -138,11 +138,15 @@ def ends_alone(
 
 def samples_alone(samples: Samples, skeleton: Skeleton, held: Held) -> Samples:
     """Return samples of all joints, of divided ones only what a group holds."""
-    turned = samples.rotations.copy() if held else samples.rotations
+    if not held:
+        return samples
+    turned = samples.rotations.astype(np.float64)
     for joint, axes in held.items():
         own = held_alone(turned[:, :, joint], skeleton.rotation_order(joint), axes)
         turned[:, :, joint] = own
-    return replace(samples, rotations=turned)
+    rest = samples.rest.astype(np.float64)
+    rows = np.concatenate([turned.reshape(len(samples), -1), rest], axis=1)
+    return replace(samples, rows=rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,13 +160,7 @@ class HeldSamples:
     def __len__(self) -> int:
         return len(self.samples)
 
-    def chunks(self, joints: IntArray) -> Iterator[Samples]:
-        """Yield segments at a time, with the rotations of some joints alone."""
-        for chunk in self.samples.chunks(joints):
-            turned = chunk.rotations.copy()
-            for column, joint in enumerate(joints.tolist()):
-                if joint in self.held:
-                    order = self.skeleton.rotation_order(joint)
-                    own = held_alone(turned[:, :, column], order, self.held[joint])
-                    turned[:, :, column] = own
-            yield Samples(turned, chunk.steps, chunk.lengths)
+    def chunks(self) -> Iterator[Samples]:
+        """Yield some segments at a time."""
+        for chunk in self.samples.chunks():
+            yield samples_alone(chunk, self.skeleton, self.held)

@@ -18,11 +18,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from mograft import rotations
-from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft._arrays import BoolArray, FloatArray, IntArray, Packed
 from mograft.body import body, up_axis
 from mograft.bvh import poses, read_bvh
 from mograft.config import Config
-from mograft.embedding import Packed, normalise
+from mograft.embedding import normalise
 from mograft.errors import MograftError
 from mograft.faults import find_faults
 from mograft.motion import Motion
@@ -568,8 +568,8 @@ def _without_faults(motion: Motion, cut: Segments) -> tuple[BoolArray, tuple[str
     return good, tuple(fault.message for fault in found)
 
 
-def joined(cuts: Sequence[Segments]) -> Segments:
-    """Return the segments of several clips as those of one library."""
-    clip: IntArray = np.repeat(np.arange(len(cuts)), [len(own) for own in cuts])
-    start = np.concatenate([own.start for own in cuts])
-    return Segments(start, np.concatenate([own.stop for own in cuts]), clip)
+def joined(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
+    """Return the segments of several clips, each by starts and stops, as those of one library."""
+    clip: IntArray = np.repeat(np.arange(len(ends)), [len(start) for start, _ in ends])
+    start, stop = (np.concatenate(several) for several in zip(*ends, strict=True))
+    return Segments(start, stop, clip)

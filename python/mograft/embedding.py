@@ -1,5 +1,6 @@
 """One vector per segment and joint group: resampled, aligned, reduced (paper, 4.1.3 and 4.2)."""
 
+import os
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,11 +8,10 @@ from itertools import islice
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from mograft import _core, rotations
 from mograft._algebra import eigen, gram, product
-from mograft._arrays import FloatArray, IntArray
+from mograft._arrays import FloatArray, IntArray, Packed
 from mograft.config import FRAME, Config
 from mograft.motion import Motion
 from mograft.resample import segments, segments_positions
@@ -39,8 +39,6 @@ _STILL = 1e-6
 """Features that vary by less are dropped: samples are kept in single precision, whose grain
 is 6e-8 for a rotation, and what is below it is no motion."""
 
-Packed = npt.NDArray[np.float32]
-
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -48,51 +46,41 @@ class Samples:
 
     Attributes
     ----------
-    rotations : ndarray, shape (n_segments, n_samples, n_joints, 4)
-        Local rotations; those of the locomotion root are its rotations in the world.
-    steps : ndarray, shape (n_segments, n_samples, 3)
-        The root's way from the sample before, in skeleton heights; 0 at the first.
-    lengths : ndarray, shape (n_segments,)
-        Lengths before resampling, in frames of 1/30 s.
+    rows : ndarray, shape (n_segments, 4·samples·joints + 3·samples + 1)
+        A row per segment, as libraries keep it, in single precision, or as it is computed.
+        Local rotations, sample by sample, those of the locomotion root in the world; the
+        root's way from the sample before, in skeleton heights, 0 at the first; the length
+        before resampling, in frames of 1/30 s.
+    n_samples, n_joints : int
+        Samples per segment, and joints of each.
     """
 
-    rotations: FloatArray
-    steps: FloatArray
-    lengths: FloatArray
+    rows: Packed | FloatArray
+    n_samples: int
+    n_joints: int
 
     def __len__(self) -> int:
-        return len(self.lengths)
+        return len(self.rows)
 
-    def chunks(self, joints: IntArray) -> "Iterator[Samples]":
-        """Yield `CHUNK` segments at a time, with the rotations of some joints alone."""
-        for start in range(0, len(self), CHUNK):
-            own = slice(start, start + CHUNK)
-            yield Samples(self.rotations[own][:, :, joints], self.steps[own], self.lengths[own])
+    @property
+    def rotations(self) -> Packed | FloatArray:
+        """The rotations, a view of shape (n_segments, n_samples, n_joints, 4)."""
+        end = 4 * self.n_samples * self.n_joints
+        return self.rows[:, :end].reshape(len(self), self.n_samples, self.n_joints, 4)
+
+    @property
+    def rest(self) -> Packed | FloatArray:
+        """What stands behind the rotations, shape (n_segments, 3·samples + 1)."""
+        return self.rows[:, 4 * self.n_samples * self.n_joints :]
 
     def packed(self) -> Packed:
-        """Return one row of single-precision numbers per segment, as libraries keep them.
+        """Return the rows in single precision, as libraries keep them."""
+        return self.rows.astype(np.float32, copy=False)
 
-        Returns
-        -------
-        ndarray of float32, shape (n_segments, 4·samples·joints + 3·samples + 1)
-            Rotations sample by sample, steps, length.
-        """
-        n = len(self)
-        parts = [self.rotations.reshape(n, -1), self.steps.reshape(n, -1), self.lengths[:, None]]
-        return np.concatenate(parts, axis=1, dtype=np.float32)
-
-    @classmethod
-    def unpack(
-        cls, rows: Packed, n_samples: int, n_joints: int, joints: IntArray | slice = slice(None)
-    ) -> "Samples":
-        """Return what `packed` made rows of, or the part of it that some joints have."""
-        n, end = len(rows), 4 * n_samples * n_joints
-        turned = rows[:, :end].reshape(n, n_samples, n_joints, 4)[:, :, joints]
-        return cls(
-            turned.astype(np.float64),
-            rows[:, end:-1].reshape(n, n_samples, 3).astype(np.float64),
-            rows[:, -1].astype(np.float64),
-        )
+    def chunks(self) -> "Iterator[Samples]":
+        """Yield `CHUNK` segments at a time."""
+        for start in range(0, len(self), CHUNK):
+            yield replace(self, rows=self.rows[start : start + CHUNK])
 
 
 class Source(Protocol):
@@ -102,8 +90,8 @@ class Source(Protocol):
         """Return the number of segments."""
         ...
 
-    def chunks(self, joints: IntArray) -> Iterator[Samples]:
-        """Yield `CHUNK` segments at a time, with the rotations of some joints alone."""
+    def chunks(self) -> Iterator[Samples]:
+        """Yield `CHUNK` segments at a time."""
         ...
 
 
@@ -180,7 +168,7 @@ def normalise(
         The segments in the order of `cut`.
     """
     m = config.samples
-    quats, steps, lengths = [], [], []
+    rows = []
     for index, clip in enumerate(clips):
         own = cut.of_clip(index)
         bounds = (cut.start[own], cut.stop[own], np.full(len(own), m))
@@ -198,10 +186,10 @@ def normalise(
             back = rotations.inverse(_headings(carried[:, 0], up))[:, None]
             carried, way = rotations.multiply(back, carried), rotations.rotate(back, way)
         sampled[:, :, root] = carried
-        quats.append(sampled)
-        steps.append(way)
-        lengths.append(cut.lengths[own] * clip.frame_time / FRAME)
-    return Samples(np.concatenate(quats), np.concatenate(steps), np.concatenate(lengths))
+        lengths = cut.lengths[own] * clip.frame_time / FRAME
+        parts = [sampled.reshape(len(own), -1), way.reshape(len(own), -1), lengths[:, None]]
+        rows.append(np.concatenate(parts, axis=1))
+    return Samples(np.concatenate(rows), m, clips[0].n_joints)
 
 
 def _headings(first: FloatArray, up: int) -> FloatArray:
@@ -238,30 +226,30 @@ def features(
         Per joint and sample a rotation vector in radians, then the root's steps in skeleton
         heights, then the length in frames of 1/30 s.
     """
-    n = len(samples.lengths)
-    # Quaternions in single precision are unit to 1e-7 only; they are made unit again.
-    vectors = _core.log_from(reference, np.ascontiguousarray(samples.rotations[:, :, joints]))
-    parts = [vectors.transpose(0, 2, 1, 3).reshape(n, -1)]
-    if has_root:
-        parts.append(samples.steps.reshape(n, -1))
-    return np.concatenate([*parts, samples.lengths[:, None]], axis=1)
+    return _core.features(
+        samples.rows,
+        (samples.n_samples, samples.n_joints),
+        joints,
+        reference,
+        (3 * samples.n_samples if has_root else 0) + 1,
+        os.cpu_count() or 1,
+    )
 
 
-def moments(quats: FloatArray) -> FloatArray:
+def moments(samples: Samples) -> FloatArray:
     """Return each joint's Σ q qᵀ, from which `mean_rotations` tells the mean.
 
     Parameters
     ----------
-    quats : ndarray, shape (n, n_joints, 4)
-        Unit quaternions.
+    samples : Samples
+        The normalised segments.
 
     Returns
     -------
     ndarray, shape (n_joints, 4, 4)
         Those of several sets add up to those of their union.
     """
-    summed: FloatArray = np.einsum("nji,njk->jik", quats, quats)
-    return summed
+    return _core.moments(samples.rows, (samples.n_samples, samples.n_joints))
 
 
 def mean_rotations(summed: FloatArray) -> FloatArray:
@@ -370,8 +358,8 @@ def pca(
 def means_of(samples: Source, n_joints: int) -> FloatArray:
     """Return the mean rotation of each joint in all segments, shape (n_joints, 4)."""
     summed = np.zeros((n_joints, 4, 4))
-    for part in samples.chunks(np.arange(n_joints)):
-        summed += moments(part.rotations.reshape(-1, n_joints, 4))
+    for part in samples.chunks():
+        summed += moments(part)
     return mean_rotations(summed)
 
 
@@ -412,7 +400,6 @@ def embed(
     reference = means[joints]
     if has_root and not config.keep_heading:
         reference[joints == root] = rotations.IDENTITY
-    everything = np.arange(n_joints)
 
     at_hand: list[FloatArray] = []
 
@@ -421,8 +408,8 @@ def embed(
         known = len(at_hand)
         if known * CHUNK >= n:
             return
-        for number, part in enumerate(islice(samples.chunks(joints), known, None), known):
-            matrix = features(part, everything, reference, has_root=has_root)
+        for number, part in enumerate(islice(samples.chunks(), known, None), known):
+            matrix = features(part, joints, reference, has_root=has_root)
             # Features are computed anew for the second pass, but for the first that fit.
             if number == len(at_hand) and 8 * matrix.size * (number + 1) <= _AT_HAND:
                 at_hand.append(matrix)
@@ -464,10 +451,10 @@ class _NearTheCut:
 
     def seen(self, matrix: FloatArray) -> FloatArray:
         """Count a chunk's, and hand it on."""
-        vectors = matrix[:, : self._n_rotations].reshape(-1, 3)
-        squared = np.einsum("ni,ni->n", vectors, vectors)
-        self._near += int((squared > (np.pi - 0.1) ** 2).sum())
-        self._whole += len(vectors)
+        vectors = matrix[:, : self._n_rotations].reshape(len(matrix), -1, 3)
+        squared = np.einsum("nvi,nvi->nv", vectors, vectors)
+        self._near += int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))
+        self._whole += squared.size
         return matrix
 
     def warn(self, group: str) -> None:

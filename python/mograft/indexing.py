@@ -31,13 +31,12 @@ from mograft.digest import (
     same_rate,
     settle,
 )
-from mograft.embedding import CHUNK, Embedding, embed, means_of, normalise
+from mograft.embedding import CHUNK, Embedding, Samples, embed, means_of, normalise
 from mograft.embedding import Source as SampleSource
 from mograft.errors import MograftError
 from mograft.groups import JointGroups
 from mograft.library import (
     Library,
-    PackedSamples,
     Progress,
     Tags,
     clusters,
@@ -83,15 +82,15 @@ def build(
     skeleton = terms.skeleton
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, skeleton)
-    entries = tuple(replace(own, name=name) for own, name in zip(shelf, names, strict=True))
+    entries = tuple(_called(own, name) for own, name in zip(shelf, names, strict=True))
     _warn(entries, terms.rate)
     clips = tuple(
         own.clip if own.clip.name == name else replace(own.clip, name=name)
         for own, name in zip(taken, names, strict=True)
         if isinstance(own.clip, Motion)
     )
-    segments = joined([own.segments for own in taken])
-    samples = PackedSamples(
+    segments = joined([(own.segments.start, own.segments.stop) for own in taken])
+    samples = Samples(
         np.concatenate([own.samples for own in taken]), terms.config.samples, skeleton.n_joints
     )
     members = joints_compared(groups, skeleton)
@@ -130,7 +129,7 @@ def mirrored(library: Library) -> Library:
         [*(e.name for e in library.entries), *(f"{e.name}_mirrored" for e in library.entries)]
     )
     clips = MirroredClips(library.clips, tuple(names))
-    rows, ends = [*library.samples.rows()], []
+    rows, ends = [chunk.packed() for chunk in library.samples.chunks()], []
     for index in range(n):
         clip, own = clips[n + index], library.segments.of_clip(index)
         cut = Segments(library.segments.start[own], library.segments.stop[own])
@@ -144,7 +143,7 @@ def mirrored(library: Library) -> Library:
         )
         rows.append(sampled.packed())
         ends.append(edges(clip, cut))
-    samples = PackedSamples(np.concatenate(rows), library.config.samples, library.skeleton.n_joints)
+    samples = Samples(np.concatenate(rows), library.config.samples, library.skeleton.n_joints)
     terms = Terms(library.skeleton, library.rate, library.root, library.up, library.config)
     embedding = _embedded(samples, library.groups, terms, _say_nothing)
     labels, sigma = clusters(embedding, 2 * len(library.segments), library.config)
@@ -203,7 +202,7 @@ class _Slot:
 
     @classmethod
     def of(cls, key: Key, found: Found, frame_rates: Mapping[str, float] | None) -> "_Slot":
-        rates = matching(frame_rates, found.keys)
+        rates = matching(frame_rates, found)
         if rates and not 0 < rates[-1] < float("inf"):
             raise ValueError(f"frame_rates must be above 0 frames per second, got {rates[-1]}")
         return cls(key, found, float(rates[-1]) if rates else None)
@@ -219,9 +218,10 @@ class _Slot:
         """Return what is known of the clip, now that it is digested; its name is not yet."""
         if self.entry is not None:
             return replace(self.entry, n_frames=own.n_frames, faults=own.faults)
-        words = list(self.found.folders) if self.found is not None else []
-        for more in matching(tags, self.found.keys if self.found is not None else ()):
-            words += more
+        words: list[str] = []
+        if self.found is not None:
+            words += self.found.folders
+            words += chain.from_iterable(matching(tags, self.found))
         return _entry(own, self.given_rate, tuple(dict.fromkeys(words)))
 
 
@@ -345,6 +345,10 @@ def _entry(own: Digest, given_rate: float | None, tags: tuple[str, ...]) -> Entr
     )
 
 
+def _called(entry: Entry, name: str) -> Entry:
+    return entry if entry.name == name else replace(entry, name=name)
+
+
 _MOST_WARNINGS = 8
 
 
@@ -413,10 +417,14 @@ class _Shelved:
     key: Key
     entry: Entry
     place: Place
-    segments: Segments
+    start: IntArray
+    stop: IntArray
     is_donor: BoolArray
     row: int
     is_fresh: bool
+
+    def __len__(self) -> int:
+        return len(self.start)
 
 
 def write(
@@ -436,8 +444,9 @@ def write(
 
     def take(slot: _Slot, own: Digest) -> None:
         place, entry = draft.take(own), slot.entered(own, tags)
+        ends = own.segments.start, own.segments.stop
         fresh.append(
-            _Shelved(slot.key, entry, place, own.segments, own.is_donor, place.row, is_fresh=True)
+            _Shelved(slot.key, entry, place, *ends, own.is_donor, place.row, is_fresh=True)
         )
 
     def forget() -> None:
@@ -477,10 +486,10 @@ def write(
         raise ValueError(f"no clip can be used: {why}")
     shelved = sorted([*kept, *fresh], key=lambda own: own.key)
     names = named([own.entry.own_name for own in shelved])
-    entries = tuple(replace(own.entry, name=name) for own, name in zip(shelved, names, strict=True))
-    segments = joined([own.segments for own in shelved])
+    entries = tuple(_called(own.entry, name) for own, name in zip(shelved, names, strict=True))
+    segments = joined([(own.start, own.stop) for own in shelved])
     places = [own.place for own in shelved]
-    extents = [(own.place.shard, own.place.row, len(own.segments)) for own in shelved]
+    extents = [(own.place.shard, own.place.row, len(own)) for own in shelved]
     samples = draft.samples(extents, terms.config.samples, terms.skeleton.n_joints)
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, terms.skeleton)
@@ -544,16 +553,16 @@ def _kept(base: Library, slots: Sequence[_Slot], tags: Tags | None) -> list[_She
         key: Key = (1, (f"{index:09}",))
         own = entry
         if entry.origin is not None:
-            key = (0, way_to(entry.origin.path, base.folder))
-            found = Found(entry.origin.path)
-            words = [word for more in matching(tags, found.keys) for word in more]
-            own = replace(entry, tags=tuple(dict.fromkeys([*entry.tags, *words])))
+            key = (0, way_to(entry.origin.path, base.folder).parts)
+            words = dict.fromkeys(chain(entry.tags, *matching(tags, Found(entry.origin.path))))
+            if len(words) > len(entry.tags):
+                own = replace(entry, tags=tuple(words))
         if key in anew:
             continue
-        first, stop = bounds[index], bounds[index + 1]
-        cut = Segments(base.segments.start[first:stop], base.segments.stop[first:stop])
-        is_donor = base.is_donor[first:stop]
-        kept.append(_Shelved(key, own, place, cut, is_donor, first, is_fresh=False))
+        rows = slice(bounds[index], bounds[index + 1])
+        ends = base.segments.start[rows], base.segments.stop[rows]
+        is_donor = base.is_donor[rows]
+        kept.append(_Shelved(key, own, place, *ends, is_donor, rows.start, is_fresh=False))
     return kept
 
 
@@ -571,7 +580,7 @@ def _edge_pieces(
     draft: store.Draft, base: Library | None, shelved: Sequence[_Shelved], library: Library
 ) -> dict[str, dict[str, Iterator[FloatArray]]]:
     """Return the edges of each group, a piece at a time, in the order of segments."""
-    runs = store.merged([(int(own.is_fresh), own.row, len(own.segments)) for own in shelved])
+    runs = store.merged([(int(own.is_fresh), own.row, len(own)) for own in shelved])
 
     def pieces(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
         for is_fresh, first, n in runs:

@@ -18,7 +18,7 @@ from mograft.channels import ends_alone, samples_alone
 from mograft.clustering import cut, threshold
 from mograft.config import Config
 from mograft.digest import Facts, edges, pack, same_rate
-from mograft.embedding import CHUNK, Embedding, Packed, Samples, features, normalise
+from mograft.embedding import Embedding, Samples, features, normalise
 from mograft.errors import listed
 from mograft.groups import JointGroups
 from mograft.motion import Motion
@@ -37,28 +37,6 @@ Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 Progress = Callable[[str, int, int], None]
 Edges = Mapping[str, FloatArray]
 Tags = Mapping[str, Iterable[str]]
-
-
-@dataclass(frozen=True)
-class PackedSamples:
-    """Samples of all segments in memory, in single precision."""
-
-    packed: Packed
-    n_samples: int
-    n_joints: int
-
-    def __len__(self) -> int:
-        return len(self.packed)
-
-    def rows(self) -> Iterator[Packed]:
-        """Yield `CHUNK` rows at a time."""
-        for start in range(0, len(self), CHUNK):
-            yield self.packed[start : start + CHUNK]
-
-    def chunks(self, joints: IntArray) -> Iterator[Samples]:
-        """Yield `CHUNK` segments at a time, with the rotations of some joints alone."""
-        for rows in self.rows():
-            yield Samples.unpack(rows, self.n_samples, self.n_joints, joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +100,7 @@ class Library:
     rate: float
     entries: tuple[Entry, ...]
     edges: Mapping[str, Edges]
-    samples: PackedSamples | store.StoredSamples
+    samples: Samples | store.StoredSamples
     refused: Mapping[str, str]
     folder: Path | None = None
 
@@ -370,8 +348,8 @@ class Library:
                 entries.append(own)
                 places.append(draft.take_frames(pack(clip), row))
                 row += counts[index]
-            for rows in self.samples.rows():
-                draft.take_samples(rows)
+            for chunk in self.samples.chunks():
+                draft.take_samples(chunk.packed())
             finish(draft, replace(self, entries=tuple(entries)), places, self.edges, None)
 
     @classmethod
@@ -599,8 +577,7 @@ class Library:
         samples = normalise(
             [motion], own, self.config, root=self.root, up=self.up, heights=[height]
         )
-        m, n_joints = self.config.samples, motion.n_joints
-        samples = Samples.unpack(samples.packed(), m, n_joints)
+        samples = replace(samples, rows=samples.packed())
         ends = edges(motion, own)
         held = self.groups.held(self.skeleton)
         embedding = {

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import cache
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeVar
@@ -102,16 +103,26 @@ def by_path(found: Sequence[Found], folder: Path) -> dict[tuple[str, ...], Found
     for own in found:
         if isinstance(own.source, Motion):
             raise TypeError("sources must be files; a library of motions is built, then saved")
-        ways[way_to(own.source, folder)] = own
+        ways[way_to(own.source, folder).parts] = own
     return {way: ways[way] for way in sorted(ways)}
 
 
-def way_to(path: str, folder: Path) -> tuple[str, ...]:
-    """Return the way from a folder to a file: what clips are ordered by."""
+def way_to(path: str, folder: Path) -> Path:
+    """Return the way from a folder to a file: what clips are ordered by.
+
+    It is relative, but for a file on another drive.
+    """
+    home, name = os.path.split(os.path.abspath(path))
+    return _way(home, os.path.abspath(folder)) / name
+
+
+@cache
+def _way(path: str, start: str) -> Path:
+    """Return the way from one folder to another; files by the thousand lie in few of them."""
     try:
-        return Path(os.path.relpath(path, folder)).parts
-    except ValueError:  # on another drive
-        return Path(os.path.abspath(path)).parts
+        return Path(os.path.relpath(path, start))
+    except ValueError:
+        return Path(path)
 
 
 def named(names: Sequence[str]) -> list[str]:
@@ -129,15 +140,15 @@ def named(names: Sequence[str]) -> list[str]:
     return given
 
 
-def matching(table: Mapping[str, T] | None, keys: Sequence[str]) -> list[T]:
+def matching(table: Mapping[str, T] | None, found: Found) -> list[T]:
     """Return what a table says of a clip.
 
     Parameters
     ----------
     table : mapping of str, optional
         By name, file name or path, or globs of these.
-    keys : sequence of str
-        What the clip may be called.
+    found : Found
+        The clip.
 
     Returns
     -------
@@ -146,6 +157,7 @@ def matching(table: Mapping[str, T] | None, keys: Sequence[str]) -> list[T]:
     """
     if not table:
         return []
+    keys = found.keys
     globs = [key for key in table if glob.has_magic(key)]
     wanted = {key for key in keys if key in table}
     wanted |= {key for key in globs if any(fnmatchcase(own, key) for own in keys)}

@@ -20,26 +20,30 @@ new one. Readers need no lock; writers take one, which ends with their process.
 import contextlib
 import hashlib
 import json
+import math
+import mmap
 import os
+import re
 import shutil
 import sqlite3
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, overload
+from typing import IO, Any, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from mograft._arrays import FloatArray, IntArray
+from mograft._arrays import FloatArray, IntArray, Packed
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft.digest import Digest, Facts, Kind, Origin, Stored, same_rate, unpack
-from mograft.embedding import CHUNK, Packed, Samples
+from mograft.embedding import CHUNK, Samples
 from mograft.errors import LibraryError
 from mograft.motion import Motion
 from mograft.skeleton import EndSite, Skeleton
+from mograft.sources import way_to
 
 __all__ = [
     "Contents",
@@ -107,8 +111,7 @@ class Entry:
         return Facts(skeleton, self.rate, self.own_frames, self.root, self.up)
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """Where a stored clip is, and how to read it.
 
     Attributes
@@ -236,8 +239,12 @@ class StoredSamples:
     def __len__(self) -> int:
         return sum(n for _, _, n in self.extents)
 
-    def rows(self) -> Iterator[Packed]:
-        """Yield `CHUNK` rows at a time."""
+    def chunks(self) -> Iterator[Samples]:
+        """Yield `CHUNK` segments at a time."""
+        for rows in self._rows():
+            yield Samples(rows, self.n_samples, self.n_joints)
+
+    def _rows(self) -> Iterator[Packed]:
         width = self.n_samples * (4 * self.n_joints + 3) + 1
         with contextlib.ExitStack() as stack:
             streams = [stack.enter_context(path.open("rb")) for path in self.files]
@@ -256,11 +263,6 @@ class StoredSamples:
                         waiting, held = [], 0
             if waiting:
                 yield np.concatenate(waiting)
-
-    def chunks(self, joints: IntArray) -> Iterator[Samples]:
-        """Yield `CHUNK` segments at a time, with the rotations of some joints alone."""
-        for rows in self.rows():
-            yield Samples.unpack(rows, self.n_samples, self.n_joints, joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -398,8 +400,17 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> Contents:
 
 
 def _mapped(path: Path) -> npt.NDArray[Any]:
-    array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    return array.view(np.ndarray)
+    # np.load takes a header for any Python, which is slow for the dozens that are mapped at each
+    # opening, and raises what its parser does.
+    with path.open("rb") as stream:
+        header = _WRITTEN.fullmatch(stream.read(_HEADER))
+        numbers = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    if header is not None:
+        dtype = np.dtype(header[1].decode())
+        shape = tuple(int(n) for n in header[2].split(b",") if n)
+        if dtype.itemsize * math.prod(shape) == len(numbers) - _HEADER:
+            return np.ndarray(shape, dtype, numbers, _HEADER)
+    raise ValueError("its header is not what was written")
 
 
 def _damaged(folder: Path, what: str) -> LibraryError:
@@ -469,13 +480,18 @@ def _seals(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 # Writing.
 
-_HEADER = 128
+_HEADER, _MAGIC = 128, b"\x93NUMPY\x01\x00v\x00"
+_WRITTEN = re.compile(
+    re.escape(_MAGIC) + rb"\{'descr': '(<f4|<f8|<i8|\|b1)', 'fortran_order': False, "
+    rb"'shape': \(([0-9, ]+)\), \} *\n"
+)
+"""What `_npy_header` writes."""
 
 
 def _npy_header(dtype: str, shape: tuple[int, ...]) -> bytes:
     """Return a header of the .npy format that has the same length whatever the shape."""
     text = f"{{'descr': {dtype!r}, 'fortran_order': False, 'shape': {shape!r}, }}"
-    return b"\x93NUMPY\x01\x00v\x00" + text.ljust(_HEADER - 11).encode() + b"\n"
+    return _MAGIC + text.ljust(_HEADER - 11).encode() + b"\n"
 
 
 class _Growing:
@@ -679,7 +695,6 @@ class Draft:
 
         `segments` has the columns clip, start, stop and is_donor.
         """
-        inside = [_inward(entry, self.final) for entry in entries]
         with _database(self.folder / CATALOGUE) as base:
             base.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _TABLES)
             base.executemany(
@@ -689,8 +704,8 @@ class Draft:
             base.executemany(
                 f"INSERT INTO clip VALUES ({', '.join('?' * _COLUMNS)})",
                 [
-                    _row(number, entry, place)
-                    for number, (entry, place) in enumerate(zip(inside, places, strict=True))
+                    _row(number, entry, place, self.final)
+                    for number, (entry, place) in enumerate(zip(entries, places, strict=True))
                 ],
             )
             base.executemany("INSERT INTO refused VALUES (?, ?)", list(refused.items()))
@@ -924,13 +939,16 @@ CREATE TABLE label (
 _COLUMNS = 23
 
 
-def _row(number: int, entry: Entry, place: Place) -> tuple[Any, ...]:
-    origin = (None,) * 4 if entry.origin is None else astuple(entry.origin)
+def _row(number: int, entry: Entry, place: Place, folder: Path) -> tuple[Any, ...]:
+    source: tuple[Any, ...] = (None,) * 4
+    if entry.origin is not None:
+        own = entry.origin
+        source = (way_to(own.path, folder).as_posix(), own.size, own.mtime_ns, own.sha256)
     return (
         number,
         entry.name,
         entry.own_name,
-        *origin,
+        *source,
         entry.rate,
         entry.given_rate,
         entry.own_frames,
@@ -939,26 +957,10 @@ def _row(number: int, entry: Entry, place: Place) -> tuple[Any, ...]:
         entry.up,
         json.dumps(entry.faults),
         json.dumps(entry.tags),
-        place.shard,
-        place.at,
-        place.size,
-        place.row,
-        place.kind,
-        place.frame_time,
+        *place[:6],
         json.dumps(place.repairs),
         place.skeleton,
     )
-
-
-def _inward(entry: Entry, folder: Path) -> Entry:
-    """Return the entry with its file's path as seen from the library."""
-    if entry.origin is None:
-        return entry
-    try:
-        path = Path(os.path.relpath(entry.origin.path, folder)).as_posix()
-    except ValueError:  # on another drive there is no way from here
-        path = Path(os.path.abspath(entry.origin.path)).as_posix()
-    return replace(entry, origin=replace(entry.origin, path=path))
 
 
 def _read_catalogue(
@@ -974,18 +976,21 @@ def _read_catalogue(
             if row[3] is not None:
                 where = os.path.normpath(os.path.join(folder, row[3]))
                 origin = Origin(where, row[4], row[5], row[6])
-            faults, tags = (tuple(json.loads(text)) if text != "[]" else () for text in row[13:15])
             facts = row[7], row[8], row[9], row[10], row[11], row[12]
-            entries.append(Entry(row[1], row[2], origin, *facts, faults, tags))
-            repairs = tuple(json.loads(row[21])) if row[21] != "[]" else ()
+            words = _words(row[13]), _words(row[14])
+            entries.append(Entry(row[1], row[2], origin, *facts, *words))
             place = row[15], row[16], row[17], row[18], row[19], row[20]
-            places.append(Place(*place, repairs, row[22]))
+            places.append(Place(*place, _words(row[21]), row[22]))
         skeletons = tuple(
             _read_skeleton(text)
             for (text,) in base.execute("SELECT json FROM skeleton ORDER BY id")
         )
         refused = dict(base.execute("SELECT path, reason FROM refused"))
     return tuple(entries), tuple(places), skeletons, refused
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return () if text == "[]" else tuple(json.loads(text))
 
 
 def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from mograft.config import Config
 from mograft.constraints import AvoidSelf, Clip, Constraint, MaxAngle, Violation, violations
 from mograft.contacts import legs
 from mograft.digest import edges, same_rate
-from mograft.embedding import Samples, features, normalise
+from mograft.embedding import features, normalise
 from mograft.grafting import Substitution, swapped
 from mograft.library import Library, Members
 from mograft.motion import Motion, world
@@ -767,7 +767,7 @@ class _Clusters:
         samples = normalise(
             [motion], cut, config, root=library.root, up=library.up, heights=[self.height]
         )
-        samples = Samples.unpack(samples.packed(), config.samples, motion.n_joints)
+        samples = replace(samples, rows=samples.packed())
         point = known.project(
             features(samples, known.joints, known.reference, has_root=known.has_root)
         )

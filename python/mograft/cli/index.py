@@ -55,6 +55,11 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    # Matrices are small here: the threads of NumPy's BLAS, in this process and in its workers,
+    # mostly wait for one another, for seconds where another program holds a processor. They are
+    # settled when NumPy is loaded.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     from mograft.library import Library
     from mograft.sources import find, matching, read_table
 
@@ -65,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     tags = None if options.tags is None else read_table(options.tags)
     if rates or tags:
         table = {key: key for key in (*rates, *(tags or ()))}
-        used = {key for own in find(options.files) for key in matching(table, own.keys)}
+        used = {key for own in find(options.files) for key in matching(table, own)}
         unused = [key for key in table if key not in used]
         if unused:
             say(f"warning: --true-rate or --tags name no clip of these files: {listed(unused)}")
@@ -127,10 +132,7 @@ def _pool(jobs: int) -> "Iterator[Executor | None]":
     if jobs == 1:
         yield None
         return
-    # Each worker does its own arithmetic on small arrays: threads below it only get in the way.
     # Spawned, not forked, as threads and open files do not survive a fork.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     import multiprocessing
 
     from mograft.cli._pool import Pool

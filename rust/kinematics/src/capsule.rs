@@ -146,7 +146,8 @@ pub fn clearance(
                 let (c, d) = (other[2 * j], other[2 * j + 1]);
                 let distance = segment_distance(a, b, c, d) - radii[i] - other_radii[j];
                 if distance < least {
-                    (least, pair_of_least) = (distance, [i as i64, j as i64]);
+                    least = distance;
+                    pair_of_least = [i, j].map(|k| i64::try_from(k).unwrap_or(-1));
                 }
             }
         }

@@ -27,6 +27,11 @@ pub enum Error {
         /// The joint.
         joint: usize,
     },
+    /// A joint that a pose does not have.
+    NoSuchJoint {
+        /// The joint.
+        joint: usize,
+    },
     /// A channel that belongs to no axis, no column or no joint.
     BadChannel,
     /// A segment that does not lie within the clip, or has no interval.
@@ -59,6 +64,7 @@ impl fmt::Display for Error {
             Self::ParentNotBefore { joint } => {
                 write!(f, "the parent of joint {joint} must stand before it")
             }
+            Self::NoSuchJoint { joint } => write!(f, "there is no joint {joint}"),
             Self::BadChannel => write!(f, "a channel must have an axis, a column and a joint"),
             Self::BadSegment { segment } => {
                 write!(f, "segment {segment} must lie within the clip and span at least 1 interval")

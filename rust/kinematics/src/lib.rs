@@ -10,6 +10,7 @@
 //! | [`resample`] | motion between its frames: along the arc, or smoothly |
 //! | [`forward`] | where the joints are in the world |
 //! | [`energy`] | how fast the links turn, and with what energy |
+//! | [`sample`] | sampled segments as vectors to compare |
 //! | [`pose`] | how far poses are apart |
 //! | [`capsule`] | how far bodies are apart |
 
@@ -20,5 +21,6 @@ pub mod forward;
 pub mod pose;
 pub mod resample;
 pub mod rotation;
+pub mod sample;
 
 pub use error::Error;

@@ -45,22 +45,6 @@ pub fn rotate(q: DQuat, v: DVec3) -> DVec3 {
     v + q.w * sideways + q.xyz().cross(sideways)
 }
 
-/// The shortest rotation vectors that lead from references to rotations, in the references' frames.
-///
-/// `rotations` holds one rotation per reference, again and again; they need not be quite unit.
-///
-/// # Errors
-///
-/// If they are no whole number of times as many.
-pub fn log_from(references: &[DQuat], rotations: &[DQuat]) -> Result<Vec<DVec3>, Error> {
-    let times = rotations.len() / references.len().max(1);
-    check_len(rotations.len(), times * references.len())?;
-    let pairs = rotations.iter().zip(references.iter().cycle());
-    Ok(pairs
-        .map(|(&q, r)| log((r.conjugate() * q).normalize()))
-        .collect())
-}
-
 /// The angle between two rotations, 0 to π.
 pub fn angle(a: DQuat, b: DQuat) -> f64 {
     let between = a.inverse() * b;

@@ -3,9 +3,10 @@
 use std::fmt::Display;
 
 use glam::{DQuat, DVec3};
+use mograft_kinematics::sample;
 use numpy::{
-    IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn,
-    PyUntypedArrayMethods as _,
+    Element, IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArray2,
+    PyReadonlyArrayDyn, PyUntypedArrayMethods as _,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -15,6 +16,23 @@ pub type Floats<'py> = PyReadonlyArrayDyn<'py, f64>;
 
 /// An array handed to Python.
 pub type Array<'py> = PyResult<Bound<'py, PyArrayDyn<f64>>>;
+
+/// Rows of sampled segments, C-contiguous, in the precision that they are kept in.
+#[derive(FromPyObject)]
+pub enum Rows<'py> {
+    /// As libraries keep them.
+    Single(PyReadonlyArray2<'py, f32>),
+    /// As they are computed.
+    Double(PyReadonlyArray2<'py, f64>),
+}
+
+/// View an array `(n, width)` as sampled segments.
+pub fn as_rows<'a, T: Element>(
+    array: &'a PyReadonlyArray2<'_, T>,
+    (n_samples, n_joints): (usize, usize),
+) -> PyResult<sample::Rows<'a, T>> {
+    Ok(sample::Rows { numbers: array.as_slice()?, width: array.shape()[1], n_samples, n_joints })
+}
 
 /// View an array `(..., 4)` as quaternions, scalar last.
 pub fn as_quats<'a>(array: &'a Floats<'_>) -> PyResult<&'a [DQuat]> {

@@ -2,15 +2,13 @@
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
-use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation};
-use numpy::{
-    IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _,
-};
+use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation, sample};
+use numpy::{IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, as_quats, as_vecs, from_quats, from_vecs, into_array,
+    Array, Floats, Rows, as_quats, as_rows, as_vecs, from_quats, from_vecs, into_array,
     value_error, with_last,
 };
 
@@ -44,23 +42,8 @@ pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'
 #[pyfunction]
 pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&rotations)?.iter().zip(as_vecs(&vectors)?);
-    let turned: Vec<DVec3> =
-        py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
+    let turned: Vec<DVec3> = py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
     from_vecs(py, turned, &with_last(&vectors, &[]))
-}
-
-/// See `mograft.embedding.features`.
-#[pyfunction]
-pub fn log_from<'py>(
-    py: Python<'py>,
-    references: Floats<'py>,
-    rotations: Floats<'py>,
-) -> Array<'py> {
-    let (from, to) = (as_quats(&references)?, as_quats(&rotations)?);
-    let vectors = py
-        .detach(|| rotation::log_from(from, to))
-        .map_err(value_error)?;
-    from_vecs(py, vectors, &with_last(&rotations, &[]))
 }
 
 /// See `mograft.rotations.angle`.
@@ -274,6 +257,48 @@ pub fn segments_positions<'py>(
         .detach(|| resample::segments_positions(vecs, n_joints, &starts, &stops, &counts))
         .map_err(value_error)?;
     from_vecs(py, resampled, &[counts.iter().sum(), n_joints])
+}
+
+/// See `mograft.embedding.moments`.
+#[pyfunction]
+pub fn moments<'py>(py: Python<'py>, rows: Rows<'py>, shape: (usize, usize)) -> Array<'py> {
+    let summed = match &rows {
+        Rows::Single(own) => {
+            let rows = as_rows(own, shape)?;
+            py.detach(|| sample::moments(rows))
+        }
+        Rows::Double(own) => {
+            let rows = as_rows(own, shape)?;
+            py.detach(|| sample::moments(rows))
+        }
+    };
+    into_array(py, summed.map_err(value_error)?, &[shape.1, 4, 4])
+}
+
+/// See `mograft.embedding.features`.
+#[pyfunction]
+pub fn features<'py>(
+    py: Python<'py>,
+    rows: Rows<'py>,
+    shape: (usize, usize),
+    joints: Indices<'py>,
+    references: Floats<'py>,
+    n_rest: usize,
+    threads: usize,
+) -> Array<'py> {
+    let (joints, from) = (as_usizes(&joints)?, as_quats(&references)?);
+    let (n, vectors) = match &rows {
+        Rows::Single(own) => {
+            let rows = as_rows(own, shape)?;
+            (own.shape()[0], py.detach(|| sample::features(rows, &joints, from, n_rest, threads)))
+        }
+        Rows::Double(own) => {
+            let rows = as_rows(own, shape)?;
+            (own.shape()[0], py.detach(|| sample::features(rows, &joints, from, n_rest, threads)))
+        }
+    };
+    let wide = 3 * shape.0 * joints.len() + n_rest;
+    into_array(py, vectors.map_err(value_error)?, &[n, wide])
 }
 
 /// See `mograft.substitution.pose_gaps`.

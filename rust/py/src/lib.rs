@@ -5,6 +5,7 @@
 //! | C-contiguous float64 array `(..., 4)` | `&[DQuat]`, no copy |
 //! | C-contiguous float64 array `(..., 3)` | `&[DVec3]`, no copy |
 //! | C-contiguous float64 or int64 array | `&[f64]` or `&[i64]`, no copy |
+//! | C-contiguous float32 or float64 array of sampled segments | `Rows<f32>` or `Rows<f64>`, no copy |
 //! | `bytes` | `&[u8]`, no copy |
 //! | a kernel's refusal | `ValueError` |
 //!
@@ -29,9 +30,9 @@ mod _core {
 
     #[pymodule_export]
     use crate::kinematics::{
-        angle, box_clearance, capsule_ends, clearance, cubic, cubic_positions, exp, from_channels,
-        from_euler, hermite, kinetic_energy, log, log_from, multiply, pose_gaps, rotate, segments,
-        segments_positions, slerp, to_euler, velocity_gaps, world,
+        angle, box_clearance, capsule_ends, clearance, cubic, cubic_positions, exp, features,
+        from_channels, from_euler, hermite, kinetic_energy, log, moments, multiply, pose_gaps,
+        rotate, segments, segments_positions, slerp, to_euler, velocity_gaps, world,
     };
 
     #[pymodule_export]
