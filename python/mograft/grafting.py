@@ -328,7 +328,8 @@ class Plan:
         """Choose donors for several motions, and change what does not meet the constraints."""
         chance = self.problem.config.choice == "random"
         rows = {} if chance and not self.problem.constraints else self.rows()
-        settled = [self.problem.settled(own, rows) for own in self.draws(rows, count, seed)]
+        drawn = self.draws(rows, count, seed)
+        settled = [self.problem.settled(own, rows, self.finish) for own in drawn]
         return _distinct(settled)
 
     def draws(self, rows: dict[str, Row], count: int, seed: int) -> list[Donors]:
@@ -430,6 +431,9 @@ class Plan:
                         frame = int(problem.cut.stop[at])
                         found.append(constraint.violation(group, frame, angle))
         return found
+
+    def finish(self, new: Motion, chosen: Donors) -> Motion:
+        return self.on_its_feet(new, chosen)[0]
 
     def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
         """Make feet stand where they do in the clips that their legs come from."""
@@ -632,7 +636,7 @@ def repair(
         # What has been put right stays as it is when the clusters grow.
         chosen = plan.problem.own if chosen is None else chosen
         plan = replace(plan, problem=plan.problem.narrowed(chosen))
-        chosen = plan.problem.settled(chosen, plan.rows())
+        chosen = plan.problem.settled(chosen, plan.rows(), plan.finish)
         graft = plan.build(chosen, 0, 0)
         if best is None or _missed_by(graft) < _missed_by(best):
             best = graft

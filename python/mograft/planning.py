@@ -11,7 +11,7 @@ what is missed after that is mended by exchanges anywhere before it, each of whi
 follows elsewhere.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -41,6 +41,9 @@ __all__ = ["Donors", "Problem", "check_names", "owners", "reasons", "take"]
 Donors = dict[str, IntArray]
 """For every grafted group the donor at each position."""
 
+Finish = Callable[[Motion, Donors], Motion]
+"""What is done to a motion of some donors once it is put together."""
+
 _ROUNDS = 8
 _NEAR = 3
 """Positions about a missed one that a repair may come to change."""
@@ -51,7 +54,11 @@ _LONGEST = 8
 """Positions of a stretch whose rows are tried: of longer ones a few rows are no help."""
 
 _FEW = 8
-"""Exchanges that are put together at a time."""
+"""Exchanges of which one is made: so many are put together, at most."""
+_TURNS = 48
+"""So many are made, at most."""
+_PATIENCE = 6
+"""So many that do not help, at most, in a row."""
 _LOOKS = 200_000
 """Poses that exchanges are judged by, at most about so many."""
 
@@ -568,7 +575,9 @@ class Problem:
         high = int(np.searchsorted(self.cut.stop, end + reach)) + 1
         return max(min(low, first - 2), 0), min(max(high, stop + 2), len(self.cut))
 
-    def settled(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
+    def settled(
+        self, donors: Donors, rows: Mapping[str, Row], finish: Finish = lambda motion, _: motion
+    ) -> Donors:
         """Change donors until the motion put together meets the hard constraints, if it can.
 
         Parameters
@@ -623,48 +632,67 @@ class Problem:
                 for low, high in _runs(_widened(missed)):
                     choices[low:high] = viterbi(_between(chain, choices, low, high))
                 chosen[group] = row.donors(choices)
-        return self._tried(self._steered(kept, rows), rows)
+        return self._tried(self._steered(kept, rows, finish), rows)
 
-    def _steered(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
-        """Exchange donors of the group that holds the root, one at a time, while it helps."""
+    def _steered(self, donors: Donors, rows: Mapping[str, Row], finish: Finish) -> Donors:
+        """Exchange donors of the group that holds the root, one at a time, until all is met.
+
+        Where no exchange helps the one that harms least is made all the same, and its place
+        is left alone for a while, so that others come to lead on from there (tabu search:
+        Glover, ORSA J. Computing 1, 1989). Of all that is seen the best is kept.
+        """
         group = self.carrier
-        if group not in rows:
+        if group is None or group not in rows:
             return donors
         row = Row.of(self.pools[group], self.scenario, rows[group].candidates, self.config)
-        chosen, least = donors, self._total([donors])[0]
-        while least > 0:
-            at, given, missed, cost = self._exchanges(group, row, chosen)
-            order = np.lexsort([cost, missed])[:_TRIALS]
-            for some in np.split(order, range(_FEW, len(order), _FEW)):
-                several = []
-                for position, donor in zip(at[some].tolist(), given[some].tolist(), strict=True):
-                    new = chosen[group].copy()
-                    new[position] = donor
-                    several.append({**chosen, group: new})
-                totals = self._total(several)
-                if len(totals) and totals.min() < least:
-                    least, chosen = float(totals.min()), several[int(totals.argmin())]
-                    break
-            else:
+        chosen, motion = donors, finish(self.assembled(donors), donors)
+        least, kept = self._total(motion), donors
+        free, idle = np.zeros(len(self.cut), np.int64), 0
+        for turn in range(_TURNS):
+            if least == 0 or idle > _PATIENCE:
                 break
-        return chosen
+            at, given, missed = self._exchanges(group, row, chosen, motion, free <= turn)
+            found = np.inf
+            for position, donor in zip(at[:_FEW].tolist(), given[:_FEW].tolist(), strict=True):
+                own = chosen[group].copy()
+                own[position] = donor
+                trial = {**chosen, group: own}
+                made = finish(self.assembled(trial), trial)
+                total = self._total(made)
+                if total < found:
+                    found, best_of_few, where = total, (trial, made), position
+                if total < least:
+                    break
+            if not np.isfinite(found):
+                break
+            chosen, motion = best_of_few
+            free[where] = turn + _PATIENCE
+            idle += 1
+            if found < least:
+                least, kept, idle = found, chosen, 0
+        return kept
 
     def _exchanges(
-        self, group: str, row: Row, chosen: Donors
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Return single exchanges in the group that holds the root, and what comes of each.
+        self, group: str, row: Row, chosen: Donors, motion: Motion, free: BoolArray
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return single exchanges in the group that holds the root, the most promising first.
 
-        That is a position, a donor for it, what the motion then misses if what follows is
-        moved as it is, and what the row costs more.
+        That is a position, a donor for it, and what the motion then misses if all that
+        follows is moved as it is.
         """
-        motion = self.assembled(chosen)
         poses = self.poses.at(np.arange(motion.n_frames), *motion.world())
         root = Root.of(motion, self.library.root)
         missed = self._over(poses)
-        reach = self.cut.start < int(np.flatnonzero(missed)[-1])
+        reach = free & (self.cut.start < int(np.flatnonzero(missed)[-1]))
         choices = row.choices(chosen[group])
-        costs = [own - own[choice] for own, choice in zip(_alone(row.chain, choices), choices)]
-        within = [free & (np.arange(len(c)) != choice) & (c < BEYOND / 2) for free, c, choice in zip(reach, costs, choices)]
+        costs = [
+            own - own[choice]
+            for own, choice in zip(_alone(row.chain, choices), choices, strict=True)
+        ]
+        within = [
+            can & (own < BEYOND / 2) & (np.arange(len(own)) != choice)
+            for can, own, choice in zip(reach, costs, choices, strict=True)
+        ]
         at = np.repeat(np.arange(len(reach)), [int(own.sum()) for own in within])
         given = np.concatenate([own[keep] for own, keep in zip(row.candidates, within)])
         cost = np.concatenate([own[keep] for own, keep in zip(costs, within)])
@@ -674,8 +702,7 @@ class Problem:
         total = so_far
         # In its own place.
         looks = np.flatnonzero(self.active[at])
-        lengths = self.cut.lengths[at[looks]] + 1
-        for some in _chunks(looks, lengths):
+        for some in _chunks(looks, self.cut.lengths[at[looks]] + 1):
             own = self.candidate_poses(group, at[some], given[some], motion, come[some])
             counts = self.cut.lengths[at[some]] + 1
             total[some] += np.add.reduceat(self._over(own), np.cumsum(counts) - counts)
@@ -686,11 +713,13 @@ class Problem:
         frames = frames[::every]
         which, frame = np.nonzero(frames > ends[:, None])
         for low in range(0, len(which), _CHUNK):
-            some = slice(low, low + _CHUNK)
-            moments = frames[frame[some]]
-            moved = goes[which[some]].poses(poses.at(moments, poses.rotations[moments], poses.positions[moments]))
-            total += every * np.bincount(which[some], self._over(moved), len(at))
-        return at, given, total, cost
+            some = which[low : low + _CHUNK]
+            moments = frames[frame[low : low + _CHUNK]]
+            there = poses.at(moments, poses.rotations[moments], poses.positions[moments])
+            over = self._over(goes[some].poses(there))
+            total += every * np.bincount(some, over, len(at))
+        order = np.lexsort([cost, total])
+        return at[order], given[order], total[order]
 
     def _over(self, poses: Poses) -> FloatArray:
         """Return by how much poses miss hard constraints, summed over groups."""
@@ -704,10 +733,10 @@ class Problem:
             found += most
         return found
 
-    def _total(self, several: Sequence[Donors]) -> FloatArray:
-        """Return for several choices by how much each misses hard constraints in all."""
-        found = self._excesses(several, 0, len(self.cut)).values()
-        return np.sum([own.sum(axis=1) for own in found], axis=0)
+    def _total(self, motion: Motion) -> float:
+        """Return by how much a motion misses hard constraints in all."""
+        poses = self.poses.at(np.arange(motion.n_frames), *motion.world())
+        return float(self._over(poses).sum())
 
     def _missed(self, excess: FloatArray) -> BoolArray:
         """Tell which positions have a frame in which something is missed."""
@@ -723,6 +752,8 @@ class Problem:
         """
         chosen = dict(donors)
         for group, row in rows.items():
+            if group == self.carrier:
+                continue
             missed = self._missed(self.excess(chosen)[group])
             windows = [own for own in _runs(_widened(missed)) if own[1] - own[0] <= _LONGEST]
             if not windows:
@@ -746,8 +777,7 @@ class Problem:
                     trials.append(choices.copy())
                     trials[-1][low:high] = few
                 several = [{**chosen, group: row.donors(trial)} for trial in trials]
-                stop = len(self.cut) if group == self.carrier else min(high + 1, len(self.cut))
-                chosen = self._least(several, max(low - 1, 0), stop)
+                chosen = self._least(several, max(low - 1, 0), min(high + 1, len(self.cut)))
         return chosen
 
     def _least(self, several: Sequence[Donors], first: int, stop: int) -> Donors:
