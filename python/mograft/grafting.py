@@ -16,6 +16,7 @@ from mograft.planning import Donors, Problem, take
 from mograft.scenario import Scenario, arranged, stands
 from mograft.search import best, diverse, sample, viterbi
 from mograft.skeleton import Skeleton
+from mograft.steering import steered
 from mograft.substitution import Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
@@ -328,9 +329,12 @@ class Plan:
         """Choose donors for several motions, and change what does not meet the constraints."""
         chance = self.problem.config.choice == "random"
         rows = {} if chance and not self.problem.constraints else self.rows()
-        drawn = self.draws(rows, count, seed)
-        settled = [self.problem.settled(own, rows, self.finish) for own in drawn]
-        return _distinct(settled)
+        return _distinct([self.settled(own, rows) for own in self.draws(rows, count, seed)])
+
+    def settled(self, donors: Donors, rows: dict[str, Row]) -> Donors:
+        """Change what does not meet the constraints."""
+        donors = self.problem.settled(donors, rows)
+        return steered(self.problem, donors, rows, self.finish)
 
     def draws(self, rows: dict[str, Row], count: int, seed: int) -> list[Donors]:
         """Choose donors for several motions, each different from the others."""
@@ -433,6 +437,7 @@ class Plan:
         return found
 
     def finish(self, new: Motion, chosen: Donors) -> Motion:
+        """Return a motion of some donors as it is given back."""
         return self.on_its_feet(new, chosen)[0]
 
     def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
@@ -636,7 +641,7 @@ def repair(
         # What has been put right stays as it is when the clusters grow.
         chosen = plan.problem.own if chosen is None else chosen
         plan = replace(plan, problem=plan.problem.narrowed(chosen))
-        chosen = plan.problem.settled(chosen, plan.rows(), plan.finish)
+        chosen = plan.settled(chosen, plan.rows())
         graft = plan.build(chosen, 0, 0)
         if best is None or _missed_by(graft) < _missed_by(best):
             best = graft

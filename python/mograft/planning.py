@@ -6,12 +6,11 @@ is missed then is taken out and the search runs again about that place, and wher
 help, the cheapest rows of a few donors are tried one after the other as they are put together.
 
 A group that holds the root carries the body to where its donors lead, one after the other. Its
-candidates are therefore looked at where the cheapest row that ends in them brings the root, and
-what is missed after that is mended by exchanges anywhere before it, each of which leads all that
-follows elsewhere.
+candidates are therefore looked at where the cheapest row that ends in them brings the root; what
+is missed after that is left to `mograft.steering`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -41,9 +40,6 @@ __all__ = ["Donors", "Problem", "check_names", "owners", "reasons", "take"]
 Donors = dict[str, IntArray]
 """For every grafted group the donor at each position."""
 
-Finish = Callable[[Motion, Donors], Motion]
-"""What is done to a motion of some donors once it is put together."""
-
 _ROUNDS = 8
 _NEAR = 3
 """Positions about a missed one that a repair may come to change."""
@@ -52,15 +48,6 @@ _AT_ONCE = 24
 """Of which so many are put together at a time."""
 _LONGEST = 8
 """Positions of a stretch whose rows are tried: of longer ones a few rows are no help."""
-
-_FEW = 8
-"""Exchanges of which one is made: so many are put together, at most."""
-_TURNS = 48
-"""So many are made, at most."""
-_PATIENCE = 6
-"""So many that do not help, at most, in a row."""
-_LOOKS = 200_000
-"""Poses that exchanges are judged by, at most about so many."""
 
 _CHUNK = 20_000
 """Poses that are looked at at a time: some hundred megabytes."""
@@ -337,9 +324,7 @@ class Problem:
         looks = [own.applies(frames) for own in self.posed if own.is_hard]
         return np.any(looks, axis=0) if looks else np.zeros(len(frames), bool)
 
-    def _missed_by(
-        self, group: str, at: IntArray, poses: Poses
-    ) -> tuple[FloatArray, FloatArray]:
+    def _missed_by(self, group: str, at: IntArray, poses: Poses) -> tuple[FloatArray, FloatArray]:
         """Return what candidates in some positions miss, as `misses` does."""
         counts = self.cut.lengths[at] + 1
         starts = np.cumsum(counts) - counts
@@ -454,10 +439,10 @@ class Problem:
                 dearer = _dear(hard) + price
             more.append(dearer)
             total = total + row.chain.alone[position] + dearer
-            ends = self._led(donors, come)
+            ends = self.led(donors, come)
         return replace(row, chain=row.chain.plus(more))
 
-    def _led(self, donors: IntArray, come: Root) -> Root:
+    def led(self, donors: IntArray, come: Root) -> Root:
         """Return where donors lead a root that has come somewhere."""
         taken = take(self.library.segments, donors)
         first, last = (
@@ -469,6 +454,24 @@ class Problem:
             for ends, frames in ((first, taken.start[own]), (last, taken.stop[own])):
                 ends.turns[own], ends.spots[own] = root.turns[frames], root.spots[frames]
         return Placement.onto(first, come, self.library.up).root(last)
+
+    def over(self, poses: Poses) -> FloatArray:
+        """Return by how much each pose misses hard constraints, in tolerances beyond 1.
+
+        Of the constraints the most, and of that the sum over groups.
+        """
+        found = np.zeros(len(poses))
+        for joints in self.owner.values():
+            found += self._beyond(poses, joints)
+        return found
+
+    def _beyond(self, poses: Poses, joints: BoolArray) -> FloatArray:
+        most = np.zeros(len(poses))
+        for constraint in self.constraints:
+            if constraint.is_hard:
+                error, _ = constraint.errors(poses, joints)
+                most = np.maximum(most, error - 1.0)
+        return most
 
     def passing(self, group: str) -> list[IntArray]:
         """Return the candidates that meet hard constraints, or all where none does.
@@ -554,11 +557,7 @@ class Problem:
         inner = slice(int(self.cut.start[first]) - begin, int(self.cut.stop[stop - 1]) - begin + 1)
         found = {}
         for group in self.pools:
-            most = np.zeros(len(frames))
-            for constraint in self.constraints:
-                if constraint.is_hard:
-                    error, _ = constraint.errors(poses, self.owner[group])
-                    most = np.maximum(most, error - 1.0)
+            most = self._beyond(poses, self.owner[group])
             found[group] = most.reshape(len(several), -1)[:, inner]
         return found
 
@@ -575,9 +574,7 @@ class Problem:
         high = int(np.searchsorted(self.cut.stop, end + reach)) + 1
         return max(min(low, first - 2), 0), min(max(high, stop + 2), len(self.cut))
 
-    def settled(
-        self, donors: Donors, rows: Mapping[str, Row], finish: Finish = lambda motion, _: motion
-    ) -> Donors:
+    def settled(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
         """Change donors until the motion put together meets the hard constraints, if it can.
 
         Parameters
@@ -591,8 +588,8 @@ class Problem:
         -------
         dict of str to ndarray of int
             Of all choices that were tried the one that misses least, and of those the first.
-            Nothing is changed but where a constraint is missed, and next to it; of a group
-            that holds the root, also anywhere before.
+            Nothing is changed but where a constraint is missed, and next to it; and nothing of
+            a group that holds the root, for which there is `mograft.steering`.
         """
         if not any(own.is_hard for own in self.constraints):
             return donors
@@ -632,111 +629,7 @@ class Problem:
                 for low, high in _runs(_widened(missed)):
                     choices[low:high] = viterbi(_between(chain, choices, low, high))
                 chosen[group] = row.donors(choices)
-        return self._tried(self._steered(kept, rows, finish), rows)
-
-    def _steered(self, donors: Donors, rows: Mapping[str, Row], finish: Finish) -> Donors:
-        """Exchange donors of the group that holds the root, one at a time, until all is met.
-
-        Where no exchange helps the one that harms least is made all the same, and its place
-        is left alone for a while, so that others come to lead on from there (tabu search:
-        Glover, ORSA J. Computing 1, 1989). Of all that is seen the best is kept.
-        """
-        group = self.carrier
-        if group is None or group not in rows:
-            return donors
-        row = Row.of(self.pools[group], self.scenario, rows[group].candidates, self.config)
-        chosen, motion = donors, finish(self.assembled(donors), donors)
-        least, kept = self._total(motion), donors
-        free, idle = np.zeros(len(self.cut), np.int64), 0
-        for turn in range(_TURNS):
-            if least == 0 or idle > _PATIENCE:
-                break
-            at, given, missed = self._exchanges(group, row, chosen, motion, free <= turn)
-            found = np.inf
-            for position, donor in zip(at[:_FEW].tolist(), given[:_FEW].tolist(), strict=True):
-                own = chosen[group].copy()
-                own[position] = donor
-                trial = {**chosen, group: own}
-                made = finish(self.assembled(trial), trial)
-                total = self._total(made)
-                if total < found:
-                    found, best_of_few, where = total, (trial, made), position
-                if total < least:
-                    break
-            if not np.isfinite(found):
-                break
-            chosen, motion = best_of_few
-            free[where] = turn + _PATIENCE
-            idle += 1
-            if found < least:
-                least, kept, idle = found, chosen, 0
-        return kept
-
-    def _exchanges(
-        self, group: str, row: Row, chosen: Donors, motion: Motion, free: BoolArray
-    ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return single exchanges in the group that holds the root, the most promising first.
-
-        That is a position, a donor for it, and what the motion then misses if all that
-        follows is moved as it is.
-        """
-        poses = self.poses.at(np.arange(motion.n_frames), *motion.world())
-        root = Root.of(motion, self.library.root)
-        missed = self._over(poses)
-        reach = free & (self.cut.start < int(np.flatnonzero(missed)[-1]))
-        choices = row.choices(chosen[group])
-        costs = [
-            own - own[choice]
-            for own, choice in zip(_alone(row.chain, choices), choices, strict=True)
-        ]
-        within = [
-            can & (own < BEYOND / 2) & (np.arange(len(own)) != choice)
-            for can, own, choice in zip(reach, costs, choices, strict=True)
-        ]
-        at = np.repeat(np.arange(len(reach)), [int(own.sum()) for own in within])
-        given = np.concatenate([own[keep] for own, keep in zip(row.candidates, within)])
-        cost = np.concatenate([own[keep] for own, keep in zip(costs, within)])
-        begins, ends = self.cut.start[at], self.cut.stop[at]
-        come = root[begins]
-        so_far = np.concatenate([[0.0], np.cumsum(missed)])[begins]
-        total = so_far
-        # In its own place.
-        looks = np.flatnonzero(self.active[at])
-        for some in _chunks(looks, self.cut.lengths[at[looks]] + 1):
-            own = self.candidate_poses(group, at[some], given[some], motion, come[some])
-            counts = self.cut.lengths[at[some]] + 1
-            total[some] += np.add.reduceat(self._over(own), np.cumsum(counts) - counts)
-        # After it.
-        goes = Placement.onto(root[ends], self._led(given, come), self.library.up)
-        frames = np.flatnonzero(self.applies)
-        every = max(1, int(np.ceil(len(frames) * len(at) / 2 / _LOOKS)))
-        frames = frames[::every]
-        which, frame = np.nonzero(frames > ends[:, None])
-        for low in range(0, len(which), _CHUNK):
-            some = which[low : low + _CHUNK]
-            moments = frames[frame[low : low + _CHUNK]]
-            there = poses.at(moments, poses.rotations[moments], poses.positions[moments])
-            over = self._over(goes[some].poses(there))
-            total += every * np.bincount(some, over, len(at))
-        order = np.lexsort([cost, total])
-        return at[order], given[order], total[order]
-
-    def _over(self, poses: Poses) -> FloatArray:
-        """Return by how much poses miss hard constraints, summed over groups."""
-        found = np.zeros(len(poses))
-        for joints in self.owner.values():
-            most = np.zeros(len(poses))
-            for constraint in self.constraints:
-                if constraint.is_hard:
-                    error, _ = constraint.errors(poses, joints)
-                    most = np.maximum(most, error - 1.0)
-            found += most
-        return found
-
-    def _total(self, motion: Motion) -> float:
-        """Return by how much a motion misses hard constraints in all."""
-        poses = self.poses.at(np.arange(motion.n_frames), *motion.world())
-        return float(self._over(poses).sum())
+        return self._tried(kept, rows)
 
     def _missed(self, excess: FloatArray) -> BoolArray:
         """Tell which positions have a frame in which something is missed."""
@@ -811,21 +704,6 @@ def _runs(mask: BoolArray) -> list[tuple[int, int]]:
     """Return where runs of true start and stop, the stop not included."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
     return [(int(low), int(high)) for low, high in edges]
-
-
-def _alone(chain: Chain, choices: IntArray) -> list[FloatArray]:
-    """Return what each choice costs with the neighbours as chosen."""
-    costs = list(chain.alone)
-    for position, after in enumerate(chain.after):
-        costs[position] = costs[position] + after[:, choices[position + 1]]
-        costs[position + 1] = costs[position + 1] + after[choices[position]]
-    return costs
-
-
-def _chunks(which: IntArray, counts: IntArray) -> list[IntArray]:
-    """Return some, a few at a time, so that what they count is never too much at once."""
-    chunk = np.cumsum(counts) // _CHUNK
-    return np.split(which, np.flatnonzero(np.diff(chunk)) + 1) if len(which) else []
 
 
 def _between(chain: Chain, choices: IntArray, low: int, high: int) -> Chain:
