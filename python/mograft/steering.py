@@ -19,11 +19,11 @@ from mograft.substitution import BEYOND, Row
 
 __all__ = ["exchanges", "steered"]
 
-_TURNS = 96
+_TURNS = 64
 """Exchanges that are made, at most."""
-_PATIENCE = 32
+_PATIENCE = 16
 """Of which so many in a row may be of no help."""
-_TENURE = 8
+_TENURE = 6
 """Turns that the place of an exchange is left alone, at most."""
 _FEW = 2
 """Exchanges of which one is made: so many are put together."""
