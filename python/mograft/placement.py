@@ -122,9 +122,9 @@ class Placement:
 
     def poses(self, poses: Poses) -> Poses:
         """Return whole bodies, as many, moved."""
-        yaws = self.yaws[:, None]
+        # As matrices, for all joints at once.
+        turns = rotations.multiply(self.yaws[:, None], np.eye(4))
+        axes = rotations.rotate(self.yaws[:, None], np.eye(3))
         return poses.at(
-            poses.frames,
-            rotations.multiply(yaws, poses.rotations),
-            rotations.rotate(yaws, poses.positions) + self.shifts[:, None],
+            poses.frames, poses.rotations @ turns, poses.positions @ axes + self.shifts[:, None]
         )

@@ -606,7 +606,10 @@ class Problem:
             )
             for group, row in rows.items()
         }
-        dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in rows.items()}
+        local = {group: row for group, row in rows.items() if group != self.carrier}
+        if not local:
+            return chosen
+        dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in local.items()}
         least, kept = np.inf, chosen
         for _ in range(_ROUNDS):
             excess = self.excess(chosen)
@@ -615,9 +618,9 @@ class Problem:
                 least, kept = total, {group: own.copy() for group, own in chosen.items()}
             if total == 0:
                 return kept
-            for group, row in rows.items():
+            for group, row in local.items():
                 missed = self._missed(excess[group])
-                if group == self.carrier or not missed.any():
+                if not missed.any():
                     continue
                 choices = row.choices(chosen[group])
                 for position in np.flatnonzero(missed).tolist():
@@ -629,7 +632,7 @@ class Problem:
                 for low, high in _runs(_widened(missed)):
                     choices[low:high] = viterbi(_between(chain, choices, low, high))
                 chosen[group] = row.donors(choices)
-        return self._tried(kept, rows)
+        return self._tried(kept, local)
 
     def _missed(self, excess: FloatArray) -> BoolArray:
         """Tell which positions have a frame in which something is missed."""
@@ -645,8 +648,6 @@ class Problem:
         """
         chosen = dict(donors)
         for group, row in rows.items():
-            if group == self.carrier:
-                continue
             missed = self._missed(self.excess(chosen)[group])
             windows = [own for own in _runs(_widened(missed)) if own[1] - own[0] <= _LONGEST]
             if not windows:
