@@ -614,8 +614,9 @@ def repair(
     Graft
         The motion with other donors in those segments of the violating group in which a hard
         constraint is not met, and in their neighbours where that is cheaper. Seams reach
-        `Config.seam_blend` seconds further; everything else is as captured, bit for bit. What
-        cannot be met is told in its `violations`.
+        `Config.seam_blend` seconds further; everything else is as captured, bit for bit. (Where
+        the group holds the root, all that follows is led elsewhere.) What cannot be met is told
+        in its `violations`.
 
     Raises
     ------
