@@ -49,6 +49,11 @@ def wall(library, share=0.5):
     return mg.KeepOut(HIPS, mg.HalfSpace(tuple(there), tuple(way[0] - far)))
 
 
+def aside():
+    """What is missed everywhere, and the more so the farther the hips are to one side."""
+    return mg.KeepOut(HIPS, mg.HalfSpace((900.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+
+
 def test_only_a_group_with_the_root_carries_the_body(library):
     assert problem_of(library, []).carrier == "lower"
     names = library.groups.resolve(library.skeleton)
@@ -123,7 +128,7 @@ def test_the_cheapest_row_is_judged_where_it_goes_itself(library):
 def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
     """Against poses put together one exchange at a time."""
     rng = np.random.default_rng(seed)
-    problem = problem_of(library, [wall(library), mg.Reach(HAND, (0.0, 900.0, 0.0), 400)])
+    problem = problem_of(library, [aside(), mg.Reach(HAND, (0.0, 900.0, 0.0), 400)])
     row = problem.row("lower", {})
     free = rng.random(len(problem.cut)) < 0.1
     chosen = {"lower": np.array([rng.choice(own) for own in row.candidates])}
@@ -150,7 +155,7 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
 @settings(max_examples=4, deadline=None)
 @given(SEEDS)
 def test_what_is_judged_is_what_is_given_back(library, seed):
-    problem = problem_of(library, [wall(library)])
+    problem = problem_of(library, [aside()])
     several = [drawn(problem, np.random.default_rng([seed, turn])) for turn in range(2)]
     plan = Plan(problem)
     for donors, excess in zip(several, problem._excesses(several, 3, 9)["lower"], strict=True):
@@ -159,6 +164,7 @@ def test_what_is_judged_is_what_is_given_back(library, seed):
         error, _ = problem.constraints[0].errors(mg.Poses.of(motion))
         begin, end = problem.cut.start[3], problem.cut.stop[8]
         expected = np.maximum(error[begin : end + 1] - 1.0, 0.0)
+        assert expected.min() > 0
         np.testing.assert_allclose(excess, expected, atol=1e-9)
 
 
@@ -183,27 +189,38 @@ def test_leading_is_never_for_the_worse_and_touches_nothing_that_is_met(library)
             np.testing.assert_array_equal(led["lower"], raw["lower"])
         changed += (led["lower"] != raw["lower"]).any()
     assert changed
+    beyond = replace(problem, constraints=(mg.Reach(HIPS, (500.0, 90.0, 0.0), 500),))
+    led = steered(beyond, problem.own, rows, kept)
+    again = steered(beyond, led, rows, kept)
+    misses = [beyond.excess(own)["lower"].sum() for own in (problem.own, led, again)]
+    assert misses[0] > misses[1] >= misses[2] > 0
     far = replace(problem, constraints=(mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0)),))
     np.testing.assert_array_equal(steered(far, raw, rows, kept)["lower"], raw["lower"])
 
 
 def test_leading_looks_at_the_finished_motion(library):
     """What is done to the motion last is led around too."""
-    constraint = wall(library, 0.6)
+    constraint = wall(library)
     problem = problem_of(library, [constraint])
     rows = {"lower": problem.row("lower", {})}
-    aside = np.array(constraint.region.normal)
-    aside *= -0.05 * problem.poses.height / np.linalg.norm(aside)
+    donors = steered(problem, problem.own, rows, lambda motion, _: motion)
+    region = constraint.region
+    outward = np.array(region.normal) / np.linalg.norm(region.normal)
+    hips = problem.assembled(donors).world_positions()[:, library.root]
+    push = -outward * (((hips - region.point) @ outward).min() + 0.01 * problem.poses.height)
 
     def pushed(motion, donors):
         del donors
         places = motion.positions.copy()
-        places[:, library.root] += aside
+        places[300:, library.root] += push
         return replace(motion, positions=places, channel_values=None)
 
-    donors = steered(problem, problem.own, rows, pushed)
-    motion = pushed(problem.assembled(donors), donors)
-    assert constraint.errors(mg.Poses.of(motion))[0].max() <= 1.0
+    def missed(donors):
+        motion = pushed(problem.assembled(donors), donors)
+        return constraint.errors(mg.Poses.of(motion))[0].max()
+
+    assert missed(donors) > 1.0
+    assert missed(steered(problem, donors, rows, pushed)) <= 1.0
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "random"])
