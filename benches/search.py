@@ -3,8 +3,9 @@
 Run as ``python benches/search.py FILE.bvh...``; the speeds need no file. Prints machine, build
 profile, medians, ratios, how long a stream takes for a segment, and for every file the mean
 seam gap of the cheapest row of donors, of draws by cost and of the paper's random choice (the
-means of ten seeds), and how many of twenty reachable places are reached. ``--only speeds``,
-``stream``, ``gains`` or ``reach`` prints one of these.
+means of ten seeds), how many of twenty reachable places are reached, and how many of twenty
+demands on each kind are met where donors hold the root. ``--only speeds``, ``stream``, ``gains``,
+``reach`` or ``lead`` prints one of these.
 """
 
 import argparse
@@ -23,6 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+from benches.feet import on_the_upper_body
 from mograft import _core
 from mograft.capsules import clearance
 from mograft.dancer import dance
@@ -32,6 +34,7 @@ from mograft.substitution import Pool, Row
 from tests import plain
 
 CONFIG = mg.Config()
+HANDS = ("LeftHand", "Hand_L", "LeftWrist", "lHand")
 
 
 def median(way, repeats):
@@ -213,10 +216,7 @@ def reach(paths):
         base, scenario = library.clips[0], library.segments.of_clip(0)
         cut = take(library.segments, scenario)
         problem = Problem.of(library, base, scenario, cut, ["upper"], [])
-        hand = next(
-            (n for n in ("LeftHand", "Hand_L", "LeftWrist", "lHand") if n in base.skeleton.names),
-            None,
-        )
+        hand = next((name for name in HANDS if name in base.skeleton.names), None)
         counts = [len(own) for own in problem.candidates["upper"]]
         if hand is None or max(counts) < 2:
             print(f"{Path(path).name}: no left hand of a known name, or no candidate")
@@ -234,11 +234,62 @@ def reach(paths):
         print(f"{Path(path).name}: reached {met} of 20 places")
 
 
+def wanted(library, kind, count=20):
+    """Demands that the graft without them does not meet, and one of twenty by chance does.
+
+    A place where it has the hips or the left hand; a wall in the way of the hips; a pole in
+    the way of the body.
+    """
+    rng = np.random.default_rng(0)
+    loose = replace(library, config=replace(library.config, choice="random"))
+    plain, *others = (
+        mg.Poses.of(graft.motion) for graft in (mg.graft(library), *mg.graft_many(loose, count=20))
+    )
+    names, level = plain.skeleton.names, np.arange(3) != library.up
+    hips = names[library.root]
+    hand = next(name for name in HANDS if name in names)
+    start, found = plain.place(hips)[0] * level, []
+    for _ in range(400):
+        frame, one = int(rng.integers(len(plain))), others[rng.integers(len(others))]
+        spot = plain.place(hips)[frame] * level
+        if len(found) == count or (spot == start).all():
+            continue
+        if kind == "Reach":
+            joint = (hips, hand)[len(found) % 2]
+            demand = mg.Reach(joint, tuple(one.place(joint)[frame]), frame)
+        elif kind == "KeepOut":
+            demand = mg.KeepOut(hips, mg.HalfSpace(tuple(spot), tuple(start - spot)))
+        else:
+            top = np.where(level, spot, 2 * plain.height)
+            demand = mg.Avoid(mg.Capsule(tuple(spot), tuple(top), 0.05 * plain.height))
+        if demand.errors(plain)[0].max() > 1 and demand.errors(one)[0].max() <= 1:
+            found.append(demand)
+    return found
+
+
+def lead(paths):
+    """Count the demands that are met where legs and root come from donors."""
+    print()
+    for path in paths:
+        library = on_the_upper_body(opened(path))
+        for kind in ("Reach", "KeepOut", "Avoid"):
+            times, met, demands = [0.0], 0, wanted(library, kind)
+            for demand in demands:
+                begin = time.perf_counter()
+                met += not mg.graft(library, constraints=[demand]).violations
+                times.append(time.perf_counter() - begin)
+            print(
+                f"{Path(path).name}, {len(library.segments)} segments: {kind} met {met} of "
+                f"{len(demands)}; {statistics.median(times[1:] or times):.1f} s, "
+                f"at most {max(times):.1f} s"
+            )
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*")
     parser.add_argument("--repeats", type=int, default=7)
-    parser.add_argument("--only", choices=["speeds", "stream", "gains", "reach"])
+    parser.add_argument("--only", choices=["speeds", "stream", "gains", "reach", "lead"])
     options = parser.parse_args()
     if _core.BUILD_PROFILE != "release":
         sys.exit("this is a debug build: pip install . or maturin develop --release")
@@ -253,6 +304,8 @@ def main():
         gains(options.files)
     if options.files and options.only in (None, "reach"):
         reach(options.files)
+    if options.files and options.only in (None, "lead"):
+        lead(options.files)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from mograft.planning import Donors, Problem, take
 from mograft.scenario import Scenario
 from mograft.search import best, diverse, sample, viterbi
 from mograft.skeleton import Skeleton
+from mograft.steering import steered
 from mograft.substitution import Row, choose, reachable
 from mograft.transplant import Part, recombine, transplant
 
@@ -332,8 +333,12 @@ class Plan:
         """Choose donors for several motions, and change what does not meet the constraints."""
         chance = self.problem.config.choice == "random"
         rows = {} if chance and not self.problem.constraints else self.rows()
-        settled = [self.problem.settled(own, rows) for own in self.draws(rows, count, seed)]
-        return _distinct(settled)
+        return _distinct([self.settled(own, rows) for own in self.draws(rows, count, seed)])
+
+    def settled(self, donors: Donors, rows: dict[str, Row]) -> Donors:
+        """Change what does not meet the constraints."""
+        donors = self.problem.settled(donors, rows)
+        return steered(self.problem, donors, rows, self.finish)
 
     def draws(self, rows: dict[str, Row], count: int, seed: int) -> list[Donors]:
         """Choose donors for several motions, each different from the others."""
@@ -434,6 +439,10 @@ class Plan:
                         frame = int(problem.cut.stop[at])
                         found.append(constraint.violation(group, frame, angle))
         return found
+
+    def finish(self, new: Motion, chosen: Donors) -> Motion:
+        """Return a motion of some donors as it is given back."""
+        return self.on_its_feet(new, chosen)[0]
 
     def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
         """Make feet stand where they do in the clips that their legs come from."""
@@ -608,8 +617,9 @@ def repair(
     Graft
         The motion with other donors in those segments of the violating group in which a hard
         constraint is not met, and in their neighbours where that is cheaper. Seams reach
-        `Config.seam_blend` seconds further; everything else is as captured, bit for bit. What
-        cannot be met is told in its `violations`.
+        `Config.seam_blend` seconds further; everything else is as captured, bit for bit. (Where
+        the group holds the root, all that follows is led elsewhere.) What cannot be met is told
+        in its `violations`.
 
     Raises
     ------
@@ -635,7 +645,7 @@ def repair(
         # What has been put right stays as it is when the clusters grow.
         chosen = plan.problem.own if chosen is None else chosen
         plan = replace(plan, problem=plan.problem.narrowed(chosen))
-        chosen = plan.problem.settled(chosen, plan.rows())
+        chosen = plan.settled(chosen, plan.rows())
         graft = plan.build(chosen, 0, 0)
         if best is None or _missed_by(graft) < _missed_by(best):
             best = graft

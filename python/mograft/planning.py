@@ -4,6 +4,10 @@ A constraint is looked at twice. Before the search every candidate is put in its
 is, and what it misses becomes a cost. After it the motion is put together, seams and all: what
 is missed then is taken out and the search runs again about that place, and where that does not
 help, the cheapest rows of a few donors are tried one after the other as they are put together.
+
+A group that holds the root carries the body to where its donors lead, one after the other. Its
+candidates are therefore looked at where the cheapest row that ends in them brings the root; what
+is missed after that is left to `mograft.steering`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,8 +25,10 @@ from mograft.config import Config
 from mograft.constraints import AvoidSelf, Constraint, MaxAngle
 from mograft.library import Library
 from mograft.motion import Motion
+from mograft.placement import Placement, Root
 from mograft.poses import Poses
 from mograft.resample import segments as resampled
+from mograft.resample import segments_positions
 from mograft.search import Chain, best, viterbi
 from mograft.segmentation import Segments
 from mograft.skeleton import Skeleton
@@ -195,6 +201,15 @@ class Problem:
         return self.library.groups.held(self.library.skeleton)
 
     @cached_property
+    def carrier(self) -> str | None:
+        """The grafted group that holds the root, and so carries the body, if one does."""
+        for group in self.pools:
+            joints = np.setdiff1d(self.library.joints(group), list(self.held[group]))
+            if self.library.root in joints:
+                return group
+        return None
+
+    @cached_property
     def guides(self) -> IntArray:
         """The joints by which donors' times are aligned: the base group's, but for the root."""
         library = self.library
@@ -248,15 +263,16 @@ class Problem:
             [price[keep] for price, keep in zip(np.split(costs, ends), kept, strict=True)],
         )
 
-    def misses(self, group: str, others: Donors) -> tuple[list[FloatArray], list[FloatArray]]:
+    def misses(self, group: str, chosen: Donors) -> tuple[list[FloatArray], list[FloatArray]]:
         """Return what every candidate of a group misses in its place, as it is.
 
         Parameters
         ----------
         group : str
             The group.
-        others : dict of str to ndarray of int
-            Donors of the groups that are chosen already; the rest is as captured.
+        chosen : dict of str to ndarray of int
+            Donors of the groups that are chosen already; the rest is as captured. They say
+            where the root has come to.
 
         Returns
         -------
@@ -269,59 +285,66 @@ class Problem:
         lists = self.candidates[group]
         hard = [np.zeros(len(own)) for own in lists]
         _, soft = self._passing(group)
-        posed = [c for c in self.constraints if type(c).errors is not Constraint.errors]
-        if not posed:
+        active = np.flatnonzero(self.active).tolist()
+        if not active:
             return hard, soft
-        spans = [(0, self.base.n_frames) if c.frames is None else c.frames for c in posed]
-        active = [
-            position
-            for position, (start, stop) in enumerate(
-                zip(self.cut.start.tolist(), self.cut.stop.tolist(), strict=True)
-            )
-            if any(start <= last and stop >= first for first, last in spans)
-        ]
         rows = [len(lists[p]) * (int(self.cut.lengths[p]) + 1) for p in active]
         chunk = np.cumsum(rows) // _CHUNK
-        context = self.assembled(others).rotations if others else self.base.rotations
+        context = self.assembled(chosen) if chosen else self.base
         for _, members in groupby(zip(chunk.tolist(), active, strict=True), lambda own: own[0]):
             positions = np.array([position for _, position in members])
-            self._look(group, positions, context, posed, hard, soft)
+            counts = [len(lists[p]) for p in positions]
+            at, donors = np.repeat(positions, counts), np.concatenate([lists[p] for p in positions])
+            poses = self.candidate_poses(group, at, donors, context)
+            ends = np.cumsum(counts)[:-1]
+            found = (np.split(own, ends) for own in self._missed_by(group, at, poses))
+            for position, errors, prices in zip(positions.tolist(), *found, strict=True):
+                hard[position] = errors
+                soft[position] = soft[position] + prices
         return hard, soft
 
-    def _look(
-        self,
-        group: str,
-        positions: IntArray,
-        context: FloatArray,
-        posed: Sequence[Constraint],
-        hard: list[FloatArray],
-        soft: list[FloatArray],
-    ) -> None:
-        """Add to `hard` and `soft` what candidates at some positions miss."""
-        lists = self.candidates[group]
-        at = np.repeat(positions, [len(lists[p]) for p in positions])
-        poses = self.candidate_poses(
-            group, at, np.concatenate([lists[p] for p in positions]), context
-        )
+    @property
+    def posed(self) -> list[Constraint]:
+        """The constraints that look at poses."""
+        return [c for c in self.constraints if type(c).errors is not Constraint.errors]
+
+    @cached_property
+    def active(self) -> BoolArray:
+        """At which positions a constraint looks at poses."""
+        looks = np.zeros(len(self.cut), bool)
+        for constraint in self.posed:
+            first, last = constraint.frames or (0, self.base.n_frames)
+            looks |= (self.cut.start <= last) & (self.cut.stop >= first)
+        return looks
+
+    @cached_property
+    def applies(self) -> BoolArray:
+        """In which frames a hard constraint looks at poses."""
+        frames = np.arange(self.base.n_frames)
+        looks = [own.applies(frames) for own in self.posed if own.is_hard]
+        return np.any(looks, axis=0) if looks else np.zeros(len(frames), bool)
+
+    def _missed_by(self, group: str, at: IntArray, poses: Poses) -> tuple[FloatArray, FloatArray]:
+        """Return what candidates in some positions miss, as `misses` does."""
         counts = self.cut.lengths[at] + 1
         starts = np.cumsum(counts) - counts
         worst, price = np.zeros(len(at)), np.zeros(len(at))
-        for constraint in posed:
+        for constraint in self.posed:
             error, _ = constraint.errors(poses, self.owner[group])
             most = np.maximum.reduceat(error, starts)
             if constraint.weight is None:
                 worst = np.maximum(worst, most)
             else:
                 price += constraint.weight * most**2
-        ends = np.cumsum([len(lists[p]) for p in positions])[:-1]
-        for position, errors, prices in zip(
-            positions.tolist(), np.split(worst, ends), np.split(price, ends), strict=True
-        ):
-            hard[position] = errors
-            soft[position] = soft[position] + prices
+        return worst, price
 
     def candidate_poses(
-        self, group: str, at: IntArray, donors: IntArray, context: FloatArray | None = None
+        self,
+        group: str,
+        at: IntArray,
+        donors: IntArray,
+        context: Motion | None = None,
+        come: Root | None = None,
     ) -> Poses:
         """Return the body with donors' parts in their places, before any seam is closed.
 
@@ -331,52 +354,132 @@ class Problem:
             The group.
         at, donors : ndarray of int, shape (n,)
             Positions and donors for them.
-        context : ndarray, shape (n_frames, n_joints, 4), optional
-            Local rotations of the other joints. Default: the base's.
+        context : Motion, optional
+            What the other joints do. Default: the base.
+        come : Root, optional
+            Where a root that the group holds has come to when each donor begins. Default: as
+            in the context.
 
         Returns
         -------
         Poses
-            All frames of the first donor's place, then of the second's, and so on.
+            All frames of the first donor's place, then of the second's, and so on. A donor
+            with the root is its clip turned about up and shifted over the floor, so that its
+            first frame stands and heads as `come` does.
         """
         library, joints = self.library, self.library.joints(group)
+        context = self.base if context is None else context
         taken = take(library.segments, donors)
         counts = self.cut.lengths[at] + 1
         starts = np.cumsum(counts) - counts
         step = np.arange(counts.sum()) - np.repeat(starts, counts)
         frames = np.repeat(self.cut.start[at], counts) + step
-        local = (self.base.rotations if context is None else context)[frames]
+        local, places = context.rotations[frames], context.positions[frames]
         which = np.repeat(taken.clip, counts)
         held = self.held[group]
         joints = np.setdiff1d(joints, list(held)).astype(np.int64)
+        carried = Root(np.empty((len(frames), 4)), np.empty((len(frames), 3)))
         for clip in np.unique(taken.clip):
             own, motion = taken.clip == clip, library.clips[clip]
-            track = np.concatenate([motion.rotations[:, joints], apart(motion, held)], axis=1)
-            turned = resampled(track, taken.start[own], taken.stop[own], counts[own])
+            bounds = taken.start[own], taken.stop[own], counts[own]
             rows = which == clip
+            track = np.concatenate([motion.rotations[:, joints], apart(motion, held)], axis=1)
+            turned = resampled(track, *bounds)
             local[np.ix_(rows, joints)] = turned[:, : len(joints)]
             for (joint, axis), angle in told(turned[:, len(joints) :], held).items():
                 order = self.base.skeleton.rotation_order(joint)
                 mixed = rotations.to_euler(local[rows, joint], order)
                 mixed[:, order.index(axis)] = angle
                 local[rows, joint] = rotations.from_euler(mixed, order)
-        moved = replace(
-            self.base, rotations=local, positions=self.base.positions[frames], channel_values=None
-        )
+            if group == self.carrier:
+                root = Root.of(motion, library.root)
+                carried.turns[rows] = resampled(root.turns[:, None], *bounds)[:, 0]
+                carried.spots[rows] = segments_positions(root.spots[:, None], *bounds)[:, 0]
+        if group == self.carrier:
+            come = Root.of(context, library.root)[self.cut.start[at]] if come is None else come
+            goes = Placement.onto(carried[starts], come, library.up)
+            root = goes[np.repeat(np.arange(len(at)), counts)].root(carried)
+            root = root.under(context, frames, library.root)
+            local[:, library.root], places[:, library.root] = root.turns, root.spots
+        moved = replace(self.base, rotations=local, positions=places, channel_values=None)
         return self.poses.at(frames, *moved.world())
 
     def row(self, group: str, others: Donors) -> Row:
         """Return what donors of a group cost, constraints included."""
+        if group == self.carrier:
+            return self._carried_row(group, others)
         hard, soft = self.misses(group, others)
-        # Beyond one tolerance dearer than any seam, and the more so the worse.
-        more = [
-            price + np.where(error > 1.0, BEYOND * (1.0 + error), 0.0)
-            for error, price in zip(hard, soft, strict=True)
-        ]
+        more = [_dear(error) + price for error, price in zip(hard, soft, strict=True)]
         return Row.of(self.pools[group], self.scenario, self.candidates[group], self.config, more)
 
+    def _carried_row(self, group: str, others: Donors) -> Row:
+        """Return what donors cost where the cheapest row that ends in each brings the root.
+
+        The cheapest row of all is looked at where it goes itself; others may go elsewhere.
+        """
+        _, soft = self._passing(group)
+        lists = self.candidates[group]
+        row = Row.of(self.pools[group], self.scenario, lists, self.config, soft)
+        if not self.active.any():
+            return row
+        context = self.assembled(others) if others else self.base
+        begin = Root.of(context, self.library.root)[self.cut.start[:1]]
+        more: list[FloatArray] = []
+        total, ends = np.zeros(1), begin
+        for position, donors in enumerate(row.candidates):
+            come = begin[np.zeros(len(donors), np.int64)]
+            if position:
+                through = total[:, None] + row.chain.after[position - 1]
+                total, come = through.min(axis=0), ends[through.argmin(axis=0)]
+            dearer = np.zeros(len(donors))
+            if self.active[position]:
+                at = np.full(len(donors), position)
+                poses = self.candidate_poses(group, at, donors, context, come)
+                hard, price = self._missed_by(group, at, poses)
+                dearer = _dear(hard) + price
+            more.append(dearer)
+            total = total + row.chain.alone[position] + dearer
+            ends = self.led(donors, come)
+        return replace(row, chain=row.chain.plus(more))
+
+    def led(self, donors: IntArray, come: Root) -> Root:
+        """Return where donors lead a root that has come somewhere."""
+        taken = take(self.library.segments, donors)
+        first, last = (
+            Root(np.empty((len(donors), 4)), np.empty((len(donors), 3))) for _ in range(2)
+        )
+        for clip in np.unique(taken.clip):
+            own = taken.clip == clip
+            root = Root.of(self.library.clips[clip], self.library.root)
+            for ends, frames in ((first, taken.start[own]), (last, taken.stop[own])):
+                ends.turns[own], ends.spots[own] = root.turns[frames], root.spots[frames]
+        return Placement.onto(first, come, self.library.up).root(last)
+
+    def over(self, poses: Poses) -> FloatArray:
+        """Return by how much each pose misses hard constraints, in tolerances beyond 1.
+
+        Of the constraints the most, and of that the sum over groups.
+        """
+        found = np.zeros(len(poses))
+        for joints in self.owner.values():
+            found += self._beyond(poses, joints)
+        return found
+
+    def _beyond(self, poses: Poses, joints: BoolArray) -> FloatArray:
+        most = np.zeros(len(poses))
+        for constraint in self.constraints:
+            if constraint.is_hard:
+                error, _ = constraint.errors(poses, joints)
+                most = np.maximum(most, error - 1.0)
+        return most
+
     def passing(self, group: str) -> list[IntArray]:
-        """Return the candidates that meet hard constraints, or all where none does."""
+        """Return the candidates that meet hard constraints, or all where none does.
+
+        All, too, where a group holds the root: where they will be is known only of a row.
+        """
+        if self.carrier is not None:
+            return self.candidates[group]
         hard, _ = self.misses(group, {})
         return [
             own[error <= 1.0] if (error <= 1.0).any() else own
@@ -408,6 +511,7 @@ class Problem:
                 self.library.clips,
                 self.library.joints(group),
                 self.library.config,
+                root=self.library.root,
                 up=self.library.up,
                 guides=self.guides,
                 held=self.held[group],
@@ -442,6 +546,9 @@ class Problem:
 
     def _excesses(self, several: Sequence[Donors], first: int, stop: int) -> dict[str, FloatArray]:
         """Return for several choices what `excess` does for one, shape (n, n_frames)."""
+        if self.carrier is not None and len(several) > 1:
+            each = [self._excesses([own], first, stop) for own in several]
+            return {g: np.concatenate([own[g] for own in each]) for g in self.pools}
         low, high = self._beside(first, stop)
         motion = self._laid(several, low, high)
         begin, end = int(self.cut.start[low]), int(self.cut.stop[high - 1])
@@ -450,16 +557,17 @@ class Problem:
         inner = slice(int(self.cut.start[first]) - begin, int(self.cut.stop[stop - 1]) - begin + 1)
         found = {}
         for group in self.pools:
-            most = np.zeros(len(frames))
-            for constraint in self.constraints:
-                if constraint.is_hard:
-                    error, _ = constraint.errors(poses, self.owner[group])
-                    most = np.maximum(most, error - 1.0)
+            most = self._beyond(poses, self.owner[group])
             found[group] = most.reshape(len(several), -1)[:, inner]
         return found
 
     def _beside(self, first: int, stop: int) -> tuple[int, int]:
-        """Return a stretch of positions with so many beside it that its seams are whole."""
+        """Return a stretch of positions with so many beside it that its seams are whole.
+
+        All where a group holds the root, whose place is known only from the start.
+        """
+        if self.carrier is not None:
+            return 0, len(self.cut)
         start, end = self.cut.start[first], self.cut.stop[stop - 1]
         reach = int(np.ceil(self.config.seam_blend * self.base.rate))
         low = int(np.searchsorted(self.cut.start, start - reach, side="right")) - 1
@@ -480,7 +588,8 @@ class Problem:
         -------
         dict of str to ndarray of int
             Of all choices that were tried the one that misses least, and of those the first.
-            Nothing is changed but where a constraint is missed, and next to it.
+            Nothing is changed but where a constraint is missed, and next to it; and nothing of
+            a group that holds the root, for which there is `mograft.steering`.
         """
         if not any(own.is_hard for own in self.constraints):
             return donors
@@ -497,7 +606,10 @@ class Problem:
             )
             for group, row in rows.items()
         }
-        dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in rows.items()}
+        local = {group: row for group, row in rows.items() if group != self.carrier}
+        if not local:
+            return chosen
+        dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in local.items()}
         least, kept = np.inf, chosen
         for _ in range(_ROUNDS):
             excess = self.excess(chosen)
@@ -506,7 +618,7 @@ class Problem:
                 least, kept = total, {group: own.copy() for group, own in chosen.items()}
             if total == 0:
                 return kept
-            for group, row in rows.items():
+            for group, row in local.items():
                 missed = self._missed(excess[group])
                 if not missed.any():
                     continue
@@ -520,7 +632,7 @@ class Problem:
                 for low, high in _runs(_widened(missed)):
                     choices[low:high] = viterbi(_between(chain, choices, low, high))
                 chosen[group] = row.donors(choices)
-        return self._tried(kept, rows)
+        return self._tried(kept, local)
 
     def _missed(self, excess: FloatArray) -> BoolArray:
         """Tell which positions have a frame in which something is missed."""
@@ -540,7 +652,7 @@ class Problem:
             windows = [own for own in _runs(_widened(missed)) if own[1] - own[0] <= _LONGEST]
             if not windows:
                 continue
-            hard, _ = self.misses(group, {name: chosen[name] for name in rows if name != group})
+            hard, _ = self.misses(group, chosen)
             alone = [
                 error[np.searchsorted(every, own)]
                 for error, every, own in zip(
@@ -574,6 +686,11 @@ class Problem:
             if least == 0:
                 break
         return kept
+
+
+def _dear(error: FloatArray) -> FloatArray:
+    """Return a cost of missing hard constraints: dearer than any seam, and by how much."""
+    return np.where(error > 1.0, BEYOND * (1.0 + error), 0.0)
 
 
 def _widened(missed: BoolArray) -> BoolArray:
