@@ -12,6 +12,7 @@ from mograft.anatomy import anatomy
 from mograft.channels import Key, angles, apart, told
 from mograft.config import Config
 from mograft.motion import Motion
+from mograft.placement import Placement, Root
 from mograft.resample import cubic, cubic_positions
 from mograft.seams import (
     SHIFTS,
@@ -361,36 +362,33 @@ class _Laid:
         donors = self.donors
         ends = []
         for frames in (donors.start, donors.stop):
-            turns, _ = states(TURNS, tracks, donors.clip, frames)
-            spots, _ = states(SHIFTS, shifts, donors.clip, frames)
-            ends.append((turns[:, columns[0]], spots[:, columns[1]]))
-        (starting, first), (ending, last) = ends
+            quats, _ = states(TURNS, tracks, donors.clip, frames)
+            places, _ = states(SHIFTS, shifts, donors.clip, frames)
+            ends.append(Root(quats[:, columns[0]], places[:, columns[1]]))
+        first, last = ends
         turned, placed = base.world()
-        turn, spot = turned[0, root], placed[0, root]
-        yaws = np.tile(rotations.IDENTITY, (len(donors), 1))
-        offsets = np.zeros((len(donors), 3))
-        level = np.arange(3) != up
+        come = Root(turned[:1, root], placed[:1, root])
+        follows: list[Placement] = []
         for index in range(len(donors)):
+            own = np.array([index])
             if index and not seams[index - 1]:
-                yaws[index], offsets[index] = yaws[index - 1], offsets[index - 1]
-            elif (turn != starting[index]).any() or (spot != first[index]).any():
-                apart = rotations.multiply(turn, rotations.inverse(starting[index]))
-                yaws[index] = rotations.twist(apart, up)
-                offsets[index] = level * (spot - rotations.rotate(yaws[index], first[index]))
-            turn = rotations.multiply(yaws[index], ending[index])
-            spot = rotations.rotate(yaws[index], last[index]) + offsets[index]
-        return replace(self, place=_Place(yaws, offsets, columns))
+                follows.append(follows[-1])
+            else:
+                follows.append(Placement.onto(first[own], come, up))
+            come = follows[-1].root(last[own])
+        yaws = np.concatenate([own.yaws for own in follows])
+        offsets = np.concatenate([own.shifts for own in follows])
+        return replace(self, place=_Place(Placement(yaws, offsets), columns))
 
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Where donors that hold the root go: a turn about up and a shift over the floor for each.
+    """Where donors that hold the root go, each.
 
     `columns` are the root's among the turning and among the travelling joints.
     """
 
-    yaws: FloatArray
-    offsets: FloatArray
+    placement: Placement
     columns: tuple[int, int]
 
     def put(
@@ -401,7 +399,7 @@ class _Place:
         velocities: FloatArray | None = None,
     ) -> None:
         """Move the root's values and velocities in segments, in place; those that stay, not."""
-        yaws, offsets = self.yaws[segment], self.offsets[segment]
+        yaws, offsets = self.placement.yaws[segment], self.placement.shifts[segment]
         goes = (yaws != rotations.IDENTITY).any(axis=1) | (offsets != 0.0).any(axis=1)
         yaws, offsets = yaws[goes], offsets[goes]
         if algebra is TURNS:  # an angular velocity in the body's frame stays as it is
