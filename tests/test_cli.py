@@ -1,5 +1,6 @@
 """The command line as users meet it: what it prints, writes, refuses and returns."""
 
+import hashlib
 import json
 from dataclasses import replace
 
@@ -56,6 +57,18 @@ def test_graft_writes_different_motions_with_the_same_legs(capsys, folder, tmp_p
     document = json.loads((tmp_path / "out" / "a_graft0.json").read_text())
     assert document["mograft"] == __version__
     assert {clip["name"] for clip in document["clips"]} == {"a", "b"}
+
+
+def test_provenance_tells_files_by_what_they_hold(capsys, folder, tmp_path):
+    wanted = {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()
+    }
+    assert run(capsys, "index", folder, "-o", tmp_path / "lib")[0] == 0
+    for number, source in enumerate((folder, tmp_path / "lib")):
+        target = tmp_path / f"{number}.bvh"
+        assert run(capsys, "graft", source, "-o", target)[0] == 0
+        clips = json.loads(target.with_suffix(".json").read_text())["clips"]
+        assert {clip["file"]: clip["sha256"] for clip in clips} == wanted
 
 
 def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):

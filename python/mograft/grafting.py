@@ -189,7 +189,11 @@ class Graft:
         """Return how the motion was made, as a JSON document: its provenance."""
         library = self.library
         clips = [
-            {"name": entry.name, "file": library.file_name(index)}
+            {
+                "name": entry.name,
+                "file": library.file_name(index),
+                "sha256": None if entry.origin is None else entry.origin.sha256,
+            }
             for index, entry in enumerate(library.entries)
         ]
         return {
