@@ -60,9 +60,7 @@ def test_graft_writes_different_motions_with_the_same_legs(capsys, folder, tmp_p
 
 
 def test_provenance_tells_files_by_what_they_hold(capsys, folder, tmp_path):
-    wanted = {
-        path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()
-    }
+    wanted = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
     assert run(capsys, "index", folder, "-o", tmp_path / "lib")[0] == 0
     for number, source in enumerate((folder, tmp_path / "lib")):
         target = tmp_path / f"{number}.bvh"
@@ -527,3 +525,20 @@ def test_rates_and_tags_of_no_clip_are_told(capsys, folder, tmp_path):
     code, _, err = run(capsys, "index", folder, "-o", tmp_path / "lib", *words)
     assert code == 0
     assert "--true-rate or --tags name no clip of these files: c, z*" in err
+
+
+def test_a_strip_asks_for_no_known_body(capsys, tmp_path):
+    path = tmp_path / "chain.bvh"
+    rows = "\n".join(f"0 0 0 {angle} 0 0 0 0 {angle}" for angle in range(9))
+    joint = "OFFSET 0 9 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 9 0\n}"
+    root = "OFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+    path.write_text(
+        f"HIERARCHY\nROOT a\n{{\n{root}\nJOINT b\n{{\n{joint}\n}}\n}}\n"
+        f"MOTION\nFrames: 9\nFrame Time: 0.04\n{rows}\n"
+    )
+    assert run(capsys, "plot", "strip", path, "-o", tmp_path / "strip.png")[0] == 0
+    code, _, err = run(
+        capsys, "plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper"
+    )
+    assert code == 1
+    assert "needs a body with legs" in err
