@@ -374,6 +374,7 @@ def test_clips_of_different_skeletons_are_refused(capsys, folder, tmp_path):
         ["graft", "a.bvh", "-o", "out", "--reach", "5:Hand:1,2"],
         ["graft", "a.bvh", "-o", "out", "--reach", "Hand:1,2,3"],
         ["graft", "a.bvh", "-o", "out", "--avoid", "sphere:1,2,3"],
+        ["graft", "a.bvh", "-o", "out", "--avoid", "cone:1,2,3"],
         ["graft", "a.bvh", "-o", "out", "--keep", "9-3"],
         ["graft", "a.bvh", "-o", "out", "--radius", "0"],
         ["graft", "a.bvh", "-o", "out", "--repair", "-n", "2"],
