@@ -1,5 +1,6 @@
 """The command line as users meet it: what it prints, writes, refuses and returns."""
 
+import hashlib
 import json
 from dataclasses import replace
 
@@ -56,6 +57,16 @@ def test_graft_writes_different_motions_with_the_same_legs(capsys, folder, tmp_p
     document = json.loads((tmp_path / "out" / "a_graft0.json").read_text())
     assert document["mograft"] == __version__
     assert {clip["name"] for clip in document["clips"]} == {"a", "b"}
+
+
+def test_provenance_tells_files_by_what_they_hold(capsys, folder, tmp_path):
+    wanted = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
+    assert run(capsys, "index", folder, "-o", tmp_path / "lib")[0] == 0
+    for number, source in enumerate((folder, tmp_path / "lib")):
+        target = tmp_path / f"{number}.bvh"
+        assert run(capsys, "graft", source, "-o", target)[0] == 0
+        clips = json.loads(target.with_suffix(".json").read_text())["clips"]
+        assert {clip["file"]: clip["sha256"] for clip in clips} == wanted
 
 
 def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):
@@ -363,6 +374,7 @@ def test_clips_of_different_skeletons_are_refused(capsys, folder, tmp_path):
         ["graft", "a.bvh", "-o", "out", "--reach", "5:Hand:1,2"],
         ["graft", "a.bvh", "-o", "out", "--reach", "Hand:1,2,3"],
         ["graft", "a.bvh", "-o", "out", "--avoid", "sphere:1,2,3"],
+        ["graft", "a.bvh", "-o", "out", "--avoid", "cone:1,2,3"],
         ["graft", "a.bvh", "-o", "out", "--keep", "9-3"],
         ["graft", "a.bvh", "-o", "out", "--radius", "0"],
         ["graft", "a.bvh", "-o", "out", "--repair", "-n", "2"],
@@ -514,3 +526,20 @@ def test_rates_and_tags_of_no_clip_are_told(capsys, folder, tmp_path):
     code, _, err = run(capsys, "index", folder, "-o", tmp_path / "lib", *words)
     assert code == 0
     assert "--true-rate or --tags name no clip of these files: c, z*" in err
+
+
+def test_a_strip_asks_for_no_known_body(capsys, tmp_path):
+    path = tmp_path / "chain.bvh"
+    rows = "\n".join(f"0 0 0 {angle} 0 0 0 0 {angle}" for angle in range(9))
+    joint = "OFFSET 0 9 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 9 0\n}"
+    root = "OFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+    path.write_text(
+        f"HIERARCHY\nROOT a\n{{\n{root}\nJOINT b\n{{\n{joint}\n}}\n}}\n"
+        f"MOTION\nFrames: 9\nFrame Time: 0.04\n{rows}\n"
+    )
+    assert run(capsys, "plot", "strip", path, "-o", tmp_path / "strip.png")[0] == 0
+    code, _, err = run(
+        capsys, "plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper"
+    )
+    assert code == 1
+    assert "needs a body with legs" in err

@@ -187,6 +187,25 @@ def test_the_unit_is_of_no_matter(points, exponent):
     np.testing.assert_array_equal(scaled[:, 2], np.ldexp(tree[:, 2], exponent))
 
 
+@given(scattered(max_points=60), st.integers(0, 2**32), st.floats(-100, 100))
+def test_turning_and_moving_all_points_is_of_no_matter(points, seed, shift):
+    axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(points.shape[1],) * 2))[0]
+    heights = np.unique(mg.linkage(points)[:, 2])
+    between = heights[:-1][np.diff(heights) > 1e-6 * heights[-1]]
+    assume(len(between) and np.abs(points).max() < 1e3)
+    diameter = between[len(between) // 2] + 5e-7 * heights[-1]
+    moved = points @ axes + shift
+    np.testing.assert_array_equal(mg.cut(moved, diameter), mg.cut(points, diameter))
+
+
+@given(scattered(max_points=40), st.floats(1.5, 100))
+def test_clusters_follow_the_unit_by_rms_and_not_by_the_printed_formula(points, factor):
+    assume(np.abs(points).max() < 1e3)
+    for kind, power in (("rms", 1.0), ("literal", 0.5)):
+        one, other = mg.threshold(points, kind), mg.threshold(points * factor, kind)
+        assert other == pytest.approx(one * factor**power)
+
+
 @given(clouds(kinds=["lattice", "single precision"]))
 def test_the_condensed_tree_is_that_of_the_points(points):
     distances = pdist(points)

@@ -19,7 +19,8 @@ from mograft.cli import main
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES = [page for page in PAGES if not {"_made", "_build"} & set(page.parts)]
-FENCE = re.compile(r"^```(\{?[\w-]*\}?)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+# Indented in a list, too.
+FENCE = re.compile(r"^( *)```(\{?[\w-]*\}?)[^\n]*\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 pytest.importorskip("matplotlib", reason="the examples draw with matplotlib").use("agg")
@@ -55,7 +56,8 @@ def run_python(text, names, page):
 def test_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
-    for language, text in FENCE.findall(page.read_text(encoding="utf-8")):
+    for indent, language, fenced in FENCE.findall(page.read_text(encoding="utf-8")):
+        text = re.sub(f"^{indent}", "", fenced, flags=re.MULTILINE)
         if language == "console":
             run_console(text)
         elif language == "pycon":

@@ -184,6 +184,47 @@ def test_without_a_gain_the_captured_motion_is_the_cheapest(library, motion):
     np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 
+def test_only_what_hangs_on_grafted_joints_is_elsewhere(library, motion):
+    new = graft(library, seed=1).motion
+    skeleton, grafted = motion.skeleton, {s.group for s in graft(library, seed=1).substitutions}
+    may_move = np.zeros(motion.n_joints, bool)
+    turned = np.isin(np.arange(motion.n_joints), [j for g in grafted for j in library.joints(g)])
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        may_move[joint] = parent >= 0 and (turned[parent] or may_move[parent])
+    differ = (new.world_positions() != motion.world_positions()).any(axis=(0, 2))
+    assert differ.any()
+    assert not differ[~may_move].any()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "dead"}, {"alignment": "dtw"}],
+    ids=lambda own: next(iter(own.values()), "default"),
+)
+def test_signs_of_quaternions_change_no_choice_and_no_pose(motion, changes):
+    motion = replace(motion[:1200], channel_values=None)
+    signs = np.random.default_rng(7).choice([-1.0, 1.0], motion.rotations.shape[:2])
+    flipped = replace(motion, rotations=motion.rotations * signs[..., None])
+    one, other = (
+        graft(Library.build(own, config=Config(**changes)), seed=3) for own in (motion, flipped)
+    )
+    assert [s.donor for s in one.substitutions] == [s.donor for s in other.substitutions]
+    assert any(not s.is_own for s in one.substitutions)
+    np.testing.assert_allclose(
+        other.motion.world_positions(), one.motion.world_positions(), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "sample"])
+def test_the_order_in_which_groups_are_named_is_of_no_matter(motion, choice):
+    named = JointGroups.preset("lower_torso_larm_rarm", motion.skeleton).groups
+    made = [
+        graft(Library.build(motion, JointGroups(own, base="lower"), Config(choice=choice)), seed=1)
+        for own in (named, dict(reversed(named.items())))
+    ]
+    np.testing.assert_array_equal(made[1].motion.rotations, made[0].motion.rotations)
+
+
 def test_groups_are_combined_in_order_of_their_costs():
     costs = [[0.0, 1.0, 4.0], [0.0, 2.0]]
     assert _cheapest_sums(costs, 4) == [(0, 0), (1, 0), (0, 1), (1, 1)]

@@ -440,3 +440,18 @@ def test_without_shtab_the_extra_is_named(capsys, monkeypatch):
     code, out, err = run(capsys, "completion", "bash")
     assert (code, out) == (1, "")
     assert "pip install 'mograft[completion]'" in err
+
+
+def test_groups_of_a_file_are_no_matter_to_a_library_that_has_its_own(capsys, clip):
+    assert run(capsys, "index", clip, "-o", "lib")[0] == 0
+    Path(FILE).write_text('groups = "lower_torso_arms"\n')
+    for number, words in enumerate(
+        [
+            ("plot", "strip", "lib", "-o", "a.png"),
+            ("view", "lib", "-o", "a.html"),
+            ("candidates", "lib", "--segment", "3", "--group", "upper"),
+            ("graft", "lib", "-o", "a.bvh"),
+        ]
+    ):
+        code, _, err = run(capsys, *words)
+        assert code == 0, (number, err)

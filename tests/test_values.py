@@ -160,3 +160,12 @@ def test_more_frames_than_memory_holds_are_refused_and_end_nothing(library, rate
     motion = replace(library.clips[0], frame_time=3e4)
     with pytest.raises(ValueError, match=r"than memory holds|frames can be counted"):
         motion.resample(rate)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_places_and_margins_are_finite(library, value):
+    for name in ("yaw", "delay"):
+        with pytest.raises(ValueError, match=f"{name} must be finite, got {value}"):
+            mg.Character(library.clips[0], **{name: value})
+    with pytest.raises(ValueError, match=f"margin must be finite, got {value}"):
+        mg.Avoid(mg.Sphere((0, 0, 0), 1), margin=value)

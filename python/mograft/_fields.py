@@ -1,5 +1,6 @@
 """Checks of single values, each by its name."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,11 @@ def above_zero(owner: object, name: str) -> None:
 def not_negative(owner: object, name: str) -> None:
     if not _number(owner, name) >= 0:
         raise ValueError(f"{name} must not be negative, got {getattr(owner, name)}")
+
+
+def finite(owner: object, name: str) -> None:
+    if not math.isfinite(_number(owner, name)):
+        raise ValueError(f"{name} must be finite, got {getattr(owner, name)}")
 
 
 def plain(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds

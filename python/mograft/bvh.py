@@ -207,6 +207,17 @@ def scan_bvh(source: Source, *, strict: bool = False) -> BvhSummary:
         If the file is no BVH motion: with path, line and column, and what was expected.
     OSError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> import io
+    >>> from mograft.dancer import dance
+    >>> file = io.BytesIO()
+    >>> write_bvh(dance(strides=1).motion[:90], file)
+    >>> _ = file.seek(0)
+    >>> summary = scan_bvh(file)
+    >>> summary.n_frames, summary.skeleton.n_joints
+    (90, 18)
     """
     with _opened(source, strict=strict) as text:
         head = _read_head(text)

@@ -16,7 +16,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray, as_floats
-from mograft._fields import above_zero, not_negative, vector, whole
+from mograft._fields import above_zero, finite, not_negative, vector, whole
 from mograft.anatomy import anatomy
 from mograft.body import body
 from mograft.capsules import Capsules, clearance
@@ -151,6 +151,15 @@ class Avoid(Constraint):
         How deep it may be touched, in skeleton heights.
     margin : float
         How far it must be kept away from besides, in skeleton heights.
+
+    Examples
+    --------
+    >>> from mograft.obstacles import HalfSpace
+    >>> floor = HalfSpace((0, 0, 0), (0, 1, 0))
+    >>> Avoid(floor, tolerance=0.02).is_hard
+    True
+    >>> Avoid(floor, weight=2.0, frames=(0, 60)).is_hard  # a wish, for two seconds at 30 fps
+    False
     """
 
     obstacle: Obstacle
@@ -160,6 +169,7 @@ class Avoid(Constraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_obstacle("obstacle", self.obstacle)
+        finite(self, "margin")
         above_zero(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
@@ -193,6 +203,11 @@ class AvoidSelf(Constraint):
     captured : float
         How deep they touch in the captured motion, in skeleton heights: flesh gives way,
         and hands do lie on hips. `mograft.graft` sets it where it is 0.
+
+    Examples
+    --------
+    >>> AvoidSelf().tell(4.0, height=180.0)
+    'touches itself 0.020 heights deeper than captured, 0.005 are allowed'
     """
 
     tolerance: float = 0.005
@@ -247,6 +262,11 @@ class Reach(Constraint):
         The frame of the base motion.
     tolerance : float
         How far away it may be, in skeleton heights.
+
+    Examples
+    --------
+    >>> Reach("LeftHand", (30, 140, 20), frame=120).tell(2.0, height=180.0)
+    'LeftHand is 0.060 heights (10.8) away, 0.030 are allowed'
     """
 
     joint: str
@@ -293,6 +313,11 @@ class Face(Constraint):
         The joint that looks. Default: the head.
     tolerance : float
         By what angle it may look past it, in radians. Default: 20°.
+
+    Examples
+    --------
+    >>> Face((0, 150, 300), frames=(30, 60)).tell(1.5, height=180.0)
+    'looks 30.0° past it, 20.0° are allowed'
     """
 
     target: Vector
@@ -344,6 +369,12 @@ class KeepOut(Constraint):
         Whether the joint must be in the region instead.
     tolerance : float
         How far it may be beyond the region's surface, in skeleton heights.
+
+    Examples
+    --------
+    >>> from mograft.obstacles import Sphere
+    >>> KeepOut("LeftHand", Sphere((0, 100, 0), 30)).tell(4.0, height=180.0)
+    'LeftHand is 0.020 heights inside, 0.005 are allowed'
     """
 
     joint: str
@@ -403,6 +434,12 @@ class Custom(Constraint):
         What to call it.
     joint : str, optional
         The joint that is to blame; its group is searched. Default: all are.
+
+    Examples
+    --------
+    >>> low = Custom(lambda poses: poses.positions[:, 0, 1] / 60.0, "hips below 60")
+    >>> low.is_hard
+    True
     """
 
     function: Callable[[Poses], FloatArray]
@@ -429,7 +466,13 @@ class Custom(Constraint):
 
 @dataclass(frozen=True)
 class KeepOriginal(Constraint):
-    """Keep the captured parts: of every segment that has one of the `frames`."""
+    """Keep the captured parts: of every segment that has one of the `frames`.
+
+    Examples
+    --------
+    >>> KeepOriginal(frames=(0, 60)).frames
+    (0, 60)
+    """
 
     def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
@@ -454,6 +497,11 @@ class OnlyFrom(Constraint):
         Tags of clips; those that have one of them count as well as those named.
     clip_frames : tuple of int, optional
         First and last frame of those clips that donors lie in. Default: all.
+
+    Examples
+    --------
+    >>> OnlyFrom("waltz*", tags=["slow"]).tell(2.0, height=180.0)
+    'not from waltz*, clips tagged slow'
     """
 
     clips: str | Sequence[str] = ()
@@ -487,6 +535,11 @@ class NotFrom(Constraint):
         Tags of clips; those that have one of them count as well as those named.
     clip_frames : tuple of int, optional
         First and last frame of those clips that no donor may have any of. Default: all.
+
+    Examples
+    --------
+    >>> NotFrom(["walk1", "walk2"]).tell(2.0, height=180.0)
+    'from walk1, walk2'
     """
 
     clips: str | Sequence[str] = ()
@@ -516,6 +569,11 @@ class MaxStretch(Constraint):
     ----------
     limit : float
         The greatest part of the base segment's length that a donor's may differ by.
+
+    Examples
+    --------
+    >>> MaxStretch(0.1).tell(2.5, height=180.0)
+    'stretched by 0.25, 0.10 is allowed'
     """
 
     limit: float
@@ -545,6 +603,12 @@ class MaxAngle(Constraint):
     ----------
     limit : float
         Greatest mean joint angle between the poses that meet, in radians.
+
+    Examples
+    --------
+    >>> import math
+    >>> MaxAngle(math.radians(20)).violation("upper", 37, math.radians(25)).message
+    'MaxAngle is not met at frame 37: the seam of upper is 25.0°, 20.0° are allowed'
     """
 
     limit: float

@@ -193,7 +193,11 @@ class Graft:
         """Return how the motion was made, as a JSON document: its provenance."""
         library = self.library
         clips = [
-            {"name": entry.name, "file": library.file_name(index)}
+            {
+                "name": entry.name,
+                "file": library.file_name(index),
+                "sha256": None if entry.origin is None else entry.origin.sha256,
+            }
             for index, entry in enumerate(library.entries)
         ]
         return {
@@ -587,6 +591,14 @@ def graft_many(
     ------
     ValueError
         As for `graft`, and if `count` is below 1 or the seed is no whole number from 0.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> library = Library.build(dance(strides=1).motion)
+    >>> grafts = graft_many(library, count=3, seed=7)
+    >>> len(grafts), [graft.motion.name for graft in grafts]
+    (3, ['dance_graft0', 'dance_graft1', 'dance_graft2'])
     """
     count, seed = whole("count", count, 1), whole("seed", seed)
     instance("library", library, Library)

@@ -92,6 +92,13 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     ValueError
         If a joint below the root is moved along, which pybvh cannot hold. A place that it
         keeps throughout becomes its offset.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> clip = to_pybvh(dance(strides=1).motion[:30])  # doctest: +SKIP
+    >>> from_pybvh(clip).n_frames  # doctest: +SKIP
+    30
     """
     pybvh = import_module("pybvh")
     nodes_of = import_module("pybvh.bvhnode")

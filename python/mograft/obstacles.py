@@ -11,7 +11,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import FloatArray, IntArray, as_floats
-from mograft._fields import instance, not_negative, vector
+from mograft._fields import finite, instance, not_negative, vector
 from mograft.body import up_axis
 from mograft.capsules import box_clearance, capsules, clearance
 from mograft.motion import Motion
@@ -40,6 +40,11 @@ class Sphere:
         Its middle, in the file's unit.
     radius : float
         In the file's unit.
+
+    Examples
+    --------
+    >>> Sphere((0, 100, 50), 30)
+    Sphere(center=(0.0, 100.0, 50.0), radius=30)
     """
 
     center: Vector
@@ -65,6 +70,11 @@ class Capsule:
         The ends of its axis, in the file's unit.
     radius : float
         In the file's unit.
+
+    Examples
+    --------
+    >>> Capsule((0, 0, 50), (0, 200, 50), 10).radius
+    10
     """
 
     start: Vector
@@ -94,6 +104,11 @@ class Box:
         Half of its length along each of its own axes.
     rotation : tuple of float
         A unit quaternion, xyzw. Default: along the axes of the world.
+
+    Examples
+    --------
+    >>> Box((0, 50, 80), half=(40, 50, 20)).half
+    (40.0, 50.0, 20.0)
     """
 
     center: Vector
@@ -131,6 +146,11 @@ class HalfSpace:
         A point of the plane, in the file's unit.
     normal : tuple of float
         Points to where the body may be; of any length.
+
+    Examples
+    --------
+    >>> HalfSpace(point=(0, 0, 120), normal=(0, 0, -1)).normal  # a wall in front
+    (0.0, 0.0, -1.0)
     """
 
     point: Vector
@@ -165,6 +185,12 @@ class Character:
         How many seconds after the base motion they begin.
     radius : float
         Factor on the radii of their capsules.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> Character(dance(seed=1, strides=1).motion, offset=(80, 0, 0), yaw=3.14).offset
+    (80.0, 0.0, 0.0)
     """
 
     motion: Motion
@@ -177,6 +203,8 @@ class Character:
         instance("motion", self.motion, Motion)
         vector(self, "offset")
         not_negative(self, "radius")
+        for name in ("yaw", "delay"):
+            finite(self, name)
 
     @cached_property
     def _flesh(self) -> tuple[FloatArray, FloatArray]:

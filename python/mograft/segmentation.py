@@ -31,6 +31,12 @@ class Segments:
     ------
     ValueError
         If the lengths differ or a segment spans no interval.
+
+    Examples
+    --------
+    >>> cut = Segments([0, 8, 15], [8, 15, 21])
+    >>> cut.lengths
+    array([8, 7, 6])
     """
 
     start: IntArray
@@ -99,6 +105,14 @@ def kinetic_energy(
     -----
     The paper leaves open what I and ω are. Of the combinations the default comes nearest to
     the true kinetic energy without the root's travel.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> motion = dance(strides=1).motion
+    >>> energy = kinetic_energy(motion)
+    >>> energy.shape == (motion.n_frames,), bool((energy >= 0).all())
+    (True, True)
     """
     instance("motion", motion, Motion)
     if motion.n_frames < 2:
@@ -196,6 +210,13 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     -----
     While the shortest segment is too short, that one of its inner boundaries goes which
     stands out least from the energy at its neighbours.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> segments = segment(dance(strides=1).motion)
+    >>> bool((segments.stop[:-1] == segments.start[1:]).all())
+    True
     """
     config = Config() if config is None else config
     energy = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)

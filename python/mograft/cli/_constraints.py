@@ -171,6 +171,8 @@ def _avoided(text: str) -> tuple[str, list[float]]:
     kind, colon, rest = text.partition(":")
     if colon and kind in _SHAPES:
         return kind, _numbers(rest, _SHAPES[kind])
+    if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
+        raise ValueError(f"expected a file or one of {', '.join(_SHAPES)}, got {kind}")
     name, at, place = text.rpartition("@")
     if not at or Path(text).exists():
         return text, [0.0] * 4

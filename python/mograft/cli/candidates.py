@@ -4,7 +4,7 @@ import argparse
 import math
 from typing import Any
 
-from mograft.cli._common import expanded, library_folder, print_json, progress, whole
+from mograft.cli._common import expanded, given, library_folder, print_json, progress, whole
 from mograft.cli._constraints import add_constraints, constraints
 from mograft.cli.graft import chosen_groups
 from mograft.errors import listed
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     wanted = constraints(options)
     folder = library_folder(options)
     if folder is not None:
-        if options.groups is not None:
+        if given(options, "groups"):
             options.usage("--groups is settled when a library is made")
         library = Library.open(folder)
     else:

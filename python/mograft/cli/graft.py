@@ -273,7 +273,10 @@ def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion 
             return names[files.index(name)]
         if name in names:
             return name
-        raise ValueError(f"--base must be a clip, one of {listed(names)}, or a file; got {name!r}")
+        where = "" if folder is None else f" of {folder}"
+        raise ValueError(
+            f"--base must be a clip{where}, one of {listed(names)}, or a file; got {name!r}"
+        )
     return read_bvh(name)
 
 

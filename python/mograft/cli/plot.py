@@ -45,7 +45,11 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     plot.add_argument(
         "-o", "--output", type=Path, required=True, help="a .png, .svg or .pdf to write"
     )
-    plot.add_argument("--groups", metavar="NAME|FILE", help="joint groups (default lower_upper)")
+    plot.add_argument(
+        "--groups",
+        metavar="NAME|FILE",
+        help="joint groups; default: lower_upper, of a strip trunk, arms and legs",
+    )
     plot.add_argument(
         "--group",
         metavar="NAME",
@@ -101,7 +105,7 @@ def _draw(options: argparse.Namespace) -> "Axes":
     from mograft.viewing.scene import Scene
 
     folder = library_folder(options)
-    if folder is not None and options.groups is not None:
+    if folder is not None and given(options, "groups"):
         options.usage("--groups is settled when a library is made")
     if options.clip and (folder is None or options.kind in ("pca", "dendrogram", "clusters")):
         options.usage("--clip chooses clips of a library for a strip, energy curve or timeline")
@@ -109,8 +113,7 @@ def _draw(options: argparse.Namespace) -> "Axes":
     for name in given(options, *_USES):
         if options.kind not in _USES[name]:
             options.usage(f"--{name} is for {', '.join(_USES[name])}; got {options.kind}")
-    options.groups = options.groups or "lower_upper"
-    groups = chosen_groups(options)
+    groups = None if options.groups is None else chosen_groups(options)
     if options.kind in ("strip", "energy"):
         if folder is not None:
             library = Library.open(folder)
@@ -124,7 +127,9 @@ def _draw(options: argparse.Namespace) -> "Axes":
         if options.kind == "energy":
             return plot.energy(motion)
         return plot.strip(motion, options.poses, groups=groups)
-    library = Library.build(files, groups) if folder is None else Library.open(folder)
+    library = (
+        Library.build(files, groups or "lower_upper") if folder is None else Library.open(folder)
+    )
     if folder is not None and options.kind == "timeline":
         clips = Scene.of_clips(library, chosen_clips(library, options.clip))
         return plot.timeline(clips, frames=options.frames)

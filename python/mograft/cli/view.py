@@ -4,7 +4,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import check_free, chosen_clips, expanded, library_folder, print_json, say
+from mograft.cli._common import (
+    check_free,
+    chosen_clips,
+    expanded,
+    given,
+    library_folder,
+    print_json,
+    say,
+)
 from mograft.cli.graft import chosen_groups
 
 if TYPE_CHECKING:
@@ -63,7 +71,7 @@ def _clips(folder: Path, options: argparse.Namespace) -> "Scene":
     from mograft.library import Library
     from mograft.viewing.scene import Scene
 
-    if options.groups is not None:
+    if given(options, "groups"):
         options.usage("--groups is settled when a library is made")
     library = Library.open(folder)
     return Scene.of_clips(library, chosen_clips(library, options.clip))

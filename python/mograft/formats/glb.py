@@ -67,6 +67,14 @@ def write_glb(
     motion is turned to y by the root alone, so that the other joints keep their rotations.
     Each bone is a slim octahedron bound to its joint; engines import no skeleton without a
     mesh. Keys are those of the frames, with spherical linear interpolation between.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mograft.dancer import dance
+    >>> target = Path(tempfile.mkdtemp()) / "dance.glb"
+    >>> write_glb(dance(strides=1).motion[:30], target)  # metres in a unit: it is in cm
+    0.01
     """
     several = [motions] if isinstance(motions, Motion) else list(motions)
     if not several:

@@ -85,6 +85,15 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
         If it is no such file.
     OSError
         If it cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mograft.dancer import dance
+    >>> target = Path(tempfile.mkdtemp()) / "dance.npz"
+    >>> write_npz(dance(strides=1).motion[:30], target)
+    >>> read_npz(target).n_frames
+    30
     """
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
@@ -142,6 +151,15 @@ def write_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
     ``joint.z`` of each joint, in the motion's unit and axes. Joints of the same name are told
     apart by their index, as ``Spine~4.x``. Where a name begins as a formula does, in
     spreadsheets, an apostrophe stands before it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mograft.dancer import dance
+    >>> target = Path(tempfile.mkdtemp()) / "dance.csv"
+    >>> write_csv(dance(strides=1).motion[:2], target)
+    >>> target.read_text().split(",")[:3]
+    ['frame', 'time', 'Hips.x']
     """
     names = motion.skeleton.names
     columns = ["frame", "time"]

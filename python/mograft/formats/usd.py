@@ -61,6 +61,12 @@ def write_usd(
     all rotations zero, a ``SkelAnimation`` with a key at every frame, and a mesh of the bones.
     What is up in the motion is turned to y by the root alone. Joints are named by paths, which
     hold no signs but letters, digits and underscores; ``jointNames`` holds the names as they are.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> write_usd(dance(strides=1).motion, "dance.usdc")  # metres in a unit  # doctest: +SKIP
+    0.01
     """
     target = Path(path)
     if target.suffix.lower() not in ENDINGS:

@@ -94,6 +94,12 @@ def write_video(
     Each figure is seen from a little beside of where it looks, by a camera that goes with it.
     GIF counts time in hundredths of a second: pictures are shown for times that differ by one
     of them, so that the whole keeps time.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> write_video(dance(strides=1).motion, "dance.mp4", rate=30)  # doctest: +SKIP
+    30.0
     """
     several = [motions] if isinstance(motions, Motion) else list(motions)
     target = Path(path)
