@@ -3,15 +3,12 @@
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
 use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation};
-use numpy::{
-    IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _,
-};
+use numpy::{IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, as_quats, as_vecs, from_quats, from_vecs, into_array,
-    value_error, with_last,
+    Array, Floats, as_quats, as_vecs, from_quats, from_vecs, into_array, value_error, with_last,
 };
 
 type Indices<'py> = PyReadonlyArray1<'py, i64>;
@@ -44,8 +41,7 @@ pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'
 #[pyfunction]
 pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&rotations)?.iter().zip(as_vecs(&vectors)?);
-    let turned: Vec<DVec3> =
-        py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
+    let turned: Vec<DVec3> = py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
     from_vecs(py, turned, &with_last(&vectors, &[]))
 }
 
@@ -342,6 +338,9 @@ pub fn clearance<'py>(
         .detach(|| capsule::clearance(own, radii, far, other_radii, &at, &pairs))
         .map_err(value_error)?;
     let n_frames = distances.len();
+    let (left, right) = (left.as_slice()?, right.as_slice()?);
+    let named = |index| usize::try_from(index).map_or([-1, -1], |at| [left[at], right[at]]);
+    let which: Vec<[i64; 2]> = which.into_iter().map(named).collect();
     let which = which.into_flattened().into_pyarray(py);
     Ok((
         into_array(py, distances, &[n_frames])?.into_any(),
