@@ -79,7 +79,7 @@ pub fn segment_distance(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
 /// `ends` holds frames of `radii.len()` capsules, `others` frames of `other_radii.len()`;
 /// frame `f` of the one meets frame `at[f]` of the other. `pairs` names the capsules of either
 /// side that are compared; of equally near pairs the first is told. Without pairs the
-/// distance is infinite and the pair -1, -1. Takes O(frames × pairs) time; pairs whose bounding spheres are
+/// distance is infinite and the pair -1. Takes O(frames × pairs) time; pairs whose bounding spheres are
 /// farther apart than the nearest so far are passed over. NaN counts as far away.
 ///
 /// # Errors
@@ -92,7 +92,7 @@ pub fn clearance(
     other_radii: &[f64],
     at: &[usize],
     pairs: &[(usize, usize)],
-) -> Result<(Vec<f64>, Vec<[i64; 2]>), Error> {
+) -> Result<(Vec<f64>, Vec<i64>), Error> {
     let (width, other_width) = (2 * radii.len(), 2 * other_radii.len());
     check_len(ends.len(), at.len() * width)?;
     let n_others = others.len().checked_div(other_width).unwrap_or(0);
@@ -124,7 +124,7 @@ pub fn clearance(
     let mut which = Vec::with_capacity(at.len());
     for (frame, &met) in at.iter().enumerate() {
         let body = &ends[frame * width..][..width];
-        let (mut least, mut pair_of_least) = (f64::INFINITY, [-1, -1]);
+        let (mut least, mut pair_of_least) = (f64::INFINITY, -1_i64);
         if !pairs.is_empty() {
             let other = &others[met * other_width..][..other_width];
             for &i in &own_named {
@@ -133,7 +133,7 @@ pub fn clearance(
             for &j in &far_named {
                 far[j] = round(&other[2 * j..], other_radii[j]);
             }
-            for &(i, j) in pairs {
+            for (index, &(i, j)) in (0_i64..).zip(pairs) {
                 let ((middle, reach), (other_middle, other_reach)) = (own[i], far[j]);
                 let apart = least + reach + other_reach;
                 // A margin keeps rounding from passing over the nearest.
@@ -146,8 +146,7 @@ pub fn clearance(
                 let (c, d) = (other[2 * j], other[2 * j + 1]);
                 let distance = segment_distance(a, b, c, d) - radii[i] - other_radii[j];
                 if distance < least {
-                    least = distance;
-                    pair_of_least = [i, j].map(|k| i64::try_from(k).unwrap_or(-1));
+                    (least, pair_of_least) = (distance, index);
                 }
             }
         }
@@ -226,13 +225,13 @@ mod tests {
         let others = [3.0 * Y, 3.0 * Y, 9.0 * Y, 9.0 * Y];
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[1], &[(0, 0), (1, 0)]).unwrap();
-        assert_eq!((distances[0], which[0]), (2.75, [1, 0]));
+        assert_eq!((distances[0], which[0]), (2.75, 1));
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[0], &[(1, 0), (1, 0)]).unwrap();
-        assert_eq!((distances[0], which[0]), (0.75, [1, 0]));
+        assert_eq!((distances[0], which[0]), (0.75, 0));
         let (distances, which) =
             clearance(&ends, &[0.5, 0.25], &others, &[1.0], &[0], &[]).unwrap();
-        assert_eq!((distances[0], which[0]), (f64::INFINITY, [-1, -1]));
+        assert_eq!((distances[0], which[0]), (f64::INFINITY, -1));
     }
 
     #[test]

@@ -367,6 +367,9 @@ pub fn clearance<'py>(
         .detach(|| capsule::clearance(own, radii, far, other_radii, &at, &pairs))
         .map_err(value_error)?;
     let n_frames = distances.len();
+    let (left, right) = (left.as_slice()?, right.as_slice()?);
+    let named = |index| usize::try_from(index).map_or([-1, -1], |at| [left[at], right[at]]);
+    let which: Vec<[i64; 2]> = which.into_iter().map(named).collect();
     let which = which.into_flattened().into_pyarray(py);
     Ok((
         into_array(py, distances, &[n_frames])?.into_any(),
