@@ -13,6 +13,7 @@ from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body
+from mograft.catalogue import Entry, Place
 from mograft.channels import HeldSamples
 from mograft.config import Config
 from mograft.digest import (
@@ -47,7 +48,6 @@ from mograft.mirroring import MirroredClips
 from mograft.motion import Motion
 from mograft.segmentation import Segments
 from mograft.sources import Found, Source, by_path, find, matching, named, way_to
-from mograft.store import Entry, Place
 
 __all__ = ["Digesting", "build", "mirrored", "write"]
 

@@ -14,6 +14,7 @@ from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
 from mograft.anatomy import feature_joints
 from mograft.body import body
+from mograft.catalogue import Entry, Place, skeleton_fields, skeleton_of
 from mograft.channels import ends_alone, samples_alone
 from mograft.clustering import cut, threshold
 from mograft.config import Config
@@ -25,7 +26,6 @@ from mograft.motion import Motion
 from mograft.segmentation import Segments, segment
 from mograft.skeleton import Skeleton
 from mograft.sources import Source, find
-from mograft.store import Entry, Place
 from mograft.substitution import Candidates, Pool
 
 if TYPE_CHECKING:
@@ -703,7 +703,7 @@ def finish(
             "config": library.config.as_dict(),
             "groups": library.groups.to_toml(),
             "group": about,
-            "skeleton": store.skeleton_fields(library.skeleton),
+            "skeleton": skeleton_fields(library.skeleton),
             "rate": library.rate,
             "given_rate": given_rate,
             "root": library.root,
@@ -751,7 +751,7 @@ def opened(contents: store.Contents) -> Library:
         {group: own["sigma"] for group, own in about["group"].items()},
         about["root"],
         about["up"],
-        store.skeleton_of(about["skeleton"]),
+        skeleton_of(about["skeleton"]),
         about["rate"],
         contents.entries,
         ends,

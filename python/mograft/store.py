@@ -31,25 +31,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, NamedTuple, overload
+from typing import IO, Any, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from mograft import catalogue
 from mograft._arrays import FloatArray, IntArray, Packed
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.digest import Digest, Facts, Kind, Origin, Stored, same_rate, unpack
+from mograft.catalogue import Entry, Place
+from mograft.digest import Digest, Stored, same_rate, unpack
 from mograft.embedding import CHUNK, Samples
 from mograft.errors import LibraryError
 from mograft.motion import Motion
-from mograft.skeleton import EndSite, Skeleton
-from mograft.sources import way_to
+from mograft.skeleton import Skeleton
 
 __all__ = [
     "Contents",
     "Draft",
-    "Entry",
-    "Place",
     "StoredClips",
     "StoredSamples",
     "leftovers",
@@ -66,76 +65,6 @@ _MOST_SHARDS = 16
 
 _CLIPS_IN_HAND = 16
 """Clips that are kept once they are read: a graft asks for the same few again and again."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """What a library knows of a clip besides its frames.
-
-    Attributes
-    ----------
-    name : str
-        Its name, which no other clip of the library has.
-    own_name : str
-        What it calls itself.
-    origin : Origin or None
-        The file that it was read from, and what that was like then.
-    rate : float
-        Frames per second of the clip itself; the library's clips all have the library's.
-    given_rate : float or None
-        That rate, if it was given because the file has a wrong one.
-    own_frames, n_frames : int
-        Its frames, and those at the library's rate.
-    root, up : int
-        As in `Facts`.
-    faults : tuple of str
-        What was found in it that makes some of its segments unfit to lend.
-    tags : tuple of str
-        Words to choose clips by.
-    """
-
-    name: str
-    own_name: str
-    origin: Origin | None
-    rate: float
-    given_rate: float | None
-    own_frames: int
-    n_frames: int
-    root: int
-    up: int
-    faults: tuple[str, ...]
-    tags: tuple[str, ...]
-
-    def facts(self, skeleton: Skeleton) -> Facts:
-        """Return what the clip says of itself."""
-        return Facts(skeleton, self.rate, self.own_frames, self.root, self.up)
-
-
-class Place(NamedTuple):
-    """Where a stored clip is, and how to read it.
-
-    Attributes
-    ----------
-    shard : int
-        Index of the files that hold it, in the order of the manifest.
-    at, size : int
-        Its first number in ``frames`` and how many there are.
-    row : int
-        Its first row in ``samples``.
-    kind, frame_time, repairs
-        As in `Stored`.
-    skeleton : int
-        Index of its skeleton.
-    """
-
-    shard: int
-    at: int
-    size: int
-    row: int
-    kind: Kind
-    frame_time: float
-    repairs: tuple[str, ...]
-    skeleton: int
 
 
 class StoredClips(Sequence[Motion]):
@@ -394,7 +323,7 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> Contents:
             except ValueError as error:
                 raise _damaged(folder, f"{name}: {error}") from error
     try:
-        return Contents(folder, manifest, *_read_catalogue(folder / inside / CATALOGUE), arrays)
+        return Contents(folder, manifest, *catalogue.read(folder / inside / CATALOGUE), arrays)
     except (sqlite3.Error, KeyError, TypeError, ValueError) as error:
         raise _damaged(folder, f"{CATALOGUE}: {error}") from error
 
@@ -639,7 +568,7 @@ class Draft:
         return self._open[name]
 
     def _skeleton(self, skeleton: Skeleton) -> int:
-        return self._skeletons.setdefault(_skeleton_text(skeleton), len(self._skeletons))
+        return self._skeletons.setdefault(catalogue.skeleton_text(skeleton), len(self._skeletons))
 
     def samples(
         self, extents: Sequence[tuple[int, int, int]], n_samples: int, n_joints: int
@@ -695,30 +624,16 @@ class Draft:
 
         `segments` has the columns clip, start, stop and is_donor.
         """
-        with _database(self.folder / CATALOGUE) as base:
-            base.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _TABLES)
-            base.executemany(
-                "INSERT INTO skeleton VALUES (?, ?)",
-                [(number, text) for text, number in self._skeletons.items()],
-            )
-            base.executemany(
-                f"INSERT INTO clip VALUES ({', '.join('?' * _COLUMNS)})",
-                [
-                    _row(number, entry, place, self.final)
-                    for number, (entry, place) in enumerate(zip(entries, places, strict=True))
-                ],
-            )
-            base.executemany("INSERT INTO refused VALUES (?, ?)", list(refused.items()))
-            base.executemany(
-                "INSERT INTO segment VALUES (?, ?, ?, ?, ?)",
-                [(number, *row) for number, row in enumerate(segments.tolist())],
-            )
-            for group, own in labels.items():
-                order = np.argsort(own, kind="stable")
-                rows = zip(own[order].tolist(), order.tolist(), strict=True)
-                base.executemany(
-                    "INSERT INTO label VALUES (?, ?, ?)", [(group, *row) for row in rows]
-                )
+        catalogue.write(
+            self.folder / CATALOGUE,
+            entries,
+            places,
+            tuple(self._skeletons),
+            refused,
+            segments,
+            labels,
+            self.final,
+        )
         self._names.append(CATALOGUE)
 
     def commit(self, about: Mapping[str, Any]) -> None:
@@ -759,7 +674,7 @@ class Draft:
     @property
     def skeletons(self) -> tuple[Skeleton, ...]:
         """The skeletons of the clips taken."""
-        return tuple(map(_read_skeleton, self._skeletons))
+        return tuple(map(catalogue.read_skeleton, self._skeletons))
 
 
 @contextlib.contextmanager
@@ -899,123 +814,3 @@ def _sync(path: Path) -> None:
             os.fsync(handle)
     finally:
         os.close(handle)
-
-
-# The catalogue.
-
-
-@contextlib.contextmanager
-def _database(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open a new database; what goes wrong is told with its name."""
-    try:
-        with contextlib.closing(sqlite3.connect(path)) as base, base:
-            yield base
-    except sqlite3.Error as error:
-        raise LibraryError(f"{path} cannot be written: {error}") from error
-
-
-_TABLES = """
-CREATE TABLE skeleton (id INTEGER PRIMARY KEY, json TEXT NOT NULL);
-CREATE TABLE clip (
-    id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, own_name TEXT NOT NULL,
-    path TEXT, bytes INTEGER, mtime_ns INTEGER, sha256 TEXT,
-    rate REAL NOT NULL, given_rate REAL, own_frames INTEGER NOT NULL, n_frames INTEGER NOT NULL,
-    root INTEGER NOT NULL, up INTEGER NOT NULL, faults TEXT NOT NULL, tags TEXT NOT NULL,
-    shard INTEGER NOT NULL, first_number INTEGER NOT NULL, n_numbers INTEGER NOT NULL,
-    first_row INTEGER NOT NULL, kind TEXT NOT NULL, frame_time REAL NOT NULL,
-    repairs TEXT NOT NULL, skeleton INTEGER NOT NULL REFERENCES skeleton
-);
-CREATE TABLE refused (path TEXT, reason TEXT NOT NULL);
-CREATE TABLE segment (
-    id INTEGER PRIMARY KEY, clip INTEGER NOT NULL REFERENCES clip,
-    start INTEGER NOT NULL, stop INTEGER NOT NULL, is_donor INTEGER NOT NULL
-);
-CREATE TABLE label (
-    joint_group TEXT NOT NULL, cluster INTEGER NOT NULL,
-    segment INTEGER NOT NULL REFERENCES segment,
-    PRIMARY KEY (joint_group, cluster, segment)
-) WITHOUT ROWID;
-"""
-_COLUMNS = 23
-
-
-def _row(number: int, entry: Entry, place: Place, folder: Path) -> tuple[Any, ...]:
-    source: tuple[Any, ...] = (None,) * 4
-    if entry.origin is not None:
-        own = entry.origin
-        source = (way_to(own.path, folder).as_posix(), own.size, own.mtime_ns, own.sha256)
-    return (
-        number,
-        entry.name,
-        entry.own_name,
-        *source,
-        entry.rate,
-        entry.given_rate,
-        entry.own_frames,
-        entry.n_frames,
-        entry.root,
-        entry.up,
-        json.dumps(entry.faults),
-        json.dumps(entry.tags),
-        *place[:6],
-        json.dumps(place.repairs),
-        place.skeleton,
-    )
-
-
-def _read_catalogue(
-    path: Path,
-) -> tuple[tuple[Entry, ...], tuple[Place, ...], tuple[Skeleton, ...], dict[str, str]]:
-    # As immutable: nothing is ever written beside it, and no lock is asked for.
-    uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
-    folder = str(path.absolute().parent.parent)
-    entries, places = [], []
-    with contextlib.closing(sqlite3.connect(uri, uri=True)) as base:
-        for row in base.execute("SELECT * FROM clip ORDER BY id"):
-            origin = None
-            if row[3] is not None:
-                where = os.path.normpath(os.path.join(folder, row[3]))
-                origin = Origin(where, row[4], row[5], row[6])
-            facts = row[7], row[8], row[9], row[10], row[11], row[12]
-            words = _words(row[13]), _words(row[14])
-            entries.append(Entry(row[1], row[2], origin, *facts, *words))
-            place = row[15], row[16], row[17], row[18], row[19], row[20]
-            places.append(Place(*place, _words(row[21]), row[22]))
-        skeletons = tuple(
-            _read_skeleton(text)
-            for (text,) in base.execute("SELECT json FROM skeleton ORDER BY id")
-        )
-        refused = dict(base.execute("SELECT path, reason FROM refused"))
-    return tuple(entries), tuple(places), skeletons, refused
-
-
-def _words(text: str) -> tuple[str, ...]:
-    return () if text == "[]" else tuple(json.loads(text))
-
-
-def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
-    """Return a skeleton as JSON can hold it."""
-    return {
-        "names": skeleton.names,
-        "parents": skeleton.parents.tolist(),
-        "offsets": skeleton.offsets.tolist(),
-        "channels": skeleton.channels,
-        "end_sites": [
-            [site.parent, site.offset.tolist(), site.before, site.name]
-            for site in skeleton.end_sites
-        ],
-    }
-
-
-def skeleton_of(fields: Mapping[str, Any]) -> Skeleton:
-    """Return the skeleton that `skeleton_fields` made fields of."""
-    rest = {key: value for key, value in fields.items() if key != "end_sites"}
-    return Skeleton(**rest, end_sites=tuple(EndSite(*own) for own in fields["end_sites"]))
-
-
-def _skeleton_text(skeleton: Skeleton) -> str:
-    return json.dumps(skeleton_fields(skeleton))
-
-
-def _read_skeleton(text: str) -> Skeleton:
-    return skeleton_of(json.loads(text))
