@@ -10,6 +10,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft._fields import instance
 from mograft.anatomy import anatomy
 from mograft.body import body, up_axis
 from mograft.config import FRAME
@@ -171,7 +172,14 @@ def foot_skate(motion: Motion) -> float:
         0 to 1. A foot slides where its heel or toe is lower than 0.03 skeleton heights above
         its floor and the slowest of those that are moves over the floor at more than 0.3
         heights a second: a foot that rolls over its toe does not. 0 without legs.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> 0.0 < foot_skate(dance(strides=1).motion) < 0.3
+    True
     """
+    instance("motion", motion, Motion)
     return skate_on(motion, Ground.of(motion))
 
 

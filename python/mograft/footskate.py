@@ -11,6 +11,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray
+from mograft._fields import instance
 from mograft.config import FRAME
 from mograft.contacts import NEAR, SLIDES, Ground, Leg, contacts, legs, runs, skate_on, speeds
 from mograft.motion import Motion
@@ -119,6 +120,7 @@ def plant_feet(
     >>> report.skate_after <= report.skate_before
     True
     """
+    instance("motion", motion, Motion)
     limbs = legs(motion.skeleton)
     given = contacts(motion) if stands is None else np.asarray(stands, bool)
     if given.shape != (motion.n_frames, len(limbs), 2):

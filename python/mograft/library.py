@@ -12,6 +12,7 @@ import numpy as np
 
 from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft._fields import instance, whole
 from mograft.anatomy import feature_joints
 from mograft.body import body
 from mograft.catalogue import Entry, Place, skeleton_fields, skeleton_of
@@ -441,7 +442,7 @@ class Library:
         ValueError
             If there is no such segment or group, or the group is the base.
         """
-        if not 0 <= segment < len(self.segments):
+        if whole("segment", segment) >= len(self.segments):
             raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
         if group == self.groups.base:
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")
@@ -530,6 +531,7 @@ class Library:
             if base not in names:
                 raise ValueError(f"base must be a clip, one of {listed(names)}; got {base!r}")
             return self, names.index(base)
+        instance("base", base, Motion)
         self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
         for index, entry in enumerate(self.entries):
             if entry.n_frames != base.n_frames:

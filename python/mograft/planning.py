@@ -75,6 +75,8 @@ def check_names(constraints: Sequence[Constraint], poses: Poses) -> None:
     ValueError
         If a constraint names a joint that is not there.
     """
+    if isinstance(constraints, Constraint):
+        raise TypeError(f"constraints must be a list of constraints, got {constraints!r}")
     for constraint in constraints:
         if not isinstance(constraint, Constraint):
             raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
