@@ -102,8 +102,7 @@ def clearance(
     others: FloatArray,
     other_radii: FloatArray,
     at: IntArray,
-    left: IntArray,
-    right: IntArray,
+    pairs: tuple[IntArray, IntArray],
 ) -> tuple[FloatArray, IntArray]: ...
 def box_clearance(
     ends: FloatArray,

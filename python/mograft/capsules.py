@@ -214,8 +214,7 @@ def clearance(
         np.ascontiguousarray(others),
         np.ascontiguousarray(other_radii),
         np.ascontiguousarray(at, np.int64),
-        left,
-        right,
+        (left, right),
     )
 
 

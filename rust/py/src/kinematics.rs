@@ -354,11 +354,11 @@ pub fn clearance<'py>(
     others: Floats<'py>,
     other_radii: Floats<'py>,
     at: Indices<'py>,
-    left: Indices<'py>,
-    right: Indices<'py>,
+    pairs: (Indices<'py>, Indices<'py>),
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let (own, far) = (as_vecs(&ends)?, as_vecs(&others)?);
     let (radii, other_radii, at) = (radii.as_slice()?, other_radii.as_slice()?, as_usizes(&at)?);
+    let (left, right) = pairs;
     let pairs: Vec<_> = as_usizes(&left)?
         .into_iter()
         .zip(as_usizes(&right)?)
