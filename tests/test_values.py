@@ -126,6 +126,24 @@ def test_what_is_no_library_no_list_and_no_file_is_refused_by_name(library):
     motion = library.clips[0]
     with pytest.raises(TypeError, match="library must be a Library, got Motion"):
         mg.graft(motion)
+    for base in (3, [motion]):
+        with pytest.raises(TypeError, match=r"base must be a Motion, got (int|list)"):
+            mg.graft(library, base)
+    with pytest.raises(TypeError, match="constraints must be a list of constraints, got AvoidSelf"):
+        mg.graft(library, constraints=mg.AvoidSelf())
+    for segment in (1.5, True, None, -1, np.int64(10**6)):
+        with pytest.raises(ValueError, match=f"segment must be 0 to .*, got {segment}"):
+            library.candidates(segment, "upper")
+    for feet in (mg.plant_feet, mg.foot_skate):
+        with pytest.raises(TypeError, match="motion must be a Motion, got int"):
+            feet(3)
+    with pytest.raises(TypeError, match="library must be a Library, got Motion"):
+        mg.Stream(motion)
+    with pytest.raises(TypeError, match="constraints must be a list of constraints, got AvoidSelf"):
+        mg.Stream(library, constraints=mg.AvoidSelf())
+    with pytest.raises(ValueError, match=r"horizon must be a whole number from 1, got 1\.5"):
+        mg.Stream(library, horizon=1.5)
+    assert repr(mg.Stream(library, seed=np.int64(3))).endswith(", 0 segments committed)")
     with pytest.raises(TypeError, match="swap must be a list of groups, got 'upper'"):
         mg.graft(library, swap="upper")
     with pytest.raises(TypeError, match="target must be a path or a file object, got int"):

@@ -1,16 +1,21 @@
 """Checks of single values, each by its name."""
 
 import math
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
 from mograft._arrays import as_floats
 
 
+def is_whole(value: object) -> TypeGuard[int]:
+    """Tell whether something is a whole number, Python's or NumPy's."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def whole(name: str, value: object, least: int = 0) -> int:
     """Return a whole number, Python's or NumPy's, as Python's."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+    if not is_whole(value) or value < least:
         raise ValueError(f"{name} must be a whole number from {least}, got {value!r}")
     return int(value)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mograft import store
 from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft._fields import instance, whole
+from mograft._fields import instance, is_whole
 from mograft.anatomy import feature_joints
 from mograft.body import body
 from mograft.catalogue import Entry, Place, skeleton_fields, skeleton_of
@@ -442,7 +442,7 @@ class Library:
         ValueError
             If there is no such segment or group, or the group is the base.
         """
-        if whole("segment", segment) >= len(self.segments):
+        if not is_whole(segment) or not 0 <= segment < len(self.segments):
             raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
         if group == self.groups.base:
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")

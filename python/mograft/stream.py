@@ -9,6 +9,7 @@ import numpy as np
 
 from mograft import rotations
 from mograft._arrays import BoolArray, FloatArray, IntArray
+from mograft._fields import instance, whole
 from mograft.anatomy import feature_joints
 from mograft.body import body
 from mograft.capsules import capsules
@@ -164,10 +165,8 @@ class Stream:
         seed: int = 0,
         horizon: int = 8,
     ) -> None:
-        if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
-            raise ValueError(f"horizon must be a whole number from 1, got {horizon!r}")
-        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-            raise ValueError(f"seed must be a whole number from 0, got {seed!r}")
+        horizon, seed = whole("horizon", horizon, 1), whole("seed", seed)
+        instance("library", library, Library)
         groups = sorted(swapped(library, swap), key=lambda own: int(library.joints(own).min()))
         _check_config(library.config)
         _check_whole(library, groups)
@@ -191,7 +190,10 @@ class Stream:
         self._signs: FloatArray | None = None
         self._count = 0
         self._is_closed = False
-        self.constraints = tuple(constraints)
+        self.constraints = constraints
+
+    def __repr__(self) -> str:
+        return f"Stream({self._library}, {self._count} segments committed)"
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
