@@ -62,13 +62,15 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
     TypeError, ValueError
         As for `as_floats`, and if a norm differs from 1 by more than 1e-6.
     """
-    quats = as_floats(name, value, None if shape is None else (*shape, 4))
+    quats = _as_array(name, value, None if shape is None else (*shape, 4))
     if quats.shape[-1:] != (4,):
+        as_floats(name, quats)
         raise ValueError(f"{name} must have shape (..., 4), got {quats.shape}")
-    # Squared norms are within 2e-6 of 1 where norms are within 1e-6.
-    off = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) > 2e-6
-    if off.any():
-        place = tuple(int(i) for i in np.argwhere(off)[0])
+    # Squared norms are within 2e-6 of 1 where norms are within 1e-6; then all is finite.
+    unit = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
+    if not unit.all():
+        as_floats(name, quats)
+        place = tuple(int(i) for i in np.argwhere(~unit)[0])
         norm = np.linalg.norm(quats[place])
         raise ValueError(f"{name} must be unit quaternions, got norm {norm:.6g} at {list(place)}")
     return quats
