@@ -35,7 +35,8 @@ def measured(library, seeds):
         fallen, planted = mg.graft(loose, seed=seed), mg.graft(library, seed=seed)
         feet = planted.feet
         skates = mg.foot_skate(fallen.motion), mg.foot_skate(planted.motion)
-        rows.append([*skates, feet.moved_root, feet.unreached_frames])
+        # Where no legs were exchanged none were planted.
+        rows.append([*skates, *((feet.moved_root, feet.unreached_frames) if feet else (0.0, 0))])
     return np.mean(rows, axis=0)
 
 
