@@ -519,6 +519,18 @@ def test_a_library_is_no_folder_of_files(capsys, folder, tmp_path):
     assert "give one library or files" in capsys.readouterr().err
 
 
+def test_what_a_library_leaves_out_is_named_once(capsys, folder, tmp_path):
+    bad, library = folder / "bad.bvh", tmp_path / "lib"
+    bad.write_text("HIERARCHY")
+    code, _, err = run(capsys, "index", folder, "-o", library)
+    bad.unlink()
+    told = [line for line in err.splitlines() if line.startswith("left out: ")]
+    assert code == 0
+    assert len(told) == 1
+    assert told[0].count("bad.bvh") == 1
+    assert f"  {told[0]}" in run(capsys, "lib", "info", library)[1]
+
+
 def test_rates_and_tags_of_no_clip_are_told(capsys, folder, tmp_path):
     tags = tmp_path / "tags.csv"
     tags.write_text("clip,tag\na.bvh,slow\nz*,fast\n")

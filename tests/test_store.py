@@ -496,6 +496,9 @@ def test_what_is_no_library_of_ours_is_refused_with_what_to_do(small, tmp_path):
         Library.open(tmp_path / "nothing")
     with pytest.raises(LibraryError, match=r"no mograft library: .* mograft index CLIPS -o"):
         Library.open(tmp_path)
+    (tmp_path / "a.bvh").write_text("HIERARCHY")
+    with pytest.raises(LibraryError, match=r"a\.bvh is no mograft library: it is a file"):
+        Library.open(tmp_path / "a.bvh")
     shutil.copytree(small, tmp_path / "l")
     manifest = tmp_path / "l" / "manifest.json"
     document = json.loads(manifest.read_text())

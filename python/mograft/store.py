@@ -286,7 +286,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileNotFoundError(2, "no such library", str(folder))
     try:
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError) as error:
+    except NotADirectoryError as error:
+        raise LibraryError(f"{folder} is no mograft library: it is a file") from error
+    except FileNotFoundError as error:
         raise LibraryError(
             f"{folder} is no mograft library: it has no {MANIFEST}; "
             f"make one with: mograft index CLIPS -o {folder}"

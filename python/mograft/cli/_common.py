@@ -215,6 +215,11 @@ def say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
+def left_out(path: str, why: str) -> str:
+    """Return that a file was left out; most reasons name it, and the line, themselves."""
+    return f"left out: {why}" if why.startswith(path) else f"left out: {path}: {why}"
+
+
 @contextmanager
 def progress() -> Iterator[Callable[[str, int, int], None] | None]:
     """Show on a terminal what is being done; nothing where stderr is none."""

@@ -7,7 +7,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import above_zero, at_least_one, given, print_json, progress, say
+from mograft.cli._common import (
+    above_zero,
+    at_least_one,
+    given,
+    left_out,
+    print_json,
+    progress,
+    say,
+)
 from mograft.cli.graft import chosen_config, chosen_groups
 from mograft.errors import listed
 
@@ -101,13 +109,13 @@ def run(options: argparse.Namespace) -> int:
                 executor=executor,
                 progress=tell,
             )
-    left_out = {path: why for path, why in library.refused.items() if path not in before}
-    for path, why in left_out.items():
-        say(f"left out: {path}: {why}")
+    refused = {path: why for path, why in library.refused.items() if path not in before}
+    for path, why in refused.items():
+        say(left_out(path, why))
     if options.json:
         from mograft.cli.lib import described
 
-        print_json({"schema": "mograft.index/1", **described(library), "left_out": left_out})
+        print_json({"schema": "mograft.index/1", **described(library), "left_out": refused})
     else:
         say(f"{library}")
         print(options.output)

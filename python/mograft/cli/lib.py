@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import check_free, print_json, say
+from mograft.cli._common import check_free, left_out, print_json, say
 
 if TYPE_CHECKING:
     from mograft.library import Library
@@ -56,7 +56,7 @@ def run_info(options: argparse.Namespace) -> int:
     if document["tags"]:
         print(f"  tags: {' '.join(document['tags'])}")
     for path, why in document["left_out"].items():
-        print(f"  left out: {path}: {why}")
+        print(f"  {left_out(path, why)}")
     for clip in document.get("files", []):
         faults = f"; {'; '.join(clip['faults'])}" if clip["faults"] else ""
         tags = f" [{' '.join(clip['tags'])}]" if clip["tags"] else ""
