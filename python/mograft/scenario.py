@@ -477,13 +477,14 @@ def _chance(seed: int) -> np.random.Generator:
     return np.random.default_rng(whole("seed", seed))
 
 
-def _check_size(frames: int, graph: Transitions) -> None:
+def _check_size(steps: int, graph: Transitions) -> None:
     """Refuse walks whose chances, by frame and segment, would not fit in memory."""
-    most = _TABLE // len(graph.segments)
-    if frames > most:
+    n = len(graph.segments)
+    most = _TABLE // n
+    if steps > most:
         raise ValueError(
-            f"{frames} frames are too many to plan among {len(graph.segments)} segments: at most "
-            f"{most}, or more among the segments of fewer clips"
+            f"{steps + 1} frames are too many to plan among {n} segments: at most {most + 1}, or "
+            "more among the segments of fewer clips"
         )
 
 
