@@ -189,6 +189,20 @@ def test_a_shift_that_makes_nothing_too_fast_is_kept(seed, n, size):
         np.testing.assert_array_equal(new, shift)
 
 
+@given(st.integers(3, 30), st.integers(3, 30), st.floats(0.01, 1.0))
+def test_a_shift_gives_way_only_by_what_is_too_much(before, after, more):
+    """One step is at its fastest and would be longer; there is room beside it."""
+    steps = np.concatenate([np.ones(before), [3.0], np.ones(after)])
+    path = np.zeros((len(steps) + 1, 3))
+    path[1:, 0] = np.cumsum(steps)
+    shift = np.zeros_like(path)
+    shift[before + 1 :, 0] = more
+    new = _no_faster(shift, path, np.array([0.0, 1.0, 0.0]))
+    assert np.diff((path + new)[:, 0]).max() <= 3.0 * (1 + 1e-12)
+    # Half on either side, and at most a little more, so that there is an end to it.
+    assert np.abs(new - shift).max() <= 0.5 * more + 1e-3
+
+
 def test_the_root_stays_where_it_may_not_move(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
     still, report = plant_feet(motion, contacts(sample.motion), moves_root=False)

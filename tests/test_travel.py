@@ -49,12 +49,12 @@ def test_velocities_are_means_of_those_captured(lengths, seed, config, blend):
 
 @given(st.integers(4, 15), st.integers(4, 15), SEEDS)
 def test_velocities_meet_half_way(before, after, seed):
-    """What is left of a jump in velocity is the square of a frame's share of the window."""
+    """No frame takes more of a jump than the cubic does where it is steepest, over four frames."""
     rng = np.random.default_rng(seed)
     steps = np.repeat(rng.normal(size=(2, 4)), [before, after], axis=0)
     faded = blended(steps, tiles(np.array([before, after])), np.array([True]), Config(), 30.0)
     jump = np.abs(steps[before] - steps[before - 1])
-    assert (np.abs(np.diff(faded, axis=0)) <= 0.375 * jump + 1e-12).all()
+    assert (np.abs(np.diff(faded, axis=0)) <= 1.5 / 8 * jump + 1e-12).all()
     mean = 0.5 * (faded[before - 1] + faded[before])
     if before == after:
         np.testing.assert_allclose(mean, 0.5 * (steps[0] + steps[-1]), atol=1e-12)
@@ -79,7 +79,7 @@ def root_speeds(motion, joint=0):
 
 @given(LENGTHS, SEEDS, st.sampled_from(("offset", "inertial", "dead")))
 def test_the_root_goes_and_turns_no_faster_than_the_fastest_donor(lengths, seed, seam):
-    """Whatever meets whatever; the other way round speeds of seams were up to a sixth above."""
+    """Whatever meets whatever."""
     rng = np.random.default_rng(seed)
     cut, config = tiles(lengths), Config(seam=seam)
     base = clip(rng, cut)

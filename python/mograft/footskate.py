@@ -358,7 +358,7 @@ def _no_faster(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArra
     own, wanted = path @ level, (path + shift) @ level
     most = np.linalg.norm(np.diff(own, axis=0), axis=1).max(initial=0.0)
     moved = wanted.copy()
-    for _ in range(_SWEEPS):
+    for _ in range(_SWEEPS if most > 0 else 0):
         steps = np.diff(moved, axis=0)
         speeds = np.linalg.norm(steps, axis=1)
         over = np.flatnonzero(speeds > most)
