@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mograft import resample, rotations
+from mograft import resample, rotations, seams
 from tests import plain
 from tests.strategies import (
     SEEDS,
@@ -153,3 +153,25 @@ def test_segments_outside_their_clip_are_refused(bounds, message):
     still = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1))
     with pytest.raises(ValueError, match=message):
         resample.segments(still, *bounds)
+
+
+@given(quaternions(()), quaternions(()), st.integers(2, 20))
+def test_segments_of_two_frames_equal_slerp(a, b, count):
+    assume(abs(a @ b) > 1e-6)
+    quats = np.array([[a], [b]])
+    expected = resample.slerp([0.0, 1.0], quats, np.linspace(0.0, 1.0, count))
+    same_rotations(resample.segments(quats, [0], [1], [count]), expected, 1e-12)
+    same_rotations(resample.cubic([0.0, 1.0], quats, np.linspace(0.0, 1.0, count)), expected, 1e-12)
+
+
+@given(quaternions(()), quaternions(()))
+def test_displacement_at_seam_equals_slerp_halfway(a, b):
+    assume(abs(a @ b) > 1e-6)
+    before, after = np.array([[a]]), np.array([[b]])
+    still = np.zeros((1, 1, 3))
+    at = seams.Moments(np.array([0, 1]), np.array([1.0, 0.0]), np.ones(2))
+    met = seams.displacement(
+        seams.TURNS, np.concatenate([before, after]), at, seams.Ends(before, after, still, still)
+    )
+    halfway = resample.slerp([0.0, 1.0], np.concatenate([before, after]), [0.5])
+    same_rotations(met, np.concatenate([halfway, halfway]), 1e-12)

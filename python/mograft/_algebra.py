@@ -1,106 +1,102 @@
-"""Linear algebra whose bits depend on the numbers alone.
+"""Matrix products and eigenvectors with the same bits for any number of BLAS threads.
 
-A BLAS sums in an order that follows its number of threads, so that the last bits of what it
-returns do, too, and such bits decide ties between clusters. For products numbers are cut into
-two halves of so few bits that every sum of products of halves is exact, whatever the order
-(Ozaki, Ogita, Oishi and Rump 2012). Eigenvectors are found by one thread.
+The order in which a BLAS adds depends on its number of threads, and so do the last bits of its
+results. Such bits decide ties between clusters. Two rules remove them: factors are rounded to a
+grid on which sums of products are exact in any order, and eigenvectors are rounded to the same
+grid, which is much coarser than the bits that differ.
 """
 
 import numpy as np
-import numpy.typing as npt
 
-from mograft import _core
 from mograft._arrays import FloatArray
 
-__all__ = ["eigen", "gram", "product"]
+__all__ = ["GRID", "eigenvectors", "product", "round_to_grid"]
 
-_MANTISSA = 53
+GRID = 2.0**-20
+"""Spacing of the grid, about 1e-6."""
+
+_EIGENVALUE_GRID = 2.0**-32
+"""Spacing of eigenvalues, as a share of the power of two above the trace."""
+
+
+def round_to_grid(values: FloatArray, spacing: float = GRID) -> FloatArray:
+    """Round numbers to multiples of a power of two; halves go to the even multiple.
+
+    Parameters
+    ----------
+    values : ndarray
+        The numbers.
+    spacing : float
+        A power of two.
+
+    Returns
+    -------
+    ndarray, shape of `values`
+        The rounded numbers; zeros are positive.
+    """
+    rounded: FloatArray = values / spacing
+    np.rint(rounded, out=rounded)
+    rounded *= spacing
+    rounded += 0.0  # -0.0 becomes 0.0
+    return rounded
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Multiply two matrices.
+    """Multiply two matrices after rounding both to `GRID`.
 
     Parameters
     ----------
     a : ndarray, shape (m, k)
-        Rows; what a row becomes does not depend on the others.
+        Rows.
     b : ndarray, shape (k, n)
         Columns.
 
     Returns
     -------
     ndarray, shape (m, n)
-        The product. Each number is off by no more than 2^-40 k times the largest number of
-        the row times that of the column, for k up to 2048.
+        The product of the rounded matrices. It is exact, and hence independent of the number
+        of threads and of the other rows, if the norm of each row times the norm of each column
+        is at most 8192.
     """
-    a_high, a_low = _halves(a, 1)
-    b_high, b_low = _halves(b, 0)
-    found: FloatArray = a_high @ b_high + (a_high @ b_low + a_low @ b_high)
+    # By Cauchy and Schwarz every partial sum is at most 2^13, and a multiple of 2^-40: the 53
+    # bits of a float64 hold it.
+    found: FloatArray = round_to_grid(a) @ round_to_grid(b)
+    found += 0.0
     return found
 
 
-def gram(a: FloatArray) -> FloatArray:
-    """Multiply the transpose of a matrix by the matrix.
-
-    Parameters
-    ----------
-    a : ndarray, shape (k, n)
-        The matrix.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        As `product` of `a.T` and `a`; symmetric.
-    """
-    high, low = _halves(a, 0)
-    across = high.T @ low
-    found: FloatArray = high.T @ high + (across + across.T)
-    return found
-
-
-def eigen(matrix: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]:
-    """Find eigenvalues and eigenvectors of a symmetric matrix.
+def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatArray]:
+    """Return the eigenvalues of a symmetric matrix and its leading eigenvectors.
 
     Parameters
     ----------
     matrix : ndarray, shape (n, n)
-        The matrix.
-    wanted : int
-        How many eigenvectors; n at most are returned.
+        A symmetric, positive semidefinite matrix.
+    n_vectors : int
+        Number of eigenvectors; at most n are returned.
 
     Returns
     -------
     values : ndarray, shape (n,)
-        All eigenvalues, descending.
-    vectors : ndarray, shape (n, wanted)
-        As columns those of the greatest, orthonormal; of two opposite ones either.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is not square or not finite.
+        All eigenvalues, descending, rounded to 2^-32 of the power of two above the trace.
+    vectors : ndarray, shape (n, n_vectors)
+        Columns of norm 1, rounded to `GRID`, by descending eigenvalue. In each the entry of
+        largest absolute value is positive; ties go to the first.
 
     Notes
     -----
-    Householder's reduction and QL iterations with implicit shifts, as LAPACK's ``steqr``.
+    `numpy.linalg.eigh`, whose results differ in the last bits between numbers of BLAS threads.
+    The rounded results differ if a number lies next to the middle between two multiples, or if
+    two eigenvalues are nearly equal: see "Principal components" in the contributing page.
+
+    The sign is chosen after rounding: in eigenvectors of mirrored motions several entries have
+    the same absolute value but for the last bits.
     """
-    return _core.eigen(np.ascontiguousarray(matrix), wanted)
-
-
-def _halves(values: FloatArray, axis: int) -> tuple[FloatArray, FloatArray]:
-    """Cut numbers that are summed along an axis into two halves of the same few bits."""
-    # k products of two halves of b bits stay below 2^53, so that they are whole numbers of
-    # grains that a double holds.
-    bits = (_MANTISSA - (values.shape[axis] - 1).bit_length()) // 2
-    above = np.frexp(np.abs(values).max(axis=axis, keepdims=True, initial=0.0))[1]
-    high = _rounded(values, above - bits)
-    return high, _rounded(values - high, above - 2 * bits)
-
-
-def _rounded(values: FloatArray, grain: npt.NDArray[np.int32]) -> FloatArray:
-    """Round numbers to multiples of 2^grain."""
-    # What is added has its last bit there, and pushes all below it out.
-    push = np.ldexp(1.5, grain + _MANTISSA - 1)
-    rounded = values + push
-    rounded -= push
-    return rounded
+    values, vectors = np.linalg.eigh(matrix)
+    leading = round_to_grid(vectors[:, ::-1][:, :n_vectors])
+    largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=0)[None], axis=0)
+    size = 2.0 ** float(np.frexp(np.trace(matrix))[1])
+    return (
+        round_to_grid(values[::-1], _EIGENVALUE_GRID * size),
+        leading * np.where(largest < 0, -1.0, 1.0) + 0.0,
+    )

@@ -16,7 +16,6 @@ __all__ = [
     "cubic_positions",
     "cut",
     "cut_tuned",
-    "eigen",
     "exp",
     "features",
     "format_rows",
@@ -149,4 +148,3 @@ def cut_tuned(
     crowd: int,
 ) -> IntArray: ...
 def linkage_by_chain(points: FloatArray) -> FloatArray: ...
-def eigen(matrix: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]: ...

@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Protocol
@@ -10,10 +10,11 @@ from typing import Protocol
 import numpy as np
 
 from mograft import _core, rotations
-from mograft._algebra import eigen, gram, product
+from mograft._algebra import product
 from mograft._arrays import FloatArray, IntArray, Packed
 from mograft.config import FRAME, Config
 from mograft.motion import Motion
+from mograft.principal_components import MIN_DEVIATION, Spread, pca
 from mograft.resample import segments, segments_positions
 from mograft.segmentation import Segments
 
@@ -25,34 +26,29 @@ __all__ = [
     "features",
     "means_of",
     "normalise",
-    "pca",
 ]
 
 CHUNK = 1024
-"""Segments that are held at a time. Sums are taken chunk by chunk in the order of segments, so
-that their last bits depend on this number and on nothing else."""
+"""Number of segments in memory at a time. Sums run chunk by chunk in the order of segments, so
+their last bits depend on this number only."""
 
-_AT_HAND = 1 << 27
-"""Bytes of features that are kept between two passes."""
-
-_STILL = 1e-6
-"""Features that vary by less are dropped: samples are kept in single precision, whose grain
-is 6e-8 for a rotation, and what is below it is no motion."""
+_CACHE_BYTES = 1 << 27
+"""Bytes of features that are kept between the two passes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Segments of equal length, in the same place and, if wanted, facing the same way.
+    """Segments resampled to equal length, without position and, by default, without heading.
 
     Attributes
     ----------
     rows : ndarray, shape (n_segments, 4·samples·joints + 3·samples + 1)
-        A row per segment, as libraries keep it, in single precision, or as it is computed.
-        Local rotations, sample by sample, those of the locomotion root in the world; the
-        root's way from the sample before, in skeleton heights, 0 at the first; the length
-        before resampling, in frames of 1/30 s.
+        One row per segment, in single precision as stored or in double as computed: local
+        rotations, sample by sample, of the locomotion root in the world; the root's
+        displacement from the previous sample in skeleton heights, 0 at the first; the length
+        before resampling in frames of 1/30 s.
     n_samples, n_joints : int
-        Samples per segment, and joints of each.
+        Number of samples per segment and of joints.
     """
 
     rows: Packed | FloatArray
@@ -70,11 +66,11 @@ class Samples:
 
     @property
     def rest(self) -> Packed | FloatArray:
-        """What stands behind the rotations, shape (n_segments, 3·samples + 1)."""
+        """Displacements of the root and the length, shape (n_segments, 3·samples + 1)."""
         return self.rows[:, 4 * self.n_samples * self.n_joints :]
 
     def packed(self) -> Packed:
-        """Return the rows in single precision, as libraries keep them."""
+        """Return the rows in single precision, as libraries store them."""
         return self.rows.astype(np.float32, copy=False)
 
     def chunks(self) -> "Iterator[Samples]":
@@ -84,7 +80,7 @@ class Samples:
 
 
 class Source(Protocol):
-    """Samples of segments, wherever they are kept."""
+    """Samples of segments, in memory or in files."""
 
     def __len__(self) -> int:
         """Return the number of segments."""
@@ -97,22 +93,24 @@ class Source(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Embedding:
-    """Segments of one joint group as points whose distances compare motions.
+    """Segments of one joint group as points; similar motions are close.
 
     Attributes
     ----------
     points : ndarray, shape (n_segments, n_components)
         Principal component scores.
     joints : ndarray of int
-        The joints whose rotations count.
+        The joints whose rotations are features.
     has_root : bool
-        Whether the root's rotation, heading removed, and its way are among the features.
+        Whether the root's rotation, without heading, and its displacements are features.
     reference : ndarray, shape (n_joints, 4)
-        Mean rotation of each joint, from which rotation vectors are taken.
+        Mean rotation of each joint; features are rotation vectors relative to it.
     mean, scale : ndarray, shape (n_features,)
-        Subtracted from and divided into a feature; a scale of infinity drops it.
+        A feature is standardised by subtracting its mean and dividing by its scale, which is
+        infinite for dropped features.
     components : ndarray, shape (n_features, n_components)
-        Orthonormal columns; the largest entry of each is positive.
+        Loadings in columns, orthonormal and rounded to multiples of 2^-20. In each column the
+        entry of largest absolute value is positive; ties go to the first.
     variances : ndarray
         Variance along all principal components, descending.
     """
@@ -132,7 +130,19 @@ class Embedding:
         return f"Embedding({n} points of {axes} axes, {part:.0%} of the variance)"
 
     def project(self, matrix: FloatArray) -> FloatArray:
-        """Return the points of feature vectors, shape (n, n_features) to (n, n_components)."""
+        """Return the points of feature vectors.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (n, n_features)
+            Feature vectors.
+
+        Returns
+        -------
+        ndarray, shape (n, n_components)
+            Scores of the standardised features, which are rounded to multiples of 2^-20. The
+            bits of a row depend neither on the other rows nor on the number of BLAS threads.
+        """
         return product((matrix - self.mean) / self.scale, self.components)
 
 
@@ -145,22 +155,22 @@ def normalise(
     up: int,
     heights: Sequence[float],
 ) -> Samples:
-    """Resample all segments to the same number of frames and take out where they are.
+    """Resample all segments to the same number of frames; remove position and heading.
 
     Parameters
     ----------
     clips : sequence of Motion
-        Of one hierarchy.
+        Clips of one hierarchy.
     cut : Segments
-        Their segments, clip by clip.
+        The segments of the clips, in the order of the clips.
     config : Config
-        Gives `samples` and `keep_heading`.
+        `samples` and `keep_heading` apply.
     root : int
-        The joint that carries the body through the world.
+        The locomotion root: the joint that moves the body through the world.
     up : int
-        The axis that points up: 0, 1 or 2.
+        The vertical axis: 0, 1 or 2.
     heights : sequence of float
-        Each clip's skeleton height in its file's unit.
+        Skeleton height of each clip in the unit of its file.
 
     Returns
     -------
@@ -170,37 +180,41 @@ def normalise(
     m = config.samples
     rows = []
     for index, clip in enumerate(clips):
-        own = cut.of_clip(index)
-        bounds = (cut.start[own], cut.stop[own], np.full(len(own), m))
-        sampled = segments(clip.rotations, *bounds).reshape(len(own), m, clip.n_joints, 4)
+        indices = cut.of_clip(index)
+        n = len(indices)
+        bounds = (cut.start[indices], cut.stop[indices], np.full(n, m))
+        sampled = segments(clip.rotations, *bounds).reshape(n, m, clip.n_joints, 4)
         if root == 0:
-            carried, place = sampled[:, :, 0], clip.positions[:, :1]
+            root_rotations, track = sampled[:, :, 0], clip.positions[:, :1]
         else:
-            turned, placed = clip.world()
-            carried = segments(turned[:, root : root + 1], *bounds).reshape(len(own), m, 4)
-            place = placed[:, root : root + 1]
-        way = np.zeros((len(own), m, 3))
-        place = segments_positions(place, *bounds).reshape(len(own), m, 3) / heights[index]
-        way[:, 1:] = np.diff(place, axis=1)
+            world_rotations, world_positions = clip.world()
+            root_track = world_rotations[:, root : root + 1]
+            root_rotations = segments(root_track, *bounds).reshape(n, m, 4)
+            track = world_positions[:, root : root + 1]
+        steps = np.zeros((n, m, 3))
+        positions = segments_positions(track, *bounds).reshape(n, m, 3) / heights[index]
+        steps[:, 1:] = np.diff(positions, axis=1)
         if not config.keep_heading:
-            back = rotations.inverse(_headings(carried[:, 0], up))[:, None]
-            carried, way = rotations.multiply(back, carried), rotations.rotate(back, way)
-        sampled[:, :, root] = carried
-        lengths = cut.lengths[own] * clip.frame_time / FRAME
-        parts = [sampled.reshape(len(own), -1), way.reshape(len(own), -1), lengths[:, None]]
+            turn = rotations.inverse(_headings(root_rotations[:, 0], up))[:, None]
+            root_rotations = rotations.multiply(turn, root_rotations)
+            steps = rotations.rotate(turn, steps)
+        sampled[:, :, root] = root_rotations
+        lengths = cut.lengths[indices] * clip.frame_time / FRAME
+        parts = [sampled.reshape(n, -1), steps.reshape(n, -1), lengths[:, None]]
         rows.append(np.concatenate(parts, axis=1))
     return Samples(np.concatenate(rows), m, clips[0].n_joints)
 
 
 def _headings(first: FloatArray, up: int) -> FloatArray:
-    """Return the turn about up in each segment's first pose, shape (n_segments, 4).
+    """Return the rotation about up in each segment's first pose, shape (n_segments, 4).
 
-    Upside down, facing up or down, a pose has none; the segment before lends its own.
+    It is undefined if that pose is half a turn about a horizontal axis from the rest pose;
+    the heading of the previous segment is used then.
     """
     parts = first[:, [up, 3]]
-    has_none = np.hypot(*parts.T) < 1e-6
-    known = np.where(has_none, 0, np.arange(len(first)))
-    headings: FloatArray = rotations.twist(first, up)[np.maximum.accumulate(known)]
+    is_undefined = np.hypot(*parts.T) < 1e-6
+    sources = np.where(is_undefined, 0, np.arange(len(first)))
+    headings: FloatArray = rotations.twist(first, up)[np.maximum.accumulate(sources)]
     return headings
 
 
@@ -214,17 +228,17 @@ def features(
     samples : Samples
         The normalised segments.
     joints : ndarray of int
-        The group's joints.
+        The joints of the group.
     reference : ndarray, shape (len(joints), 4)
-        The rotation from which each joint's rotation vectors are taken.
+        For each joint the rotation to which its rotation vectors are relative.
     has_root : bool
-        Whether to add the root's way.
+        Whether to add the displacements of the root.
 
     Returns
     -------
     ndarray, shape (n_segments, 3·joints·samples [+ 3·samples] + 1)
-        Per joint and sample a rotation vector in radians, then the root's steps in skeleton
-        heights, then the length in frames of 1/30 s.
+        For each joint and sample a rotation vector in radians, then the displacements of the
+        root in skeleton heights, then the length in frames of 1/30 s.
     """
     return _core.features(
         samples.rows,
@@ -237,7 +251,7 @@ def features(
 
 
 def moments(samples: Samples) -> FloatArray:
-    """Return each joint's Σ q qᵀ, from which `mean_rotations` tells the mean.
+    """Return Σ q qᵀ of each joint, the input of `mean_rotations`.
 
     Parameters
     ----------
@@ -247,7 +261,7 @@ def moments(samples: Samples) -> FloatArray:
     Returns
     -------
     ndarray, shape (n_joints, 4, 4)
-        Those of several sets add up to those of their union.
+        The moments of a union of disjoint sets are the sum of the sets' moments.
     """
     return _core.moments(samples.rows, (samples.n_samples, samples.n_joints))
 
@@ -258,101 +272,17 @@ def mean_rotations(summed: FloatArray) -> FloatArray:
     Parameters
     ----------
     summed : ndarray, shape (n_joints, 4, 4)
-        What `moments` returns.
+        The result of `moments`.
 
     Returns
     -------
     ndarray, shape (n_joints, 4)
-        For each joint the unit quaternion with the greatest Σ (q·mean)², w ≥ 0: the signs of
-        the quaternions do not matter (Markley et al. 2007).
+        For each joint the unit quaternion with the largest Σ (q·mean)² and w ≥ 0. The signs
+        of the quaternions have no effect (Markley et al. 2007).
     """
     means = np.linalg.eigh(summed)[1][..., -1]
     signed: FloatArray = np.where(means[:, 3:] < 0, -means, means)
     return signed
-
-
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """Mean and scatter of rows, gathered chunk by chunk.
-
-    Attributes
-    ----------
-    n : int
-        Number of rows.
-    mean : ndarray, shape (n_features,)
-        Their mean.
-    scatter : ndarray, shape (n_features, n_features)
-        Σ (row - mean)(row - mean)ᵀ.
-    """
-
-    n: int
-    mean: FloatArray
-    scatter: FloatArray
-
-    @classmethod
-    def of(cls, chunks: Iterable[FloatArray]) -> "Spread":
-        """Gather chunks of rows, at least one, in their order.
-
-        Notes
-        -----
-        Each chunk is centred on its own mean before it is squared, and the chunks are joined
-        by Chan, Golub and LeVeque's rule, so that nothing cancels and a feature that never
-        varies has a scatter of zero but for rounding.
-        """
-        n, mean, scatter = 0, np.zeros(0), np.zeros((0, 0))
-        for rows in chunks:
-            own = rows.mean(axis=0)
-            centred = rows - own
-            within = gram(centred)
-            if not n:
-                n, mean, scatter = len(rows), own, within
-                continue
-            apart, whole = own - mean, n + len(rows)
-            scatter += within
-            scatter += np.outer(apart, apart) * (n * len(rows) / whole)
-            mean = mean + apart * (len(rows) / whole)
-            n = whole
-        return cls(n, mean, scatter)
-
-    @property
-    def deviation(self) -> FloatArray:
-        """Standard deviation of each feature, with n - 1; 0 for a single row."""
-        deviation: FloatArray = np.sqrt(np.diag(self.scatter) / max(self.n - 1, 1))
-        return deviation
-
-
-def pca(
-    spread: Spread, n_components: int, floors: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Find the principal components of standardised features (correlation matrix).
-
-    Parameters
-    ----------
-    spread : Spread
-        Of the features of all segments.
-    n_components : int
-        Components kept, at most; never more than the rank.
-    floors : ndarray, shape (n_features,)
-        Least standard deviation to divide by. Features that vary by less than 1e-6 are
-        dropped.
-
-    Returns
-    -------
-    scale : ndarray, shape (n_features,)
-        What to divide by once the mean is subtracted; infinite where a feature is dropped.
-    components : ndarray, shape (n_features, n_components)
-        Orthonormal columns by descending variance; the largest entry of each is positive.
-    variances : ndarray, shape (n_features,)
-        Variance along every principal component, descending.
-    """
-    deviation = spread.deviation
-    scale = np.where(deviation < _STILL, np.inf, np.maximum(deviation, floors))
-    standard = spread.scatter / (spread.n - 1) / scale / scale[:, None]
-    variances, vectors = eigen(standard, min(n_components, spread.n - 1))
-    rank = int((variances > 1e-12 * max(variances[0], 0.0)).sum())
-    kept = vectors[:, :rank]
-    largest = np.take_along_axis(kept, np.abs(kept).argmax(axis=0)[None], axis=0)
-    return scale, kept * np.where(largest < 0, -1.0, 1.0), np.maximum(variances, 0.0)
 
 
 def means_of(samples: Source, n_joints: int) -> FloatArray:
@@ -376,24 +306,23 @@ def embed(
 
     Parameters
     ----------
-    samples : Samples or other source of them
-        The normalised segments. They are gone through twice, a chunk at a time.
+    samples : Source
+        The normalised segments. They are read twice, chunk by chunk.
     joints : ndarray of int
-        The group's joints whose rotations count.
+        The joints of the group whose rotations are features.
     means : ndarray, shape (n_joints, 4)
         The mean rotation of each joint of the skeleton.
     config : Config
-        Gives `components`, the floors and `keep_heading`.
+        `components`, the floors and `keep_heading` apply.
     root : int
-        The joint that carries the body through the world.
+        The locomotion root: the joint that moves the body through the world.
     group : str
-        The group's name, for warnings.
+        Name of the group, for warnings.
 
     Returns
     -------
     Embedding or None
-        None, with a warning, where there is nothing to compare: fewer than three segments,
-        or all of them alike.
+        None, with a warning, if there are fewer than three segments or all are alike.
     """
     n, n_joints = len(samples), len(joints)
     has_root = bool((joints == root).any())
@@ -401,68 +330,71 @@ def embed(
     if has_root and not config.keep_heading:
         reference[joints == root] = rotations.IDENTITY
 
-    at_hand: list[FloatArray] = []
+    cache: list[FloatArray] = []
 
     def matrices() -> Iterator[FloatArray]:
-        yield from at_hand
-        known = len(at_hand)
-        if known * CHUNK >= n:
+        yield from cache
+        n_cached = len(cache)
+        if n_cached * CHUNK >= n:
             return
-        for number, part in enumerate(islice(samples.chunks(), known, None), known):
+        for number, part in enumerate(islice(samples.chunks(), n_cached, None), n_cached):
             matrix = features(part, joints, reference, has_root=has_root)
-            # Features are computed anew for the second pass, but for the first that fit.
-            if number == len(at_hand) and 8 * matrix.size * (number + 1) <= _AT_HAND:
-                at_hand.append(matrix)
+            # The first chunks that fit are kept; the second pass recomputes the others.
+            if number == len(cache) and 8 * matrix.size * (number + 1) <= _CACHE_BYTES:
+                cache.append(matrix)
             yield matrix
 
     n_rotations = 3 * config.samples * n_joints
-    near_the_cut = _NearTheCut(n_rotations)
-    spread = Spread.of(map(near_the_cut.seen, matrices()))
-    near_the_cut.warn(group)
-    # Lengths alone are nothing to go by: a motion without motion is cut evenly.
-    if n < 3 or (spread.deviation[:-1] < _STILL).all():
+    half_turns = _HalfTurnCounter(n_rotations)
+    spread = Spread.of(map(half_turns.count, matrices()))
+    half_turns.warn(group)
+    # The last feature, the length, cannot tell segments apart alone: a clip at rest is cut
+    # into equal parts.
+    if n < 3 or (spread.deviation[:-1] < MIN_DEVIATION).all():
         few = f"{n} segment{'s are' if n > 1 else ' is'} too few to compare"
-        what = few if n < 3 else f"all {n} segments are alike"
-        warnings.warn(f"group {group}: {what}; each is left by itself", stacklevel=2)
+        reason = few if n < 3 else f"all {n} segments are alike"
+        message = f"group {group}: {reason}; each segment forms its own cluster"
+        warnings.warn(message, stacklevel=2)
         return None
     floors = np.full(len(spread.mean), config.rotation_floor)
     floors[n_rotations:-1] = config.position_floor
     floors[-1] = config.length_floor
     scale, components, variances = pca(spread, config.components, floors)
-    own = Embedding(
-        np.empty((0, components.shape[1])),
-        joints,
-        has_root,
-        reference,
-        spread.mean,
-        scale,
-        components,
-        variances,
+    embedding = Embedding(
+        points=np.empty((0, components.shape[1])),
+        joints=joints,
+        has_root=has_root,
+        reference=reference,
+        mean=spread.mean,
+        scale=scale,
+        components=components,
+        variances=variances,
     )
-    return replace(own, points=np.concatenate([own.project(matrix) for matrix in matrices()]))
+    points = np.concatenate([embedding.project(matrix) for matrix in matrices()])
+    return replace(embedding, points=points)
 
 
-class _NearTheCut:
-    """How many rotation vectors come near a half turn from the mean, where they jump."""
+class _HalfTurnCounter:
+    """Count rotation vectors near the discontinuity, half a turn from the mean."""
 
     def __init__(self, n_rotations: int) -> None:
         self._n_rotations = n_rotations
-        self._near = self._whole = 0
+        self._n_near = self._n_total = 0
 
-    def seen(self, matrix: FloatArray) -> FloatArray:
-        """Count a chunk's, and hand it on."""
+    def count(self, matrix: FloatArray) -> FloatArray:
+        """Count those of a chunk, and return the chunk."""
         vectors = matrix[:, : self._n_rotations].reshape(len(matrix), -1, 3)
         squared = np.einsum("nvi,nvi->nv", vectors, vectors)
-        self._near += int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))
-        self._whole += squared.size
+        self._n_near += int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))
+        self._n_total += squared.size
         return matrix
 
     def warn(self, group: str) -> None:
-        """Warn if they are more than one in a thousand."""
-        share = self._near / max(self._whole, 1)
+        """Warn if they are more than 0.1 % of all."""
+        share = self._n_near / max(self._n_total, 1)
         if share > 0.001:
             warnings.warn(
                 f"group {group}: {share:.1%} of its poses are nearly a half turn from the mean; "
-                "segments that are alike there may be told apart",
+                "similar segments may fall into different clusters",
                 stacklevel=3,
             )

@@ -16,10 +16,10 @@ __all__ = ["cubic", "cubic_positions", "segments", "segments_positions", "slerp"
 
 
 def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
-    """Interpolate joint rotations spherically at new times.
+    """Interpolate joint rotations linearly on the sphere (SLERP) at new times.
 
-    Between two frames each joint turns at constant speed along the shorter arc. Outside the
-    frames it holds the nearest one.
+    Between two frames each joint rotates at constant speed along the shorter arc. Times before
+    the first frame return the first frame, times after the last the last.
 
     Parameters
     ----------
@@ -43,7 +43,21 @@ def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
 
     See Also
     --------
-    cubic : Interpolation without jumps in angular velocity.
+    cubic : Interpolation with continuous angular velocity.
+
+    Notes
+    -----
+    The paper writes "cubic interpolation of quaternions (SLERP)" in 4.1.3 and 4.5; SLERP is not
+    cubic. The method resamples with `cubic`, because SLERP changes the angular velocity abruptly
+    at every frame. It uses SLERP in three places, as part of another kernel:
+
+    - A segment of two frames has no third frame for a parabola, and `segments` returns
+      ``slerp`` of the two.
+    - At a seam, the seam treatments "displacement", "paper" and "offset" let both segments meet
+      in the pose halfway along the shorter arc, which is ``slerp`` at 0.5.
+    - The seam treatment "dead" fades from one pose to the other by ``slerp``.
+
+    This function is for callers who need constant angular velocity between frames.
 
     Examples
     --------

@@ -15,7 +15,6 @@
 mod convert;
 mod kinematics;
 mod linkage;
-mod spectral;
 mod text;
 
 /// Compiled kernels of mograft. Private: call the package's own functions instead.
@@ -39,9 +38,6 @@ mod _core {
     use crate::linkage::{
         cut, cut_tuned, linkage, linkage_by_chain, linkage_condensed, linkage_tuned,
     };
-
-    #[pymodule_export]
-    use crate::spectral::eigen;
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};
