@@ -59,8 +59,8 @@ def test_labels_are_those_of_the_plain_version(motion, library):
         n_rotations = 30 * len(own.joints)
         matrix[:, n_rotations:-1] /= heights(motion)
         points = plain.embed(matrix, n_rotations, library.config)
-        # Samples are kept in single precision.
-        np.testing.assert_allclose(own.points, points, atol=1e-5)
+        # Samples are stored in single precision, and loadings are rounded to about 1e-6.
+        np.testing.assert_allclose(own.points, points, atol=3e-5)
         sigma = plain.sigma(points, library.config)
         assert library.sigma[group] == pytest.approx(sigma, rel=1e-6)
         same = plain.cluster(points, sigma)
