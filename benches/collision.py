@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 import mograft as mg
-from mograft.anatomy import anatomy
-from mograft.planning import Problem, take
+from mograft.body.anatomy import anatomy
+from mograft.synthesis.problem import Problem, take
 
 RATE = 30.0
 DISTANCES = np.arange(0.25, 1.0, 0.05)

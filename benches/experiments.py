@@ -41,7 +41,7 @@ from mograft.evaluation.enrichment import (
 )
 from mograft.evaluation.estimate import rogan_gladen
 from mograft.evaluation.report import order_of
-from mograft.planning import Problem, take
+from mograft.synthesis.problem import Problem, take
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30.0

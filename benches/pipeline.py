@@ -23,10 +23,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from mograft import _core
-from mograft.anatomy import feature_joints
-from mograft.body import body, inertia, up_axis
-from mograft.digest import SPOILING
-from tests import plain
+from mograft.body.anatomy import feature_joints
+from mograft.body.mass import body, inertia, up_axis
+from mograft.library.ingest import SPOILING
+from tests.oracles import pipeline as plain
 
 CONFIG = mg.Config(choice="random", seam="paper")
 """The paper's own choice and seams: the plain version has no others."""

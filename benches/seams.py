@@ -19,11 +19,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from mograft import rotations
-from mograft.anatomy import anatomy, feature_joints
-from mograft.body import body, center_of_mass
-from mograft.seams import TURNS
-from mograft.transplant import _Laid, transplant
+from mograft.blend.seams import TURNS
+from mograft.blend.transplant import _Laid, transplant
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.mass import body, center_of_mass
+from mograft.motion import rotations
 
 RATE = 30.0
 TREATMENTS = ("none", "offset", "paper", "displacement", "inertial", "dead")

@@ -26,12 +26,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from benches.feet import on_the_upper_body
 from mograft import _core
-from mograft.capsules import clearance
+from mograft.body.capsules import clearance
 from mograft.dancer import dance
-from mograft.planning import Problem, take
-from mograft.search import Chain, viterbi
-from mograft.substitution import Pool, Row
-from tests import plain
+from mograft.search.candidates import Pool, Row
+from mograft.search.viterbi import Chain, viterbi
+from mograft.synthesis.problem import Problem, take
+from tests.oracles import pipeline as plain
 
 CONFIG = mg.Config()
 HANDS = ("LeftHand", "Hand_L", "LeftWrist", "lHand")

@@ -20,8 +20,8 @@ import mograft as mg
 from mograft import cli, plot
 from mograft.cli._settings import command_parsers
 from mograft.dancer import dance
-from mograft.scenario import walk
-from mograft.stream import joined
+from mograft.scenario.walks import walk
+from mograft.synthesis.stream import joined
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "benches"))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 import mograft as mg
-from mograft.skeleton import CHANNELS
+from mograft.motion.skeleton import CHANNELS
 from tests.strategies import quaternions
 
 WHITE = " \t\v\f"

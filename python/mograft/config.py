@@ -4,7 +4,7 @@ import math
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
-from mograft._fields import plain
+from mograft._util.validate import plain
 
 __all__ = ["Config"]
 

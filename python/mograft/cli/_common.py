@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mograft import __version__
-from mograft._files import write_text
+from mograft._util.atomic import write_text
 from mograft.errors import listed
 
 if TYPE_CHECKING:
-    from mograft.grafting import Graft
-    from mograft.library import Library
-    from mograft.motion import Motion
+    from mograft.library.library import Library
+    from mograft.motion.motion import Motion
+    from mograft.synthesis.graft import Graft
 
 N = TypeVar("N", int, float)
 
@@ -184,7 +184,7 @@ def check_free(paths: Iterable[Path], *, force: bool) -> None:
 
 def write(graft: "Graft", path: Path) -> Path:
     """Write a graft's motion, and beside it where every part comes from."""
-    from mograft.bvh import write_bvh
+    from mograft.io.bvh import write_bvh
 
     document = {"mograft": __version__, **graft.as_dict()}
     # First, so that whenever this is interrupted no motion lies there without its provenance.

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dataclasses import asdict
 
-    from mograft.library import Library
+    from mograft.library.library import Library
 
     wanted = constraints(options)
     folder = library_folder(options)

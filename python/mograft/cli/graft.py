@@ -28,13 +28,13 @@ from mograft.errors import listed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mograft._arrays import IntArray
+    from mograft._util.arrays import IntArray
+    from mograft.body.groups import JointGroups
     from mograft.config import Config
-    from mograft.grafting import Graft
-    from mograft.groups import JointGroups
-    from mograft.library import Library
-    from mograft.motion import Motion
-    from mograft.scenario import Scenario
+    from mograft.library.library import Library
+    from mograft.motion.motion import Motion
+    from mograft.scenario.walks import Scenario
+    from mograft.synthesis.graft import Graft
 
 UNMET = 4
 """Exit code: no choice of donors meets the constraints."""
@@ -156,8 +156,8 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.grafting import graft_many, repair
-    from mograft.library import Library
+    from mograft.library.library import Library
+    from mograft.synthesis.graft import graft_many, repair
 
     folder = library_folder(options)
     files = expanded(options.files) if folder is None else []
@@ -246,7 +246,7 @@ def run(options: argparse.Namespace) -> int:
 
 def opened(folder: Path, options: argparse.Namespace) -> "Library":
     """Open a library; what it was made by is settled, but for how it is used."""
-    from mograft.library import Library
+    from mograft.library.library import Library
 
     for name in given(options, "groups", "preset"):
         options.usage(f"--{name} is settled when a library is made: mograft index --{name}")
@@ -258,7 +258,7 @@ def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion 
     """Return the clip that was read from a file or has a name, else the file's motion."""
     if name is None:
         return None
-    from mograft.bvh import read_bvh
+    from mograft.io.bvh import read_bvh
 
     names = [entry.name for entry in library.entries]
     if folder is not None and name in names:
@@ -325,7 +325,7 @@ def _scenario(
         return [int(word) for word in options.scenario.split(",")]
     import numpy as np
 
-    from mograft.scenario import fill, follow, to_beats, transitions, walk
+    from mograft.scenario.walks import fill, follow, to_beats, transitions, walk
 
     seed, duration = options.seed, options.duration or 60.0
     graph = transitions(library, options.among and options.among.split(","))
@@ -346,7 +346,7 @@ def chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
         return name
     if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
         options.usage(f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}")
-    from mograft.groups import JointGroups
+    from mograft.body.groups import JointGroups
 
     return JointGroups.from_toml(Path(name))
 

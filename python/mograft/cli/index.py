@@ -68,8 +68,8 @@ def run(options: argparse.Namespace) -> int:
     # settled when NumPy is loaded.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from mograft.library import Library
-    from mograft.sources import find, matching, read_table
+    from mograft.library.discover import find, matching, read_table
+    from mograft.library.library import Library
 
     fixed = given(options, "groups", "preset", "sigma_scale", "rate", "force")
     if options.add and fixed:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from mograft.cli._common import check_free, left_out, print_json, say
 
 if TYPE_CHECKING:
-    from mograft.library import Library
+    from mograft.library.library import Library
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -39,7 +39,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run_info(options: argparse.Namespace) -> int:
     """Run ``lib info``."""
-    from mograft.library import Library
+    from mograft.library.library import Library
 
     library = Library.open(options.library)
     document = described(library)
@@ -102,9 +102,9 @@ def _clip(library: "Library", index: int) -> dict[str, Any]:
 
 def run_verify(options: argparse.Namespace) -> int:
     """Run ``lib verify``."""
-    from mograft import store
-    from mograft.digest import origin_of
-    from mograft.library import Library
+    from mograft.library import storage as store
+    from mograft.library.ingest import origin_of
+    from mograft.library.library import Library
 
     wrong = store.verify(options.library)
     if options.sources and not wrong:
@@ -129,8 +129,8 @@ def run_verify(options: argparse.Namespace) -> int:
 
 def run_export(options: argparse.Namespace) -> int:
     """Run ``lib export``."""
-    from mograft.library import Library
-    from mograft.tables import export
+    from mograft.library.export import export
+    from mograft.library.library import Library
 
     library = Library.open(options.library)
     check_free([options.output], force=options.force)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft._files import replacing
+from mograft._util.atomic import replacing
 from mograft.cli._common import (
     at_least_one,
     check_free,
@@ -100,8 +100,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace) -> "Axes":
     from mograft import plot
-    from mograft.bvh import read_bvh
-    from mograft.library import Library
+    from mograft.io.bvh import read_bvh
+    from mograft.library.library import Library
     from mograft.viewing.scene import Scene
 
     folder = library_folder(options)

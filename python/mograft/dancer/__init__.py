@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import FloatArray, as_floats, frozen, restore
+from mograft._util.arrays import FloatArray, as_floats, frozen, restore
 from mograft.dancer.figure import INDEX, JOINTS, OFFSETS, skeleton
 from mograft.dancer.plan import (
     BoolArray,
@@ -31,7 +30,8 @@ from mograft.dancer.plan import (
 )
 from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
 from mograft.dancer.styles import ARM_PATTERNS, LEG_STYLES
-from mograft.motion import Motion
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
 
 __all__ = ["ARM_PATTERNS", "LEG_STYLES", "Dance", "dance"]
 

@@ -6,8 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from mograft import rotations
-from mograft._arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft.dancer.figure import (
     ANKLE_BACK,
     ANKLE_HEIGHT,
@@ -21,6 +20,7 @@ from mograft.dancer.figure import (
     Y,
 )
 from mograft.dancer.styles import ARM_JITTER, ARM_PATTERNS, JITTER, LEG_STYLES, LegStyle
+from mograft.motion import rotations
 
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 StrArray: TypeAlias = npt.NDArray[np.str_]

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import FloatArray
+from mograft._util.arrays import FloatArray
 from mograft.dancer.figure import (
     ARM_REACH,
     FOREARM,
@@ -18,6 +17,7 @@ from mograft.dancer.figure import (
 )
 from mograft.dancer.plan import Foot, Plan, Route, fade, soft_minimum
 from mograft.dancer.styles import ARM_PATTERNS, ArmMove
+from mograft.motion import rotations
 
 
 def leg_pose(pelvis: FloatArray, places: FloatArray, foot: Foot, hip: FloatArray) -> FloatArray:

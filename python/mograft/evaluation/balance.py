@@ -11,14 +11,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.body import body, center_of_mass
-from mograft.contacts import Ground
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.body.contacts import Ground
+from mograft.body.mass import body, center_of_mass
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.motion import Motion
-from mograft.segmentation import Segments
+from mograft.motion.motion import Motion
 
 __all__ = [
     "PAPER_TABLE",

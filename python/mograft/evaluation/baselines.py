@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.contacts import contacts, legs
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.contacts import contacts, legs
 from mograft.errors import InsufficientDataError
-from mograft.grafting import Graft, Grafts, Plan
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.planning import Donors
-from mograft.substitution import Pool, length_fits
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.search.candidates import Pool, length_fits
+from mograft.synthesis.graft import Graft, Grafts, Plan
+from mograft.synthesis.problem import Donors
 
 __all__ = [
     "Analogy",
@@ -233,7 +233,7 @@ def contact_patterns(library: Library) -> BoolArray:
     Returns
     -------
     ndarray of bool, shape (n_segments, 10, n_legs)
-        Whether a foot stands, as `mograft.contacts.contacts` tells, at ten equal times.
+        Whether a foot stands, as `mograft.body.contacts.contacts` tells, at ten equal times.
 
     Raises
     ------

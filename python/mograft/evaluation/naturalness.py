@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.anatomy import feature_joints
-from mograft.body import body
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.anatomy import feature_joints
+from mograft.body.mass import body
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
 from mograft.evaluation.baselines import Method, donors_by, methods
 from mograft.evaluation.estimate import Estimate
-from mograft.library import Library
+from mograft.library.library import Library
+from mograft.motion import rotations
 
 __all__ = [
     "Compatibility",

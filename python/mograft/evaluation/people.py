@@ -20,10 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.body import body
-from mograft.contacts import Ground
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.contacts import Ground
+from mograft.body.mass import body
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
@@ -41,9 +40,10 @@ from mograft.evaluation.naturalness import (
     _within,
     part_features,
 )
-from mograft.grafting import Graft
-from mograft.library import Library
-from mograft.motion import Motion
+from mograft.library.library import Library
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.synthesis.graft import Graft
 from mograft.viewing.page import Page, assembled, data
 
 __all__ = [

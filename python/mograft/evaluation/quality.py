@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import FloatArray, IntArray
-from mograft.anatomy import anatomy, feature_joints
-from mograft.body import up_axis
-from mograft.contacts import Ground, legs, skate_on
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.contacts import Ground, legs, skate_on
+from mograft.body.mass import up_axis
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.grafting import Graft
-from mograft.motion import Motion
-from mograft.skeleton import Skeleton
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.synthesis.graft import Graft
 
 __all__ = [
     "Quality",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.body import body
+from mograft.body.mass import body
 from mograft.evaluation import plots
 from mograft.evaluation.balance import BalanceRow
 from mograft.evaluation.enrichment import PAPER_TABLES

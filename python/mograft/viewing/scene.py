@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft import rotations
-from mograft._arrays import FloatArray, IntArray
-from mograft.anatomy import anatomy
-from mograft.body import body, up_axis
-from mograft.grafting import Graft
-from mograft.groups import JointGroups
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.segmentation import gaussian, kinetic_energy, segment
-from mograft.skeleton import Skeleton
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.segmentation import gaussian, kinetic_energy, segment
+from mograft.body.anatomy import anatomy
+from mograft.body.groups import JointGroups
+from mograft.body.mass import body, up_axis
+from mograft.library.library import Library
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.synthesis.graft import Graft
 
 __all__ = ["POINTS", "Drawn", "Figure", "Row", "Scene", "quantised", "unpacked"]
 

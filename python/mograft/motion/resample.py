@@ -1,0 +1,197 @@
+"""Motion at times between its frames."""
+
+import numpy.typing as npt
+
+from mograft import _core
+from mograft._util.arrays import (
+    FloatArray,
+    IntArray,
+    as_floats,
+    as_indices,
+    as_quaternions,
+    as_vectors,
+)
+
+__all__ = ["cubic", "cubic_positions", "segments", "segments_positions", "slerp"]
+
+
+def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
+    """Interpolate joint rotations spherically at new times.
+
+    Between two frames each joint turns at constant speed along the shorter arc. Outside the
+    frames it holds the nearest one.
+
+    Parameters
+    ----------
+    times : array_like, shape (n_frames,)
+        Times of the frames in seconds, strictly increasing; at least two.
+    rotations : array_like, shape (n_frames, n_joints, 4)
+        Unit quaternions, scalar last.
+    at : array_like, shape (n_times,)
+        Times to interpolate at, in seconds, in any order.
+
+    Returns
+    -------
+    ndarray, shape (n_times, n_joints, 4)
+        Unit quaternions. At a frame's own time the frame, perhaps with its sign changed.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a value is not finite, a quaternion is not of unit norm, or the
+        times do not increase.
+
+    See Also
+    --------
+    cubic : Interpolation without jumps in angular velocity.
+
+    Examples
+    --------
+    Halfway to a turn about y:
+
+    >>> slerp([0.0, 1.0], [[[0, 0, 0, 1]], [[0, 0.6, 0, 0.8]]], [0.5]).round(3)
+    array([[[0.   , 0.316, 0.   , 0.949]]])
+    """
+    frame_times = as_floats("times", times, ("n_frames",))
+    quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
+    return _core.slerp(frame_times, quats, as_floats("at", at, ("n_times",)))
+
+
+def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
+    """Interpolate joint rotations smoothly at new times.
+
+    The curve passes through all frames without jumps in angular velocity; its velocity at a
+    frame is that of the parabola through three frames. Outside the frames it holds the
+    nearest one.
+
+    Parameters
+    ----------
+    times, rotations, at
+        As for `slerp`.
+
+    Returns
+    -------
+    ndarray, shape (n_times, n_joints, 4)
+        Unit quaternions; at a frame's own time the frame itself.
+
+    Raises
+    ------
+    ValueError
+        As for `slerp`.
+
+    Notes
+    -----
+    Between two frames: `rotations.hermite`.
+    """
+    frame_times = as_floats("times", times, ("n_frames",))
+    quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
+    return _core.cubic(frame_times, quats, as_floats("at", at, ("n_times",)))
+
+
+def cubic_positions(
+    times: npt.ArrayLike, positions: npt.ArrayLike, at: npt.ArrayLike
+) -> FloatArray:
+    """Interpolate positions smoothly at new times, by the cubic of `cubic` for vectors.
+
+    Parameters
+    ----------
+    times, at
+        As for `slerp`.
+    positions : array_like, shape (n_frames, n_joints, 3)
+        Positions, in any unit.
+
+    Returns
+    -------
+    ndarray, shape (n_times, n_joints, 3)
+        Positions, in the same unit.
+
+    Raises
+    ------
+    ValueError
+        As for `slerp`.
+    """
+    frame_times = as_floats("times", times, ("n_frames",))
+    vectors = as_vectors("positions", positions, (len(frame_times), "n_joints"))
+    return _core.cubic_positions(frame_times, vectors, as_floats("at", at, ("n_times",)))
+
+
+def segments(
+    rotations: npt.ArrayLike,
+    starts: npt.ArrayLike,
+    stops: npt.ArrayLike,
+    counts: npt.ArrayLike,
+) -> FloatArray:
+    """Resample segments of a clip, each evenly to a number of frames of its own.
+
+    The curve is that of `cubic` and looks at no frame outside the segment. A sample that
+    falls on a frame is that frame bit for bit, so as many frames as before are the segment
+    itself.
+
+    Parameters
+    ----------
+    rotations : array_like, shape (n_frames, n_joints, 4)
+        The clip's unit quaternions, at equal time steps.
+    starts, stops : array_like of int, shape (n_segments,)
+        First and last frame of each segment, both included.
+    counts : array_like of int, shape (n_segments,)
+        Frames wanted of each; of a single one, the first.
+
+    Returns
+    -------
+    ndarray, shape (counts.sum(), n_joints, 4)
+        The segments' frames, one segment after the other.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, or a segment leaves the clip or spans no interval.
+
+    Examples
+    --------
+    >>> quats = [[[0, 0, 0, 1]], [[0, 0.6, 0, 0.8]], [[0, 0.96, 0, 0.28]]]
+    >>> segments(quats, [0], [2], [2])[:, 0, 1]
+    array([0.  , 0.96])
+    """
+    quats = as_quaternions("rotations", rotations, ("n_frames", "n_joints"))
+    return _core.segments(quats, *_bounds(starts, stops, counts))
+
+
+def segments_positions(
+    positions: npt.ArrayLike,
+    starts: npt.ArrayLike,
+    stops: npt.ArrayLike,
+    counts: npt.ArrayLike,
+) -> FloatArray:
+    """Resample positions of segments, as `segments` does rotations.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n_frames, n_joints, 3)
+        The clip's positions, in any unit, at equal time steps.
+    starts, stops, counts
+        As for `segments`.
+
+    Returns
+    -------
+    ndarray, shape (counts.sum(), n_joints, 3)
+        The segments' frames, one segment after the other.
+
+    Raises
+    ------
+    ValueError
+        As for `segments`.
+    """
+    vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))
+    return _core.segments_positions(vectors, *_bounds(starts, stops, counts))
+
+
+def _bounds(
+    starts: npt.ArrayLike, stops: npt.ArrayLike, counts: npt.ArrayLike
+) -> tuple[IntArray, IntArray, IntArray]:
+    first = as_indices("starts", starts, ("n_segments",))
+    last = as_indices("stops", stops, (len(first),))
+    wanted = as_indices("counts", counts, (len(first),))
+    for name, indices in (("starts", first), ("stops", last), ("counts", wanted)):
+        if (indices < 0).any():
+            raise ValueError(f"{name} must not be negative, got {indices.min()}")
+    return first, last, wanted
