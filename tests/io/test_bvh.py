@@ -66,7 +66,7 @@ def rewritten(motion):
 
 
 def named(path):
-    return "none" if path is None else path.stem
+    return "none" if path is None else f"{path.parent.name}/{path.stem}"
 
 
 def need(path, folder):

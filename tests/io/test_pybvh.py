@@ -21,7 +21,7 @@ CLOSE = 1e-4
 
 
 def named(path):
-    return "none" if path is None else path.stem
+    return "none" if path is None else f"{path.parent.name}/{path.stem}"
 
 
 def need(path):

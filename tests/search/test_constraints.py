@@ -12,7 +12,7 @@ import mograft as mg
 from mograft.body.capsules import capsules
 from mograft.dancer import dance
 from mograft.search.constraints import violations
-from mograft.synthesis.problem import Problem, take
+from mograft.synthesis.problem import Problem
 from tests.oracles import pipeline as plain
 from tests.strategies import SEEDS, vectors
 
@@ -36,7 +36,7 @@ def poses(motion):
 
 def problem_of(library, constraints, groups=("upper",)):
     scenario = library.segments.of_clip(0)
-    cut = take(library.segments, scenario)
+    cut = library.segments[scenario]
     return Problem.of(library, library.clips[0], scenario, cut, list(groups), constraints)
 
 

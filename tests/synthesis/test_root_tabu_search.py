@@ -12,7 +12,7 @@ from mograft.dancer import dance
 from mograft.search.candidates import BEYOND, Row
 from mograft.search.viterbi import viterbi
 from mograft.synthesis.graft import Plan
-from mograft.synthesis.problem import Problem, take
+from mograft.synthesis.problem import Problem
 from mograft.synthesis.root_tabu_search import exchanges, steered
 from tests.strategies import SEEDS
 
@@ -31,7 +31,7 @@ def library():
 
 def problem_of(library, constraints, groups=("lower",)):
     scenario = library.segments.of_clip(0)
-    cut = take(library.segments, scenario)
+    cut = library.segments[scenario]
     return Problem.of(library, library.clips[0], scenario, cut, list(groups), constraints)
 
 

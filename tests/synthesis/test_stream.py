@@ -15,7 +15,7 @@ from mograft.blend.transplant import states, transplant
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
-from mograft.synthesis.problem import Problem, take
+from mograft.synthesis.problem import Problem
 from mograft.synthesis.stream import _MOMENT, _Laid, _Sampled, _with_neighbours, joined
 from tests.oracles import pipeline as plain
 from tests.strategies import SEEDS, same_rotations, wander
@@ -143,7 +143,7 @@ def offline(library, base):
     """All that a search that knows the whole base sees."""
     longer, at = library.holding(base)
     scenario = longer.segments.of_clip(at)
-    cut = take(longer.segments, scenario)
+    cut = longer.segments[scenario]
     problem = Problem.of(longer, longer.clips[at], scenario, cut, ["upper"], [])
     return problem, problem.row("upper", {})
 
@@ -216,7 +216,7 @@ def test_seams_are_those_of_two_segments_put_together(library, base, seam):
         part = transplant(
             problem.base[start : stop + 1],
             moved,
-            take(longer.segments, donors[two]),
+            longer.segments[donors[two]],
             longer.clips,
             joints,
             longer.config,

@@ -6,7 +6,15 @@ from typing import Any
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import FloatArray, IntArray, as_floats, as_indices, frozen, restore
+from mograft._util.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    as_floats,
+    as_indices,
+    frozen,
+    restore,
+)
 from mograft._util.validate import instance
 from mograft.body.mass import body
 from mograft.body.mass import inertia as moments
@@ -60,6 +68,10 @@ class Segments:
 
     def __len__(self) -> int:
         return len(self.start)
+
+    def __getitem__(self, which: IntArray | BoolArray | slice) -> "Segments":
+        """Return some of the segments, in the order given."""
+        return Segments(self.start[which], self.stop[which], self.clip[which])
 
     def __repr__(self) -> str:
         n_clips = len(np.unique(self.clip))

@@ -450,7 +450,7 @@ class Library:
         judged = pool.judge(segment, pool.points, self.config)
         if not constraints:
             return judged
-        from mograft.synthesis.problem import reasons  # which stands on this module
+        from mograft.synthesis.problem import reasons  # layer exception: judged in place
 
         return reasons(self, segment, group, judged, constraints)
 

@@ -113,7 +113,7 @@ class Motion:
 
     def _repr_html_(self) -> str:
         # Pages stand at the end of the way of the data: only notebooks need them here.
-        from mograft.viewing.page import embedded
+        from mograft.viewing.page import embedded  # layer exception: notebooks show a page
 
         return embedded(self)
 

@@ -14,14 +14,13 @@ from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.scenario.walks import Scenario
-from mograft.synthesis.problem import take
 
 __all__ = ["arranged", "stands"]
 
 
 def arranged(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     """Return the motion of segments one after the other, on its feet, and where they are in it."""
-    own = take(library.segments, scenario.segments)
+    own = library.segments[scenario.segments]
     stops = np.cumsum(own.lengths if scenario.lengths is None else scenario.lengths)
     cut = Segments(np.concatenate([[0], stops[:-1]]), stops)
     # Each clip is read once: a stored library's are only there while they are asked for.

@@ -20,7 +20,7 @@ from mograft.scenario.walks import Scenario
 from mograft.search.candidates import Row, choose, reachable
 from mograft.search.constraints import Constraint, MaxAngle, Violation, violations
 from mograft.search.viterbi import best, diverse, sample, viterbi
-from mograft.synthesis.problem import Donors, Problem, take
+from mograft.synthesis.problem import Donors, Problem
 from mograft.synthesis.root_tabu_search import steered
 
 __all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many", "repair"]
@@ -138,7 +138,7 @@ class Graft:
 
     def _repr_html_(self) -> str:
         # Pages stand at the end of the way of the data: only notebooks need them here.
-        from mograft.viewing.page import embedded
+        from mograft.viewing.page import embedded  # layer exception: notebooks show a page
 
         return embedded(self)
 
@@ -311,7 +311,7 @@ class Plan:
         if order is None:
             library, at = library.holding(base)
             scenario = library.segments.of_clip(at)
-            motion, cut = library.clips[at], take(library.segments, scenario)
+            motion, cut = library.clips[at], library.segments[scenario]
         elif base is not None:
             raise ValueError("base must not be given with a scenario, which is the base itself")
         else:
@@ -391,7 +391,7 @@ class Plan:
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
         for group, donors in chosen.items():
-            taken = take(library.segments, donors)
+            taken = library.segments[donors]
             joints = library.joints(group)
             part = transplant(
                 self.base,

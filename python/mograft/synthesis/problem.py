@@ -35,7 +35,7 @@ from mograft.search.candidates import BEYOND, Candidates, Pool, Row
 from mograft.search.constraints import AvoidSelf, Constraint, MaxAngle
 from mograft.search.viterbi import Chain, best, viterbi
 
-__all__ = ["Donors", "Problem", "check_names", "owners", "reasons", "take"]
+__all__ = ["Donors", "Problem", "check_names", "owners", "reasons"]
 
 Donors = dict[str, IntArray]
 """For every grafted group the donor at each position."""
@@ -51,11 +51,6 @@ _LONGEST = 8
 
 _CHUNK = 20_000
 """Poses that are looked at at a time: some hundred megabytes."""
-
-
-def take(segments: Segments, chosen: IntArray) -> Segments:
-    """Return some of the segments, in the order given."""
-    return Segments(segments.start[chosen], segments.stop[chosen], segments.clip[chosen])
 
 
 def check_names(constraints: Sequence[Constraint], poses: Poses) -> None:
@@ -245,7 +240,7 @@ class Problem:
         counts = [len(own) for own in lists]
         at, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
         library = self.library
-        own, given = (take(library.segments, of) for of in (self.scenario[at], donors))
+        own, given = (library.segments[of] for of in (self.scenario[at], donors))
         costs, passes = np.zeros(len(donors)), np.ones(len(donors), bool)
         for constraint in self.constraints:
             miss = constraint.misses(own, given, library.entries)
@@ -371,7 +366,7 @@ class Problem:
         """
         library, joints = self.library, self.library.joints(group)
         context = self.base if context is None else context
-        taken = take(library.segments, donors)
+        taken = library.segments[donors]
         counts = self.cut.lengths[at] + 1
         starts = np.cumsum(counts) - counts
         step = np.arange(counts.sum()) - np.repeat(starts, counts)
@@ -446,7 +441,7 @@ class Problem:
 
     def led(self, donors: IntArray, come: Root) -> Root:
         """Return where donors lead a root that has come somewhere."""
-        taken = take(self.library.segments, donors)
+        taken = self.library.segments[donors]
         first, last = (
             Root(np.empty((len(donors), 4)), np.empty((len(donors), 3))) for _ in range(2)
         )
@@ -509,7 +504,7 @@ class Problem:
             part = transplant(
                 base,
                 cut,
-                take(self.library.segments, np.concatenate(chosen)),
+                self.library.segments[np.concatenate(chosen)],
                 self.library.clips,
                 self.library.joints(group),
                 self.library.config,
@@ -748,14 +743,14 @@ def reasons(
     """
     clip = int(library.segments.clip[segment])
     scenario = library.segments.of_clip(clip)
-    base, cut = library.clips[clip], take(library.segments, scenario)
+    base, cut = library.clips[clip], library.segments[scenario]
     problem = Problem.of(library, base, scenario, cut, [group], constraints)
     position = int(np.searchsorted(scenario, segment))
     everyone = [*judged.allowed, *judged.refused]
     donors = np.array([c.segment for c in everyone], np.int64)
     at = np.full(len(donors), position)
     told: list[list[str]] = [[c.refused] if c.refused else [] for c in everyone]
-    own, given = (take(library.segments, of) for of in (scenario[at], donors))
+    own, given = (library.segments[of] for of in (scenario[at], donors))
     poses = problem.candidate_poses(group, at, donors)
     counts = np.full(len(donors), int(cut.lengths[position]) + 1)
     starts = np.cumsum(counts) - counts

@@ -37,7 +37,7 @@ from mograft.search.candidates import (
 from mograft.search.constraints import AvoidSelf, Clip, Constraint, MaxAngle, Violation, violations
 from mograft.search.viterbi import Chain, sample, viterbi
 from mograft.synthesis.graft import Substitution, swapped
-from mograft.synthesis.problem import check_names, owners, take
+from mograft.synthesis.problem import check_names, owners
 
 __all__ = ["Piece", "Stream", "joined"]
 
@@ -341,8 +341,8 @@ class Stream:
 
     def _origins(self, own: Segments, mates: IntArray) -> tuple[FloatArray, BoolArray]:
         """Return what soft limits on their origin cost donors, and which pass the hard ones."""
-        given = take(self._library.segments, mates)
-        every = take(own, np.zeros(len(mates), np.int64))
+        given = self._library.segments[mates]
+        every = own[np.zeros(len(mates), np.int64)]
         costs, passes = np.zeros(len(mates)), np.ones(len(mates), bool)
         for constraint in self._constraints:
             span = constraint.frames
@@ -498,7 +498,7 @@ class Stream:
             donor, ends = int(place.donors[at]), place.ends[group]
             past = self._past.get(group)
             gap = 0.0 if past is None else float(past.gaps(ends)[0, at])
-            given = place.own if donor < 0 else take(library.segments, np.array([donor]))
+            given = place.own if donor < 0 else library.segments[np.array([donor])]
             substitutions.append(
                 Substitution(
                     group,
