@@ -4,6 +4,7 @@ import math
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
+from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.validate import plain
 
 __all__ = ["Config"]
@@ -154,17 +155,8 @@ class Config:
     def __post_init__(self) -> None:
         for field in fields(self):
             plain(self, field.name)
-        for name, allowed in (
-            ("omega", ("world", "local")),
-            ("inertia", ("own", "subtree", "unit")),
-            ("choice", ("viterbi", "best", "sample", "nearest", "random")),
-            ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
-            ("alignment", ("uniform", "dtw")),
-            ("torso", ("pelvis", "world")),
-            ("feet", ("auto", "never")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
+        for name, registry in CONFIG_OPTIONS.items():
+            registry.get(getattr(self, name))
         for name, least in (("samples", 2), ("components", 1), ("max_candidates", 1)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:

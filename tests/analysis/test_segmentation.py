@@ -157,7 +157,7 @@ def test_what_is_no_motion_is_refused():
         ({"sigma": -1.0}, "sigma must be above 0"),
         ({"min_length": 2.0}, "max_length must be at least twice min_length"),
         ({"max_angle": float("nan")}, "max_angle must be above 0, got nan"),
-        ({"seam": "glue"}, "seam must be one of"),
+        ({"seam": "glue"}, "`seam` must be one of"),
         ({"smoothing": "a"}, "smoothing must be a number, got 'a'"),
     ],
 )

@@ -231,7 +231,7 @@ def test_bad_arguments_are_refused_by_name(sample):
         plant_feet(sample.motion, bends=[True])
     with pytest.raises(ValueError, match=r"heights must have shape \(\d+, 2, 2\), got \(3, 2\)"):
         plant_feet(sample.motion, heights=np.zeros((3, 2)))
-    with pytest.raises(ValueError, match="feet must be one of"):
+    with pytest.raises(ValueError, match="`feet` must be one of"):
         Config(feet="sometimes")
 
 

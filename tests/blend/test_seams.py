@@ -185,7 +185,7 @@ def test_offset_is_smooth_at_every_seam_of_real_grafts(name):
 
 
 def test_a_treatment_that_is_none_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"seam must be one of .*'offset'.*, got 'glue'"):
+    with pytest.raises(ValueError, match=r"`seam` must be one of .*'offset'.*, got 'glue'"):
         replace(Config(), seam="glue")
     with pytest.raises(ValueError, match="seam_blend must be above 0, got 0"):
         Config(seam_blend=0)

@@ -151,5 +151,5 @@ def test_without_guides_nothing_is_bent():
     for guides in (None, np.zeros(0, np.int64)):
         part = transplant(base, cut, donors, [base], JOINTS, DTW, guides=guides)
         np.testing.assert_array_equal(part.rotations, even.rotations)
-    with pytest.raises(ValueError, match=r"alignment must be one of .*'dtw'.*, got 'warp'"):
+    with pytest.raises(ValueError, match=r"`alignment` must be one of .*'dtw'.*, got 'warp'"):
         Config(alignment="warp")

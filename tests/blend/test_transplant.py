@@ -350,5 +350,5 @@ def test_what_hangs_on_no_other_group_is_left():
             for torso in ("pelvis", "world")
         )
         np.testing.assert_array_equal(own.rotations, world.rotations)
-    with pytest.raises(ValueError, match=r"torso must be one of .*'world'.*, got 'hips'"):
+    with pytest.raises(ValueError, match=r"`torso` must be one of .*'world'.*, got 'hips'"):
         Config(torso="hips")

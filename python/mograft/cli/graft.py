@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mograft._util.registry import CONFIG_OPTIONS
 from mograft.cli._common import (
     ENDS,
     PRESETS,
@@ -77,7 +78,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument(
         "--choice",
-        choices=("viterbi", "best", "sample", "nearest", "random"),
+        choices=CONFIG_OPTIONS["choice"].names,
         help="how donors are chosen: those of least cost in all (of several motions each keeps "
         "away from the others), the several of least cost, drawn by their cost (default), those "
         "of most similar legs, or by chance as in the paper",
@@ -118,23 +119,23 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument(
         "--seam",
-        choices=("offset", "paper", "displacement", "inertial", "dead"),
+        choices=CONFIG_OPTIONS["seam"].names,
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
     )
     graft.add_argument(
         "--alignment",
-        choices=("uniform", "dtw"),
+        choices=CONFIG_OPTIONS["alignment"].names,
         help="how a donor gets its length: stretched evenly (default), or bent in time so that "
         "its base part does what the segment's does",
     )
     graft.add_argument(
         "--torso",
-        choices=("pelvis", "world"),
+        choices=CONFIG_OPTIONS["torso"].names,
         help="what a grafted trunk keeps: its angle to the pelvis (default), or how it leans",
     )
     graft.add_argument(
         "--feet",
-        choices=("auto", "never"),
+        choices=CONFIG_OPTIONS["feet"].names,
         help="make feet stand still: auto where the base group does not keep legs and root",
     )
     graft.add_argument("--report", action="store_true", help="also write a page that shows them")
