@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from mograft import _core
 from mograft.body.anatomy import feature_joints
-from mograft.body.mass import body, inertia, up_axis
+from mograft.body.mass import mass_model, moments_of_inertia, up_axis
 from mograft.library.ingest import SPOILING
 from tests.oracles import pipeline as plain
 
@@ -44,8 +44,8 @@ def slow(source, target, seed=0):
     """Graft with the plain version; joint groups, body model and faults are the package's."""
     motion = mg.read_bvh(source)
     groups = mg.JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
-    moments = inertia(body(motion.skeleton), motion.skeleton, CONFIG.inertia)
-    height, up = body(motion.skeleton).height, up_axis(motion)
+    moments = moments_of_inertia(mass_model(motion.skeleton), motion.skeleton, CONFIG.inertia)
+    height, up = mass_model(motion.skeleton).height, up_axis(motion)
 
     _, parents, offsets, channels, frame_time, values = plain.read_bvh(source)
     quats, places = plain.quaternions(channels, offsets, values)

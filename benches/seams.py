@@ -22,7 +22,7 @@ import mograft as mg
 from mograft.blend.seams import TURNS
 from mograft.blend.transplant import _Laid, transplant
 from mograft.body.anatomy import anatomy, feature_joints
-from mograft.body.mass import body, center_of_mass
+from mograft.body.mass import center_of_mass, mass_model
 from mograft.motion import rotations
 
 RATE = 30.0
@@ -119,7 +119,7 @@ def _hangs(parents, joint, above):
 
 def stance(motion, up):
     """How far the centre of mass is over the floor from the middle of the ankles, in heights."""
-    found = body(motion.skeleton)
+    found = mass_model(motion.skeleton)
     ankles = motion.world_positions()[:, [foot.ankle for foot in found.feet]].mean(axis=1)
     apart = np.delete(center_of_mass(motion) - ankles, up, axis=1)
     return np.linalg.norm(apart, axis=1).mean() / found.height

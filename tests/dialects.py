@@ -75,7 +75,7 @@ def skeletons(draw, max_joints=6):
         if isinstance(item, mg.EndSite):
             ordered.append(item)
         else:
-            todo += reversed(skeleton.below[item])
+            todo += reversed(skeleton.children_and_sites[item])
     return mg.Skeleton(
         skeleton.names, skeleton.parents, skeleton.offsets, skeleton.channels, tuple(ordered)
     )

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from mograft._util.registry import CONFIG_OPTIONS
-from mograft._util.validate import plain
+from mograft._util.validate import python_scalar
 
 __all__ = ["Config"]
 
@@ -154,7 +154,7 @@ class Config:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            plain(self, field.name)
+            python_scalar(self, field.name)
         for name, registry in CONFIG_OPTIONS.items():
             registry.get(getattr(self, name))
         for name, least in (("samples", 2), ("components", 1), ("max_candidates", 1)):

@@ -65,7 +65,7 @@ class InsufficientDataError(MograftError, ValueError):
     """Data that cannot support a measure; says what is missing."""
 
 
-def listed(names: Sequence[str], most: int = 12) -> str:
+def join_names(names: Sequence[str], most: int = 12) -> str:
     """Return names as a message gives them: all of a few, of many the first."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

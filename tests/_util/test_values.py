@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.dancer import dance
 
 
@@ -39,7 +39,7 @@ COPIES = [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(valu
 @pytest.fixture(scope="module")
 def values(library):
     motion = library.clips[0]
-    own = {"Dance": dance(seed=0, strides=1), "Body": body(library.skeleton)}
+    own = {"Dance": dance(seed=0, strides=1), "Body": mass_model(library.skeleton)}
     return own | {"Motion": motion, "Skeleton": motion.skeleton, "Segments": library.segments}
 
 

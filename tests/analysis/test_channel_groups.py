@@ -177,7 +177,9 @@ def test_the_base_is_compared_by_what_it_holds(motion):
     turned[:, column] += 30.0 * np.sin(np.arange(len(turned)) / 7.0)
     order, columns = motion.skeleton.rotation_order(7), list(motion.skeleton.channel_columns[7])
     quats = motion.rotations.copy()
-    quats[:, 7] = rotations.continuous(rotations.from_euler(np.radians(turned[:, columns]), order))
+    quats[:, 7] = rotations.continuous_signs(
+        rotations.from_euler(np.radians(turned[:, columns]), order)
+    )
     other = replace(motion, rotations=quats, channel_values=turned)
     config = Config(inertia="unit")
     own, twin = (Library.build(m, divided(m.skeleton), config) for m in (motion, other))

@@ -115,7 +115,7 @@ def next_motion(rng, n_joints):
 
 @given(LONG, npst.arrays(float, 3, elements=st.floats(-1e3, 1e3)), st.floats(-3, 3))
 def test_place_never_counts_and_heading_counts_for_the_paper_alone(motion, shift, yaw):
-    turn = rotations.about([0, 1, 0], yaw)
+    turn = rotations.from_axis_angle([0, 1, 0], yaw)
     quats, places = motion.rotations.copy(), motion.positions.copy()
     places[:, 0] += shift
     moved = replace(motion, positions=places)
@@ -242,7 +242,7 @@ def test_nothing_to_compare_is_said():
 def test_poses_a_half_turn_from_the_mean_are_warned_of():
     motion = next_motion(np.random.default_rng(3), 2)
     quats = motion.rotations.copy()
-    quats[:, 1] = rotations.about([1, 0, 0], np.linspace(-3.14, 3.14, len(quats)))
+    quats[:, 1] = rotations.from_axis_angle([1, 0, 0], np.linspace(-3.14, 3.14, len(quats)))
     spun = replace(motion, rotations=quats)
     samples = normalise([spun], segment(spun), ROBUST, **PLACE)
     with pytest.warns(UserWarning, match="nearly a half turn from the mean"):

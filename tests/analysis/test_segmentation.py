@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from mograft import Config, Motion, Segments, Skeleton, kinetic_energy, segment
 from mograft.analysis.segmentation import extrema, gaussian
-from mograft.body.mass import body, inertia
+from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.motion import rotations
 from tests.oracles import pipeline as plain
 from tests.strategies import SEEDS, motions, quaternions
@@ -29,7 +29,7 @@ def chain(n_joints=3):
 def turning(skeleton, joint, speed, n_frames=20, frame_time=0.02):
     """One joint of a skeleton turning steadily about y, in radians per second."""
     quats = np.tile(rotations.IDENTITY, (n_frames, skeleton.n_joints, 1))
-    quats[:, joint] = rotations.about([0, 1, 0], speed * frame_time * np.arange(n_frames))
+    quats[:, joint] = rotations.from_axis_angle([0, 1, 0], speed * frame_time * np.arange(n_frames))
     return Motion(skeleton, frame_time, quats, np.tile(skeleton.offsets, (n_frames, 1, 1)))
 
 
@@ -37,7 +37,7 @@ def turning(skeleton, joint, speed, n_frames=20, frame_time=0.02):
 def test_a_joint_that_turns_steadily_has_half_i_omega_squared(joint, speed):
     skeleton = chain()
     motion = turning(skeleton, joint, speed)
-    moments = inertia(body(skeleton), skeleton, "own")
+    moments = moments_of_inertia(mass_model(skeleton), skeleton, "own")
     below = 0.5 * moments[joint:].sum() * speed**2
     np.testing.assert_allclose(kinetic_energy(motion), below, rtol=1e-9)
     own = 0.5 * moments[joint] * speed**2
@@ -47,7 +47,7 @@ def test_a_joint_that_turns_steadily_has_half_i_omega_squared(joint, speed):
 @given(motions(min_joints=2))
 def test_energy_is_the_plain_sum(motion):
     skeleton = motion.skeleton
-    moments = inertia(body(skeleton), skeleton, "own")
+    moments = moments_of_inertia(mass_model(skeleton), skeleton, "own")
     expected = plain.kinetic_energy(skeleton.parents, motion.rotations, moments, motion.frame_time)
     np.testing.assert_allclose(kinetic_energy(motion), expected, rtol=1e-9, atol=1e-14)
 

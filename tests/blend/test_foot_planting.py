@@ -18,8 +18,8 @@ from mograft import (
     read_bvh,
 )
 from mograft.blend.foot_planting import _no_faster, two_bones
-from mograft.body.contacts import Ground, contacts, foot_heights, legs
-from mograft.body.mass import body
+from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
+from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.hierarchies import DANCES, DATA, recorded, recording
@@ -101,9 +101,9 @@ def test_nothing_is_not_a_number():
 
 
 def test_contacts_are_where_the_dancer_stands(sample):
-    found = contacts(sample.motion).any(axis=2)
+    found = detect_contacts(sample.motion).any(axis=2)
     assert (found[sample.stance]).mean() > 0.99
-    assert len(contacts(sample.motion[:3])) == 3
+    assert len(detect_contacts(sample.motion[:3])) == 3
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0])
@@ -120,7 +120,7 @@ def test_contacts_know_no_unit(sample, scale):
         positions=motion.positions * scale,
         channel_values=None,
     )
-    np.testing.assert_array_equal(contacts(other), contacts(motion))
+    np.testing.assert_array_equal(detect_contacts(other), detect_contacts(motion))
     assert foot_skate(other) == pytest.approx(foot_skate(motion))
 
 
@@ -129,10 +129,10 @@ def test_contacts_know_no_unit(sample, scale):
 def test_planted_feet_stand_still_and_bones_keep_their_lengths(sample, seed):
     rng = np.random.default_rng(seed)
     start = int(rng.integers(0, sample.motion.n_frames - 200))
-    stands = contacts(sample.motion)[start : start + 200]
+    stands = detect_contacts(sample.motion)[start : start + 200]
     motion = sliding(sample.motion[start : start + 200], [*rng.uniform(-8, 8, 1), 0.0, 5.0])
     still, _ = plant_feet(motion, stands)
-    height = body(motion.skeleton).height
+    height = mass_model(motion.skeleton).height
     points = Ground.of(motion).points(still)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1) / height
     held = stands[1:] & stands[:-1]
@@ -149,7 +149,7 @@ def test_planted_feet_stand_still_and_bones_keep_their_lengths(sample, seed):
 
 def test_the_root_is_not_shaken(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
-    still, report = plant_feet(motion, contacts(sample.motion))
+    still, report = plant_feet(motion, detect_contacts(sample.motion))
     assert report.moved_root > 0
     bends = [np.abs(np.diff(m.positions[:, 0], 2, axis=0)).max() for m in (motion, still)]
     assert bends[1] < 2 * bends[0]
@@ -162,7 +162,7 @@ def test_the_root_goes_no_faster_than_at_its_fastest(sample, seed):
     rng = np.random.default_rng(seed)
     start = int(rng.integers(0, sample.motion.n_frames - 200))
     motion = sliding(sample.motion[start : start + 200], rng.uniform(-20, 20, 3))
-    stands = contacts(sample.motion)[start : start + 200]
+    stands = detect_contacts(sample.motion)[start : start + 200]
     still, report = plant_feet(motion, stands)
     speeds = [
         np.linalg.norm(np.diff(m.positions[:, 0, [0, 2]], axis=0), axis=1) for m in (motion, still)
@@ -205,7 +205,7 @@ def test_a_shift_gives_way_only_by_what_is_too_much(before, after, more):
 
 def test_the_root_stays_where_it_may_not_move(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
-    still, report = plant_feet(motion, contacts(sample.motion), moves_root=False)
+    still, report = plant_feet(motion, detect_contacts(sample.motion), moves_root=False)
     np.testing.assert_array_equal(still.positions, motion.positions)
     assert report.unreached_frames > 0
 
@@ -240,7 +240,7 @@ def test_a_foot_that_is_said_to_stand_and_walks_is_not_held(sample):
     motion = sample.motion[:240]
     everywhere = np.ones((240, 2, 2), bool)
     still, report = plant_feet(motion, everywhere)
-    points, height = Ground.of(motion).points(motion), body(motion.skeleton).height
+    points, height = Ground.of(motion).points(motion), mass_model(motion.skeleton).height
     moved = np.linalg.norm(Ground.of(motion).points(still) - points, axis=-1) / height
     speeds = np.linalg.norm(np.gradient(points, axis=0), axis=-1) * motion.rate / height
     assert report.plants > 4
@@ -254,9 +254,9 @@ def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
     """A figure that sinks into the floor: its feet swing as high as before, or clear of it."""
     start = int(np.random.default_rng(seed).integers(0, sample.motion.n_frames - 200))
     motion = sample.motion[start : start + 200]
-    stands, high = contacts(sample.motion), foot_heights(sample.motion)
+    stands, high = detect_contacts(sample.motion), foot_heights(sample.motion)
     stands, high = stands[start : start + 200], high[start : start + 200]
-    height = body(motion.skeleton).height
+    height = mass_model(motion.skeleton).height
     places = motion.positions.copy()
     places[:, 0, 1] -= drop * height * np.sin(np.linspace(0, np.pi, 200)) ** 2
     sunk = replace(motion, positions=places, channel_values=None)
@@ -284,7 +284,7 @@ def test_feet_of_every_skeleton_stand(path):
     motion = read_bvh(path, strict=False)[:240]
     still, report = plant_feet(motion)
     assert report.skate_after <= report.skate_before + 0.01
-    stands, height = contacts(motion), body(motion.skeleton).height
+    stands, height = detect_contacts(motion), mass_model(motion.skeleton).height
     held = stands[1:] & stands[:-1]
     points = Ground.of(motion).points(still)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1) / height
@@ -312,7 +312,7 @@ def test_a_quadruped_has_four_legs():
     if not path.exists():
         pytest.skip("the quadruped is not here")
     motion = read_bvh(path)
-    assert len(legs(motion.skeleton)) == 4
+    assert len(find_legs(motion.skeleton)) == 4
     _, report = plant_feet(motion)
     assert report.skate_after <= report.skate_before
     assert report.unreached_frames == 0

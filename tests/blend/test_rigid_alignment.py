@@ -65,7 +65,7 @@ def test_roots_are_where_forward_kinematics_puts_them_and_seen_from_their_parent
 def test_bodies_are_moved_as_a_whole(seed):
     rng = np.random.default_rng(seed)
     motion = dance(strides=1).motion[:6]
-    poses, root = mg.Poses.of(motion), Root.of(motion, 0)
+    poses, root = mg.Poses.from_motion(motion), Root.of(motion, 0)
     wanted = Root(rng.permutation(root.turns), rng.normal(size=(6, 3)) * 100)
     goes = Placement.onto(root, wanted, 1)
     moved = goes.poses(poses)

@@ -104,14 +104,16 @@ def test_the_root_is_led_as_it_is_told(seed, n):
     """It turns and goes by the velocities given, whatever the joined motion does about up."""
     rng = np.random.default_rng(seed)
     up = int(rng.integers(3))
-    upright = rotations.about(np.eye(3)[up], rng.uniform(-3, 3, n))
+    upright = rotations.from_axis_angle(np.eye(3)[up], rng.uniform(-3, 3, n))
     placed = np.cumsum(rng.normal(size=(n, 3)), axis=0)
     level = np.arange(3) != up
     captured = np.concatenate(
         [level * np.diff(placed, axis=0), turns(upright[:-1], upright[1:], up)[:, None]], axis=1
     )
     told = captured * rng.uniform(-1, 1, (n - 1, 1))
-    joined = rotations.multiply(rotations.about(np.eye(3)[up], rng.uniform(-1, 1, n)), upright)
+    joined = rotations.multiply(
+        rotations.from_axis_angle(np.eye(3)[up], rng.uniform(-1, 1, n)), upright
+    )
     heights = rng.normal(size=(n, 3))
     quats, places = led(told, captured, (upright, placed), (joined, heights), up)
     np.testing.assert_allclose(turns(quats[:-1], quats[1:], up), told[:, 3], atol=1e-9)

@@ -92,7 +92,7 @@ def test_a_donor_that_does_the_same_at_another_time_does_it_at_the_same(seed, be
     late = shares + bend * 0.15 * np.sin(np.pi * shares) ** 2
     quats = cubic(np.arange(n + 1), base.rotations, (late * n).clip(0, n))
     donor = recombine(base, [], "donor")
-    donor = replace(donor, rotations=rotations.continuous(quats), channel_values=None)
+    donor = replace(donor, rotations=rotations.continuous_signs(quats), channel_values=None)
     even, bent = (
         transplant(base, cut, cut, [donor], JOINTS, Config(alignment=own), guides=GUIDES)
         for own in ("uniform", "dtw")

@@ -40,7 +40,7 @@ def clip(rng, cut, n_joints=4, moving=()):
         for joint in range(n_joints)
     ]
     skeleton = replace(skeleton, channels=channels)
-    motion = Motion(skeleton, 1 / 30, rotations.continuous(quats), places, name="clip")
+    motion = Motion(skeleton, 1 / 30, rotations.continuous_signs(quats), places, name="clip")
     return replace(motion, channel_values=motion.channel_numbers())
 
 
@@ -282,7 +282,7 @@ def person(seed, n_frames=40):
     skeleton = human()
     quats = wander(rng, n_frames, skeleton.n_joints, speed=0.2)
     places = np.tile(skeleton.offsets, (n_frames, 1, 1))
-    return Motion(skeleton, 1 / 30, rotations.continuous(quats), places, name=f"person{seed}")
+    return Motion(skeleton, 1 / 30, rotations.continuous_signs(quats), places, name=f"person{seed}")
 
 
 UPPER = np.arange(7, 18)  # the chest and all that hangs on it
@@ -304,7 +304,7 @@ def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_head
     hips, chest = 0, 7
     (_, facing), (above, _) = leans(base, hips), leans(donor, hips)
     upright = rotations.multiply(above, donor.rotations[:, chest])
-    same_rotations(new.world()[0][:, chest], rotations.multiply(facing, upright), 1e-9)
+    same_rotations(new.world_transforms()[0][:, chest], rotations.multiply(facing, upright), 1e-9)
     # All that hangs on the chest goes with it, as it is in the donor's clip.
     np.testing.assert_array_equal(new.rotations[:, 8:], donor.rotations[:, 8:])
     np.testing.assert_array_equal(new.rotations[:, :7], base.rotations[:, :7])
@@ -317,7 +317,7 @@ def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_head
 def test_what_the_donor_faces_does_not_matter(a, b, yaw):
     base, donor = person(a), person(b)
     turned = donor.rotations.copy()
-    turned[:, 0] = rotations.multiply(rotations.about([0, 1, 0], yaw), turned[:, 0])
+    turned[:, 0] = rotations.multiply(rotations.from_axis_angle([0, 1, 0], yaw), turned[:, 0])
     other = replace(donor, rotations=turned)
     cut = tiles(np.array([12, 27]))
     own, twin = (

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mograft import Skeleton
 from mograft.body.capsules import RADII, Capsules, box_clearance, capsules, clearance
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.oracles import pipeline as plain
@@ -151,9 +151,9 @@ def test_capsules_reach_from_their_joint_along_the_turned_bone(seed, joints):
 def test_every_bone_of_the_dancer_has_flesh_where_it_is():
     motion = dance(strides=1).motion
     flesh = capsules(motion.skeleton)
-    turned, placed = motion.world()
+    turned, placed = motion.world_transforms()
     ends = flesh.ends(turned, placed)
-    height = body(motion.skeleton).height
+    height = mass_model(motion.skeleton).height
     assert len(flesh) == 18
     np.testing.assert_array_equal(ends[:, :, 0], placed[:, flesh.joints])
     names = [motion.skeleton.names[joint] for joint in flesh.joints]

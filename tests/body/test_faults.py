@@ -47,7 +47,7 @@ def of_values(skeleton, values, frame_time):
         turned[:, joint] = rotations.from_euler(np.radians(values[:, columns[-3:]]), "ZXY")
     placed = np.tile(skeleton.offsets, (len(values), 1, 1))
     placed[:, 0] = values[:, :3]
-    return mg.Motion(skeleton, frame_time, rotations.continuous(turned), placed, values)
+    return mg.Motion(skeleton, frame_time, rotations.continuous_signs(turned), placed, values)
 
 
 def found(motion):
@@ -111,7 +111,7 @@ def test_a_frame_that_leaves_and_comes_back_is_found(motion, frame, way):
 def test_a_joint_that_leaves_and_comes_back_is_found(motion, frame, joint, degrees):
     turned = motion.rotations.copy()
     turned[frame, joint] = rotations.multiply(
-        turned[frame, joint], rotations.about([1, 1, 0], np.radians(degrees))
+        turned[frame, joint], rotations.from_axis_angle([1, 1, 0], np.radians(degrees))
     )
     assert ("glitch", (frame, frame), joint) in found(replace(motion, rotations=turned))
 
@@ -119,7 +119,7 @@ def test_a_joint_that_leaves_and_comes_back_is_found(motion, frame, joint, degre
 @given(dances, frames, st.sampled_from([2, 4, 6]), st.floats(160.0, 178.0))
 def test_a_joint_that_flips_is_found(motion, frame, joint, degrees):
     turned = motion.rotations.copy()
-    flip = rotations.about([1, 0, 0], np.radians(degrees))
+    flip = rotations.from_axis_angle([1, 0, 0], np.radians(degrees))
     turned[frame:, joint] = rotations.multiply(turned[frame:, joint], flip)
     assert ("flip", (frame - 1, frame), joint) in found(replace(motion, rotations=turned))
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mograft import EndSite, Motion, Skeleton
 from mograft.body.anatomy import anatomy
-from mograft.body.mass import body, inertia, up_axis
+from mograft.body.mass import mass_model, moments_of_inertia, up_axis
 from tests.hierarchies import (
     DATA,
     human,
@@ -47,7 +47,7 @@ def at_rest(skeleton, axes=(0, 1, 2)):
 
 @given(skeletons(), SEXES)
 def test_masses_sum_to_one(skeleton, sex):
-    found = body(skeleton, sex=sex)
+    found = mass_model(skeleton, sex=sex)
     assert math.isclose(found.mass.sum(), 1.0, rel_tol=1e-12)
     assert (found.mass >= 0).all()
 
@@ -55,7 +55,7 @@ def test_masses_sum_to_one(skeleton, sex):
 @pytest.mark.parametrize("sex", ["mean", "female", "male"])
 def test_masses_of_a_human_are_de_levas(sex):
     skeleton = human()
-    found = body(skeleton, sex=sex)
+    found = mass_model(skeleton, sex=sex)
     assert found.model == "de Leva"
     # Female masses of the table sum to 99.99.
     thigh = {"male": 14.16, "female": 14.78 / 0.9999, "mean": 14.47 / 0.99995}[sex]
@@ -68,7 +68,7 @@ def test_masses_of_a_human_are_de_levas(sex):
 
 def test_a_part_of_several_joints_shares_its_mass_by_length():
     skeleton = human()
-    found = body(skeleton, sex="male")
+    found = mass_model(skeleton, sex="male")
     neck, head = skeleton.index("Neck"), skeleton.index("Head")
     lengths = np.linalg.norm([(0, 9, 2), (0, 18, 0)], axis=1)
     np.testing.assert_allclose(
@@ -83,7 +83,7 @@ def test_mass_without_joints_goes_nearer_to_the_trunk():
         "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
         " | Chest {LeftShoulder > LeftElbow | RightArm}}",
     )
-    found = body(skeleton.with_offsets(np.full((11, 3), 1.0)), sex="male")
+    found = mass_model(skeleton.with_offsets(np.full((11, 3), 1.0)), sex="male")
     assert found.mass[skeleton.index("LeftElbow")] == pytest.approx(0.0162 + 0.0061)
     assert found.mass[skeleton.index("RightArm")] == pytest.approx(0.0271 + 0.0162 + 0.0061)
     trunk = found.mass[[skeleton.index("Hips"), skeleton.index("Chest")]].sum()
@@ -93,14 +93,14 @@ def test_mass_without_joints_goes_nearer_to_the_trunk():
 @given(skeletons(), st.floats(1e-3, 1e3))
 def test_scale_changes_height_alone(skeleton, factor):
     assume(skeleton.offsets[1:].any())
-    small, large = body(skeleton), body(scaled(skeleton, factor))
+    small, large = mass_model(skeleton), mass_model(scaled(skeleton, factor))
     assume(small.height_from != "nothing")
     assert math.isclose(large.height, factor * small.height, rel_tol=1e-9)
     np.testing.assert_allclose(large.mass, small.mass, rtol=1e-9)
     for kind in KINDS:
         np.testing.assert_allclose(
-            inertia(large, scaled(skeleton, factor), kind),
-            inertia(small, skeleton, kind),
+            moments_of_inertia(large, scaled(skeleton, factor), kind),
+            moments_of_inertia(small, skeleton, kind),
             rtol=1e-7,
             atol=1e-12,
         )
@@ -111,22 +111,24 @@ def test_the_order_of_joints_does_not_matter(data, with_names):
     skeleton = human() if with_names else nameless(human())
     order = data.draw(orders(skeleton))
     shuffled = reordered(skeleton, order)
-    before, after = body(skeleton), body(shuffled)
+    before, after = mass_model(skeleton), mass_model(shuffled)
     assert math.isclose(after.height, before.height, rel_tol=1e-12)
     for name in ("mass", "bone", "center", "gyration", "inertia"):
         np.testing.assert_allclose(getattr(after, name), getattr(before, name)[order], atol=1e-12)
     assert [order[foot.ankle] for foot in after.feet] == [foot.ankle for foot in before.feet]
     np.testing.assert_allclose(
-        inertia(after, shuffled, "subtree"), inertia(before, skeleton, "subtree")[order], atol=1e-12
+        moments_of_inertia(after, shuffled, "subtree"),
+        moments_of_inertia(before, skeleton, "subtree")[order],
+        atol=1e-12,
     )
 
 
 @given(skeletons())
 def test_bones_without_length_have_no_inertia(skeleton):
-    found = body(skeleton)
+    found = mass_model(skeleton)
     still = ~found.bone.any(axis=1)
     assert not found.inertia[still].any()
-    assert not inertia(found, skeleton, "unit")[still].any()
+    assert not moments_of_inertia(found, skeleton, "unit")[still].any()
     assert np.isfinite(found.inertia).all()
     assert (found.inertia >= 0).all()
 
@@ -135,11 +137,11 @@ def test_what_stands_above_the_hips_weighs_and_turns_nothing():
     skeleton, _ = written("joint_Root > Hips {LeftHip > LeftKnee | RightHip > RightKnee | Chest}")
     skeleton = skeleton.with_offsets(np.arange(21.0).reshape(7, 3))
     for kind in KINDS:
-        moments = inertia(body(skeleton), skeleton, kind)
+        moments = moments_of_inertia(mass_model(skeleton), skeleton, kind)
         assert moments[0] == 0
         assert moments[1] > 0
-    assert body(skeleton).mass[0] == 0
-    assert body(skeleton).hips == 1
+    assert mass_model(skeleton).mass[0] == 0
+    assert mass_model(skeleton).hips == 1
 
 
 def test_markers_and_faces_weigh_nothing():
@@ -150,7 +152,9 @@ def test_markers_and_faces_weigh_nothing():
     skeleton = skeleton.with_offsets(np.arange(33.0).reshape(11, 3))
     light = [skeleton.index(name) for name in ("L_Femur_RIGMESH", "Jaw", "LeftEye")]
     sites = tuple(EndSite(joint, (0, 3, 0)) for joint in light)
-    found = body(Skeleton(skeleton.names, skeleton.parents, skeleton.offsets, end_sites=sites))
+    found = mass_model(
+        Skeleton(skeleton.names, skeleton.parents, skeleton.offsets, end_sites=sites)
+    )
     assert not found.mass[light].any()
     np.testing.assert_array_equal(
         found.bone[skeleton.index("LeftHip")], skeleton.offsets[skeleton.index("LeftKnee")]
@@ -159,18 +163,18 @@ def test_markers_and_faces_weigh_nothing():
 
 def test_own_inertia_follows_its_formula():
     skeleton = human()
-    found = body(skeleton, sex="male")
+    found = mass_model(skeleton, sex="male")
     knee = skeleton.index("LeftKnee")
     length = math.hypot(40, 2) / found.height
     expected = 0.0433 * length**2 * (0.44**2 + 0.246**2)
     assert found.inertia[knee] == pytest.approx(expected, rel=1e-12)
-    np.testing.assert_array_equal(inertia(found, skeleton), found.inertia)
+    np.testing.assert_array_equal(moments_of_inertia(found, skeleton), found.inertia)
 
 
 def test_subtree_inertia_is_the_sum_over_point_masses():
     skeleton = human()
-    found = body(skeleton)
-    moments = inertia(found, skeleton, "subtree")
+    found = mass_model(skeleton)
+    moments = moments_of_inertia(found, skeleton, "subtree")
     places = skeleton.rest_positions()
     for joint in range(skeleton.n_joints):
         below = {joint}
@@ -187,21 +191,21 @@ def test_subtree_inertia_is_the_sum_over_point_masses():
 
 def test_a_leaf_alone_has_one_inertia():
     skeleton = human()
-    moments = inertia(body(skeleton), skeleton, "subtree")
+    moments = moments_of_inertia(mass_model(skeleton), skeleton, "subtree")
     leaf = skeleton.index("LeftWrist")
-    assert moments[leaf] == pytest.approx(body(skeleton).inertia[leaf], rel=1e-9)
+    assert moments[leaf] == pytest.approx(mass_model(skeleton).inertia[leaf], rel=1e-9)
 
 
 def test_trunk_bones_end_between_their_children_and_leaves_at_their_tips():
     skeleton = human()
-    bone = dict(zip(skeleton.names, body(skeleton).bone.tolist(), strict=True))
+    bone = dict(zip(skeleton.names, mass_model(skeleton).bone.tolist(), strict=True))
     assert bone["Chest"] == [0, pytest.approx(64 / 3), pytest.approx(2 / 3)]
     assert bone["LeftHip"] == [0, -41, 0]
     assert bone["LeftWrist"] == [17, 0, 0]
 
 
 def test_height_of_a_human():
-    found = body(human())
+    found = mass_model(human())
     leg, upper = 9 + 41 + math.hypot(40, 2), 22 + 24 + math.hypot(9, 2)
     assert found.height == pytest.approx((leg + upper) / 0.87)
     assert found.height_from == "legs and head"
@@ -226,14 +230,14 @@ def test_height_of_a_human():
 )
 def test_heights_of_less_than_a_human(text, offset, height, source):
     skeleton, _ = written(text)
-    found = body(skeleton.with_offsets([offset] * skeleton.n_joints))
+    found = mass_model(skeleton.with_offsets([offset] * skeleton.n_joints))
     assert found.height == pytest.approx(height)
     assert found.height_from == source
 
 
 def test_unknown_skeletons_weigh_as_rods():
     skeleton, _ = written("a {b > c | d}")
-    found = body(skeleton.with_offsets([[0, 0, 0], [0, 3, 0], [0, 1, 0], [0, 0, 0]]))
+    found = mass_model(skeleton.with_offsets([[0, 0, 0], [0, 3, 0], [0, 1, 0], [0, 0, 0]]))
     assert found.model == "rods"
     assert found.unmatched == ("a", "b", "c", "d")
     lengths = np.linalg.norm(found.bone, axis=1)
@@ -246,12 +250,15 @@ def test_animals_weigh_as_rods():
     skeleton, _ = written(
         "Pelvis {Tail1 > Tail2 | Femur_L > Tibia_L | Femur_R > Tibia_R | Spine > Head}"
     )
-    assert body(skeleton).model == "rods"
-    assert body(renamed(skeleton, lambda _, own: own.replace("Tail", "Spine"))).model == "de Leva"
+    assert mass_model(skeleton).model == "rods"
+    assert (
+        mass_model(renamed(skeleton, lambda _, own: own.replace("Tail", "Spine"))).model
+        == "de Leva"
+    )
 
 
 def test_bodies_cannot_be_changed():
-    found = body(human())
+    found = mass_model(human())
     for array in (found.mass, found.bone, found.center, found.gyration, found.inertia):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
@@ -259,9 +266,9 @@ def test_bodies_cannot_be_changed():
 
 def test_options_are_checked():
     with pytest.raises(ValueError, match="sex must be one of male, female, mean, got 'both'"):
-        body(human(), sex="both")
+        mass_model(human(), sex="both")
     with pytest.raises(ValueError, match="kind must be 'own', 'subtree' or 'unit', got 'all'"):
-        inertia(body(human()), human(), "all")
+        moments_of_inertia(mass_model(human()), human(), "all")
 
 
 @pytest.mark.parametrize("axes", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
@@ -312,12 +319,12 @@ def test_up_does_not_depend_on_where_the_body_stands():
 @pytest.mark.parametrize("path", recorded(), ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_bodies_of_recordings(path):
     skeleton = read_hierarchy(path)
-    found = body(skeleton)
+    found = mass_model(skeleton)
     assert found.mass.sum() == pytest.approx(1)
     assert (found.model == "de Leva") == anatomy(skeleton).human
     if found.model == "de Leva":
         assert found.height_from in ("legs and head", "legs")
         assert [foot.side for foot in found.feet] == ["left", "right"]
         assert 0.002 < found.inertia.sum() < 0.02
-    again = body(nameless(skeleton))
+    again = mass_model(nameless(skeleton))
     assert again.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 
 from mograft import Config, JointGroups, Library, graft, kinetic_energy, mirror, read_bvh
 from mograft.body.anatomy import anatomy
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.body.mirroring import _Image, partners
 from mograft.dancer import dance
 from mograft.motion import rotations
@@ -78,7 +78,7 @@ def test_the_axes_of_joints_do_not_matter(seed):
     same_rotations(image.rotations[:, 1:], plain.rotations[:, 1:], 1e-9)
     np.testing.assert_allclose(image.positions[:, 1:], plain.positions[:, 1:], atol=1e-9)
     # The mirror may stand elsewhere: the image then faces somewhere else.
-    turned = [one.world()[0][:, 0] for one in (image, plain)]
+    turned = [one.world_transforms()[0][:, 0] for one in (image, plain)]
     apart = rotations.multiply(turned[0], rotations.inverse(turned[1]))
     same_rotations(apart, np.tile(apart[:1], (len(apart), 1)), 1e-9)
     same_rotations(apart[0], rotations.twist(apart[0], 1), 1e-9)
@@ -117,7 +117,7 @@ def test_recordings_are_mirrored_or_say_why_not(path):
             mirror(motion)
         return
     image = mirror(motion)
-    pair, height = partners(motion.skeleton), body(motion.skeleton).height
+    pair, height = partners(motion.skeleton), mass_model(motion.skeleton).height
     places = image.world_positions()[:, pair]
     lengths = np.linalg.norm(places[:, 1:] - places[:, :1], axis=-1)
     own = motion.world_positions()

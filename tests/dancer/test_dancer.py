@@ -27,7 +27,7 @@ class Seen:
     def __init__(self, seed, strides, rate=30.0):
         self.dance = dance(seed, strides=strides, rate=rate)
         self.motion = self.dance.motion
-        self.turns, self.places = self.motion.world()
+        self.turns, self.places = self.motion.world_transforms()
         self.index = self.motion.skeleton.index
         self.tips = {
             self.motion.skeleton.names[site.parent]: site.offset

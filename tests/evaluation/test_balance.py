@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as npst
 from scipy.spatial import ConvexHull
 
 from mograft import InsufficientDataError, Motion, Segments, Skeleton, read_bvh, segment
-from mograft.body.mass import body, center_of_mass
+from mograft.body.mass import center_of_mass, mass_model
 from mograft.dancer import dance
 from mograft.evaluation.balance import (
     RULES,
@@ -119,9 +119,9 @@ def test_verdicts_know_no_scale_heading_or_place(scale, turn, x, z):
 def test_masses_sum_to_one_and_the_centre_is_among_the_joints(seed):
     rng = np.random.default_rng(seed)
     frame = DANCE[int(rng.integers(DANCE.n_frames)) :][:1]
-    known = body(frame.skeleton)
+    known = mass_model(frame.skeleton)
     assert known.mass.sum() == pytest.approx(1.0, abs=1e-12)
-    turns, joints = frame.world()
+    turns, joints = frame.world_transforms()
     ends = joints + rotations.rotate(turns, known.bone)
     low = np.minimum(joints, ends)[0].min(axis=0)
     high = np.maximum(joints, ends)[0].max(axis=0)
@@ -131,7 +131,7 @@ def test_masses_sum_to_one_and_the_centre_is_among_the_joints(seed):
 
 
 def test_a_lifted_clip_is_all_flight_if_the_floor_is_given():
-    known = body(DANCE.skeleton)
+    known = mass_model(DANCE.skeleton)
     low = DANCE.world_positions()[:, :, 1]
     jump = float(np.ptp(low)) + 0.04 * known.height
     lifted = moved(DANCE, place=(0.0, jump, 0.0))
@@ -183,7 +183,7 @@ def test_who_speeds_up_must_lean_into_it(pull):
     places[:, 0, 2] += 0.5 * pull * time**2
     cart = replace(still, positions=places)
     ground = support(cart, like=DANCE)
-    height = body(still.skeleton).height
+    height = mass_model(still.skeleton).height
     center = center_of_mass(cart)
     gravity = 9.81 * height / 1.75
     behind = center.copy()
@@ -211,7 +211,7 @@ def test_rules_are_ordered_and_count_grounded_frames_alone(distance):
 
 def test_the_support_is_over_both_feet_and_as_wide_as_they_are():
     ground = support(DANCE)
-    known = body(DANCE.skeleton)
+    known = mass_model(DANCE.skeleton)
     joints = DANCE.world_positions()
     for frame in np.flatnonzero(ground.touching.all(axis=1))[::20]:
         polygon = ground.polygons[frame][: ground.sizes[frame]]

@@ -15,7 +15,7 @@ from mograft import (
     Skeleton,
     graft_many,
 )
-from mograft.body.contacts import contacts
+from mograft.body.contacts import detect_contacts
 from mograft.dancer import dance
 from mograft.evaluation.baselines import (
     Analogy,
@@ -115,7 +115,7 @@ def test_rules_are_those_of_the_plain_versions(library):
 def test_contacts_are_those_of_the_feet_at_ten_times(library):
     states, words = contact_patterns(library), contact_words(library)
     cut = library.segments
-    touching = [contacts(clip).any(axis=2) for clip in library.clips]
+    touching = [detect_contacts(clip).any(axis=2) for clip in library.clips]
     for own in range(0, len(cut), 5):
         rows = touching[cut.clip[own]][cut.start[own] : cut.stop[own] + 1]
         np.testing.assert_array_equal(states[own][0], rows[0])

@@ -168,7 +168,7 @@ def test_rotations_are_the_channels_turned_one_after_the_other(clip):
         for name, column in zip(skeleton.channels[joint], columns, strict=True):
             if name.endswith("rotation"):
                 axis = np.eye(3)["XYZ".index(name[0])]
-                step = rotations.about(axis, np.radians(values[:, column]))
+                step = rotations.from_axis_angle(axis, np.radians(values[:, column]))
                 turned = rotations.multiply(turned, step)
         np.testing.assert_allclose(
             rotations.angle(motion.rotations[:, joint], turned), 0.0, atol=1e-11
@@ -549,7 +549,7 @@ def test_numbers_of_joints_left_alone_stay_bit_for_bit(clip, data):
     values = motion.channel_values.copy()
     values[frames, columns] = np.nan
     turned = motion.rotations.copy()
-    turned[frames, joint] = rotations.about([1.0, 2.0, 3.0], 0.7)
+    turned[frames, joint] = rotations.from_axis_angle([1.0, 2.0, 3.0], 0.7)
     again = rewritten(replace(motion, rotations=turned, channel_values=values))
     known = ~np.isnan(values)
     np.testing.assert_array_equal(
@@ -563,7 +563,7 @@ def test_numbers_of_joints_left_alone_stay_bit_for_bit(clip, data):
 def test_joints_are_written_in_the_order_of_the_hierarchy_whatever_their_own():
     names = ("root", "left", "right", "left hand", "right hand")
     skeleton = mg.Skeleton(names, np.array([-1, 0, 0, 1, 2]), np.eye(5, 3))
-    turned = rotations.about([0, 1, 0], np.arange(10.0).reshape(2, 5) / 9)
+    turned = rotations.from_axis_angle([0, 1, 0], np.arange(10.0).reshape(2, 5) / 9)
     motion = mg.Motion(skeleton, 0.1, turned, np.tile(skeleton.offsets, (2, 1, 1)))
     again = rewritten(motion)
     assert again.skeleton.names == ("root", "left", "left hand", "right", "right hand")

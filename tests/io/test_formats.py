@@ -26,7 +26,7 @@ from mograft import (
     write_glb,
     write_npz,
 )
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.figure import unit_of
@@ -150,7 +150,7 @@ def test_joints_in_glb_are_where_forward_kinematics_puts_them(tmp_path_factory, 
         # The first corner of every bone is its joint.
         far = 1e-6 * np.abs(want).max()
         np.testing.assert_allclose(places[::24], got[at][joints[::24]], rtol=1e-5, atol=10 * far)
-    height = scale * body(motion.skeleton).height
+    height = scale * mass_model(motion.skeleton).height
     same_up_to_a_turn(got, want, 1e-4 * height + 1e-6 * np.abs(want).max())
     times = file.array(animation["samplers"][-1]["input"])
     np.testing.assert_allclose(times[-1], times[0] if len(times) == 1 else motion.duration, 1e-6)
@@ -384,7 +384,7 @@ def test_blender_sees_joints_where_we_do(motion, tmp_path, ending):
         scale = write_glb(motion, path)
     frames = [0, 1, 44, motion.n_frames - 1]
     told = run(path, frames, motion.rate)
-    height = scale * body(motion.skeleton).height
+    height = scale * mass_model(motion.skeleton).height
     world = scale * motion.world_positions()[frames]
     names = motion.skeleton.names
     got = np.array([[heads[name] for name in names] for heads in told["heads"]])

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mograft import EndSite, Motion, Skeleton, write_bvh, write_usd
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.usd import ENDINGS
@@ -197,4 +197,4 @@ def test_blender_sees_joints_where_we_do(motion, tmp_path):
     got = np.array([[heads[name] for name in names] for heads in told["heads"]])
     # Blender has z up.
     want = np.stack([world[..., 0], -world[..., 2], world[..., 1]], axis=-1)
-    assert np.abs(got - want).max() < 1e-4 * scale * body(motion.skeleton).height
+    assert np.abs(got - want).max() < 1e-4 * scale * mass_model(motion.skeleton).height

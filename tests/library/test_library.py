@@ -62,9 +62,9 @@ def test_labels_are_those_of_the_plain_version(motion, library):
 
 
 def heights(motion):
-    from mograft.body.mass import body
+    from mograft.body.mass import mass_model
 
-    return body(motion.skeleton).height
+    return mass_model(motion.skeleton).height
 
 
 def test_clips_are_cut_each_by_itself(motion):
@@ -154,7 +154,7 @@ def test_groups_must_fit(motion):
 
 def test_a_motion_put_among_its_own_segments_falls_into_their_clusters(motion, library):
     """The same motion, moved and turned, is found again by what it does."""
-    turn = rotations.about([0, 1, 0], 1.0)
+    turn = rotations.from_axis_angle([0, 1, 0], 1.0)
     quats, places = motion.rotations.copy(), motion.positions.copy()
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
     places[:, 0] = rotations.rotate(turn, places[:, 0]) + np.array([5.0, 0.0, 9.0])

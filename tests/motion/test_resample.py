@@ -71,7 +71,7 @@ def test_slerp_is_the_same_from_either_end(a, b, t):
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=8), st.floats(0, 1))
 def test_about_one_axis_the_cubic_is_the_scalar_hermite_of_the_angle(angles, share):
     times = np.linspace(0.0, 1.0, len(angles))
-    quats = rotations.about([0, 1, 0], angles)[:, None]
+    quats = rotations.from_axis_angle([0, 1, 0], angles)[:, None]
     places = np.zeros((len(angles), 1, 3))
     places[:, 0, 1] = angles
     turned = rotations.log(resample.cubic(times, quats, [share]))
@@ -82,7 +82,7 @@ def test_about_one_axis_the_cubic_is_the_scalar_hermite_of_the_angle(angles, sha
 def test_segments_are_the_cubic_of_their_own_frames(seed, n_frames, count):
     quats = wander(np.random.default_rng(seed), n_frames + 4, 2)
     own = quats[2 : 2 + n_frames]
-    whole = resample.segments(quats, [2], [1 + n_frames], [count])
+    whole = resample.resample_segments(quats, [2], [1 + n_frames], [count])
     at = np.linspace(0, n_frames - 1, count)
     same_rotations(whole, resample.cubic(np.arange(n_frames), own, at), 1e-12)
     same_rotations(whole, plain.resample(own, count), 1e-12)
@@ -91,13 +91,13 @@ def test_segments_are_the_cubic_of_their_own_frames(seed, n_frames, count):
 @given(motions(min_frames=6), st.integers(1, 5))
 def test_as_many_frames_are_the_segment_and_whole_multiples_hold_every_frame(motion, times):
     last = motion.n_frames - 1
-    same = resample.segments(motion.rotations, [0], [last], [last + 1])
+    same = resample.resample_segments(motion.rotations, [0], [last], [last + 1])
     np.testing.assert_array_equal(same, motion.rotations)
-    finer = resample.segments(motion.rotations, [0], [last], [times * last + 1])
+    finer = resample.resample_segments(motion.rotations, [0], [last], [times * last + 1])
     np.testing.assert_array_equal(finer[::times], motion.rotations)
-    back = resample.segments(finer, [0], [times * last], [last + 1])
+    back = resample.resample_segments(finer, [0], [times * last], [last + 1])
     np.testing.assert_array_equal(back, motion.rotations)
-    places = resample.segments_positions(motion.positions, [0], [last], [times * last + 1])
+    places = resample.resample_segment_positions(motion.positions, [0], [last], [times * last + 1])
     np.testing.assert_array_equal(places[::times], motion.positions)
 
 
@@ -108,7 +108,10 @@ def test_many_segments_at_once_are_each_by_itself(seed):
     starts = rng.integers(0, 30, 7)
     stops = starts + rng.integers(1, 10, 7)
     counts = rng.integers(0, 15, 7)
-    for track, way in ((quats, resample.segments), (places, resample.segments_positions)):
+    for track, way in (
+        (quats, resample.resample_segments),
+        (places, resample.resample_segment_positions),
+    ):
         one_by_one = [
             way(track, [a], [b], [c]) for a, b, c in zip(starts, stops, counts, strict=True)
         ]
@@ -152,4 +155,4 @@ def test_frames_that_are_no_motion_are_refused(way, times, message):
 def test_segments_outside_their_clip_are_refused(bounds, message):
     still = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1))
     with pytest.raises(ValueError, match=message):
-        resample.segments(still, *bounds)
+        resample.resample_segments(still, *bounds)

@@ -100,7 +100,7 @@ def test_joints_with_fewer_axes_keep_their_angles(angles, order):
 def test_continuous_rotations_do_not_jump_and_stay_the_same(seed):
     rng = np.random.default_rng(seed)
     q = wander(rng, 20, 2) * rng.choice([-1.0, 1.0], (20, 2, 1))
-    smooth = rotations.continuous(q)
+    smooth = rotations.continuous_signs(q)
     same_rotations(smooth, q, 1e-15)
     assert (smooth[0, :, 3] >= 0).all()
     assert (np.einsum("fji,fji->fj", smooth[1:], smooth[:-1]) >= 0).all()

@@ -75,9 +75,9 @@ def test_a_strip_draws_no_bone_to_a_root_that_stays_behind(motion):
 
 
 def _height(motion):
-    from mograft.body.mass import body
+    from mograft.body.mass import mass_model
 
-    return body(motion.skeleton).height
+    return mass_model(motion.skeleton).height
 
 
 def test_a_strip_is_the_same_whichever_axis_is_up(motion):

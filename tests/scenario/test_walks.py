@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as npst
 from scipy.sparse.csgraph import connected_components
 
 from mograft import Config, Library, graft
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.scenario.transition_graph import _ends, _strongest
@@ -76,7 +76,7 @@ def cost(library, i, j):
     """What a transition costs, by the words of the docstring."""
     cut, root, up = library.segments, library.root, library.up
     (clip,) = library.clips
-    height = body(clip.skeleton).height
+    height = mass_model(clip.skeleton).height
     joints = np.setdiff1d(library.joints("lower"), [root])
     turned, placed = clip.world()
 
@@ -310,7 +310,7 @@ def to_path(points, path):
 @settings(max_examples=15, deadline=None)
 @given(CORNERS)
 def test_a_path_is_followed_to_its_end(library, graph, corners):
-    height = body(library.skeleton).height
+    height = mass_model(library.skeleton).height
     path = np.array(corners) * height
     legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
     if legs.min() < 0.3 * height:
@@ -329,7 +329,7 @@ def test_a_path_is_followed_to_its_end(library, graph, corners):
 @given(st.floats(0.3, 1.0) | st.floats(0.0, 0.001), st.floats(0.3, 2.0))
 def test_a_path_takes_no_longer_than_ten_times_its_time(library, graph, share, length):
     """Those who stand do not get along it, whatever it costs them: that is said, with numbers."""
-    height, rate = body(library.skeleton).height, library.rate
+    height, rate = mass_model(library.skeleton).height, library.rate
     slower = replace(graph, ways=share * graph.ways)
     lasts = library.segments.lengths[graph.segments] / rate
     speeds = np.linalg.norm(slower.ways, axis=1) / height / lasts
@@ -383,18 +383,20 @@ def test_the_root_goes_where_the_search_says(library, seam):
     at = np.searchsorted(graph.segments, way.segments)
     assert (np.diff(way.segments) != 1).sum() >= 20
     turn, spot = way.turn, way.place
-    turned, places = (own[:, library.root] for own in graft(bare, scenario=way).base.world())
+    turned, places = (
+        own[:, library.root] for own in graft(bare, scenario=way).base.world_transforms()
+    )
     for place, then in pairwise(at):
         edges = graph.after(int(place))
         edge = edges.start + int(np.flatnonzero(graph.to[edges] == then)[0])
         on = graph.ways[place] + graph.shifts[edge]
-        spot = spot + rotations.rotate(rotations.about([0, 1, 0], turn), on)
+        spot = spot + rotations.rotate(rotations.from_axis_angle([0, 1, 0], turn), on)
         turn += graph.turns[edge]
-    spot = spot + rotations.rotate(rotations.about([0, 1, 0], turn), graph.ways[at[-1]])
-    assert np.linalg.norm((places[-1] - spot)[[0, 2]]) < 0.03 * body(library.skeleton).height
+    spot = spot + rotations.rotate(rotations.from_axis_angle([0, 1, 0], turn), graph.ways[at[-1]])
+    assert np.linalg.norm((places[-1] - spot)[[0, 2]]) < 0.03 * mass_model(library.skeleton).height
     captured = library.clips[0].world()[0][library.segments.stop[way.segments[-1]], library.root]
     apart = rotations.multiply(turned[-1], rotations.inverse(captured))
-    off = rotations.multiply(rotations.inverse(rotations.about([0, 1, 0], turn)), apart)
+    off = rotations.multiply(rotations.inverse(rotations.from_axis_angle([0, 1, 0], turn)), apart)
     assert rotations.angle(off, rotations.IDENTITY) < 1e-9
 
 

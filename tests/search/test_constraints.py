@@ -31,7 +31,7 @@ def library(motion):
 
 @pytest.fixture(scope="module")
 def poses(motion):
-    return mg.Poses.of(motion[:200])
+    return mg.Poses.from_motion(motion[:200])
 
 
 def problem_of(library, constraints, groups=("upper",)):
@@ -101,7 +101,7 @@ def test_another_character_is_met_frame_by_frame(motion, poses):
         depth = max(-min(gaps), 0) / poses.height
         assert error[frame] * 0.005 == pytest.approx(depth, abs=2e-3)
     late = mg.Avoid(mg.Character(motion[:200], (50.0, 0, 0), delay=1.0)).errors(poses)[0]
-    shifted = mg.Poses.of(motion[:200])
+    shifted = mg.Poses.from_motion(motion[:200])
     first = mg.Avoid(mg.Character(motion[:1], (50.0, 0, 0))).errors(shifted)[0]
     np.testing.assert_array_equal(late[:30], first[:30])
     turned = mg.Avoid(mg.Character(motion[:200], yaw=2 * np.pi)).errors(poses)[0]
@@ -109,7 +109,7 @@ def test_another_character_is_met_frame_by_frame(motion, poses):
 
 
 def test_reach_and_keep_out_measure_the_joint(poses):
-    place = poses.place(HAND)[40]
+    place = poses.joint_positions(HAND)[40]
     aside = tuple(place + np.array([0.06 * poses.height, 0, 0]))
     error, joint = mg.Reach(HAND, aside, 40).errors(poses)
     assert error[40] == pytest.approx(2.0)
@@ -129,9 +129,9 @@ def test_the_head_looks_ahead_at_rest():
     head = rest.world_positions()[0, skeleton.index("Head")]
     for target, angle in (((0, 0, 900), 0.0), ((900, 0, 0), 90.0), ((0, 0, -900), 180.0)):
         face = mg.Face(tuple(head + target))
-        assert np.degrees(face.errors(mg.Poses.of(rest))[0][0] * face.tolerance) == pytest.approx(
-            angle, abs=1e-6
-        )
+        assert np.degrees(
+            face.errors(mg.Poses.from_motion(rest))[0][0] * face.tolerance
+        ) == pytest.approx(angle, abs=1e-6)
 
 
 def test_bodies_touch_themselves_no_deeper_than_captured(poses):
@@ -143,7 +143,7 @@ def test_bodies_touch_themselves_no_deeper_than_captured(poses):
     flesh, placed = poses.capsules, poses.positions.copy()
     skeleton = poses.skeleton
     placed[5, skeleton.index(HAND)] = placed[5, skeleton.index("Spine")] + [0, 15.0, 0]
-    bent = poses.at(poses.frames, poses.rotations, placed)
+    bent = poses.with_poses(poses.frames, poses.rotations, placed)
     error, joint = captured.errors(bent)
     assert error[5] > 1
     assert skeleton.names[joint[5]] == HAND
@@ -154,7 +154,7 @@ def scattered(poses, rng, frames=8):
     """Some poses with limbs where they may well be in each other."""
     rows = rng.choice(len(poses), frames)
     moved = poses.positions[rows] + rng.normal(size=(frames, poses.skeleton.n_joints, 3)) * 8.0
-    return poses.at(poses.frames[rows], poses.rotations[rows], moved)
+    return poses.with_poses(poses.frames[rows], poses.rotations[rows], moved)
 
 
 @settings(max_examples=10, deadline=None)
@@ -196,7 +196,7 @@ def test_errors_of_all_joints_are_the_worst_of_any(poses, seed):
 
 
 def test_violations_are_runs_of_frames_with_the_worst_in_words(poses):
-    heights = poses.place(HAND)[:, 1]
+    heights = poses.joint_positions(HAND)[:, 1]
     limit = float(np.median(heights))
     low = mg.KeepOut(HAND, mg.HalfSpace((0, limit, 0), (0, 1.0, 0)))
     found = violations([low], poses)
@@ -368,7 +368,7 @@ def test_hands_reach_where_other_segments_poses_are(library):
 
 
 def test_what_cannot_be_reached_is_told_with_the_nearest_miss(library):
-    height = mg.Poses.of(library.clips[0]).height
+    height = mg.Poses.from_motion(library.clips[0]).height
     graft = mg.graft(library, constraints=[mg.Reach(HAND, (0.0, 9 * height, 0.0), 100)])
     (violation,) = graft.violations
     assert violation.frames == (100, 100)
@@ -390,11 +390,11 @@ def in_the_way(library):
 def test_repair_changes_nothing_but_what_collides_and_its_neighbours(library):
     base = library.clips[0]
     avoid = in_the_way(library)
-    before, _ = avoid.errors(mg.Poses.of(base))
+    before, _ = avoid.errors(mg.Poses.from_motion(base))
     assert (before > 1).any()
     graft = mg.repair(library, constraints=[avoid])
     assert not graft.violations
-    after, _ = avoid.errors(mg.Poses.of(graft.motion))
+    after, _ = avoid.errors(mg.Poses.from_motion(graft.motion))
     assert after.max() <= 1.0
     segments = library.segments
     touched = np.zeros(base.n_frames, bool)
@@ -422,7 +422,7 @@ def test_grafts_keep_out_of_the_way_whatever_the_choice(library):
     for choice in ("viterbi", "sample", "random"):
         chosen = replace(library, config=replace(library.config, choice=choice))
         for graft in mg.graft_many(chosen, count=2, constraints=[avoid]):
-            after, _ = avoid.errors(mg.Poses.of(graft.motion))
+            after, _ = avoid.errors(mg.Poses.from_motion(graft.motion))
             assert (after.max() <= 1.0) == (not graft.violations)
             assert after.max() <= 1.0
 
@@ -452,16 +452,16 @@ def test_what_is_told_is_true_of_motions_put_together_in_other_ways(library, cha
     avoid = in_the_way(library)
     worst = []
     for graft in (mg.repair(other, constraints=[avoid]), mg.graft(other, constraints=[avoid])):
-        after, _ = avoid.errors(mg.Poses.of(graft.motion))
+        after, _ = avoid.errors(mg.Poses.from_motion(graft.motion))
         assert (after.max() > 1.0) == bool(graft.violations)
         assert any(not s.is_own for s in graft.substitutions)
         worst.append(after.max())
-    before, _ = avoid.errors(mg.Poses.of(library.clips[0]))
+    before, _ = avoid.errors(mg.Poses.from_motion(library.clips[0]))
     assert worst[0] < before.max()
     far = mg.Reach(HAND, (0.0, 9000.0, 0.0), 300)
     graft = mg.graft(other, constraints=[far])
     (violation,) = graft.violations
-    error, _ = far.errors(mg.Poses.of(graft.motion))
+    error, _ = far.errors(mg.Poses.from_motion(graft.motion))
     assert violation.error == pytest.approx(error.max())
 
 
@@ -481,7 +481,7 @@ def test_soft_constraints_pull_and_are_never_violated(library):
 
 def test_ones_own_function_is_asked_for_every_pose(library):
     def low(poses):
-        return np.where(poses.place(HAND)[:, 1] > 140.0, 3.0, 0.0)
+        return np.where(poses.joint_positions(HAND)[:, 1] > 140.0, 3.0, 0.0)
 
     own = mg.Custom(low, name="hands down", joint=HAND, frames=(250, 350))
     graft = mg.graft(library, constraints=[own])

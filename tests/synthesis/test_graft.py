@@ -330,7 +330,7 @@ def test_such_a_base_put_back_in_its_place_is_the_file(motion):
 
 def test_donors_that_face_and_stand_elsewhere_are_put_in_their_place(motion):
     """Legs of the same dance, danced elsewhere and facing elsewhere, give the same dance."""
-    turn = rotations.about([0, 1, 0], 2.0)
+    turn = rotations.from_axis_angle([0, 1, 0], 2.0)
     quats, places = motion.rotations.copy(), motion.positions.copy()
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
     places[:, 0] = rotations.rotate(turn, places[:, 0]) + np.array([300.0, 0.0, -80.0])

@@ -137,7 +137,10 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
     assert (np.diff(missed) >= 0).all()
     assert free[at].all()
     assert (given != chosen["lower"][at]).all()
-    poses, root = problem.poses.at(np.arange(900), *motion.world()), Root.of(motion, library.root)
+    poses, root = (
+        problem.poses.with_poses(np.arange(900), *motion.world_transforms()),
+        Root.of(motion, library.root),
+    )
     over = problem.over(poses)
     for index in rng.permutation(len(at))[:4]:
         position, donor = at[index : index + 1], given[index : index + 1]
@@ -146,7 +149,7 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
         end = Root(own.rotations[-1:, library.root], own.positions[-1:, library.root])
         goes = Placement.onto(root[np.array([stop])], end, library.up)
         later = np.arange(stop + 1, 900)
-        rest = poses.at(later, poses.rotations[later], poses.positions[later])
+        rest = poses.with_poses(later, poses.rotations[later], poses.positions[later])
         expected = over[:start].sum() + problem.over(own).sum()
         expected += problem.over(goes[np.zeros(len(later), int)].poses(rest)).sum()
         assert missed[index] == pytest.approx(expected)
@@ -161,7 +164,7 @@ def test_what_is_judged_is_what_is_given_back(library, seed):
     for donors, excess in zip(several, problem._excesses(several, 3, 9)["lower"], strict=True):
         motion = plan.build(donors, 0, 0).motion
         np.testing.assert_array_equal(motion.positions, problem.assembled(donors).positions)
-        error, _ = problem.constraints[0].errors(mg.Poses.of(motion))
+        error, _ = problem.constraints[0].errors(mg.Poses.from_motion(motion))
         begin, end = problem.cut.start[3], problem.cut.stop[8]
         expected = np.maximum(error[begin : end + 1] - 1.0, 0.0)
         assert expected.min() > 0
@@ -221,7 +224,7 @@ def test_leading_looks_at_the_finished_motion(library):
 
     def missed(donors):
         motion = pushed(problem.assembled(donors), donors)
-        return constraint.errors(mg.Poses.of(motion))[0].max()
+        return constraint.errors(mg.Poses.from_motion(motion))[0].max()
 
     assert missed(donors) > 1.0
     assert missed(steered(problem, donors, rows, pushed)) <= 1.0
@@ -231,10 +234,10 @@ def test_leading_looks_at_the_finished_motion(library):
 def test_hips_stay_on_their_side_of_a_wall(library, choice):
     chosen = replace(library, config=replace(library.config, choice=choice, feet="auto"))
     constraint = wall(library)
-    missed, _ = constraint.errors(mg.Poses.of(mg.graft(library).motion))
+    missed, _ = constraint.errors(mg.Poses.from_motion(mg.graft(library).motion))
     assert missed.max() > 1.0
     graft = mg.graft(chosen, constraints=[constraint])
-    error, _ = constraint.errors(mg.Poses.of(graft.motion))
+    error, _ = constraint.errors(mg.Poses.from_motion(graft.motion))
     assert error.max() <= 1.0
     assert not graft.violations
 

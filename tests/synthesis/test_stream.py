@@ -180,7 +180,7 @@ def test_several_groups_are_chosen_each_by_itself(library, base):
     pieces = streamed(several, base, (11,), constraints=[avoid, mg.AvoidSelf()])
     same_bits(joined(pieces), joined(streamed(several, base, constraints=[avoid, mg.AvoidSelf()])))
     told = sum(v.frames[1] - v.frames[0] + 1 for p in pieces for v in p.violations)
-    assert told < (avoid.errors(mg.Poses.of(base))[0] > 1).sum()
+    assert told < (avoid.errors(mg.Poses.from_motion(base))[0] > 1).sum()
 
 
 @pytest.mark.parametrize("horizon", [1, 3, 8])
@@ -297,12 +297,12 @@ def test_a_donor_ends_with_the_slope_of_its_curve_and_where_no_seam_reaches_with
 @pytest.mark.parametrize("choice", ["viterbi", "sample"])
 def test_hard_constraints_are_met_or_told(library, base, choice):
     chosen = with_choice(library, choice)
-    free = mg.Poses.of(joined(streamed(chosen, base)))
+    free = mg.Poses.from_motion(joined(streamed(chosen, base)))
     before, after = 0, 0
     for frame in (40, 100, 160, 220):
         avoid = in_the_way(base, frame)
         pieces = streamed(chosen, base, constraints=[avoid])
-        error, _ = avoid.errors(mg.Poses.of(joined(pieces)))
+        error, _ = avoid.errors(mg.Poses.from_motion(joined(pieces)))
         told = np.zeros(base.n_frames, bool)
         for violation in (v for piece in pieces for v in piece.violations):
             told[violation.frames[0] : violation.frames[1] + 1] = True

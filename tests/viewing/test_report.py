@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mograft import Config, Library, Motion, Skeleton, graft, graft_many, read_bvh, write_bvh
-from mograft.body.mass import body, center_of_mass
+from mograft.body.mass import center_of_mass, mass_model
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.viewing.report import report_page
@@ -51,7 +51,7 @@ def test_each_graft_has_its_numbers(grafts):
 def test_balance_is_how_far_the_centre_of_mass_strays(grafts):
     own = grafts[0]
     gap = (center_of_mass(own.motion) - center_of_mass(own.base))[:, [0, 2]]
-    stray = np.linalg.norm(gap, axis=1) / body(own.base.skeleton).height
+    stray = np.linalg.norm(gap, axis=1) / mass_model(own.base.skeleton).height
     row = cells(report_page(grafts), "What was made")[0]
     assert row[7:] == [f"{100 * stray.mean():.1f} %", f"{100 * stray.max():.1f} %"]
     kept = replace(own, motion=own.base, seams=())
@@ -62,7 +62,7 @@ def test_the_centre_of_mass_is_that_of_the_bones():
     skeleton = Skeleton(["a", "b"], [-1, 0], [[0, 0, 0], [0, 2, 0]])
     turned = [[0, 0, np.sqrt(0.5), np.sqrt(0.5)], [0, 0, 0, 1]]
     motion = Motion(skeleton, 0.1, [turned], [[[5, 0, 0], [0, 2, 0]]])
-    known = body(skeleton)
+    known = mass_model(skeleton)
     # Turned by 90° about z, what was up points to -x.
     want = np.array([5.0, 0, 0]) - [known.mass @ ([0, 2] + known.bone[:, 1] * known.center), 0, 0]
     np.testing.assert_allclose(center_of_mass(motion), [want], atol=1e-12)

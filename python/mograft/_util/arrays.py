@@ -132,11 +132,11 @@ def restore(owner: object, state: dict[str, Any]) -> None:
     """Set the fields of a value that was pickled or copied, its arrays read-only once more."""
     for value in state.values():
         if isinstance(value, np.ndarray):
-            frozen(value)
+            make_read_only(value)
     owner.__dict__.update(state)
 
 
-def frozen(array: npt.NDArray[np.generic]) -> None:
+def make_read_only(array: npt.NDArray[np.generic]) -> None:
     """Make an array read-only, for values that are shared and never change."""
     array.flags.writeable = False
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["replacing", "write_bytes", "write_text"]
+__all__ = ["atomic_path", "write_bytes", "write_text"]
 
 
 @contextmanager
-def replacing(target: Path) -> Iterator[Path]:
+def atomic_path(target: Path) -> Iterator[Path]:
     """Give another name to write to, which takes the target's once all is written.
 
     It lies in the target's folder and has its ending, by which some writers go.
@@ -30,7 +30,7 @@ def replacing(target: Path) -> Iterator[Path]:
 
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file, whole or not at all."""
-    with replacing(path) as draft:
+    with atomic_path(path) as draft:
         draft.write_bytes(data)
 
 

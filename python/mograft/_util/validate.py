@@ -8,45 +8,45 @@ import numpy as np
 from mograft._util.arrays import as_floats
 
 
-def is_whole(value: object) -> TypeGuard[int]:
+def is_integer(value: object) -> TypeGuard[int]:
     """Tell whether something is a whole number, Python's or NumPy's."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
-def whole(name: str, value: object, least: int = 0) -> int:
+def as_integer(name: str, value: object, least: int = 0) -> int:
     """Return a whole number, Python's or NumPy's, as Python's."""
-    if not is_whole(value) or value < least:
+    if not is_integer(value) or value < least:
         raise ValueError(f"{name} must be a whole number from {least}, got {value!r}")
     return int(value)
 
 
-def instance(name: str, value: object, kind: type) -> None:
+def check_type(name: str, value: object, kind: type) -> None:
     """Refuse what is of another kind."""
     if not isinstance(value, kind):
         raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
 
 
-def vector(owner: object, name: str) -> None:
+def coerce_vector(owner: object, name: str) -> None:
     numbers = as_floats(name, getattr(owner, name), (3,))
     object.__setattr__(owner, name, tuple(numbers.tolist()))
 
 
-def above_zero(owner: object, name: str) -> None:
+def check_positive(owner: object, name: str) -> None:
     if not _number(owner, name) > 0:
         raise ValueError(f"{name} must be above 0, got {getattr(owner, name)}")
 
 
-def not_negative(owner: object, name: str) -> None:
+def check_not_negative(owner: object, name: str) -> None:
     if not _number(owner, name) >= 0:
         raise ValueError(f"{name} must not be negative, got {getattr(owner, name)}")
 
 
-def finite(owner: object, name: str) -> None:
+def check_finite(owner: object, name: str) -> None:
     if not math.isfinite(_number(owner, name)):
         raise ValueError(f"{name} must be finite, got {getattr(owner, name)}")
 
 
-def plain(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
+def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
     """Return a field, a number of NumPy's made Python's, as files and messages want it."""
     value = getattr(owner, name)
     if isinstance(value, np.generic):
@@ -56,7 +56,7 @@ def plain(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field
 
 
 def _number(owner: object, name: str) -> float:
-    value: float = plain(owner, name)
+    value: float = python_scalar(owner, name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{name} must be a number, got {value!r}")
     return value

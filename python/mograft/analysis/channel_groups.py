@@ -60,7 +60,7 @@ def apart(motion: Motion, held: Held) -> FloatArray:
     for column, (joint, axis) in enumerate(keys(held)):
         order = motion.skeleton.rotation_order(joint)
         own = angles(motion, joint)[:, order.index(axis)]
-        turns[:, column] = rotations.about(_EYE["XYZ".index(axis)], own)
+        turns[:, column] = rotations.from_axis_angle(_EYE["XYZ".index(axis)], own)
     return turns
 
 

@@ -16,7 +16,7 @@ from mograft.analysis.segmentation import Segments
 from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.motion.resample import segments, segments_positions
+from mograft.motion.resample import resample_segment_positions, resample_segments
 
 __all__ = [
     "Embedding",
@@ -173,15 +173,15 @@ def normalise(
     for index, clip in enumerate(clips):
         own = cut.of_clip(index)
         bounds = (cut.start[own], cut.stop[own], np.full(len(own), m))
-        sampled = segments(clip.rotations, *bounds).reshape(len(own), m, clip.n_joints, 4)
+        sampled = resample_segments(clip.rotations, *bounds).reshape(len(own), m, clip.n_joints, 4)
         if root == 0:
             carried, place = sampled[:, :, 0], clip.positions[:, :1]
         else:
-            turned, placed = clip.world()
-            carried = segments(turned[:, root : root + 1], *bounds).reshape(len(own), m, 4)
+            turned, placed = clip.world_transforms()
+            carried = resample_segments(turned[:, root : root + 1], *bounds).reshape(len(own), m, 4)
             place = placed[:, root : root + 1]
         way = np.zeros((len(own), m, 3))
-        place = segments_positions(place, *bounds).reshape(len(own), m, 3) / heights[index]
+        place = resample_segment_positions(place, *bounds).reshape(len(own), m, 3) / heights[index]
         way[:, 1:] = np.diff(place, axis=1)
         if not config.keep_heading:
             back = rotations.inverse(_headings(carried[:, 0], up))[:, None]

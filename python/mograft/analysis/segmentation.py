@@ -12,12 +12,12 @@ from mograft._util.arrays import (
     IntArray,
     as_floats,
     as_indices,
-    frozen,
+    make_read_only,
     restore,
 )
-from mograft._util.validate import instance
-from mograft.body.mass import body
-from mograft.body.mass import inertia as moments
+from mograft._util.validate import check_type
+from mograft.body.mass import mass_model
+from mograft.body.mass import moments_of_inertia as moments
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
@@ -60,7 +60,7 @@ class Segments:
             at = int(np.argmax(start >= stop))
             raise ValueError(f"segment {at} must span an interval, got {start[at]} to {stop[at]}")
         for name, array in (("start", start), ("stop", stop), ("clip", clip)):
-            frozen(array)
+            make_read_only(array)
             object.__setattr__(self, name, array)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -126,7 +126,7 @@ def kinetic_energy(
     >>> energy.shape == (motion.n_frames,), bool((energy >= 0).all())
     (True, True)
     """
-    instance("motion", motion, Motion)
+    check_type("motion", motion, Motion)
     if motion.n_frames < 2:
         raise ValueError(
             f"kinetic energy needs at least 2 frames, {motion.name or 'the motion'} has 1"
@@ -135,7 +135,7 @@ def kinetic_energy(
     return _core.kinetic_energy(
         skeleton.parents,
         np.ascontiguousarray(motion.rotations),
-        moments(body(skeleton), skeleton, inertia),
+        moments(mass_model(skeleton), skeleton, inertia),
         motion.frame_time,
         omega,
     )

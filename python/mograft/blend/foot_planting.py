@@ -10,10 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft._util.validate import instance
+from mograft._util.validate import check_type
 from mograft.analysis.segmentation import gaussian
 from mograft.blend.transplant import Part, recombine
-from mograft.body.contacts import NEAR, SLIDES, Ground, Leg, contacts, legs, runs, skate_on, speeds
+from mograft.body.contacts import (
+    CONTACT_HEIGHT,
+    SLIDING_SPEED,
+    Ground,
+    Leg,
+    detect_contacts,
+    find_legs,
+    horizontal_speeds,
+    runs,
+    skating_share,
+)
 from mograft.config import FRAME
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -120,9 +130,9 @@ def plant_feet(
     >>> report.skate_after <= report.skate_before
     True
     """
-    instance("motion", motion, Motion)
-    limbs = legs(motion.skeleton)
-    given = contacts(motion) if stands is None else np.asarray(stands, bool)
+    check_type("motion", motion, Motion)
+    limbs = find_legs(motion.skeleton)
+    given = detect_contacts(motion) if stands is None else np.asarray(stands, bool)
     if given.shape != (motion.n_frames, len(limbs), 2):
         wanted = (motion.n_frames, len(limbs), 2)
         raise ValueError(f"stands must have shape {wanted}, got {given.shape}")
@@ -132,10 +142,10 @@ def plant_feet(
     if heights is not None and heights.shape != given.shape:
         raise ValueError(f"heights must have shape {given.shape}, got {heights.shape}")
     ground = Ground.of(motion if like is None else like)
-    before = skate_on(motion, ground)
+    before = skating_share(motion, ground)
     if (heights is None and not given.any()) or not any(may_bend):
         return motion, FeetReport(0, before, before, 0.0, 0.0, 0)
-    turned, placed = motion.world()
+    turned, placed = motion.world_transforms()
     points = ground.points(motion)
     parted = _parted(given, points, ground, motion.rate)
     least = np.full(given.shape, -np.inf) if heights is None else heights
@@ -173,7 +183,7 @@ def plant_feet(
     report = FeetReport(
         sum(len(runs(given[:, i, k])) for i in range(len(limbs)) for k in range(2)),
         before,
-        skate_on(still, ground),
+        skating_share(still, ground),
         float(np.linalg.norm(shift, axis=1).max()) / ground.height,
         float(missed.max()),
         int((missed > _MISSED).any(axis=(1, 2)).sum()),
@@ -188,7 +198,7 @@ def _parted(stands: BoolArray, points: FloatArray, ground: Ground, rate: float) 
     root would be pulled half way between the two. They step.
     """
     parted = stands.copy()
-    fast = speeds(points, rate) >= SLIDES * ground.height
+    fast = horizontal_speeds(points, rate) >= SLIDING_SPEED * ground.height
     for leg, point in np.ndindex(stands.shape[1:]):
         for first, last in runs(stands[:, leg, point]):
             own = slice(first, last + 1)
@@ -272,7 +282,7 @@ def _targets(
     for first, last, point in sorted(order):
         place = points[first : last + 1, point].mean(axis=0)
         high = place @ ground.up - ground.floors[index, point]
-        stays = np.clip(high, -_SINK * ground.height, NEAR * ground.height)
+        stays = np.clip(high, -_SINK * ground.height, CONTACT_HEIGHT * ground.height)
         place = place + (stays - high) * ground.up
         for start, stop, other in plants[1 - point]:
             both = slice(max(first, start), min(last, stop) + 1)
@@ -402,7 +412,7 @@ def _bent(
     wanted, aim = points[moves] + ways[moves], points[moves]
     at_hip, at_knee = two_bones(hip, knee, ankle, wanted[:, 0], hinge)
     foot, to = aim[:, 1] - aim[:, 0], wanted[:, 1] - wanted[:, 0]
-    roll = rotations.between(foot, to)
+    roll = rotations.shortest_arc(foot, to)
 
     quats = motion.rotations[:, joints].copy()
     turns = (at_hip, at_knee, _chain(rotations.inverse(at_knee), rotations.inverse(at_hip), roll))
@@ -495,6 +505,6 @@ def two_bones(
     straight, aim = end - start, wanted - start
     # In two steps, so that the plane of the limb is turned no more than its direction.
     at_start = rotations.multiply(
-        rotations.between(straight, aim), rotations.between(bent, straight)
+        rotations.shortest_arc(straight, aim), rotations.shortest_arc(bent, straight)
     )
     return at_start, at_middle

@@ -125,6 +125,6 @@ class Placement:
         # As matrices, for all joints at once.
         turns = rotations.multiply(self.yaws[:, None], np.eye(4))
         axes = rotations.rotate(self.yaws[:, None], np.eye(3))
-        return poses.at(
+        return poses.with_poses(
             poses.frames, poses.rotations @ turns, poses.positions @ axes + self.shifts[:, None]
         )

@@ -129,7 +129,7 @@ def led(
     most = np.abs(captured[:, 3]).max(initial=0.0)
     more = np.where(np.abs(own + more) > most, np.clip(own + more, -most, most) - own, more)
     yaws = np.concatenate([[0.0], np.cumsum(more)])
-    heading = rotations.about(np.eye(3)[up], yaws)
+    heading = rotations.from_axis_angle(np.eye(3)[up], yaws)
     heading[yaws == 0.0] = rotations.IDENTITY
     quats = np.where(yaws[:, None] == 0.0, facing, rotations.multiply(heading, facing))
     ways = rotations.rotate(heading[:-1], velocities[:, :3]) - captured[:, :3]

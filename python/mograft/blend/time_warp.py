@@ -8,7 +8,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.motion.motion import Motion
-from mograft.motion.resample import segments
+from mograft.motion.resample import resample_segments
 from mograft.search.candidates import pose_gaps
 
 __all__ = ["Warp", "align"]
@@ -123,7 +123,7 @@ class Warp:
                 continue
             counts = 2 * lengths[mine] + 1
             track = np.ascontiguousarray(clips[clip].rotations[:, joints])
-            rows = segments(track, donors.start[mine], donors.stop[mine], counts)
+            rows = resample_segments(track, donors.start[mine], donors.stop[mine], counts)
             for at, poses in zip(mine, np.split(rows, np.cumsum(counts)[:-1]), strict=True):
                 own = base.rotations[cut.start[at] : cut.stop[at] + 1, joints]
                 bent = _bent(pose_gaps(own, poses))

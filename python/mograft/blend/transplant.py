@@ -203,7 +203,7 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
         turned = (part.rotations != base.rotations[:, part.joints]).any(axis=-1)
         moved = (part.positions != base.positions[:, part.joints]).any(axis=-1)
         turns, moves = turned.any(axis=0), moved.any(axis=0)
-        quats[:, part.joints[turns]] = rotations.continuous(part.rotations[:, turns])
+        quats[:, part.joints[turns]] = rotations.continuous_signs(part.rotations[:, turns])
         places[:, part.joints[moves]] = part.positions[:, moves]
         if values is None:
             continue
@@ -228,7 +228,7 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
         if not moves.any():
             continue
         turns = np.where(moves[:, None], rotations.from_euler(new, order), base.rotations[:, joint])
-        quats[:, joint] = rotations.continuous(turns)
+        quats[:, joint] = rotations.continuous_signs(turns)
         if values is not None:
             columns = skeleton.channel_columns[joint]
             names = skeleton.channels[joint]
@@ -366,7 +366,7 @@ class _Laid:
             places, _ = states(SHIFTS, shifts, donors.clip, frames)
             ends.append(Root(quats[:, columns[0]], places[:, columns[1]]))
         first, last = ends
-        turned, placed = base.world()
+        turned, placed = base.world_transforms()
         come = Root(turned[:1, root], placed[:1, root])
         follows: list[Placement] = []
         for index in range(len(donors)):
@@ -525,7 +525,7 @@ def _in_the_world(
         return list(tracks), list(shifts)
     turns, places = [], []
     for clip, track, shift in zip(clips, tracks, shifts, strict=True):
-        turned, placed = clip.world()
+        turned, placed = clip.world_transforms()
         turns.append(track.copy())
         places.append(shift.copy())
         turns[-1][:, columns[0]] = turned[:, root]
@@ -540,7 +540,7 @@ def _as_local(
     parent = int(base.skeleton.parents[root])
     if parent < 0:
         return quats, places
-    turned, placed = base.world()
+    turned, placed = base.world_transforms()
     back = rotations.inverse(turned[:, parent])
     local = rotations.multiply(back, quats)
     spot = rotations.rotate(back, places - placed[:, parent])
@@ -563,7 +563,7 @@ def _trunks(base: Motion, joints: IntArray) -> list[int]:
 
 def _leans(clip: Motion, joints: IntArray, columns: Sequence[int], up: int) -> FloatArray:
     """Return how the joints that some joints hang on lean, whatever they face."""
-    turned = clip.world()[0][:, clip.skeleton.parents[joints[list(columns)]]]
+    turned = clip.world_transforms()[0][:, clip.skeleton.parents[joints[list(columns)]]]
     return rotations.multiply(rotations.inverse(rotations.twist(turned, up)), turned)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import anatomy
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.motion.skeleton import Skeleton
 
 __all__ = ["RADII", "Capsules", "box_clearance", "capsules", "clearance"]
@@ -136,7 +136,7 @@ def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Ca
         if not radius >= 0:
             raise ValueError(f"the radius of {part!r} must not be negative, got {radius}")
     wanted = {**RADII, **given}
-    known, found = anatomy(skeleton), body(skeleton)
+    known, found = anatomy(skeleton), mass_model(skeleton)
     rest = skeleton.rest_positions()
     fleshy = [
         joint

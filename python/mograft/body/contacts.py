@@ -9,33 +9,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.validate import instance
+from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
-from mograft.body.mass import body, up_axis
+from mograft.body.mass import mass_model, up_axis
 from mograft.config import FRAME
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 __all__ = [
-    "NEAR",
-    "SLIDES",
+    "CONTACT_HEIGHT",
+    "SLIDING_SPEED",
     "Ground",
     "Leg",
-    "contacts",
+    "detect_contacts",
+    "find_legs",
     "foot_heights",
     "foot_skate",
-    "legs",
+    "horizontal_speeds",
     "runs",
-    "skate_on",
-    "speeds",
+    "skating_share",
 ]
 
-NEAR = 0.03
+CONTACT_HEIGHT = 0.03
 """Heights above its floor at which a heel or toe may stand."""
 _SLOW = 0.25
 """Heights a second up to which it may move there: dancers press and roll."""
-SLIDES = 0.6
+SLIDING_SPEED = 0.6
 """And just before and after: there it is coming to rest, or leaving."""
 _SKATES_BELOW, _SKATES_ABOVE = 0.03, 0.3
 """A foot skates where it is lower than that, in heights, and faster, in heights a second."""
@@ -67,7 +67,7 @@ class Leg:
     tip: tuple[float, float, float]
 
 
-def legs(skeleton: Skeleton) -> tuple[Leg, ...]:
+def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
     """Return the legs of a skeleton that have a knee.
 
     Parameters
@@ -86,7 +86,7 @@ def legs(skeleton: Skeleton) -> tuple[Leg, ...]:
     >>> [leg.side for leg in legs(dance(strides=1).motion.skeleton)]
     ['left', 'right']
     """
-    known, found = anatomy(skeleton), body(skeleton)
+    known, found = anatomy(skeleton), mass_model(skeleton)
     ends: list[tuple[str, int, int | None]] = [(f.side, f.ankle, f.toe) for f in found.feet]
     if not known.human:
         hands = [
@@ -111,7 +111,7 @@ def legs(skeleton: Skeleton) -> tuple[Leg, ...]:
     return tuple(several)
 
 
-def contacts(motion: Motion) -> BoolArray:
+def detect_contacts(motion: Motion) -> BoolArray:
     """Tell when heels and toes stand on the floor.
 
     Parameters
@@ -129,10 +129,10 @@ def contacts(motion: Motion) -> BoolArray:
     """
     ground = Ground.of(motion)
     points = ground.points(motion)
-    low = ground.above(points) < NEAR * ground.height
-    fast = speeds(points, motion.rate) / ground.height
+    low = ground.above(points) < CONTACT_HEIGHT * ground.height
+    fast = horizontal_speeds(points, motion.rate) / ground.height
     stands = low & (fast < _SLOW)
-    slides = low & (fast < SLIDES)
+    slides = low & (fast < SLIDING_SPEED)
     for leg in range(stands.shape[1]):
         for point in range(2):
             tidy = _tidied(stands[:, leg, point], motion.rate)
@@ -179,8 +179,8 @@ def foot_skate(motion: Motion) -> float:
     >>> 0.0 < foot_skate(dance(strides=1).motion) < 0.3
     True
     """
-    instance("motion", motion, Motion)
-    return skate_on(motion, Ground.of(motion))
+    check_type("motion", motion, Motion)
+    return skating_share(motion, Ground.of(motion))
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,21 +199,21 @@ class Ground:
     @classmethod
     def of(cls, motion: Motion) -> "Ground":
         """Find the floor of a motion: the 5th percentile of each heel's and toe's height."""
-        found = body(motion.skeleton)
+        found = mass_model(motion.skeleton)
         up = np.zeros(3)
         axis = up_axis(motion)
         places = motion.world_positions().mean(axis=0)
         ankles = [foot.ankle for foot in found.feet]
         stands = places[found.hips] - places[ankles].mean(axis=0) if ankles else np.ones(3)
         up[axis] = -1.0 if stands[axis] < 0 else 1.0
-        ground = cls(legs(motion.skeleton), up, np.zeros((0, 2)), found.height)
+        ground = cls(find_legs(motion.skeleton), up, np.zeros((0, 2)), found.height)
         points = ground.points(motion)
         floors = np.percentile(points @ up, 5, axis=0) if points.size else np.zeros((0, 2))
         return cls(ground.limbs, up, floors, found.height)
 
     def points(self, motion: Motion) -> FloatArray:
         """Return where heels and toes are, shape (n_frames, n_legs, 2, 3)."""
-        turned, placed = motion.world()
+        turned, placed = motion.world_transforms()
         points = np.empty((motion.n_frames, len(self.limbs), 2, 3))
         for index, limb in enumerate(self.limbs):
             points[:, index, 0] = placed[:, limb.ankle]
@@ -245,7 +245,7 @@ def _ball(skeleton: Skeleton, hand: int) -> int | None:
     return max(below, key=lambda joint: float(lengths[joint]), default=None)
 
 
-def speeds(points: FloatArray, rate: float) -> FloatArray:
+def horizontal_speeds(points: FloatArray, rate: float) -> FloatArray:
     """Return speeds from frame to frame, at each frame the mean of both sides."""
     if len(points) < 2:
         return np.zeros(points.shape[:-1])
@@ -254,7 +254,7 @@ def speeds(points: FloatArray, rate: float) -> FloatArray:
     return speeds
 
 
-def skate_on(motion: Motion, ground: Ground) -> float:
+def skating_share(motion: Motion, ground: Ground) -> float:
     """Return what `foot_skate` does, on a floor that is known."""
     points = ground.points(motion)
     if not points.size or motion.n_frames < 2:

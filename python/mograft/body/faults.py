@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
-from mograft._util.validate import instance
+from mograft._util.validate import check_type
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
@@ -104,7 +104,7 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     ...     print(fault.kind, fault.frames, fault.message)
     frozen (0, 39) nothing moves for 1.30 s
     """
-    instance("motion", motion, Motion)
+    check_type("motion", motion, Motion)
     # Places beyond all measure overflow; no limit is above that.
     with np.errstate(over="ignore", invalid="ignore"):
         return (

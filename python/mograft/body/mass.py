@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray, frozen, restore
+from mograft._util.arrays import FloatArray, make_read_only, restore
 from mograft.body.anatomy import ARM, LEG, Anatomy, anatomy
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["Body", "Foot", "body", "center_of_mass", "inertia", "up_axis"]
+__all__ = ["Foot", "MassModel", "center_of_mass", "mass_model", "moments_of_inertia", "up_axis"]
 
 # de Leva 1996, trunk and head turned to proximal = hips and neck: mass, place of the centre of
 # mass from the proximal end and transverse radius of gyration, in % of body mass and segment
@@ -74,7 +74,7 @@ class Foot:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class MassModel:
     """Masses and lengths of a skeleton's bones; made by `body`.
 
     Parameters
@@ -119,7 +119,7 @@ class Body:
 
     def __post_init__(self) -> None:
         for array in (self.mass, self.bone, self.center, self.gyration):
-            frozen(array)
+            make_read_only(array)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         restore(self, state)
@@ -135,11 +135,11 @@ class Body:
         """
         lengths = np.linalg.norm(self.bone, axis=1) / self.height
         own: FloatArray = self.mass * lengths**2 * (self.center**2 + self.gyration**2)
-        frozen(own)
+        make_read_only(own)
         return own
 
 
-def body(skeleton: Skeleton, *, sex: str = "mean") -> Body:
+def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
     """Return what a skeleton's parts weigh, its stature and its feet.
 
     Parameters
@@ -177,7 +177,7 @@ def body(skeleton: Skeleton, *, sex: str = "mean") -> Body:
     ...     [-1, 0, 1, 2, 0, 4],
     ...     [[0, 0, 0], [9, 0, 0], [0, -40, 0], [0, -40, 0], [0, 48, 0], [0, 10, 0]],
     ... )
-    >>> round(body(skeleton).height)
+    >>> round(mass_model(skeleton).height)
     169
     """
     if sex not in _COLUMNS:
@@ -204,7 +204,7 @@ class _Bones:
 
 # Asked several times of every clip, and the clips of an actor share their bones.
 @lru_cache(maxsize=64)
-def _body(bones: _Bones, sex: str) -> Body:
+def _body(bones: _Bones, sex: str) -> MassModel:
     skeleton = bones.skeleton
     known = anatomy(skeleton)
     bone = _bones(skeleton, known)
@@ -225,7 +225,7 @@ def _body(bones: _Bones, sex: str) -> Body:
         head = next(iter(reversed(known.joints("neck"))), None)
     feet = _feet(skeleton, known)
     height, height_from = _height(skeleton, known.hips, head, feet)
-    return Body(
+    return MassModel(
         model=model,
         height=height,
         height_from=height_from,
@@ -240,7 +240,7 @@ def _body(bones: _Bones, sex: str) -> Body:
     )
 
 
-def inertia(body: Body, skeleton: Skeleton, kind: str = "own") -> FloatArray:
+def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -> FloatArray:
     """Return the moment of inertia that each joint turns.
 
     Parameters
@@ -268,7 +268,7 @@ def inertia(body: Body, skeleton: Skeleton, kind: str = "own") -> FloatArray:
     Examples
     --------
     >>> skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
-    >>> inertia(body(skeleton), skeleton, "unit")
+    >>> moments_of_inertia(mass_model(skeleton), skeleton, "unit")
     array([1., 1., 0.])
     """
     if kind not in ("own", "subtree", "unit"):
@@ -316,8 +316,8 @@ def center_of_mass(motion: Motion) -> FloatArray:
     >>> center_of_mass(dance(strides=1).motion)[0].round().tolist()
     [-0.0, 91.0, 7.0]
     """
-    known = body(motion.skeleton)
-    turns, joints = motion.world()
+    known = mass_model(motion.skeleton)
+    turns, joints = motion.world_transforms()
     # One joint at a time: the whole of a long clip at once is many arrays of its size.
     center = np.zeros((motion.n_frames, 3))
     for joint, mass in enumerate(known.mass.tolist()):
@@ -341,7 +341,7 @@ def up_axis(motion: Motion) -> int:
         Where they are not, as in a split, or where the feet are unknown, that along which the
         head is from the feet or the hips; 1 where nothing tells.
     """
-    found = body(motion.skeleton)
+    found = mass_model(motion.skeleton)
     places = motion.world_positions().mean(axis=0)
     hips = places[found.hips]
     feet = places[[foot.ankle for foot in found.feet]].mean(axis=0) if found.feet else hips

@@ -7,9 +7,9 @@ from typing import overload
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.validate import instance
+from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
-from mograft.body.mass import body, up_axis
+from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
@@ -111,7 +111,7 @@ def mirror(motion: Motion) -> Motion:
     >>> bool((mirror(mirror(motion)).rotations == motion.rotations).all())
     True
     """
-    instance("motion", motion, Motion)
+    check_type("motion", motion, Motion)
     image = _Image.of(motion)
     skeleton, pair = motion.skeleton, image.pair
     quats, places = np.empty_like(motion.rotations), np.empty_like(motion.positions)
@@ -133,7 +133,7 @@ def mirror(motion: Motion) -> Motion:
     return replace(
         motion,
         skeleton=own,
-        rotations=quats if image.is_plain else rotations.continuous(quats),
+        rotations=quats if image.is_plain else rotations.continuous_signs(quats),
         positions=places,
         channel_values=None,
         path=None,
@@ -159,7 +159,7 @@ class _Image:
     def of(cls, motion: Motion) -> "_Image":
         skeleton = motion.skeleton
         pair = partners(skeleton)
-        alike = _ALIKE * body(skeleton).height
+        alike = _ALIKE * mass_model(skeleton).height
         level = [axis for axis in range(3) if axis != up_axis(motion)]
         off = {axis: _missed(skeleton.offsets, pair, axis) for axis in level}
         through = [axis for axis in level if (off[axis] <= alike).all()]
@@ -225,7 +225,7 @@ def _own_axes(motion: Motion, pair: IntArray, axis: int, alike: float) -> FloatA
     seen = _reflected(skeleton.offsets, axis)
     turn = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
     hub = anatomy(skeleton).hips
-    turned = motion.world()[0][:: max(motion.n_frames // 200, 1)]
+    turned = motion.world_transforms()[0][:: max(motion.n_frames // 200, 1)]
     mean = _mean(rotations.multiply(rotations.inverse(turned[:, hub, None]), turned))
     image = rotations.inverse(_turned_back(mean, axis))
     for joint in range(hub, skeleton.n_joints):

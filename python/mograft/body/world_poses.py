@@ -7,7 +7,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.capsules import Capsules, capsules
-from mograft.body.mass import body, up_axis
+from mograft.body.mass import mass_model, up_axis
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -48,7 +48,7 @@ class Poses:
     up: int
 
     @classmethod
-    def of(cls, motion: Motion, flesh: Capsules | None = None) -> "Poses":
+    def from_motion(cls, motion: Motion, flesh: Capsules | None = None) -> "Poses":
         """Return all frames of a motion.
 
         Parameters
@@ -62,14 +62,14 @@ class Poses:
         return cls(
             skeleton,
             np.arange(motion.n_frames),
-            *motion.world(),
+            *motion.world_transforms(),
             motion.frame_time,
             capsules(skeleton) if flesh is None else flesh,
-            body(skeleton).height,
+            mass_model(skeleton).height,
             up_axis(motion),
         )
 
-    def at(self, frames: IntArray, turned: FloatArray, placed: FloatArray) -> "Poses":
+    def with_poses(self, frames: IntArray, turned: FloatArray, placed: FloatArray) -> "Poses":
         """Return the same body in other poses."""
         return Poses(
             self.skeleton,
@@ -90,6 +90,6 @@ class Poses:
         """Both ends of each capsule, shape (n, n_capsules, 2, 3)."""
         return self.capsules.ends(self.rotations, self.positions)
 
-    def place(self, joint: str) -> FloatArray:
+    def joint_positions(self, joint: str) -> FloatArray:
         """Return where a joint is in the world, shape (n, 3)."""
         return self.positions[:, self.skeleton.index(joint)]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from mograft import __version__
 from mograft._util.atomic import write_text
-from mograft.errors import listed
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
     from mograft.library.library import Library
@@ -159,12 +159,12 @@ def chosen_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
     for pattern in patterns:
         own = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}
         if not own:
-            raise ValueError(f"--clip must name clips of {listed(names)}; got {pattern!r}")
+            raise ValueError(f"--clip must name clips of {join_names(names)}; got {pattern!r}")
         chosen |= own
     if len(chosen) > _MOST_CLIPS:
         raise ValueError(
             f"{len(chosen)} clips are too many to show at once: choose {_MOST_CLIPS} at most by "
-            f"--clip NAME, of {listed([names[index] for index in sorted(chosen)])}"
+            f"--clip NAME, of {join_names([names[index] for index in sorted(chosen)])}"
         )
     return sorted(chosen)
 

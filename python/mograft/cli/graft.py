@@ -24,7 +24,7 @@ from mograft.cli._common import (
     write_report,
 )
 from mograft.cli._constraints import add_constraints, constraints
-from mograft.errors import listed
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -276,7 +276,7 @@ def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion 
             return name
         where = "" if folder is None else f" of {folder}"
         raise ValueError(
-            f"--base must be a clip{where}, one of {listed(names)}, or a file; got {name!r}"
+            f"--base must be a clip{where}, one of {join_names(names)}, or a file; got {name!r}"
         )
     return read_bvh(name)
 

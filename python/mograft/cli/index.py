@@ -17,7 +17,7 @@ from mograft.cli._common import (
     say,
 )
 from mograft.cli.graft import chosen_config, chosen_groups
-from mograft.errors import listed
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
         used = {key for own in find(options.files) for key in matching(table, own)}
         unused = [key for key in table if key not in used]
         if unused:
-            say(f"warning: --true-rate or --tags name no clip of these files: {listed(unused)}")
+            say(f"warning: --true-rate or --tags name no clip of these files: {join_names(unused)}")
     with progress() as tell, _pool(options.jobs) as executor:
         if options.add:
             before = set(Library.open(options.output).refused)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft._util.atomic import replacing
+from mograft._util.atomic import atomic_path
 from mograft.cli._common import (
     at_least_one,
     check_free,
@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
         assert figure is not None  # The axes were made with theirs.
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with replacing(target) as draft:
+            with atomic_path(target) as draft:
                 figure.savefig(draft, dpi=options.dpi, metadata=metadata)
         finally:
             pyplot.close("all")

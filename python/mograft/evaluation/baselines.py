@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.body.contacts import contacts, legs
+from mograft.body.contacts import detect_contacts, find_legs
 from mograft.errors import InsufficientDataError
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -212,7 +212,7 @@ def methods(library: Library) -> tuple[Method, ...]:
         From chance to choice.
     """
     ways: list[Method] = [Random(), RandomLength()]
-    if legs(library.skeleton):
+    if find_legs(library.skeleton):
         ways.append(ContactPattern())
     if library.embedding[library.groups.base] is not None:
         ways.append(Nearest())
@@ -281,9 +281,9 @@ def contact_words(library: Library) -> list[str]:
 
 @lru_cache(maxsize=1)
 def _touching(library: Library) -> list[BoolArray]:
-    if not legs(library.skeleton):
+    if not find_legs(library.skeleton):
         raise InsufficientDataError("contact patterns need legs: none is known in the skeleton")
-    return [np.asarray(contacts(clip).any(axis=2), bool) for clip in library.clips]
+    return [np.asarray(detect_contacts(clip).any(axis=2), bool) for clip in library.clips]
 
 
 def grafts_by(

@@ -10,7 +10,7 @@ import numpy as np
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import BoolArray
 from mograft.analysis.segmentation import Segments
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation.balance import (
     RULES,
@@ -97,7 +97,7 @@ class Evaluation:
     def as_dict(self) -> dict[str, Any]:
         """Return all numbers, each with its sample size and interval, as JSON can hold them."""
         library = self.library
-        known = body(library.skeleton)
+        known = mass_model(library.skeleton)
         found: dict[str, Any] = {
             "schema": "mograft.evaluation/1",
             "mograft": VERSION,

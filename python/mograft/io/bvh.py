@@ -26,8 +26,8 @@ import numpy.typing as npt
 
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.atomic import replacing
-from mograft._util.validate import instance
+from mograft._util.atomic import atomic_path
+from mograft._util.validate import check_type
 from mograft.errors import BvhError
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
@@ -274,7 +274,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
     0.0
     <BLANKLINE>
     """
-    instance("motion", motion, Motion)
+    check_type("motion", motion, Motion)
     pieces = _written(motion)
     if not isinstance(target, str | os.PathLike):
         if not hasattr(target, "write"):
@@ -290,7 +290,7 @@ def write_bvh(motion: Motion, target: Source) -> None:
         with path.open("wb") as stream:
             stream.writelines(pieces)
         return
-    with replacing(path) as draft, draft.open("xb") as stream:
+    with atomic_path(path) as draft, draft.open("xb") as stream:
         stream.writelines(pieces)
 
 
@@ -1016,7 +1016,7 @@ def _hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
         channels = skeleton.channels[item]
         lines.append(" ".join([f"{indent}\tCHANNELS", str(len(channels)), *channels]))
         order.append(item)
-        todo += reversed(skeleton.below[item])
+        todo += reversed(skeleton.children_and_sites[item])
     return lines, order
 
 

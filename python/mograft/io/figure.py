@@ -4,7 +4,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.groups import JointGroups
-from mograft.body.mass import body, up_axis
+from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -40,7 +40,7 @@ def unit_of(skeleton: Skeleton) -> str:
     >>> unit_of(dance(strides=1).motion.skeleton)
     'cm'
     """
-    height = body(skeleton).height
+    height = mass_model(skeleton).height
     return min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / _STATURE)))
 
 
@@ -82,7 +82,7 @@ def bones(
         The joint that each corner goes with.
     """
     rest = scale * rotations.rotate(turn, skeleton.rest_positions())
-    thick = 0.016 * scale * body(skeleton).height
+    thick = 0.016 * scale * mass_model(skeleton).height
     ends = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
     for site in skeleton.end_sites:
         end = rest[site.parent] + scale * rotations.rotate(turn, site.offset)
@@ -133,7 +133,7 @@ def _octahedron(
 def to_y_up(motion: Motion) -> FloatArray:
     """Return the rotation that turns what is up in a motion to y, xyzw."""
     axis = up_axis(motion)
-    known = body(motion.skeleton)
+    known = mass_model(motion.skeleton)
     feet = [foot.ankle for foot in known.feet] or [known.hips]
     high = known.head if known.head is not None else known.hips
     world = motion.world_positions()[..., axis]

@@ -221,7 +221,7 @@ def _animation(
             quats = rotations.multiply(np.broadcast_to(turn, quats.shape), quats)
             places = rotations.rotate(turn, places)
         tracks: list[tuple[str, str, FloatArray]] = []
-        tracks.append(("rotation", "VEC4", rotations.continuous(quats[:, None])[:, 0]))
+        tracks.append(("rotation", "VEC4", rotations.continuous_signs(quats[:, None])[:, 0]))
         if joint == 0 or (places != offsets[joint]).any():
             tracks.append(("translation", "VEC3", places))
         for target, kind, values in tracks:

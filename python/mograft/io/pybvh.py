@@ -63,7 +63,7 @@ def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
     return Motion(
         skeleton,
         clip.frame_time,
-        rotations.continuous(turned),
+        rotations.continuous_signs(turned),
         placed,
         np.hstack([clip.root_pos, np.degrees(angles).reshape(len(angles), -1)]),
         name="" if path is None else Path(path).stem,
@@ -135,7 +135,7 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
                 place = motion.positions[0, item]
                 node = nodes_of.BvhJoint(skeleton.names[item], place, axes, [], above)
             joints.append(item)
-            todo += [(below, node) for below in reversed(skeleton.below[item])]
+            todo += [(below, node) for below in reversed(skeleton.children_and_sites[item])]
         if above is not None:
             above.children.append(node)
         nodes.append(node)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.atomic import replacing
+from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
 from mograft.body.mass import up_axis
 from mograft.io.figure import PALETTE, bones, members, scale_of, to_y_up
@@ -122,7 +122,7 @@ def write_usd(
     animation.CreateScalesAttr(Vt.Vec3hArray.FromNumpy(ones))
     quats = motion.rotations.copy()
     quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
-    quats = rotations.continuous(quats).astype(np.float32)
+    quats = rotations.continuous_signs(quats).astype(np.float32)
     places = scale * motion.positions
     places[:, 0] = rotations.rotate(turn, places[:, 0])
     places = places.astype(np.float32)
@@ -135,7 +135,7 @@ def write_usd(
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
     _draw(stage, bones(skeleton, scale, turn), group)
-    with replacing(target) as draft:
+    with atomic_path(target) as draft:
         if not layer.Export(str(draft)):
             raise OSError(f"{target}: cannot be written")
     return scale

@@ -16,7 +16,7 @@ from mograft.analysis.embedding import Source as SampleSource
 from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.body.mirroring import MirroredClips
 from mograft.config import Config
 from mograft.errors import MograftError
@@ -139,7 +139,7 @@ def mirrored(library: Library) -> Library:
             library.config,
             root=library.root,
             up=library.up,
-            heights=[body(clip.skeleton).height],
+            heights=[mass_model(clip.skeleton).height],
         )
         rows.append(sampled.packed())
         ends.append(edges(clip, cut))

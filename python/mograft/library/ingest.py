@@ -21,7 +21,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
 from mograft.analysis.embedding import normalise
 from mograft.analysis.segmentation import Segments, segment
 from mograft.body.faults import find_faults
-from mograft.body.mass import body, up_axis
+from mograft.body.mass import mass_model, up_axis
 from mograft.config import Config
 from mograft.errors import MograftError
 from mograft.io.bvh import poses, read_bvh
@@ -449,7 +449,7 @@ def digest(task: Task, terms: Terms | None, keep: Keep) -> Digest | Refusal:
             terms.config,
             root=terms.root,
             up=terms.up,
-            heights=[body(even.skeleton).height],
+            heights=[mass_model(even.skeleton).height],
         )
     except (MograftError, OSError, ValueError) as error:
         return Refusal(what, error, facts)

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.validate import instance, is_whole
+from mograft._util.validate import check_type, is_integer
 from mograft.analysis.channel_groups import ends_alone, samples_alone
 from mograft.analysis.clustering import cut, threshold
 from mograft.analysis.embedding import Embedding, Samples, features, normalise
 from mograft.analysis.segmentation import Segments, segment
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.config import Config
-from mograft.errors import listed
+from mograft.errors import join_names
 from mograft.library import storage as store
 from mograft.library.clip_table import Entry, Place, skeleton_fields, skeleton_of
 from mograft.library.discover import Source, find
@@ -442,7 +442,7 @@ class Library:
         ValueError
             If there is no such segment or group, or the group is the base.
         """
-        if not is_whole(segment) or not 0 <= segment < len(self.segments):
+        if not is_integer(segment) or not 0 <= segment < len(self.segments):
             raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
         if group == self.groups.base:
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")
@@ -529,9 +529,9 @@ class Library:
         if isinstance(base, str):
             names = [entry.name for entry in self.entries]
             if base not in names:
-                raise ValueError(f"base must be a clip, one of {listed(names)}; got {base!r}")
+                raise ValueError(f"base must be a clip, one of {join_names(names)}; got {base!r}")
             return self, names.index(base)
-        instance("base", base, Motion)
+        check_type("base", base, Motion)
         self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
         for index, entry in enumerate(self.entries):
             if entry.n_frames != base.n_frames:
@@ -575,7 +575,7 @@ class Library:
             )
             motion = motion.resample(self.rate)
         own = segment(motion, self.config)
-        height = body(motion.skeleton).height
+        height = mass_model(motion.skeleton).height
         samples = normalise(
             [motion], own, self.config, root=self.root, up=self.up, heights=[height]
         )

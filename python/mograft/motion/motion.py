@@ -15,14 +15,14 @@ from mograft._util.arrays import (
     as_floats,
     as_quaternions,
     as_vectors,
-    frozen,
+    make_read_only,
     restore,
 )
 from mograft.motion import rotations
-from mograft.motion.resample import segments, segments_positions
+from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["Motion", "world"]
+__all__ = ["Motion", "world_transforms"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +91,11 @@ class Motion:
             raise ValueError(f"channel_values must have shape {shape}, got {got}")
         for name, array in (("rotations", quats), ("positions", places)):
             view = array.view()
-            frozen(view)
+            make_read_only(view)
             object.__setattr__(self, name, view)
         if self.channel_values is not None:
             view = self.channel_values.view()
-            frozen(view)
+            make_read_only(view)
             object.__setattr__(self, "channel_values", view)
         object.__setattr__(self, "frame_time", frame_time)
 
@@ -162,7 +162,7 @@ class Motion:
         varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
         return varies
 
-    def world(self) -> tuple[FloatArray, FloatArray]:
+    def world_transforms(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and positions of all joints in the world, by forward kinematics.
 
         Returns
@@ -172,11 +172,11 @@ class Motion:
         positions : ndarray, shape (n_frames, n_joints, 3)
             In the file's unit.
         """
-        return world(self.skeleton, self.rotations, self.positions)
+        return world_transforms(self.skeleton, self.rotations, self.positions)
 
     def world_positions(self) -> FloatArray:
         """Return where the joints are in the world, shape (n_frames, n_joints, 3)."""
-        return self.world()[1]
+        return self.world_transforms()[1]
 
     def resample(self, rate: float) -> "Motion":
         """Return the motion at another frame rate, by cubics on the sphere.
@@ -209,8 +209,8 @@ class Motion:
         return replace(
             self,
             frame_time=self.duration / intervals,
-            rotations=segments(self.rotations, *bounds),
-            positions=segments_positions(self.positions, *bounds),
+            rotations=resample_segments(self.rotations, *bounds),
+            positions=resample_segment_positions(self.positions, *bounds),
             channel_values=None,
         )
 
@@ -256,7 +256,7 @@ class Motion:
         return numbers
 
 
-def world(
+def world_transforms(
     skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what `Motion.world` does, of local rotations and positions that are no motion.

@@ -12,7 +12,7 @@ from mograft._util.arrays import (
     as_vectors,
 )
 
-__all__ = ["cubic", "cubic_positions", "segments", "segments_positions", "slerp"]
+__all__ = ["cubic", "cubic_positions", "resample_segment_positions", "resample_segments", "slerp"]
 
 
 def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
@@ -115,7 +115,7 @@ def cubic_positions(
     return _core.cubic_positions(frame_times, vectors, as_floats("at", at, ("n_times",)))
 
 
-def segments(
+def resample_segments(
     rotations: npt.ArrayLike,
     starts: npt.ArrayLike,
     stops: npt.ArrayLike,
@@ -156,7 +156,7 @@ def segments(
     return _core.segments(quats, *_bounds(starts, stops, counts))
 
 
-def segments_positions(
+def resample_segment_positions(
     positions: npt.ArrayLike,
     starts: npt.ArrayLike,
     stops: npt.ArrayLike,

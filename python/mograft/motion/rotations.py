@@ -13,17 +13,17 @@ from mograft._util.arrays import FloatArray, as_floats, as_quaternions, as_vecto
 
 __all__ = [
     "IDENTITY",
-    "about",
     "angle",
-    "between",
-    "continuous",
+    "continuous_signs",
     "exp",
+    "from_axis_angle",
     "from_euler",
     "hermite",
     "inverse",
     "log",
     "multiply",
     "rotate",
+    "shortest_arc",
     "to_euler",
     "twist",
 ]
@@ -100,7 +100,7 @@ def _alike(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.ascontiguousarray(a, np.float64), np.ascontiguousarray(b, np.float64)
 
 
-def about(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
+def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
     """Return rotations about an axis.
 
     Parameters
@@ -121,7 +121,7 @@ def about(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
     return np.concatenate([np.sin(half) * direction, np.cos(half)], axis=-1)
 
 
-def between(start: FloatArray, end: FloatArray) -> FloatArray:
+def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
     """Return the shortest rotations that turn directions into others.
 
     Parameters
@@ -268,7 +268,7 @@ def hermite(
     )
 
 
-def continuous(rotations: FloatArray) -> FloatArray:
+def continuous_signs(rotations: FloatArray) -> FloatArray:
     """Choose signs so that quaternions do not jump from frame to frame.
 
     Parameters

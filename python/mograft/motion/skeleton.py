@@ -13,10 +13,10 @@ from mograft._util.arrays import (
     as_floats,
     as_indices,
     as_vectors,
-    frozen,
+    make_read_only,
     restore,
 )
-from mograft.errors import SkeletonMismatchError, listed
+from mograft.errors import SkeletonMismatchError, join_names
 
 __all__ = ["EndSite", "Skeleton"]
 
@@ -46,7 +46,7 @@ class EndSite:
 
     def __post_init__(self) -> None:
         offset = as_floats("offset", self.offset, (3,)).copy()
-        frozen(offset)
+        make_read_only(offset)
         object.__setattr__(self, "offset", offset)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -122,8 +122,8 @@ class Skeleton:
                 raise ValueError(
                     f"end site parent must be a joint, 0 to {n_joints - 1}: {site.parent}"
                 )
-        frozen(parents)
-        frozen(offsets)
+        make_read_only(parents)
+        make_read_only(offsets)
         for name, value in (
             ("names", names),
             ("parents", parents),
@@ -159,7 +159,7 @@ class Skeleton:
         return tuple(map(tuple, below))
 
     @cached_property
-    def below(self) -> "tuple[tuple[int | EndSite, ...], ...]":
+    def children_and_sites(self) -> "tuple[tuple[int | EndSite, ...], ...]":
         """Child joints and end sites of each joint, in the order of the file."""
         sites: list[list[EndSite]] = [[] for _ in self.names]
         for site in self.end_sites:
@@ -233,8 +233,8 @@ class Skeleton:
         missing = [joint for joint in self.names if joint not in other.names]
         extra = [joint for joint in other.names if joint not in self.names]
         if missing or extra:
-            parts = [f"lacks {listed(missing)}"] if missing else []
-            parts += [f"has also {listed(extra)}"] if extra else []
+            parts = [f"lacks {join_names(missing)}"] if missing else []
+            parts += [f"has also {join_names(extra)}"] if extra else []
             raise SkeletonMismatchError(f"{name} {' and '.join(parts)}")
         for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=False)):
             if ours != theirs:

@@ -12,7 +12,7 @@ from mograft.analysis.clustering import linkage
 from mograft.analysis.segmentation import gaussian, kinetic_energy, segment
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
-from mograft.body.mass import body, up_axis
+from mograft.body.mass import mass_model, up_axis
 from mograft.config import Config
 from mograft.io.figure import PALETTE
 from mograft.library.library import Library
@@ -409,7 +409,7 @@ def _seen(motion: Motion, frames: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return nodes as seen a little from the side of where the figure looks, in heights."""
     skeleton = motion.skeleton
     part = motion[int(frames[0]) : int(frames[-1]) + 1]
-    turns, joints = part.world()
+    turns, joints = part.world_transforms()
     picked = frames - frames[0]
     turns, joints = turns[picked], joints[picked]
     sites = [
@@ -417,7 +417,7 @@ def _seen(motion: Motion, frames: IntArray) -> tuple[FloatArray, FloatArray]:
         for s in skeleton.end_sites
     ]
     nodes = np.concatenate([joints, *(s[:, None] for s in sites)], axis=1)
-    known = body(skeleton)
+    known = mass_model(skeleton)
     up = up_axis(motion)
     level = [axis for axis in range(3) if axis != up]
     feet = [foot.ankle for foot in known.feet]

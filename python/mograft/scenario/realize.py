@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.foot_planting import plant_feet
 from mograft.blend.transplant import recombine, transplant
-from mograft.body.contacts import contacts, foot_heights, legs
+from mograft.body.contacts import detect_contacts, find_legs, foot_heights
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -47,7 +47,7 @@ def arranged(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     )
     motion = recombine(bare, [part], bare.name)
     if library.config.feet != "never" and len(part.seams):
-        sources = [scenario.segments] * len(legs(first.skeleton))
+        sources = [scenario.segments] * len(find_legs(first.skeleton))
         stood, heights = stands(library, cut, sources)
         motion, _ = plant_feet(motion, stood, heights=heights)
     return motion, cut
@@ -67,7 +67,7 @@ def stands(
             clip = int(taken.clip[donor])
             if clip not in known:
                 own = library.clips[clip]
-                known[clip] = contacts(own), foot_heights(own)
+                known[clip] = detect_contacts(own), foot_heights(own)
             n, m = int(cut.lengths[place]), int(taken.lengths[donor])
             frames = taken.start[donor] + (np.arange(n + 1) * m + n // 2) // n
             rows = slice(int(cut.start[place]), int(cut.stop[place]) + 1)
@@ -78,13 +78,15 @@ def stands(
 
 def _moved(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
     """Return a still figure with its root turned about up and put in its place."""
-    turned, placed = motion.world()
+    turned, placed = motion.world_transforms()
     spot, above = placed[0, root].copy(), int(motion.skeleton.parents[root])
     if scenario.place is not None:
         height = spot[up]
         spot = scenario.place.copy()
         spot[up] = height
-    quat = rotations.multiply(rotations.about(np.eye(3)[up], scenario.turn), turned[0, root])
+    quat = rotations.multiply(
+        rotations.from_axis_angle(np.eye(3)[up], scenario.turn), turned[0, root]
+    )
     if above >= 0:
         back = rotations.inverse(turned[0, above])
         quat = rotations.multiply(back, quat)

@@ -13,8 +13,8 @@ from mograft.blend.root_motion import fading, turns
 from mograft.blend.seams import TURNS
 from mograft.blend.transplant import states
 from mograft.body.anatomy import feature_joints
-from mograft.body.contacts import contacts
-from mograft.body.mass import body
+from mograft.body.contacts import detect_contacts
+from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.motion import rotations
 
@@ -263,10 +263,10 @@ def _ends(library: Library, own: IntArray) -> tuple[_Ends, _Ends]:
     for index in np.unique(cut.clip[own]):
         clip = library.clips[int(index)]
         mine = own[cut.clip[own] == index]
-        height = body(clip.skeleton).height
-        quats, places = (values[:, root] for values in clip.world())
+        height = mass_model(clip.skeleton).height
+        quats, places = (values[:, root] for values in clip.world_transforms())
         speed = np.gradient(places, axis=0) * clip.rate
-        stands = np.logical_or(*np.moveaxis(contacts(clip), 2, 0))
+        stands = np.logical_or(*np.moveaxis(detect_contacts(clip), 2, 0))
         config = library.config
         energy = kinetic_energy(clip, omega=config.omega, inertia=config.inertia)
         energy = gaussian(energy, config.smoothing * clip.rate)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray, IntArray, as_floats, as_indices, frozen
-from mograft._util.validate import whole
-from mograft.body.mass import body
+from mograft._util.arrays import FloatArray, IntArray, as_floats, as_indices, make_read_only
+from mograft._util.validate import as_integer
+from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.scenario.transition_graph import Transitions, transitions
 
@@ -66,18 +66,18 @@ class Scenario:
         segments = as_indices("segments", self.segments, ("n",)).copy()
         if not len(segments):
             raise ValueError("segments must hold at least one, got none")
-        frozen(segments)
+        make_read_only(segments)
         object.__setattr__(self, "segments", segments)
         object.__setattr__(self, "turn", float(as_floats("turn", self.turn, ())))
         if self.lengths is not None:
             lengths = as_indices("lengths", self.lengths, (len(segments),)).copy()
             if (lengths < 1).any():
                 raise ValueError(f"lengths must be at least 1, got {lengths.min()}")
-            frozen(lengths)
+            make_read_only(lengths)
             object.__setattr__(self, "lengths", lengths)
         if self.place is not None:
             place = as_floats("place", self.place, (3,)).copy()
-            frozen(place)
+            make_read_only(place)
             object.__setattr__(self, "place", place)
 
     def __repr__(self) -> str:
@@ -181,7 +181,7 @@ def fill(
     >>> int(library.segments.lengths[fill(library, 301)].sum())
     300
     """
-    wanted = whole("frames", frames, 2) - 1
+    wanted = as_integer("frames", frames, 2) - 1
     rng = _chance(seed)
     graph = transitions(library) if graph is None else graph
     _check_size(wanted, graph)
@@ -364,7 +364,7 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     if len(corners) < 2:
         raise ValueError("path must have at least two different points")
     graph = transitions(library) if graph is None else graph
-    height = body(library.skeleton).height
+    height = mass_model(library.skeleton).height
     corners = (corners - corners[0]) / height
     legs = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     passed = np.concatenate([[0.0], np.cumsum(legs)])
@@ -474,7 +474,7 @@ class _Steps:
 
 
 def _chance(seed: int) -> np.random.Generator:
-    return np.random.default_rng(whole("seed", seed))
+    return np.random.default_rng(as_integer("seed", seed))
 
 
 def _check_size(steps: int, graph: Transitions) -> None:

@@ -15,13 +15,19 @@ from typing import Protocol
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats
-from mograft._util.validate import above_zero, finite, not_negative, vector, whole
+from mograft._util.validate import (
+    as_integer,
+    check_finite,
+    check_not_negative,
+    check_positive,
+    coerce_vector,
+)
 from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import anatomy
 from mograft.body.capsules import Capsules, clearance
-from mograft.body.mass import body
+from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
-from mograft.errors import listed
+from mograft.errors import join_names
 from mograft.motion import rotations
 from mograft.motion.skeleton import Skeleton
 from mograft.search.obstacles import Obstacle, Vector
@@ -80,7 +86,7 @@ class Constraint:
 
     def __post_init__(self) -> None:
         if self.weight is not None:
-            not_negative(self, "weight")
+            check_not_negative(self, "weight")
         if self.frames is not None:
             object.__setattr__(self, "frames", _span("frames", self.frames))
 
@@ -169,8 +175,8 @@ class Avoid(Constraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_obstacle("obstacle", self.obstacle)
-        finite(self, "margin")
-        above_zero(self, "tolerance")
+        check_finite(self, "margin")
+        check_positive(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
@@ -215,7 +221,7 @@ class AvoidSelf(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        above_zero(self, "tolerance")
+        check_positive(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
@@ -276,9 +282,9 @@ class Reach(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        vector(self, "target")
-        above_zero(self, "tolerance")
-        object.__setattr__(self, "frame", whole("frame", self.frame))
+        coerce_vector(self, "target")
+        check_positive(self, "tolerance")
+        object.__setattr__(self, "frame", as_integer("frame", self.frame))
         object.__setattr__(self, "frames", (self.frame, self.frame))
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
@@ -326,15 +332,15 @@ class Face(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        vector(self, "target")
-        above_zero(self, "tolerance")
+        coerce_vector(self, "target")
+        check_positive(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
         return _where(self, poses, lambda some: self._errors(some, joints))
 
     def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = body(poses.skeleton).head
+        at = mass_model(poses.skeleton).head
         if self.joint is not None:
             at = poses.skeleton.index(self.joint)
         if at is None:
@@ -385,7 +391,7 @@ class KeepOut(Constraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_obstacle("region", self.region)
-        above_zero(self, "tolerance")
+        check_positive(self, "tolerance")
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`."""
@@ -580,7 +586,7 @@ class MaxStretch(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        not_negative(self, "limit")
+        check_not_negative(self, "limit")
 
     def misses(self, own: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.misses`."""
@@ -615,7 +621,7 @@ class MaxAngle(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        above_zero(self, "limit")
+        check_positive(self, "limit")
         if self.weight is not None or self.frames is not None:
             raise ValueError("MaxAngle takes neither weight nor frames: it holds at every seam")
 
@@ -708,7 +714,7 @@ def _where(constraint: Constraint, poses: Poses, errors: Callable[[Poses], Error
         return errors(poses)
     error, joint = np.zeros(len(poses)), np.full(len(poses), -1)
     if holds.any():
-        some = poses.at(poses.frames[holds], poses.rotations[holds], poses.positions[holds])
+        some = poses.with_poses(poses.frames[holds], poses.rotations[holds], poses.positions[holds])
         error[holds], joint[holds] = errors(some)
     return error, joint
 
@@ -724,9 +730,9 @@ def _forward(skeleton: Skeleton, up: int) -> FloatArray:
     if not left or not right:
         raise ValueError("where the body faces is known only of left and right limbs; it has none")
     lateral = rest[left].mean(axis=0) - rest[right].mean(axis=0)
-    head = body(skeleton).head
+    head = mass_model(skeleton).head
     top = rest[known.hips] if head is None else rest[head]
-    feet = [foot.ankle for foot in body(skeleton).feet]
+    feet = [foot.ankle for foot in mass_model(skeleton).feet]
     upward = np.zeros(3)
     upward[up] = 1.0 if not feet or top[up] >= rest[feet].mean(axis=0)[up] else -1.0
     ahead = np.cross(lateral, upward)
@@ -749,7 +755,7 @@ def _check_obstacle(name: str, value: object) -> None:
 def _span(name: str, span: object) -> Span:
     ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()
     try:
-        first, last = (whole(name, end) for end in ends)
+        first, last = (as_integer(name, end) for end in ends)
     except ValueError:
         first, last = 0, -1
     if first > last:
@@ -779,13 +785,13 @@ def _lies_in(
     for pattern in _several(origin.clips):
         matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
         if not any(matches):
-            raise ValueError(f"clips must name clips of {listed(names)}; got {pattern!r}")
+            raise ValueError(f"clips must name clips of {join_names(names)}; got {pattern!r}")
         meant |= matches
     for tag in _several(origin.tags):
         tagged = [tag in clip.tags for clip in clips]
         if not any(tagged):
             known = sorted({own for clip in clips for own in clip.tags})
-            there = f"must be of {listed(known)}" if known else "are known of no clip"
+            there = f"must be of {join_names(known)}" if known else "are known of no clip"
             raise ValueError(f"tags {there}; got {tag!r}")
         meant |= tagged
     inside: BoolArray = meant[donors.clip]

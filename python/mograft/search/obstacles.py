@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, as_floats
-from mograft._util.validate import finite, instance, not_negative, vector
+from mograft._util.validate import check_finite, check_not_negative, check_type, coerce_vector
 from mograft.body.capsules import box_clearance, capsules, clearance
 from mograft.body.mass import up_axis
 from mograft.body.world_poses import Poses
@@ -51,8 +51,8 @@ class Sphere:
     radius: float
 
     def __post_init__(self) -> None:
-        vector(self, "center")
-        not_negative(self, "radius")
+        coerce_vector(self, "center")
+        check_not_negative(self, "radius")
 
     def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
@@ -82,9 +82,9 @@ class Capsule:
     radius: float
 
     def __post_init__(self) -> None:
-        vector(self, "start")
-        vector(self, "stop")
-        not_negative(self, "radius")
+        coerce_vector(self, "start")
+        coerce_vector(self, "stop")
+        check_not_negative(self, "radius")
 
     def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
@@ -116,8 +116,8 @@ class Box:
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        vector(self, "center")
-        vector(self, "half")
+        coerce_vector(self, "center")
+        coerce_vector(self, "half")
         if min(self.half) < 0:
             raise ValueError(f"half must not be negative, got {self.half}")
         turn = as_floats("rotation", self.rotation, (4,))
@@ -157,8 +157,8 @@ class HalfSpace:
     normal: Vector
 
     def __post_init__(self) -> None:
-        vector(self, "point")
-        vector(self, "normal")
+        coerce_vector(self, "point")
+        coerce_vector(self, "normal")
         if not any(self.normal):
             raise ValueError("normal must not be zero")
 
@@ -200,16 +200,16 @@ class Character:
     radius: float = 1.0
 
     def __post_init__(self) -> None:
-        instance("motion", self.motion, Motion)
-        vector(self, "offset")
-        not_negative(self, "radius")
+        check_type("motion", self.motion, Motion)
+        coerce_vector(self, "offset")
+        check_not_negative(self, "radius")
         for name in ("yaw", "delay"):
-            finite(self, name)
+            check_finite(self, name)
 
     @cached_property
     def _flesh(self) -> tuple[FloatArray, FloatArray]:
         own = capsules(self.motion.skeleton)
-        ends = own.ends(*self.motion.world())
+        ends = own.ends(*self.motion.world_transforms())
         axis = np.zeros(3)
         axis[up_axis(self.motion)] = 1.0
         turn = np.broadcast_to(rotations.exp(self.yaw * axis), (*ends.shape[:-1], 4))

@@ -8,10 +8,10 @@ from typing import Any, overload
 import numpy as np
 
 from mograft._util.arrays import IntArray, as_indices
-from mograft._util.validate import instance, whole
+from mograft._util.validate import as_integer, check_type
 from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.blend.transplant import Part, recombine, transplant
-from mograft.body.contacts import contacts, legs
+from mograft.body.contacts import detect_contacts, find_legs
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -432,7 +432,7 @@ class Plan:
         problem = self.problem
         if not problem.constraints:
             return []
-        poses = problem.poses.at(np.arange(motion.n_frames), *motion.world())
+        poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
         found = violations(problem.constraints, poses)
         for constraint in problem.constraints:
             if not isinstance(constraint, MaxAngle):
@@ -451,7 +451,7 @@ class Plan:
     def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
         """Make feet stand where they do in the clips that their legs come from."""
         library, skeleton = self.problem.library, new.skeleton
-        limbs = legs(skeleton)
+        limbs = find_legs(skeleton)
         held = self.problem.held
         donors = {
             int(j): own
@@ -470,7 +470,7 @@ class Plan:
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
-            stood | contacts(new),
+            stood | detect_contacts(new),
             bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
             moves_root=library.root in donors,
             heights=heights,
@@ -600,8 +600,8 @@ def graft_many(
     >>> len(grafts), [graft.motion.name for graft in grafts]
     (3, ['dance_graft0', 'dance_graft1', 'dance_graft2'])
     """
-    count, seed = whole("count", count, 1), whole("seed", seed)
-    instance("library", library, Library)
+    count, seed = as_integer("count", count, 1), as_integer("seed", seed)
+    check_type("library", library, Library)
     plan = Plan.make(library, base, swap, constraints, scenario)
     return Grafts(plan, tuple(plan.settled_draws(count, seed)), seed)
 

@@ -28,8 +28,8 @@ from mograft.config import Config
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.motion.resample import segments as resampled
-from mograft.motion.resample import segments_positions
+from mograft.motion.resample import resample_segment_positions
+from mograft.motion.resample import resample_segments as resampled
 from mograft.motion.skeleton import Skeleton
 from mograft.search.candidates import BEYOND, Candidates, Pool, Row
 from mograft.search.constraints import AvoidSelf, Constraint, MaxAngle
@@ -76,7 +76,9 @@ def check_names(constraints: Sequence[Constraint], poses: Poses) -> None:
         if not isinstance(constraint, Constraint):
             raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
         frame = 0 if constraint.frames is None else constraint.frames[0]
-        constraint.errors(poses.at(np.array([frame]), poses.rotations[:1], poses.positions[:1]))
+        constraint.errors(
+            poses.with_poses(np.array([frame]), poses.rotations[:1], poses.positions[:1])
+        )
 
 
 def owners(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
@@ -154,7 +156,7 @@ class Problem:
         ValueError
             If a constraint names a joint, a clip or a frame that is not there.
         """
-        poses = Poses.of(base)
+        poses = Poses.from_motion(base)
         check_names(constraints, poses)
         for constraint in constraints:
             if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
@@ -184,7 +186,7 @@ class Problem:
     @cached_property
     def poses(self) -> Poses:
         """The base motion's own poses."""
-        return Poses.of(self.base)
+        return Poses.from_motion(self.base)
 
     @cached_property
     def owner(self) -> dict[str, BoolArray]:
@@ -391,7 +393,7 @@ class Problem:
             if group == self.carrier:
                 root = Root.of(motion, library.root)
                 carried.turns[rows] = resampled(root.turns[:, None], *bounds)[:, 0]
-                carried.spots[rows] = segments_positions(root.spots[:, None], *bounds)[:, 0]
+                carried.spots[rows] = resample_segment_positions(root.spots[:, None], *bounds)[:, 0]
         if group == self.carrier:
             come = Root.of(context, library.root)[self.cut.start[at]] if come is None else come
             goes = Placement.onto(carried[starts], come, library.up)
@@ -399,7 +401,7 @@ class Problem:
             root = root.under(context, frames, library.root)
             local[:, library.root], places[:, library.root] = root.turns, root.spots
         moved = replace(self.base, rotations=local, positions=places, channel_values=None)
-        return self.poses.at(frames, *moved.world())
+        return self.poses.with_poses(frames, *moved.world_transforms())
 
     def row(self, group: str, others: Donors) -> Row:
         """Return what donors of a group cost, constraints included."""
@@ -550,7 +552,7 @@ class Problem:
         motion = self._laid(several, low, high)
         begin, end = int(self.cut.start[low]), int(self.cut.stop[high - 1])
         frames = np.tile(np.arange(begin, end + 1), len(several))
-        poses = self.poses.at(frames, *motion.world())
+        poses = self.poses.with_poses(frames, *motion.world_transforms())
         inner = slice(int(self.cut.start[first]) - begin, int(self.cut.stop[stop - 1]) - begin + 1)
         found = {}
         for group in self.pools:

@@ -73,7 +73,7 @@ def steered(
 
     def made(choice: Donors) -> tuple[float, Donors, Motion]:
         motion = finish(problem.assembled(choice), choice)
-        poses = problem.poses.at(np.arange(motion.n_frames), *motion.world())
+        poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
         return float(problem.over(poses).sum()), choice, motion
 
     now = made(donors)
@@ -130,7 +130,7 @@ def exchanges(
     """
     group, cut = problem.carrier, problem.cut
     assert group is not None
-    poses = problem.poses.at(np.arange(motion.n_frames), *motion.world())
+    poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
     root = Root.of(motion, problem.library.root)
     over = problem.over(poses)
     at, which, cost = _within(row, row.choices(chosen[group]))
@@ -154,7 +154,7 @@ def exchanges(
     index, later = np.nonzero(frames > ends[:, None])
     for some in _chunks(np.arange(len(index)), np.ones(len(index), np.int64)):
         moments = frames[later[some]]
-        there = poses.at(moments, poses.rotations[moments], poses.positions[moments])
+        there = poses.with_poses(moments, poses.rotations[moments], poses.positions[moments])
         moved = problem.over(goes[index[some]].poses(there))
         missed += every * np.bincount(index[some], moved, len(at))
     order = np.lexsort([cost, missed])

@@ -8,21 +8,21 @@ from itertools import pairwise
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.validate import instance, whole
+from mograft._util.validate import as_integer, check_type
 from mograft.analysis.embedding import features, normalise
 from mograft.analysis.segmentation import Cutter, Segments, kinetic_energy
 from mograft.blend.seams import TURNS, Ends, Moments, dead, inertial
 from mograft.blend.transplant import Part, recombine
 from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import capsules
-from mograft.body.contacts import legs
-from mograft.body.mass import body
+from mograft.body.contacts import find_legs
+from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
 from mograft.config import Config
 from mograft.library.ingest import edges, same_rate
 from mograft.library.library import Library, Members
 from mograft.motion import rotations
-from mograft.motion.motion import Motion, world
+from mograft.motion.motion import Motion, world_transforms
 from mograft.motion.resample import cubic
 from mograft.motion.skeleton import Skeleton
 from mograft.search.candidates import (
@@ -165,8 +165,8 @@ class Stream:
         seed: int = 0,
         horizon: int = 8,
     ) -> None:
-        horizon, seed = whole("horizon", horizon, 1), whole("seed", seed)
-        instance("library", library, Library)
+        horizon, seed = as_integer("horizon", horizon, 1), as_integer("seed", seed)
+        check_type("library", library, Library)
         groups = sorted(swapped(library, swap), key=lambda own: int(library.joints(own).min()))
         _check_config(library.config)
         _check_whole(library, groups)
@@ -206,7 +206,7 @@ class Stream:
         skeleton = self._library.skeleton if self._base is None else self._base.like.skeleton
         still = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
         rest = Motion(skeleton, 1.0, still, skeleton.offsets[None])
-        check_names(wanted, Poses.of(rest))
+        check_names(wanted, Poses.from_motion(rest))
         for constraint in wanted:
             constraint.misses(none, none, self._clips)
         self._constraints = tuple(wanted)
@@ -251,7 +251,7 @@ class Stream:
             )
         if self._base is None:
             self._base = _Base(frames)
-            self._clusters = _Clusters.of(self._library, body(frames.skeleton).height)
+            self._clusters = _Clusters.of(self._library, mass_model(frames.skeleton).height)
         else:
             self._base.push(frames)
         known, energy_of = self._cutter.n_frames, self._base.n_frames - 1
@@ -400,7 +400,9 @@ class Stream:
         turns = len(local) // (place.length + 1)
         spots = np.tile(place.base.positions[place.rows], (turns, 1, 1))
         body = self._base.body(self._library.up)
-        return body.at(np.tile(place.frames, turns), *world(body.skeleton, local, spots))
+        return body.with_poses(
+            np.tile(place.frames, turns), *world_transforms(body.skeleton, local, spots)
+        )
 
     def _decided(self) -> "tuple[dict[str, int], dict[str, _Laid], Poses | None]":
         """Choose what is committed in the first place: what the plan of all places has there.
@@ -531,7 +533,7 @@ class Stream:
             quats[:, np.einsum("ji,ji->j", quats[0], self._signs) < 0] *= -1.0
         self._signs = quats[-1]
         if poses is not None:
-            fresh = poses.at(poses.frames[new], poses.rotations[new], poses.positions[new])
+            fresh = poses.with_poses(poses.frames[new], poses.rotations[new], poses.positions[new])
             missed += violations(place.posed, fresh)
         return Piece(
             replace(motion, rotations=quats),
@@ -733,7 +735,7 @@ class _Base:
 
     def body(self, up: int) -> Poses:
         if self._body is None:
-            self._body = replace(Poses.of(self.like, capsules(self.like.skeleton)), up=up)
+            self._body = replace(Poses.from_motion(self.like, capsules(self.like.skeleton)), up=up)
         return self._body
 
     def owner(self, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
@@ -827,7 +829,7 @@ def _same_skeleton(a: Skeleton, b: Skeleton) -> bool:
 
 def _check_upper(library: Library, members: Mapping[str, IntArray]) -> None:
     """Refuse groups that hold the root or legs: what stands where is known only afterwards."""
-    limbs = legs(library.skeleton)
+    limbs = find_legs(library.skeleton)
     held = {library.root, *(j for limb in limbs for j in (limb.hip, limb.knee, limb.ankle))}
     for group, joints in members.items():
         if not held.isdisjoint(joints.tolist()):
