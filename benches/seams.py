@@ -130,7 +130,7 @@ def kept_trunks(motion, seeds):
     hips, last = trunk(motion)
 
     def told(one, up):
-        turned = one.world()[0]
+        turned = one.world_transforms()[0]
         waist = rotations.multiply(rotations.inverse(turned[:, hips]), turned[:, last])
         numbers = [*derivatives(turned[:, [last]], RATE), *derivatives(waist[:, None], RATE)]
         return np.array([*numbers, stance(one, up)])

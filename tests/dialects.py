@@ -254,7 +254,7 @@ def written(clip, dialect):
         out.add(depth + 1, keyword("CHANNELS"), dialect.count.format(len(own)), *map(channel, own))
         if dialect.channels_first:
             offset(depth + 1, skeleton.offsets[item])
-        todo += [(below, depth + 1) for below in reversed(skeleton.below[item])]
+        todo += [(below, depth + 1) for below in reversed(skeleton.children_and_sites[item])]
     out.add(0, keyword("MOTION"))
     declared = len(values)
     # With rows that are no lines, the declared number is what holds them together.

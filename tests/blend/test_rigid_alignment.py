@@ -51,7 +51,7 @@ def test_roots_are_where_forward_kinematics_puts_them_and_seen_from_their_parent
 ):
     joint = data.draw(st.integers(0, motion.n_joints - 1))
     root = Root.of(motion, joint)
-    turned, placed = motion.world()
+    turned, placed = motion.world_transforms()
     np.testing.assert_allclose(root.turns, turned[:, joint], atol=1e-9)
     np.testing.assert_allclose(root.spots, placed[:, joint], atol=1e-9)
     frames = np.array(data.draw(st.lists(st.integers(0, motion.n_frames - 1), max_size=5)), int)

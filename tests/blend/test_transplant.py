@@ -290,7 +290,7 @@ UPPER = np.arange(7, 18)  # the chest and all that hangs on it
 
 def leans(motion, joint):
     """How a joint leans in the world, and what it faces there."""
-    turned = motion.world()[0][:, joint]
+    turned = motion.world_transforms()[0][:, joint]
     yaw = rotations.twist(turned, 1)
     return rotations.multiply(rotations.inverse(yaw), turned), yaw
 

@@ -175,7 +175,7 @@ def test_the_skin_moves_with_its_bones(motion, tmp_path):
         ends = np.stack([corners[:, 0, 0], corners[:, 1, 0]], axis=1)
         skeleton = motion.skeleton
         bones = [(int(p), world[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
-        turns, joints_at = motion.world()
+        turns, joints_at = motion.world_transforms()
         bones += [
             (
                 s.parent,

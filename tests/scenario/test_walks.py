@@ -78,7 +78,7 @@ def cost(library, i, j):
     (clip,) = library.clips
     height = mass_model(clip.skeleton).height
     joints = np.setdiff1d(library.joints("lower"), [root])
-    turned, placed = clip.world()
+    turned, placed = clip.world_transforms()
 
     def velocity(quats, frame):
         steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
@@ -394,7 +394,9 @@ def test_the_root_goes_where_the_search_says(library, seam):
         turn += graph.turns[edge]
     spot = spot + rotations.rotate(rotations.from_axis_angle([0, 1, 0], turn), graph.ways[at[-1]])
     assert np.linalg.norm((places[-1] - spot)[[0, 2]]) < 0.03 * mass_model(library.skeleton).height
-    captured = library.clips[0].world()[0][library.segments.stop[way.segments[-1]], library.root]
+    captured = library.clips[0].world_transforms()[0][
+        library.segments.stop[way.segments[-1]], library.root
+    ]
     apart = rotations.multiply(turned[-1], rotations.inverse(captured))
     off = rotations.multiply(rotations.inverse(rotations.from_axis_angle([0, 1, 0], turn)), apart)
     assert rotations.angle(off, rotations.IDENTITY) < 1e-9
@@ -423,7 +425,7 @@ def test_the_base_group_of_a_scenario_is_kept(library, graph):
 
 def speeds(motion, root, up):
     """The root's speeds over the floor per frame, and its turns about up in radians."""
-    turned, placed = motion.world()
+    turned, placed = motion.world_transforms()
     steps = np.linalg.norm(np.delete(np.diff(placed[:, root], axis=0), up, axis=1), axis=1)
     turns = rotations.multiply(turned[1:, root], rotations.inverse(turned[:-1, root]))
     yaws = rotations.log(rotations.twist(turns, up))

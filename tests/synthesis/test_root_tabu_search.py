@@ -66,7 +66,7 @@ def test_in_its_own_place_every_segment_is_the_base(library):
     problem = problem_of(library, [])
     at = np.arange(len(problem.cut))
     poses = problem.candidate_poses("lower", at, problem.scenario)
-    turned, placed = library.clips[0].world()
+    turned, placed = library.clips[0].world_transforms()
     np.testing.assert_array_equal(poses.rotations, turned[poses.frames])
     np.testing.assert_array_equal(poses.positions, placed[poses.frames])
 
@@ -95,7 +95,7 @@ def test_donors_are_their_clip_turned_about_up_and_shifted_to_where_the_root_has
     np.testing.assert_allclose(new[..., 1], placed[..., 1], atol=1e-9)
     np.testing.assert_allclose(new[0, root, [0, 2]], come.spots[0, [0, 2]], atol=1e-9)
     ours, theirs = ((p - p[0, root])[..., [2, 0]] @ [1, 1j] for p in (new, placed))
-    x, y, z, w = clip.world()[0][frames][0, library.root] * [-1, -1, -1, 1]
+    x, y, z, w = clip.world_transforms()[0][frames][0, library.root] * [-1, -1, -1, 1]
     a, b, c, d = come.turns[0]
     heading = 2 * np.arctan2(d * y - a * z + b * w + c * x, d * w - a * x - b * y - c * z)
     np.testing.assert_allclose(ours, theirs * np.exp(1j * heading), atol=1e-8)

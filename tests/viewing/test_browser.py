@@ -42,7 +42,7 @@ def pixels(page, selector):
 
 
 def nodes(motion):
-    turns, joints = motion.world()
+    turns, joints = motion.world_transforms()
     sites = [
         joints[:, s.parent] + rotations.rotate(turns[:, s.parent], s.offset)
         for s in motion.skeleton.end_sites

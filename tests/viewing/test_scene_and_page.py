@@ -146,7 +146,7 @@ def test_figures_stand_upright_and_are_not_mirrored(motion, turn, up):
 
 def test_end_sites_are_drawn_where_they_are(motion):
     clip = data_of(view(motion[:20], show=False))["clips"][0]
-    turns, joints = motion[:20].world()
+    turns, joints = motion[:20].world_transforms()
     places = places_of(clip)
     assert clip["nodes"] == motion.n_joints + len(motion.skeleton.end_sites)
     for index, site in enumerate(motion.skeleton.end_sites):
