@@ -25,7 +25,7 @@ import mograft as mg
 from mograft import _core
 from mograft.body.anatomy import feature_joints
 from mograft.body.mass import mass_model, moments_of_inertia, up_axis
-from mograft.library.ingest import SPOILING
+from mograft.library.ingest import DISQUALIFYING_FAULTS
 from tests.oracles import pipeline as plain
 
 CONFIG = mg.Config(choice="random", seam="paper")
@@ -62,7 +62,7 @@ def slow(source, target, seed=0):
         labels[name] = plain.cluster(points, plain.sigma(points, CONFIG))
     is_donor = np.ones(len(bounds) - 1, bool)
     for fault in mg.find_faults(motion):
-        if fault.kind in SPOILING:
+        if fault.kind in DISQUALIFYING_FAULTS:
             first, last = fault.frames
             is_donor[(bounds[:-1] <= last) & (bounds[1:] >= first)] = False
     found = plain.candidates(labels["lower"], np.diff(bounds), 1 / frame_time, CONFIG, is_donor)

@@ -159,20 +159,20 @@ def test_a_motion_put_among_its_own_segments_falls_into_their_clusters(motion, l
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
     places[:, 0] = rotations.rotate(turn, places[:, 0]) + np.array([5.0, 0.0, 9.0])
     moved = replace(motion, rotations=quats, positions=places, name="moved", channel_values=None)
-    longer, at = library.holding(moved)
+    longer, at = library.resolve_base(moved)
     assert at == 1
     own = longer.segments.of_clip(1)
     np.testing.assert_array_equal(longer.labels["lower"][own], library.labels["lower"])
     assert not longer.is_donor[own].any()
-    assert library.holding(motion)[1] == 0
-    assert library.holding("dance")[1] == 0
+    assert library.resolve_base(motion)[1] == 0
+    assert library.resolve_base("dance")[1] == 0
     with pytest.raises(ValueError, match="base must be a clip, one of dance; got 'walk'"):
-        library.holding("walk")
+        library.resolve_base("walk")
 
 
 def test_a_motion_from_outside_stretches_no_cluster(motion, library):
     other = dance(seed=8, strides=1).motion
-    longer, at = library.holding(other)
+    longer, at = library.resolve_base(other)
     new = longer.segments.of_clip(at)
     config = library.config
     both = Library.build([motion, other], config=config)

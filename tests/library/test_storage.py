@@ -37,8 +37,8 @@ from mograft.cli import main
 from mograft.cli._common import chosen_clips
 from mograft.dancer import dance
 from mograft.library import storage as store
-from mograft.library.discover import read_table, way_to
-from mograft.library.export import export, tables
+from mograft.library.discover import read_tags, relative_path
+from mograft.library.export import export_tables, library_tables
 from mograft.library.ingest import pack, unpack
 from tests.strategies import motions
 
@@ -68,7 +68,9 @@ def same(a, b, *, places=True):
     pairs += [(getattr(a.segments, n), getattr(b.segments, n)) for n in ("start", "stop", "clip")]
     for group in a.labels:
         pairs.append((a.labels[group], b.labels[group]))
-        pairs += [(own, b.edges[group][key]) for key, own in a.edges[group].items()]
+        pairs += [
+            (own, b.boundary_states[group][key]) for key, own in a.boundary_states[group].items()
+        ]
         one, other = a.embedding[group], b.embedding[group]
         assert (one is None) == (other is None)
         if one is not None and other is not None:
@@ -118,12 +120,12 @@ def test_a_base_is_a_clip_of_the_library_or_a_file(stored, tmp_path, capsys):
 
 
 def test_a_motion_from_elsewhere_is_grafted_on_a_stored_library(clips, stored):
-    built = Library.build([entry.origin.path for entry in stored.entries])
+    built = Library.build([entry.source_file.path for entry in stored.entries])
     base = WHOLE[700:900]
     ours, theirs = graft(stored, base, seed=3), graft(built, base, seed=3)
     np.testing.assert_array_equal(ours.motion.rotations, theirs.motion.rotations)
     with pytest.raises(ValueError, match="extended by a base"):
-        stored.holding(base)[0].save(clips.parent / "longer")
+        stored.resolve_base(base)[0].save(clips.parent / "longer")
 
 
 @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -187,7 +189,7 @@ def test_adding_equals_building_afresh(clips, stored, tmp_path, first):
     assert [entry.name for entry in part.entries] == before
     assert len(part.clips[0].rotations) > 0
     assert store.verify(tmp_path / "l") == []
-    assert store.leftovers(tmp_path / "l") == []
+    assert store.list_leftovers(tmp_path / "l") == []
 
 
 def test_only_what_is_new_or_changed_is_read(clips, tmp_path, monkeypatch):
@@ -254,7 +256,7 @@ def test_a_wrong_rate_can_be_corrected(clips, tmp_path):
     with pytest.warns(UserWarning, match="resampled to 30 fps"):
         library = Library.index(folder, tmp_path / "l", frame_rates={"d": 15.0}, rate=30)
     plain = Library.index(folder, tmp_path / "plain")
-    assert library.entries[1].given_rate == 15
+    assert library.entries[1].rate_override == 15
     assert library.clips[1].duration == 2 * plain.clips[1].duration
     assert library.clips[1].rate == pytest.approx(30)
     with pytest.raises(ValueError, match="frame_rates must be above 0"):
@@ -297,7 +299,7 @@ def test_tags_come_from_folders_and_tables(clips, stored, tmp_path):
     assert [set(tags) for tags in stored.tags] == [set(), set(), {"jump"}, {"walk"}, {"walk"}]
     table = tmp_path / "tags.csv"
     table.write_text("clip,tags\nc,calm,slow\n*/a.bvh,short\nd.bvh,calm\n")
-    tagged = Library.index(clips, tmp_path / "l", tags=read_table(table))
+    tagged = Library.index(clips, tmp_path / "l", tags=read_tags(table))
     wanted = [{"calm", "slow"}, {"calm"}, {"jump", "short"}, {"walk", "short"}, {"walk"}]
     assert [set(tags) for tags in tagged.tags] == wanted
     stages = []
@@ -309,7 +311,7 @@ def test_tags_come_from_folders_and_tables(clips, stored, tmp_path):
     assert store.verify(later.folder) == []
     table.write_text("c\n")
     with pytest.raises(ValueError, match=r"tags.csv:1: must be a clip and its tags"):
-        read_table(table)
+        read_tags(table)
 
 
 @pytest.mark.parametrize("kind", ["threads", "processes", "dask"])
@@ -323,7 +325,7 @@ def test_the_executor_does_not_matter(clips, stored, tmp_path, monkeypatch, kind
     elif kind == "processes":
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
             same(Library.index(clips, tmp_path / "l", executor=pool), stored)
-            files = [entry.origin.path for entry in stored.entries]
+            files = [entry.source_file.path for entry in stored.entries]
             same(Library.build(files, executor=pool), stored)
     else:
         distributed = pytest.importorskip("distributed", reason="needs the extra dask")
@@ -536,11 +538,11 @@ def test_what_is_there_is_not_overwritten(clips, stored, tmp_path):
 
 def test_one_writes_at_a_time_and_many_read(clips, tmp_path):
     library = Library.index(clips / "c.bvh", tmp_path / "l")
-    with store.writing(tmp_path / "l", add=True):
+    with store.write_generation(tmp_path / "l", add=True):
         with pytest.raises(LibraryError, match="another process is writing"):
             library.add(clips)
         same(Library.open(tmp_path / "l"), library)
-    assert store.leftovers(tmp_path / "l") == []
+    assert store.list_leftovers(tmp_path / "l") == []
 
 
 ADDING = """
@@ -578,7 +580,7 @@ def test_a_kill_leaves_the_old_library_or_the_new_one(clips, stored, tmp_path, w
         # What is left lying about is in nobody's way.
         again = found.add(clips)
         same(again, stored)
-        assert store.leftovers(place) == []
+        assert store.list_leftovers(place) == []
 
 
 @pytest.mark.parametrize("stage", ["write_array", "write_catalogue", "commit"])
@@ -588,13 +590,13 @@ def test_an_error_at_any_stage_leaves_what_was_there(clips, tmp_path, monkeypatc
     def fail(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store.Draft, stage, fail)
+    monkeypatch.setattr(store.GenerationWriter, stage, fail)
     with pytest.raises(KeyboardInterrupt):
         library.add(clips)
     with pytest.raises(KeyboardInterrupt):
         Library.index(clips, tmp_path / "new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
-    assert store.leftovers(tmp_path / "l") == []
+    assert store.list_leftovers(tmp_path / "l") == []
     same(Library.open(tmp_path / "l"), library)
 
 
@@ -613,13 +615,13 @@ def test_a_full_disk_leaves_what_was_there_and_is_told_by_file(clips, tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert told.value.filename.startswith(str(tmp_path / "l"))
-    draft = store.Draft(tmp_path, tmp_path / "x", None, 9)
+    draft = store.GenerationWriter(tmp_path, tmp_path / "x", None, 9)
     (tmp_path / "0009" / "catalog.sqlite").mkdir()
     with pytest.raises(LibraryError, match=r"catalog\.sqlite cannot be written"):
         draft.write_catalogue([], [], {}, np.zeros((0, 4), np.int64), {})
     shutil.rmtree(tmp_path / "0009")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
-    assert store.leftovers(tmp_path / "l") == []
+    assert store.list_leftovers(tmp_path / "l") == []
     same(Library.open(tmp_path / "l"), library)
 
 
@@ -631,7 +633,7 @@ def test_the_way_to_a_file_is_that_of_the_standard_library(folders, folder, is_a
     path = f"{folders}/take.bvh".lstrip("/")
     path = os.path.abspath(path) if is_absolute else path
     expected = Path(os.path.relpath(path, folder or "."))
-    assert way_to(path, Path(folder)) == expected
+    assert relative_path(path, Path(folder)) == expected
 
 
 def test_a_library_can_be_moved_with_its_clips(clips, tmp_path):
@@ -639,7 +641,7 @@ def test_a_library_can_be_moved_with_its_clips(clips, tmp_path):
     Library.index(folder, tmp_path / "here" / "l")
     (tmp_path / "here").rename(tmp_path / "there")
     library = Library.open(tmp_path / "there" / "l")
-    assert all(os.path.exists(entry.origin.path) for entry in library.entries)
+    assert all(os.path.exists(entry.source_file.path) for entry in library.entries)
     assert library.add(tmp_path / "there" / "clips").entries == library.entries
 
 
@@ -650,8 +652,8 @@ def test_a_library_can_be_moved_with_its_clips(clips, tmp_path):
 def test_tables_hold_what_the_library_holds(stored, tmp_path, kind):
     if kind == "parquet":
         pytest.importorskip("pyarrow", reason="needs the extra parquet")
-    found = tables(stored)
-    files = export(stored, tmp_path / "out", kind)
+    found = library_tables(stored)
+    files = export_tables(stored, tmp_path / "out", kind)
     if kind == "npz":
         read = np.load(files[0], allow_pickle=False)
         got = {table: {c: read[f"{table}/{c}"] for c in found[table]} for table in found}
@@ -677,7 +679,7 @@ def test_tables_hold_what_the_library_holds(stored, tmp_path, kind):
             np.testing.assert_array_equal(own.astype(wanted.dtype), wanted)
     assert isinstance(stored.clips[0], Motion)
     with pytest.raises(ValueError, match="kind must be"):
-        export(stored, tmp_path / "x", "xlsx")
+        export_tables(stored, tmp_path / "x", "xlsx")
 
 
 # The command line.

@@ -141,7 +141,7 @@ def test_a_stream_that_may_take_nothing_is_its_base(library, base):
 
 def offline(library, base):
     """All that a search that knows the whole base sees."""
-    longer, at = library.holding(base)
+    longer, at = library.resolve_base(base)
     scenario = longer.segments.of_clip(at)
     cut = longer.segments[scenario]
     problem = Problem.of(longer, longer.clips[at], scenario, cut, ["upper"], [])

@@ -109,7 +109,7 @@ def ends_alone(
     Parameters
     ----------
     ends : dict of str to ndarray, shape (n_segments, n_joints, 4 or 3)
-        As `mograft.library.ingest.edges` names them.
+        As `mograft.library.ingest.boundary_states` names them.
     joints : ndarray of int
         The group's joints; its feature joints are those of `ends`.
     skeleton : Skeleton

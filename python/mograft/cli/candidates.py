@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     names = [entry.name for entry in library.entries]
     if options.clip is not None and options.clip not in names:
         raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}")
-    _, clip = library.holding(options.clip)
+    _, clip = library.resolve_base(options.clip)
     own = library.segments.of_clip(clip)
     if options.segment is not None:
         if options.segment >= len(own):

@@ -266,10 +266,12 @@ def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion 
         return name
     there = os.path.realpath(name)
     for entry in library.entries:
-        if entry.origin is not None and os.path.realpath(entry.origin.path) == there:
+        if entry.source_file is not None and os.path.realpath(entry.source_file.path) == there:
             return entry.name
     if not Path(name).exists():
-        files = [Path(entry.origin.path).name for entry in library.entries if entry.origin]
+        files = [
+            Path(entry.source_file.path).name for entry in library.entries if entry.source_file
+        ]
         if len(files) == len(names) and files.count(name) == 1:
             return names[files.index(name)]
         if name in names:

@@ -14,13 +14,13 @@ import numpy.typing as npt
 
 from mograft._util.arrays import IntArray
 from mograft.errors import LibraryError
-from mograft.library.discover import way_to
-from mograft.library.ingest import Facts, Kind, Origin
+from mograft.library.discover import relative_path
+from mograft.library.ingest import ClipProperties, PackedContent, SourceFile
 from mograft.motion.skeleton import EndSite, Skeleton
 
 __all__ = [
-    "Entry",
-    "Place",
+    "ClipInfo",
+    "ClipLocation",
     "read",
     "read_skeleton",
     "skeleton_fields",
@@ -31,7 +31,7 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class Entry:
+class ClipInfo:
     """What a library knows of a clip besides its frames.
 
     Attributes
@@ -57,23 +57,23 @@ class Entry:
     """
 
     name: str
-    own_name: str
-    origin: Origin | None
-    rate: float
-    given_rate: float | None
-    own_frames: int
+    source_name: str
+    source_file: SourceFile | None
+    source_rate: float
+    rate_override: float | None
+    source_frames: int
     n_frames: int
     root: int
     up: int
     faults: tuple[str, ...]
     tags: tuple[str, ...]
 
-    def facts(self, skeleton: Skeleton) -> Facts:
+    def properties(self, skeleton: Skeleton) -> ClipProperties:
         """Return what the clip says of itself."""
-        return Facts(skeleton, self.rate, self.own_frames, self.root, self.up)
+        return ClipProperties(skeleton, self.source_rate, self.source_frames, self.root, self.up)
 
 
-class Place(NamedTuple):
+class ClipLocation(NamedTuple):
     """Where a stored clip is, and how to read it.
 
     Attributes
@@ -91,10 +91,10 @@ class Place(NamedTuple):
     """
 
     shard: int
-    at: int
-    size: int
-    row: int
-    kind: Kind
+    first_number: int
+    n_numbers: int
+    first_row: int
+    content: PackedContent
     frame_time: float
     repairs: tuple[str, ...]
     skeleton: int
@@ -135,19 +135,19 @@ CREATE TABLE label (
 _COLUMNS = 23
 
 
-def _row(number: int, entry: Entry, place: Place, folder: Path) -> tuple[Any, ...]:
+def _row(number: int, entry: ClipInfo, place: ClipLocation, folder: Path) -> tuple[Any, ...]:
     source: tuple[Any, ...] = (None,) * 4
-    if entry.origin is not None:
-        own = entry.origin
-        source = (way_to(own.path, folder).as_posix(), own.size, own.mtime_ns, own.sha256)
+    if entry.source_file is not None:
+        own = entry.source_file
+        source = (relative_path(own.path, folder).as_posix(), own.size, own.mtime_ns, own.sha256)
     return (
         number,
         entry.name,
-        entry.own_name,
+        entry.source_name,
         *source,
-        entry.rate,
-        entry.given_rate,
-        entry.own_frames,
+        entry.source_rate,
+        entry.rate_override,
+        entry.source_frames,
         entry.n_frames,
         entry.root,
         entry.up,
@@ -161,8 +161,8 @@ def _row(number: int, entry: Entry, place: Place, folder: Path) -> tuple[Any, ..
 
 def write(
     path: Path,
-    entries: Sequence[Entry],
-    places: Sequence[Place],
+    entries: Sequence[ClipInfo],
+    places: Sequence[ClipLocation],
     skeletons: Sequence[str],
     refused: Mapping[str, str],
     segments: npt.NDArray[np.int64],
@@ -216,7 +216,7 @@ def write(
 
 def read(
     path: Path,
-) -> tuple[tuple[Entry, ...], tuple[Place, ...], tuple[Skeleton, ...], dict[str, str]]:
+) -> tuple[tuple[ClipInfo, ...], tuple[ClipLocation, ...], tuple[Skeleton, ...], dict[str, str]]:
     """Read what `write` wrote, segments and labels apart.
 
     Parameters
@@ -245,12 +245,12 @@ def read(
             origin = None
             if row[3] is not None:
                 where = os.path.normpath(os.path.join(folder, row[3]))
-                origin = Origin(where, row[4], row[5], row[6])
+                origin = SourceFile(where, row[4], row[5], row[6])
             facts = row[7], row[8], row[9], row[10], row[11], row[12]
             words = _words(row[13]), _words(row[14])
-            entries.append(Entry(row[1], row[2], origin, *facts, *words))
+            entries.append(ClipInfo(row[1], row[2], origin, *facts, *words))
             place = row[15], row[16], row[17], row[18], row[19], row[20]
-            places.append(Place(*place, _words(row[21]), row[22]))
+            places.append(ClipLocation(*place, _words(row[21]), row[22]))
         skeletons = tuple(
             read_skeleton(text) for (text,) in base.execute("SELECT json FROM skeleton ORDER BY id")
         )

@@ -13,14 +13,22 @@ from typing import TypeVar
 
 from mograft.motion.motion import Motion
 
-__all__ = ["Found", "Source", "by_path", "find", "matching", "named", "read_table"]
+__all__ = [
+    "ClipSource",
+    "FoundClip",
+    "find_clips",
+    "matching_values",
+    "read_tags",
+    "sort_by_path",
+    "unique_names",
+]
 
-Source = Motion | str | PathLike[str]
+ClipSource = Motion | str | PathLike[str]
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundClip:
     """A clip that was meant.
 
     Attributes
@@ -43,7 +51,7 @@ class Found:
         return (path.stem, path.name, "/".join((*self.folders, path.name)))
 
 
-def find(sources: Source | Iterable[Source]) -> list[Found]:
+def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
     """Return the clips that are meant.
 
     Parameters
@@ -64,10 +72,10 @@ def find(sources: Source | Iterable[Source]) -> list[Found]:
         If nothing is asked for.
     """
     several = [sources] if isinstance(sources, Motion | str | PathLike) else list(sources)
-    found: list[Found] = []
+    found: list[FoundClip] = []
     for source in several:
         if isinstance(source, Motion):
-            found.append(Found(source))
+            found.append(FoundClip(source))
             continue
         path = fspath(source)
         if os.path.isdir(path):
@@ -78,20 +86,20 @@ def find(sources: Source | Iterable[Source]) -> list[Found]:
             raise FileNotFoundError(f"no file matches {path}")
         if not matches and not os.path.lexists(path):
             raise FileNotFoundError(2, "No such file or directory", path)
-        found += [Found(match) for match in matches or [path]]
+        found += [FoundClip(match) for match in matches or [path]]
     if not found:
         raise ValueError("sources must hold at least one clip, got none")
     return found
 
 
-def _inside(folder: str) -> list[Found]:
+def _inside(folder: str) -> list[FoundClip]:
     files = sorted(path for path in Path(folder).rglob("*") if path.suffix.lower() == ".bvh")
     if not files:
         raise FileNotFoundError(2, "no BVH file in this folder", folder)
-    return [Found(str(path), path.relative_to(folder).parts[:-1]) for path in files]
+    return [FoundClip(str(path), path.relative_to(folder).parts[:-1]) for path in files]
 
 
-def by_path(found: Sequence[Found], folder: Path) -> dict[tuple[str, ...], Found]:
+def sort_by_path(found: Sequence[FoundClip], folder: Path) -> dict[tuple[str, ...], FoundClip]:
     """Return files by their ways from a folder, in the order of these, each once.
 
     Raises
@@ -103,11 +111,11 @@ def by_path(found: Sequence[Found], folder: Path) -> dict[tuple[str, ...], Found
     for own in found:
         if isinstance(own.source, Motion):
             raise TypeError("sources must be files; a library of motions is built, then saved")
-        ways[way_to(own.source, folder).parts] = own
+        ways[relative_path(own.source, folder).parts] = own
     return {way: ways[way] for way in sorted(ways)}
 
 
-def way_to(path: str, folder: Path) -> Path:
+def relative_path(path: str, folder: Path) -> Path:
     """Return the way from a folder to a file: what clips are ordered by.
 
     It is relative, but for a file on another drive.
@@ -125,7 +133,7 @@ def _way(path: str, start: str) -> Path:
         return Path(path)
 
 
-def named(names: Sequence[str]) -> list[str]:
+def unique_names(names: Sequence[str]) -> list[str]:
     """Give every clip a name of its own."""
     taken: set[str] = set()
     given = []
@@ -140,7 +148,7 @@ def named(names: Sequence[str]) -> list[str]:
     return given
 
 
-def matching(table: Mapping[str, T] | None, found: Found) -> list[T]:
+def matching_values(table: Mapping[str, T] | None, found: FoundClip) -> list[T]:
     """Return what a table says of a clip.
 
     Parameters
@@ -164,7 +172,7 @@ def matching(table: Mapping[str, T] | None, found: Found) -> list[T]:
     return [table[key] for key in sorted(wanted, key=list(table).index)] if wanted else []
 
 
-def read_table(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
+def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
     """Read tags from a CSV file.
 
     Parameters

@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from mograft.library.library import Library
 
-__all__ = ["export", "tables"]
+__all__ = ["export_tables", "library_tables"]
 
 Column = npt.NDArray[Any] | list[Any]
 
 
-def tables(library: Library) -> dict[str, dict[str, Column]]:
+def library_tables(library: Library) -> dict[str, dict[str, Column]]:
     """Return what a library knows as tables.
 
     Parameters
@@ -42,7 +42,7 @@ def tables(library: Library) -> dict[str, dict[str, Column]]:
             for axis, column in enumerate(np.ascontiguousarray(own.points.T)):
                 points[f"{group}_{axis}"] = column
     entries = library.entries
-    origins = [entry.origin for entry in entries]
+    origins = [entry.source_file for entry in entries]
     return {
         "clips": {
             "clip": np.arange(len(entries)),
@@ -50,7 +50,7 @@ def tables(library: Library) -> dict[str, dict[str, Column]]:
             "file": ["" if origin is None else origin.path for origin in origins],
             "sha256": ["" if origin is None else origin.sha256 for origin in origins],
             "frames": np.array([entry.n_frames for entry in entries], np.int64),
-            "own_rate": np.array([entry.rate for entry in entries], np.float64),
+            "own_rate": np.array([entry.source_rate for entry in entries], np.float64),
             "tags": [" ".join(entry.tags) for entry in entries],
             "faults": ["; ".join(entry.faults) for entry in entries],
         },
@@ -67,7 +67,7 @@ def tables(library: Library) -> dict[str, dict[str, Column]]:
     }
 
 
-def export(
+def export_tables(
     library: Library, path: str | PathLike[str], kind: Literal["parquet", "csv", "npz"]
 ) -> list[Path]:
     """Write the tables of a library.
@@ -96,7 +96,7 @@ def export(
     """
     if kind not in ("parquet", "csv", "npz"):
         raise ValueError(f"kind must be 'parquet', 'csv' or 'npz', got {kind!r}")
-    found = tables(library)
+    found = library_tables(library)
     target = Path(path)
     with _replacing(target) as draft:
         if kind == "npz":

@@ -21,39 +21,47 @@ from mograft.body.mirroring import MirroredClips
 from mograft.config import Config
 from mograft.errors import MograftError
 from mograft.library import storage as store
-from mograft.library.clip_table import Entry, Place
-from mograft.library.discover import Found, Source, by_path, find, matching, named, way_to
+from mograft.library.clip_table import ClipInfo, ClipLocation
+from mograft.library.discover import (
+    ClipSource,
+    FoundClip,
+    find_clips,
+    matching_values,
+    relative_path,
+    sort_by_path,
+    unique_names,
+)
 from mograft.library.ingest import (
-    Digest,
-    Facts,
+    ClipProperties,
+    IngestedClip,
+    IngestTask,
     Keep,
-    Refusal,
-    Task,
-    Terms,
-    ask,
-    digest,
-    digest_all,
-    edges,
-    joined,
-    origin_of,
-    same_rate,
-    settle,
+    LibrarySpec,
+    RefusedClip,
+    boundary_states,
+    choose_spec,
+    describe_source_file,
+    ingest,
+    ingest_all,
+    join_segments,
+    rates_match,
+    read_properties,
 )
 from mograft.library.library import (
     Library,
     Progress,
     Tags,
-    clusters,
-    finish,
-    joints_compared,
+    cluster_groups,
+    feature_joints_by_group,
+    write_and_commit,
 )
 from mograft.motion.motion import Motion
 
-__all__ = ["Digesting", "build", "mirrored", "write"]
+__all__ = ["IngestRun", "build", "mirror_library", "write"]
 
 
 def build(
-    sources: Source | Iterable[Source],
+    sources: ClipSource | Iterable[ClipSource],
     groups: JointGroups | str,
     config: Config | None,
     rate: float | None,
@@ -63,13 +71,13 @@ def build(
     progress: Progress | None,
 ) -> Library:
     """See `Library.build`."""
-    found = find(sources)
-    digesting = Digesting.of(config, rate, executor, progress, strict=True)
+    found = find_clips(sources)
+    digesting = IngestRun.of(config, rate, executor, progress, strict=True)
     slots = [_Slot.of((index, ()), own, frame_rates) for index, own in enumerate(found)]
-    taken: list[Digest] = []
-    shelf: list[Entry] = []
+    taken: list[IngestedClip] = []
+    shelf: list[ClipInfo] = []
 
-    def take(slot: _Slot, own: Digest) -> None:
+    def take(slot: _Slot, own: IngestedClip) -> None:
         taken.append(own)
         shelf.append(slot.entered(own, tags))
 
@@ -78,7 +86,7 @@ def build(
         shelf.clear()
 
     terms = digesting.settled(slots, "motion", take, forget)
-    names = named([own.name for own in taken])
+    names = unique_names([own.name for own in taken])
     skeleton = terms.skeleton
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, skeleton)
@@ -89,13 +97,13 @@ def build(
         for own, name in zip(taken, names, strict=True)
         if isinstance(own.clip, Motion)
     )
-    segments = joined([(own.segments.start, own.segments.stop) for own in taken])
+    segments = join_segments([(own.segments.start, own.segments.stop) for own in taken])
     samples = Samples(
         np.concatenate([own.samples for own in taken]), terms.config.samples, skeleton.n_joints
     )
-    members = joints_compared(groups, skeleton)
+    members = feature_joints_by_group(groups, skeleton)
     embedding = _embedded(samples, groups, terms, digesting.tell)
-    labels, sigma = clusters(embedding, len(segments), terms.config)
+    labels, sigma = cluster_groups(embedding, len(segments), terms.config)
     return Library(
         clips,
         groups,
@@ -112,8 +120,8 @@ def build(
         entries,
         {
             group: {
-                key: np.concatenate([own.edges[key][:, joints] for own in taken])
-                for key in taken[0].edges
+                key: np.concatenate([own.boundary_states[key][:, joints] for own in taken])
+                for key in taken[0].boundary_states
             }
             for group, joints in members.items()
         },
@@ -122,10 +130,10 @@ def build(
     )
 
 
-def mirrored(library: Library) -> Library:
+def mirror_library(library: Library) -> Library:
     """See `Library.mirrored`."""
     n = len(library.entries)
-    names = named(
+    names = unique_names(
         [*(e.name for e in library.entries), *(f"{e.name}_mirrored" for e in library.entries)]
     )
     clips = MirroredClips(library.clips, tuple(names))
@@ -142,11 +150,11 @@ def mirrored(library: Library) -> Library:
             heights=[mass_model(clip.skeleton).height],
         )
         rows.append(sampled.packed())
-        ends.append(edges(clip, cut))
+        ends.append(boundary_states(clip, cut))
     samples = Samples(np.concatenate(rows), library.config.samples, library.skeleton.n_joints)
-    terms = Terms(library.skeleton, library.rate, library.root, library.up, library.config)
+    terms = LibrarySpec(library.skeleton, library.rate, library.root, library.up, library.config)
     embedding = _embedded(samples, library.groups, terms, _say_nothing)
-    labels, sigma = clusters(embedding, 2 * len(library.segments), library.config)
+    labels, sigma = cluster_groups(embedding, 2 * len(library.segments), library.config)
     twice = replace(library.segments, clip=library.segments.clip + n)
     return replace(
         library,
@@ -165,12 +173,12 @@ def mirrored(library: Library) -> Library:
             replace(e, name=name)
             for e, name in zip(library.entries + library.entries, names, strict=True)
         ),
-        edges={
+        boundary_states={
             group: {
                 key: np.concatenate([known, *(own[key][:, joints] for own in ends)])
-                for key, known in library.edges[group].items()
+                for key, known in library.boundary_states[group].items()
             }
-            for group, joints in joints_compared(library.groups, library.skeleton).items()
+            for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
         },
         samples=samples,
         folder=None,
@@ -196,37 +204,37 @@ class _Slot:
     """
 
     key: Key
-    found: Found | None
+    found: FoundClip | None
     given_rate: float | None
-    entry: Entry | None = None
+    entry: ClipInfo | None = None
 
     @classmethod
-    def of(cls, key: Key, found: Found, frame_rates: Mapping[str, float] | None) -> "_Slot":
-        rates = matching(frame_rates, found)
+    def of(cls, key: Key, found: FoundClip, frame_rates: Mapping[str, float] | None) -> "_Slot":
+        rates = matching_values(frame_rates, found)
         if rates and not 0 < rates[-1] < float("inf"):
             raise ValueError(f"frame_rates must be above 0 frames per second, got {rates[-1]}")
         return cls(key, found, float(rates[-1]) if rates else None)
 
-    def task(self) -> Task:
+    def task(self) -> IngestTask:
         if self.found is None:
             raise RuntimeError("clips of the generation before are read from there")
         source = self.found.source
         where = os.path.abspath(source) if isinstance(source, str) else source
-        return Task(where, self.given_rate)
+        return IngestTask(where, self.given_rate)
 
-    def entered(self, own: Digest, tags: Tags | None) -> Entry:
+    def entered(self, own: IngestedClip, tags: Tags | None) -> ClipInfo:
         """Return what is known of the clip, now that it is digested; its name is not yet."""
         if self.entry is not None:
             return replace(self.entry, n_frames=own.n_frames, faults=own.faults)
         words: list[str] = []
         if self.found is not None:
             words += self.found.folders
-            words += chain.from_iterable(matching(tags, self.found))
+            words += chain.from_iterable(matching_values(tags, self.found))
         return _entry(own, self.given_rate, tuple(dict.fromkeys(words)))
 
 
 @dataclass(frozen=True, eq=False)
-class Digesting:
+class IngestRun:
     """How clips are digested; collects what was refused."""
 
     config: Config
@@ -245,7 +253,7 @@ class Digesting:
         progress: Progress | None,
         *,
         strict: bool,
-    ) -> "Digesting":
+    ) -> "IngestRun":
         """Begin, with nothing refused yet."""
         own = Config() if config is None else config
         return cls(own, rate, executor, progress or _say_nothing, strict, {})
@@ -254,14 +262,14 @@ class Digesting:
         self,
         slots: Sequence[_Slot],
         keep: Keep,
-        take: Callable[[_Slot, Digest], object],
+        take: Callable[[_Slot, IngestedClip], object],
         forget: Callable[[], object] = _never_mind,
-    ) -> Terms:
+    ) -> LibrarySpec:
         """Digest clips by terms that are guessed; again, if they turn out to be others."""
         tasks, terms = self._guess([slot.task() for slot in slots])
         while True:
             facts = self.once(slots, tasks, keep, take, terms)
-            settled = settle(_in_order(facts), self.config, self.rate)
+            settled = choose_spec(_in_order(facts), self.config, self.rate)
             if settled.agrees(terms):
                 self.check_refused()
                 return terms
@@ -271,24 +279,24 @@ class Digesting:
     def once(
         self,
         slots: Sequence[_Slot],
-        tasks: Iterable[Task],
+        tasks: Iterable[IngestTask],
         keep: Keep,
-        take: Callable[[_Slot, Digest], object],
-        terms: Terms,
-    ) -> list[tuple[Key, Facts]]:
+        take: Callable[[_Slot, IngestedClip], object],
+        terms: LibrarySpec,
+    ) -> list[tuple[Key, ClipProperties]]:
         """Digest clips by some terms; return what they say of themselves."""
-        facts: list[tuple[Key, Facts]] = []
+        facts: list[tuple[Key, ClipProperties]] = []
         self.refused.clear()
-        outcomes = digest_all(tasks, terms, keep, self.executor)
+        outcomes = ingest_all(tasks, terms, keep, self.executor)
         for done, (slot, outcome) in enumerate(zip(slots, outcomes, strict=True)):
             self.tell("reading", done + 1, len(slots))
-            if outcome.facts is not None:
-                facts.append((slot.key, outcome.facts))
-            if isinstance(outcome, Digest):
+            if outcome.properties is not None:
+                facts.append((slot.key, outcome.properties))
+            if isinstance(outcome, IngestedClip):
                 take(slot, outcome)
                 continue
-            self.refused[outcome.what] = outcome.error
-            if outcome.facts is None and self.strict:
+            self.refused[outcome.name] = outcome.error
+            if outcome.properties is None and self.strict:
                 raise outcome.error
         return facts
 
@@ -302,59 +310,59 @@ class Digesting:
         """Return the clips that were left out, and why."""
         return {what: str(error) for what, error in self.refused.items()}
 
-    def _guess(self, tasks: list[Task]) -> tuple[list[Task], Terms]:
+    def _guess(self, tasks: list[IngestTask]) -> tuple[list[IngestTask], LibrarySpec]:
         """Ask a few clips spread over all what the terms may be; each is read but once."""
         spread = np.unique(np.linspace(0, len(tasks) - 1, 9).round().astype(int)).tolist()
-        facts: list[Facts] = []
+        facts: list[ClipProperties] = []
         for index in [*spread, *range(len(tasks))]:
             if facts and index not in spread:
                 break
             try:
-                tasks[index], found = ask(tasks[index])
+                tasks[index], found = read_properties(tasks[index])
             except (MograftError, OSError, ValueError):
                 continue  # it will be refused, with the others of its kind
             facts.append(found)
         if not facts:
-            refusal = digest(tasks[0], None, "numbers")
-            if not isinstance(refusal, Refusal):
+            refusal = ingest(tasks[0], None, "numbers")
+            if not isinstance(refusal, RefusedClip):
                 raise RuntimeError("a clip was read that could not be read")
             if self.strict:
                 raise refusal.error
             raise ValueError(f"no clip can be used: {refusal.error}") from refusal.error
-        return tasks, settle(facts, self.config, self.rate)
+        return tasks, choose_spec(facts, self.config, self.rate)
 
 
-def _in_order(facts: Sequence[tuple[Key, Facts]]) -> list[Facts]:
+def _in_order(facts: Sequence[tuple[Key, ClipProperties]]) -> list[ClipProperties]:
     """Return facts in the order of their clips."""
     return [own for _, own in sorted(facts, key=lambda pair: pair[0])]
 
 
-def _entry(own: Digest, given_rate: float | None, tags: tuple[str, ...]) -> Entry:
-    return Entry(
+def _entry(own: IngestedClip, given_rate: float | None, tags: tuple[str, ...]) -> ClipInfo:
+    return ClipInfo(
         own.name,
         own.name,
-        own.origin,
-        own.facts.rate,
+        own.source_file,
+        own.properties.rate,
         given_rate,
-        own.facts.n_frames,
+        own.properties.n_frames,
         own.n_frames,
-        own.facts.root,
-        own.facts.up,
+        own.properties.root,
+        own.properties.up,
         own.faults,
         tags,
     )
 
 
-def _called(entry: Entry, name: str) -> Entry:
+def _called(entry: ClipInfo, name: str) -> ClipInfo:
     return entry if entry.name == name else replace(entry, name=name)
 
 
 _MOST_WARNINGS = 8
 
 
-def _warn(entries: Sequence[Entry], rate: float) -> None:
+def _warn(entries: Sequence[ClipInfo], rate: float) -> None:
     """Warn of clips that were resampled and of those with faults."""
-    others = [entry.name for entry in entries if not same_rate(entry.rate, rate)]
+    others = [entry.name for entry in entries if not rates_match(entry.source_rate, rate)]
     if others:
         more = len(others) - _MOST_WARNINGS
         listed = ", ".join(others[:_MOST_WARNINGS]) + (f" and {more} more" if more > 0 else "")
@@ -379,7 +387,7 @@ def _warn(entries: Sequence[Entry], rate: float) -> None:
 
 
 def _embedded(
-    samples: SampleSource, groups: JointGroups, terms: Terms, tell: Progress
+    samples: SampleSource, groups: JointGroups, terms: LibrarySpec, tell: Progress
 ) -> dict[str, Embedding | None]:
     members, held = groups.resolve(terms.skeleton), groups.held(terms.skeleton)
     tell("comparing", 0, len(members))
@@ -415,8 +423,8 @@ class _Shelved:
     """
 
     key: Key
-    entry: Entry
-    place: Place
+    entry: ClipInfo
+    place: ClipLocation
     start: IntArray
     stop: IntArray
     is_donor: BoolArray
@@ -428,25 +436,26 @@ class _Shelved:
 
 
 def write(
-    draft: store.Draft,
+    draft: store.GenerationWriter,
     base: Library | None,
-    found: Sequence[Found],
+    found: Sequence[FoundClip],
     groups: JointGroups | str,
-    digesting: Digesting,
+    digesting: IngestRun,
     frame_rates: Mapping[str, float] | None,
     tags: Tags | None,
 ) -> None:
     """Write a library of files, and of what the generation before has of others."""
     slots = [
-        _Slot.of((0, way), own, frame_rates) for way, own in by_path(found, draft.final).items()
+        _Slot.of((0, way), own, frame_rates)
+        for way, own in sort_by_path(found, draft.final).items()
     ]
     fresh: list[_Shelved] = []
 
-    def take(slot: _Slot, own: Digest) -> None:
+    def take(slot: _Slot, own: IngestedClip) -> None:
         place, entry = draft.take(own), slot.entered(own, tags)
         ends = own.segments.start, own.segments.stop
         fresh.append(
-            _Shelved(slot.key, entry, place, *ends, own.is_donor, place.row, is_fresh=True)
+            _Shelved(slot.key, entry, place, *ends, own.is_donor, place.first_row, is_fresh=True)
         )
 
     def forget() -> None:
@@ -457,25 +466,27 @@ def write(
     if base is None:
         terms = digesting.settled(slots, "numbers", take, forget)
     else:
-        there = {own.origin.path: own for own in base.entries if own.origin is not None}
+        there = {own.source_file.path: own for own in base.entries if own.source_file is not None}
         slots = [slot for slot in slots if _is_new(slot, there)]
         if not slots and not tags:
             return
         kept = _kept(base, slots, tags)
-        terms = Terms(base.skeleton, base.rate, base.root, base.up, base.config)
+        terms = LibrarySpec(base.skeleton, base.rate, base.root, base.up, base.config)
         draft.go_on()
-        facts = [(own.key, own.entry.facts(base.skeleton)) for own in kept]
+        facts = [(own.key, own.entry.properties(base.skeleton)) for own in kept]
         new = digesting.once(slots, map(_Slot.task, slots), "numbers", take, terms)
         facts += [(key, own) for key, own in new if own.same_hierarchy(base.skeleton)]
         # A clip that is not what it was and does not fit any more is left out, unless no
         # other is left.
-        settled = settle(_in_order(facts), base.config, digesting.rate) if facts else terms
+        settled = choose_spec(_in_order(facts), base.config, digesting.rate) if facts else terms
         if not settled.agrees(terms) or draft.is_scattered([own.place for own in kept]):
             # What clips have in common has changed: all are digested anew, the ones that are
             # here from what is here.
             forget()
             terms = settled
-            slots = [_Slot(own.key, None, own.entry.given_rate, own.entry) for own in kept] + slots
+            slots = [
+                _Slot(own.key, None, own.entry.rate_override, own.entry) for own in kept
+            ] + slots
             tasks = chain(_tasks_of(base, kept), map(_Slot.task, slots[len(kept) :]))
             kept = []
             digesting.once(slots, tasks, "numbers", take, terms)
@@ -485,11 +496,11 @@ def write(
         why = next(iter(digesting.reasons().values()))
         raise ValueError(f"no clip can be used: {why}")
     shelved = sorted([*kept, *fresh], key=lambda own: own.key)
-    names = named([own.entry.own_name for own in shelved])
+    names = unique_names([own.entry.source_name for own in shelved])
     entries = tuple(_called(own.entry, name) for own, name in zip(shelved, names, strict=True))
-    segments = joined([(own.start, own.stop) for own in shelved])
+    segments = join_segments([(own.start, own.stop) for own in shelved])
     places = [own.place for own in shelved]
-    extents = [(own.place.shard, own.place.row, len(own)) for own in shelved]
+    extents = [(own.place.shard, own.place.first_row, len(own)) for own in shelved]
     samples = draft.samples(extents, terms.config.samples, terms.skeleton.n_joints)
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, terms.skeleton)
@@ -499,7 +510,7 @@ def write(
     else:
         embedding = _embedded(samples, groups, terms, digesting.tell)
         digesting.tell("clustering", 0, 1)
-        labels, sigma = clusters(embedding, len(segments), terms.config)
+        labels, sigma = cluster_groups(embedding, len(segments), terms.config)
         digesting.tell("clustering", 1, 1)
     refused = {**(base.refused if base is not None else {}), **digesting.reasons()}
     library = Library(
@@ -521,23 +532,25 @@ def write(
         refused,
     )
     digesting.tell("writing", 0, 1)
-    finish(draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate)
+    write_and_commit(
+        draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate
+    )
     digesting.tell("writing", 1, 1)
 
 
-def _is_new(slot: _Slot, there: Mapping[str, Entry]) -> bool:
+def _is_new(slot: _Slot, there: Mapping[str, ClipInfo]) -> bool:
     """Tell whether a file is not in a library as it is now."""
     path = os.path.abspath(str(slot.found.source)) if slot.found is not None else ""
     entry = there.get(path)
-    if entry is None or entry.origin is None:
+    if entry is None or entry.source_file is None:
         return True
-    if slot.given_rate is not None and slot.given_rate != entry.given_rate:
+    if slot.given_rate is not None and slot.given_rate != entry.rate_override:
         return True
     try:
         now = os.stat(path)
-        if (now.st_size, now.st_mtime_ns) == (entry.origin.size, entry.origin.mtime_ns):
+        if (now.st_size, now.st_mtime_ns) == (entry.source_file.size, entry.source_file.mtime_ns):
             return False
-        return origin_of(path).sha256 != entry.origin.sha256
+        return describe_source_file(path).sha256 != entry.source_file.sha256
     except OSError:
         return True  # reading it will say why
 
@@ -552,9 +565,11 @@ def _kept(base: Library, slots: Sequence[_Slot], tags: Tags | None) -> list[_She
     for index, (entry, place) in enumerate(zip(base.entries, base.clips.places, strict=True)):
         key: Key = (1, (f"{index:09}",))
         own = entry
-        if entry.origin is not None:
-            key = (0, way_to(entry.origin.path, base.folder).parts)
-            words = dict.fromkeys(chain(entry.tags, *matching(tags, Found(entry.origin.path))))
+        if entry.source_file is not None:
+            key = (0, relative_path(entry.source_file.path, base.folder).parts)
+            words = dict.fromkeys(
+                chain(entry.tags, *matching_values(tags, FoundClip(entry.source_file.path)))
+            )
             if len(words) > len(entry.tags):
                 own = replace(entry, tags=tuple(words))
         if key in anew:
@@ -566,21 +581,24 @@ def _kept(base: Library, slots: Sequence[_Slot], tags: Tags | None) -> list[_She
     return kept
 
 
-def _tasks_of(base: Library, kept: Sequence[_Shelved]) -> Iterator[Task]:
+def _tasks_of(base: Library, kept: Sequence[_Shelved]) -> Iterator[IngestTask]:
     """Yield clips of a library to be digested anew, each read when it is its turn."""
     if not isinstance(base.clips, store.StoredClips):
         raise TypeError("the base must be a stored library")
     at = {place: index for index, place in enumerate(base.clips.places)}
     for own in kept:
         clip = base.clips.original(at[own.place], as_read=True)
-        yield Task(clip, own.entry.given_rate, own.entry.origin)
+        yield IngestTask(clip, own.entry.rate_override, own.entry.source_file)
 
 
 def _edge_pieces(
-    draft: store.Draft, base: Library | None, shelved: Sequence[_Shelved], library: Library
+    draft: store.GenerationWriter,
+    base: Library | None,
+    shelved: Sequence[_Shelved],
+    library: Library,
 ) -> dict[str, dict[str, Iterator[FloatArray]]]:
     """Return the edges of each group, a piece at a time, in the order of segments."""
-    runs = store.merged([(int(own.is_fresh), own.row, len(own)) for own in shelved])
+    runs = store.merge_ranges([(int(own.is_fresh), own.row, len(own)) for own in shelved])
 
     def pieces(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
         for is_fresh, first, n in runs:
@@ -589,10 +607,10 @@ def _edge_pieces(
                 if is_fresh:
                     yield draft.fresh_edges(key, start, stop)[:, joints]
                 elif base is not None:
-                    yield base.edges[group][key][start:stop]
+                    yield base.boundary_states[group][key][start:stop]
 
-    keys = tuple(draft.edge_keys() if base is None else next(iter(base.edges.values())))
+    keys = tuple(draft.edge_keys() if base is None else next(iter(base.boundary_states.values())))
     return {
         group: {key: pieces(group, key, joints) for key in keys}
-        for group, joints in joints_compared(library.groups, library.skeleton).items()
+        for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
     }

@@ -30,29 +30,29 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 __all__ = [
-    "Digest",
-    "Facts",
-    "Origin",
-    "Refusal",
-    "Stored",
-    "Task",
-    "Terms",
-    "ask",
-    "digest",
-    "digest_all",
-    "edges",
-    "joined",
-    "origin_of",
+    "ClipProperties",
+    "IngestTask",
+    "IngestedClip",
+    "LibrarySpec",
+    "PackedMotion",
+    "RefusedClip",
+    "SourceFile",
+    "boundary_states",
+    "choose_spec",
+    "describe_source_file",
+    "ingest",
+    "ingest_all",
+    "join_segments",
     "pack",
-    "same_rate",
-    "settle",
+    "rates_match",
+    "read_properties",
     "unpack",
 ]
 
 Keep: TypeAlias = Literal["motion", "numbers"]
-Kind: TypeAlias = Literal["channels", "poses", "both"]
+PackedContent: TypeAlias = Literal["channels", "poses", "both"]
 
-SPOILING = ("first_frame", "teleport", "glitch", "flip")
+DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
 """Kinds of faults that make the frames they are in unfit to be used elsewhere."""
 
 _BATCH = 8
@@ -63,7 +63,7 @@ _AHEAD = 16
 
 
 @dataclass(frozen=True)
-class Origin:
+class SourceFile:
     """The file that a clip was read from, as it was then.
 
     Attributes
@@ -85,7 +85,7 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class IngestTask:
     """A clip to digest.
 
     Attributes
@@ -101,13 +101,13 @@ class Task:
     """
 
     source: Motion | str
-    rate: float | None = None
-    origin: Origin | None = None
+    rate_override: float | None = None
+    source_file: SourceFile | None = None
     as_read: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Terms:
+class LibrarySpec:
     """What all clips of a library have in common.
 
     Attributes
@@ -130,7 +130,7 @@ class Terms:
     up: int
     config: Config
 
-    def agrees(self, other: "Terms") -> bool:
+    def agrees(self, other: "LibrarySpec") -> bool:
         """Tell whether clips come out the same by other terms of the same configuration."""
         ours, theirs = self.skeleton, other.skeleton
         return (self.rate, self.root, self.up, ours.names, ours.parents.tolist()) == (
@@ -143,7 +143,7 @@ class Terms:
 
 
 @dataclass(frozen=True, eq=False)
-class Facts:
+class ClipProperties:
     """What a clip says of itself, from which the terms of a library are settled.
 
     Attributes
@@ -172,7 +172,7 @@ class Facts:
         return own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents)
 
     @classmethod
-    def of(cls, motion: Motion) -> "Facts":
+    def of(cls, motion: Motion) -> "ClipProperties":
         """Ask a motion."""
         moves = bool(np.ptp(motion.positions, axis=0).any())
         root = motion.locomotion_root() if moves else -1
@@ -180,7 +180,7 @@ class Facts:
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
+class PackedMotion:
     """A motion as numbers that give it back bit for bit.
 
     Attributes
@@ -204,7 +204,7 @@ class Stored:
         What the reader tolerated.
     """
 
-    kind: Kind
+    content: PackedContent
     numbers: FloatArray
     skeleton: Skeleton
     frame_time: float
@@ -214,7 +214,7 @@ class Stored:
     repairs: tuple[str, ...]
 
 
-def pack(motion: Motion, *, as_read: bool = False) -> Stored:
+def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
     """Turn a motion into numbers that `unpack` makes the same motion of.
 
     Parameters
@@ -231,12 +231,12 @@ def pack(motion: Motion, *, as_read: bool = False) -> Stored:
         space of what they mean.
     """
     values = motion.channel_values
-    kind: Kind = "poses" if values is None else "both"
+    kind: PackedContent = "poses" if values is None else "both"
     if values is not None and (as_read or _follows(motion, values)):
         kind = "channels"
     parts = [motion.rotations, motion.positions] if kind != "channels" else []
     parts += [values] if kind != "poses" and values is not None else []
-    return Stored(
+    return PackedMotion(
         kind,
         np.concatenate([part.ravel() for part in parts]),
         motion.skeleton,
@@ -259,11 +259,11 @@ def _follows(motion: Motion, values: FloatArray) -> bool:
     )
 
 
-def unpack(stored: Stored) -> Motion:
+def unpack(stored: PackedMotion) -> Motion:
     """Return the motion that `pack` made numbers of."""
     skeleton, n_frames = stored.skeleton, stored.n_frames
     values: FloatArray | None = None
-    if stored.kind == "channels":
+    if stored.content == "channels":
         values = np.array(stored.numbers, np.float64).reshape(n_frames, skeleton.n_channels)
         turned, placed = poses(skeleton, values)
     else:
@@ -271,7 +271,7 @@ def unpack(stored: Stored) -> Motion:
             (n_frames, skeleton.n_joints, 4),
             (n_frames, skeleton.n_joints, 3),
         ]
-        if stored.kind == "both":
+        if stored.content == "both":
             shapes.append((n_frames, skeleton.n_channels))
         ends = np.cumsum([math.prod(shape) for shape in shapes])
         pieces = np.split(np.array(stored.numbers, np.float64), ends[:-1])
@@ -292,7 +292,7 @@ def unpack(stored: Stored) -> Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Digest:
+class IngestedClip:
     """A clip, cut, and its segments sampled.
 
     Attributes
@@ -319,20 +319,20 @@ class Digest:
         What `edges` returns of all joints.
     """
 
-    clip: Motion | Stored
+    clip: Motion | PackedMotion
     name: str
-    origin: Origin | None
-    facts: Facts
+    source_file: SourceFile | None
+    properties: ClipProperties
     n_frames: int
     segments: Segments
     is_donor: BoolArray
     faults: tuple[str, ...]
     samples: Packed
-    edges: Mapping[str, FloatArray]
+    boundary_states: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Refusal:
+class RefusedClip:
     """A clip that does not fit, and why.
 
     Attributes
@@ -345,12 +345,12 @@ class Refusal:
         What it says of itself, if it could be read.
     """
 
-    what: str
+    name: str
     error: Exception
-    facts: Facts | None
+    properties: ClipProperties | None
 
 
-def edges(motion: Motion, cut: Segments) -> dict[str, FloatArray]:
+def boundary_states(motion: Motion, cut: Segments) -> dict[str, FloatArray]:
     """Return what the search for donors has to know of the ends of segments.
 
     Parameters
@@ -384,7 +384,7 @@ def _velocities(motion: Motion, frames: IntArray) -> FloatArray:
     return per_second
 
 
-def ask(task: Task) -> tuple[Task, Facts]:
+def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
     """Return a task that needs no reading any more, and what the clip says of itself.
 
     Raises
@@ -392,22 +392,22 @@ def ask(task: Task) -> tuple[Task, Facts]:
     BvhError, OSError, ValueError
         If it cannot be read, or has a single frame.
     """
-    source, origin, as_read = task.source, task.origin, task.as_read
+    source, origin, as_read = task.source, task.source_file, task.as_read
     if isinstance(source, str):
         try:
             source.encode()
         except UnicodeEncodeError as error:
             raise ValueError(f"{source!r}: the file's name is no UTF-8") from error
-        origin, source, as_read = origin_of(source), read_bvh(source), True
-    motion = _corrected(source, task.rate)
+        origin, source, as_read = describe_source_file(source), read_bvh(source), True
+    motion = _corrected(source, task.rate_override)
     if motion.n_frames < 2:
         raise ValueError(f"{_called(task)} must have at least 2 frames, got 1")
-    return Task(source, task.rate, origin, as_read), Facts.of(motion)
+    return IngestTask(source, task.rate_override, origin, as_read), ClipProperties.of(motion)
 
 
-def _called(task: Task) -> str:
-    if task.origin is not None:
-        return task.origin.path
+def _called(task: IngestTask) -> str:
+    if task.source_file is not None:
+        return task.source_file.path
     return task.source if isinstance(task.source, str) else task.source.name or "a clip"
 
 
@@ -415,7 +415,7 @@ def _corrected(motion: Motion, rate: float | None) -> Motion:
     return motion if rate is None else replace(motion, frame_time=1.0 / rate)
 
 
-def digest(task: Task, terms: Terms | None, keep: Keep) -> Digest | Refusal:
+def ingest(task: IngestTask, terms: LibrarySpec | None, keep: Keep) -> IngestedClip | RefusedClip:
     """Read, cut and sample one clip.
 
     Parameters
@@ -434,13 +434,13 @@ def digest(task: Task, terms: Terms | None, keep: Keep) -> Digest | Refusal:
     """
     what, facts = _called(task), None
     try:
-        read, facts = ask(task)
+        read, facts = read_properties(task)
         source = read.source
         if terms is None or isinstance(source, str):
             raise ValueError(f"{what} fits no library")
-        motion = _corrected(source, task.rate)
+        motion = _corrected(source, task.rate_override)
         terms.skeleton.check_same_hierarchy(motion.skeleton, motion.name or what)
-        even = motion if same_rate(motion.rate, terms.rate) else motion.resample(terms.rate)
+        even = motion if rates_match(motion.rate, terms.rate) else motion.resample(terms.rate)
         cut = segment(even, terms.config)
         is_donor, faults = _without_faults(even, cut)
         samples = normalise(
@@ -452,24 +452,24 @@ def digest(task: Task, terms: Terms | None, keep: Keep) -> Digest | Refusal:
             heights=[mass_model(even.skeleton).height],
         )
     except (MograftError, OSError, ValueError) as error:
-        return Refusal(what, error, facts)
-    return Digest(
+        return RefusedClip(what, error, facts)
+    return IngestedClip(
         even if keep == "motion" else pack(source, as_read=read.as_read),
         motion.name,
-        read.origin,
+        read.source_file,
         facts,
         even.n_frames,
         cut,
         is_donor,
         faults,
         samples.packed(),
-        edges(even, cut),
+        boundary_states(even, cut),
     )
 
 
-def digest_all(
-    tasks: Iterable[Task], terms: Terms, keep: Keep, executor: Executor | None
-) -> Iterator[Digest | Refusal]:
+def ingest_all(
+    tasks: Iterable[IngestTask], terms: LibrarySpec, keep: Keep, executor: Executor | None
+) -> Iterator[IngestedClip | RefusedClip]:
     """Digest clips, perhaps in parallel, and yield what comes of them in their order.
 
     Parameters
@@ -488,11 +488,11 @@ def digest_all(
     """
     if executor is None:
         for task in tasks:
-            yield digest(task, terms, keep)
+            yield ingest(task, terms, keep)
         return
     rest = iter(tasks)
     batches = iter(lambda: list(islice(rest, _BATCH)), [])
-    waiting: deque[Future[list[Digest | Refusal]]] = deque()
+    waiting: deque[Future[list[IngestedClip | RefusedClip]]] = deque()
     try:
         for batch in batches:
             waiting.append(executor.submit(_digest_batch, batch, terms, keep))
@@ -505,11 +505,15 @@ def digest_all(
             future.cancel()
 
 
-def _digest_batch(tasks: Sequence[Task], terms: Terms, keep: Keep) -> list[Digest | Refusal]:
-    return [digest(task, terms, keep) for task in tasks]
+def _digest_batch(
+    tasks: Sequence[IngestTask], terms: LibrarySpec, keep: Keep
+) -> list[IngestedClip | RefusedClip]:
+    return [ingest(task, terms, keep) for task in tasks]
 
 
-def settle(facts: Sequence[Facts], config: Config, rate: float | None = None) -> Terms:
+def choose_spec(
+    facts: Sequence[ClipProperties], config: Config, rate: float | None = None
+) -> LibrarySpec:
     """Settle what clips must have in common.
 
     Parameters
@@ -527,48 +531,50 @@ def settle(facts: Sequence[Facts], config: Config, rate: float | None = None) ->
         The joint names and hierarchy of most clips, the joint that carries most of them
         through the world, the up of the longest. Of equals the first counts.
     """
-    votes: dict[tuple[object, ...], list[Facts]] = {}
+    votes: dict[tuple[object, ...], list[ClipProperties]] = {}
     for own in facts:
         hierarchy = (own.skeleton.names, own.skeleton.parents.tobytes())
         votes.setdefault(hierarchy, []).append(own)
     fitting = max(votes.values(), key=len)
     frames: dict[float, int] = {}
     for own in fitting:
-        key = next((known for known in frames if same_rate(own.rate, known)), own.rate)
+        key = next((known for known in frames if rates_match(own.rate, known)), own.rate)
         frames[key] = frames.get(key, 0) + own.n_frames
     commonest = max(frames, key=lambda key: frames[key])
     carried = Counter(own.root for own in fitting if own.root >= 0)
     root = carried.most_common(1)[0][0] if carried else 0
     longest = max(fitting, key=lambda own: (own.n_frames - 1) / own.rate)
-    return Terms(fitting[0].skeleton, commonest if rate is None else rate, root, longest.up, config)
+    return LibrarySpec(
+        fitting[0].skeleton, commonest if rate is None else rate, root, longest.up, config
+    )
 
 
-def same_rate(a: float, b: float) -> bool:
+def rates_match(a: float, b: float) -> bool:
     """Tell whether two rates are one but for how files round frame times."""
     # A tenth of a percent: 23.976 and 24 or 29.97 and 30 are told apart no more finely
     # than files that give 0.033 for 1/30 need.
     return abs(a - b) <= 1e-3 * b
 
 
-def origin_of(path: str) -> Origin:
+def describe_source_file(path: str) -> SourceFile:
     """Return what a file is like now."""
     with open(path, "rb") as stream:
         found = os.fstat(stream.fileno())
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    return Origin(path, found.st_size, found.st_mtime_ns, sha256)
+    return SourceFile(path, found.st_size, found.st_mtime_ns, sha256)
 
 
 def _without_faults(motion: Motion, cut: Segments) -> tuple[BoolArray, tuple[str, ...]]:
     """Tell which segments hold no fault, and what the others hold."""
     good = np.ones(len(cut), bool)
-    found = [fault for fault in find_faults(motion) if fault.kind in SPOILING]
+    found = [fault for fault in find_faults(motion) if fault.kind in DISQUALIFYING_FAULTS]
     for fault in found:
         first, last = fault.frames
         good[(cut.start <= last) & (cut.stop >= first)] = False
     return good, tuple(fault.message for fault in found)
 
 
-def joined(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
+def join_segments(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
     """Return the segments of several clips, each by starts and stops, as those of one library."""
     clip: IntArray = np.repeat(np.arange(len(ends)), [len(start) for start, _ in ends])
     start, stop = (np.concatenate(several) for several in zip(*ends, strict=True))

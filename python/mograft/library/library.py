@@ -22,9 +22,9 @@ from mograft.body.mass import mass_model
 from mograft.config import Config
 from mograft.errors import join_names
 from mograft.library import storage as store
-from mograft.library.clip_table import Entry, Place, skeleton_fields, skeleton_of
-from mograft.library.discover import Source, find
-from mograft.library.ingest import Facts, edges, pack, same_rate
+from mograft.library.clip_table import ClipInfo, ClipLocation, skeleton_fields, skeleton_of
+from mograft.library.discover import ClipSource, find_clips
+from mograft.library.ingest import ClipProperties, boundary_states, pack, rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.candidates import Candidates, Pool
@@ -36,7 +36,7 @@ __all__ = ["Library"]
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 Progress = Callable[[str, int, int], None]
-Edges = Mapping[str, FloatArray]
+BoundaryStates = Mapping[str, FloatArray]
 Tags = Mapping[str, Iterable[str]]
 
 
@@ -99,8 +99,8 @@ class Library:
     up: int
     skeleton: Skeleton
     rate: float
-    entries: tuple[Entry, ...]
-    edges: Mapping[str, Edges]
+    entries: tuple[ClipInfo, ...]
+    boundary_states: Mapping[str, BoundaryStates]
     samples: Samples | store.StoredSamples
     refused: Mapping[str, str]
     folder: Path | None = None
@@ -116,7 +116,7 @@ class Library:
     @classmethod
     def build(
         cls,
-        sources: Source | Iterable[Source],
+        sources: ClipSource | Iterable[ClipSource],
         groups: JointGroups | str = "lower_upper",
         config: Config | None = None,
         *,
@@ -251,11 +251,11 @@ class Library:
         ...     library.entries[0].name, len(library.clips)
         ('dance', 1)
         """
-        from mograft.library.indexing import Digesting, write  # which stand on this module
+        from mograft.library.indexing import IngestRun, write  # which stand on this module
 
-        digesting = Digesting.of(config, rate, executor, progress, strict=strict)
-        with store.writing(Path(path), force=force) as draft:
-            write(draft, None, find(sources), groups, digesting, frame_rates, tags)
+        digesting = IngestRun.of(config, rate, executor, progress, strict=strict)
+        with store.write_generation(Path(path), force=force) as draft:
+            write(draft, None, find_clips(sources), groups, digesting, frame_rates, tags)
         return cls.open(path)
 
     def add(
@@ -298,15 +298,15 @@ class Library:
         """
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it of all clips")
-        from mograft.library.indexing import Digesting, write  # which stand on this module
+        from mograft.library.indexing import IngestRun, write  # which stand on this module
 
-        with store.writing(self.folder, add=True) as draft:
+        with store.write_generation(self.folder, add=True) as draft:
             assert draft.base is not None  # as it was asked for
             # What is there now: another process may have added to it since this was opened.
-            base = opened(draft.base)
+            base = from_stored(draft.base)
             rate = draft.base.manifest["given_rate"]
-            digesting = Digesting.of(base.config, rate, executor, progress, strict=strict)
-            write(draft, base, find(sources), base.groups, digesting, frame_rates, tags)
+            digesting = IngestRun.of(base.config, rate, executor, progress, strict=strict)
+            write(draft, base, find_clips(sources), base.groups, digesting, frame_rates, tags)
         return Library.open(self.folder)
 
     def save(self, path: str | PathLike[str], *, force: bool = False) -> None:
@@ -326,7 +326,7 @@ class Library:
         LibraryError
             If something else is there, or another process is writing to it.
         ValueError
-            If a clip was put into the library by `extended`.
+            If a clip was put into the library by `with_clip`.
 
         Notes
         -----
@@ -335,7 +335,7 @@ class Library:
         """
         if len(self.samples) != len(self.segments):
             raise ValueError("a library that was extended by a base cannot be saved")
-        with store.writing(Path(path), force=force) as draft:
+        with store.write_generation(Path(path), force=force) as draft:
             entries, places, row = [], [], 0
             counts = np.bincount(self.segments.clip, minlength=len(self.entries)).tolist()
             for index, entry in enumerate(self.entries):
@@ -345,13 +345,20 @@ class Library:
                 else:
                     clip = self.clips[index]
                     # At the library's rate: what it once was is not known any more.
-                    own = replace(entry, rate=clip.rate, given_rate=None, own_frames=clip.n_frames)
+                    own = replace(
+                        entry,
+                        source_rate=clip.rate,
+                        rate_override=None,
+                        source_frames=clip.n_frames,
+                    )
                 entries.append(own)
                 places.append(draft.take_frames(pack(clip), row))
                 row += counts[index]
             for chunk in self.samples.chunks():
                 draft.take_samples(chunk.packed())
-            finish(draft, replace(self, entries=tuple(entries)), places, self.edges, None)
+            write_and_commit(
+                draft, replace(self, entries=tuple(entries)), places, self.boundary_states, None
+            )
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> "Library":
@@ -375,7 +382,7 @@ class Library:
         FileNotFoundError
             If there is nothing of that name.
         """
-        return opened(store.read(Path(path)))
+        return from_stored(store.read(Path(path)))
 
     @property
     def tags(self) -> tuple[frozenset[str], ...]:
@@ -384,7 +391,7 @@ class Library:
 
     def file_name(self, clip: int) -> str | None:
         """Return the name of the file that a clip was read from, if it was and that is known."""
-        origin = self.entries[clip].origin
+        origin = self.entries[clip].source_file
         if origin is not None:
             return Path(origin.path).name
         if isinstance(self.clips, store.StoredClips):
@@ -401,12 +408,14 @@ class Library:
 
     def pool(self, group: str) -> Pool:
         """Return the segments as the search for one group's donors sees them."""
-        if group not in self.edges:
-            raise ValueError(f"group must be one of {', '.join(self.edges)}, got {group!r}")
+        if group not in self.boundary_states:
+            raise ValueError(
+                f"group must be one of {', '.join(self.boundary_states)}, got {group!r}"
+            )
         base = self.groups.base
         compared = self.embedding[base]
         held, joints = self.groups.held(self.skeleton), self.joints(group)
-        ends = ends_alone(self.edges[group], joints, self.skeleton, held[group])
+        ends = ends_alone(self.boundary_states[group], joints, self.skeleton, held[group])
         return Pool(
             self.segments,
             self.labels[base],
@@ -480,7 +489,7 @@ class Library:
                 )
         if (config.sigma, config.sigma_scale) == (self.config.sigma, self.config.sigma_scale):
             return replace(self, config=config)
-        labels, sigma = clusters(self.embedding, len(self.segments), config)
+        labels, sigma = cluster_groups(self.embedding, len(self.segments), config)
         return replace(self, config=config, labels=labels, sigma=sigma)
 
     def mirrored(self) -> "Library":
@@ -498,11 +507,11 @@ class Library:
         ValueError
             If the skeleton's joints have no partners; see `mograft.mirror`.
         """
-        from mograft.library.indexing import mirrored  # which stands on this module
+        from mograft.library.indexing import mirror_library  # which stands on this module
 
-        return mirrored(self)
+        return mirror_library(self)
 
-    def holding(self, base: Motion | str | None) -> tuple["Library", int]:
+    def resolve_base(self, base: Motion | str | None) -> tuple["Library", int]:
         """Return a library that holds a motion, and which of its clips that is.
 
         Parameters
@@ -513,7 +522,7 @@ class Library:
         Returns
         -------
         library : Library
-            This one, or where the motion is not in it the one of `extended`.
+            This one, or where the motion is not in it the one of `with_clip`.
         index : int
             The index of the clip.
 
@@ -542,9 +551,9 @@ class Library:
                 and np.array_equal(base.positions, clip.positions)
             ):
                 return self, index
-        return self.extended(base), len(self.entries)
+        return self.with_clip(base), len(self.entries)
 
-    def extended(self, motion: Motion) -> "Library":
+    def with_clip(self, motion: Motion) -> "Library":
         """Return the library with one more clip, whose segments lend nothing to others.
 
         The new segments are put where they belong among the clusters that are there: into
@@ -568,7 +577,7 @@ class Library:
         """
         name = motion.name or "the base"
         self.skeleton.check_same_hierarchy(motion.skeleton, name)
-        if not same_rate(motion.rate, self.rate):
+        if not rates_match(motion.rate, self.rate):
             warnings.warn(
                 f"{name} is resampled from {motion.rate:.6g} to the library's {self.rate:.6g} fps",
                 stacklevel=2,
@@ -580,7 +589,7 @@ class Library:
             [motion], own, self.config, root=self.root, up=self.up, heights=[height]
         )
         samples = replace(samples, rows=samples.packed())
-        ends = edges(motion, own)
+        ends = boundary_states(motion, own)
         held = self.groups.held(self.skeleton)
         embedding = {
             group: None
@@ -597,7 +606,7 @@ class Library:
         cuts = [self.segments, replace(own, clip=np.full(len(own), len(self.entries)))]
         return replace(
             self,
-            clips=store.LongerClips(self.clips, motion),
+            clips=store.ExtendedClips(self.clips, motion),
             segments=Segments(
                 *(np.concatenate([getattr(c, f) for c in cuts]) for f in ("start", "stop", "clip"))
             ),
@@ -605,12 +614,12 @@ class Library:
             embedding=embedding,
             labels=labels,
             entries=(*self.entries, _entry_of(motion, motion.name)),
-            edges={
+            boundary_states={
                 group: {
                     key: np.concatenate([known, ends[key][:, joints]])
-                    for key, known in self.edges[group].items()
+                    for key, known in self.boundary_states[group].items()
                 }
-                for group, joints in joints_compared(self.groups, self.skeleton).items()
+                for group, joints in feature_joints_by_group(self.groups, self.skeleton).items()
             },
         )
 
@@ -630,7 +639,7 @@ _BUILT_BY = (
 )
 
 
-def clusters(
+def cluster_groups(
     embedding: Mapping[str, Embedding | None], n_segments: int, config: Config
 ) -> tuple[dict[str, IntArray], dict[str, float]]:
     """Return each group's labels and the diameter that they were cut at."""
@@ -645,10 +654,10 @@ def clusters(
     return labels, sigma
 
 
-def _entry_of(motion: Motion, name: str) -> Entry:
+def _entry_of(motion: Motion, name: str) -> ClipInfo:
     """Return what is known of a motion that is its own entry."""
-    facts = Facts.of(motion)
-    return Entry(
+    facts = ClipProperties.of(motion)
+    return ClipInfo(
         name,
         motion.name,
         None,
@@ -663,15 +672,15 @@ def _entry_of(motion: Motion, name: str) -> Entry:
     )
 
 
-def joints_compared(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
+def feature_joints_by_group(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
     members = groups.resolve(skeleton)
     return {name: feature_joints(skeleton, joints) for name, joints in members.items()}
 
 
-def finish(
-    draft: store.Draft,
+def write_and_commit(
+    draft: store.GenerationWriter,
     library: Library,
-    places: Sequence[Place],
+    places: Sequence[ClipLocation],
     ends: Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]],
     given_rate: float | None,
 ) -> None:
@@ -720,7 +729,7 @@ def finish(
 _EMBEDDED = ("points", "reference", "mean", "scale", "components", "variances")
 
 
-def opened(contents: store.Contents) -> Library:
+def from_stored(contents: store.StoredLibrary) -> Library:
     about, arrays = contents.manifest, contents.arrays
     config, groups = Config.from_dict(about["config"]), JointGroups.from_toml(about["groups"])
     embedding: dict[str, Embedding | None] = {}
@@ -770,7 +779,7 @@ def _with_points(embedding: Embedding, samples: Samples) -> Embedding:
 
 
 @dataclass(frozen=True, eq=False)
-class Members:
+class ClusterMembers:
     """Segments by their clusters, to find those that a new one belongs to.
 
     `order` has them cluster by cluster, ascending in each; `starts` is where each cluster
@@ -782,11 +791,11 @@ class Members:
     points: FloatArray
 
     @classmethod
-    def of(cls, labels: IntArray, points: FloatArray) -> "Members":
+    def from_labels(cls, labels: IntArray, points: FloatArray) -> "ClusterMembers":
         order = np.argsort(labels, kind="stable")
         return cls(order, np.flatnonzero(np.diff(labels[order], prepend=-1)), points[order])
 
-    def around(self, point: FloatArray, sigma: float) -> tuple[IntArray, FloatArray]:
+    def find_nearest_cluster(self, point: FloatArray, sigma: float) -> tuple[IntArray, FloatArray]:
         """Return the nearest cluster that stays within the diameter, and how far its members are.
 
         The nearest is that of the nearest member; of equals the first. None may be.
@@ -811,10 +820,10 @@ def _nearest_cluster(
     if embedding is None:
         return fresh
     known, points = embedding.points[:-n_new], embedding.points[-n_new:]
-    members = Members.of(labels, known)
+    members = ClusterMembers.from_labels(labels, known)
     chosen = fresh.copy()
     for index, point in enumerate(points):
-        mates, _ = members.around(point, sigma)
+        mates, _ = members.find_nearest_cluster(point, sigma)
         if len(mates):
             chosen[index] = labels[mates[0]]
     return chosen

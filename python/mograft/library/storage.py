@@ -41,20 +41,20 @@ from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.errors import LibraryError
 from mograft.library import clip_table as catalogue
-from mograft.library.clip_table import Entry, Place
-from mograft.library.ingest import Digest, Stored, same_rate, unpack
+from mograft.library.clip_table import ClipInfo, ClipLocation
+from mograft.library.ingest import IngestedClip, PackedMotion, rates_match, unpack
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 __all__ = [
-    "Contents",
-    "Draft",
+    "GenerationWriter",
     "StoredClips",
+    "StoredLibrary",
     "StoredSamples",
-    "leftovers",
+    "list_leftovers",
     "read",
     "verify",
-    "writing",
+    "write_generation",
 ]
 
 FORMAT, FORMAT_VERSION = "mograft.library", 1
@@ -72,8 +72,8 @@ class StoredClips(Sequence[Motion]):
 
     def __init__(
         self,
-        entries: Sequence[Entry],
-        places: Sequence[Place],
+        entries: Sequence[ClipInfo],
+        places: Sequence[ClipLocation],
         skeletons: Sequence[Skeleton],
         frames: Sequence[FloatArray],
         rate: float,
@@ -96,7 +96,7 @@ class StoredClips(Sequence[Motion]):
         known = self._in_hand.get(at)
         if known is None:
             known = self.original(at)
-            if not same_rate(known.rate, self._rate):
+            if not rates_match(known.rate, self._rate):
                 known = known.resample(self._rate)
             self._in_hand[at] = known
             if len(self._in_hand) > _CLIPS_IN_HAND:
@@ -107,23 +107,25 @@ class StoredClips(Sequence[Motion]):
         """Return a clip at its own rate; `as_read`, at the one that its file gives."""
         entry, place = self.entries[index], self.places[index]
         frame_time = place.frame_time
-        if entry.given_rate is not None and not as_read:
-            frame_time = 1.0 / entry.given_rate
+        if entry.rate_override is not None and not as_read:
+            frame_time = 1.0 / entry.rate_override
         return unpack(
-            Stored(
-                place.kind,
-                self._frames[place.shard][place.at : place.at + place.size],
+            PackedMotion(
+                place.content,
+                self._frames[place.shard][
+                    place.first_number : place.first_number + place.n_numbers
+                ],
                 self.skeletons[place.skeleton],
                 frame_time,
-                entry.own_frames,
-                entry.own_name if as_read else entry.name,
-                None if entry.origin is None else entry.origin.path,
+                entry.source_frames,
+                entry.source_name if as_read else entry.name,
+                None if entry.source_file is None else entry.source_file.path,
                 place.repairs,
             )
         )
 
 
-class LongerClips(Sequence[Motion]):
+class ExtendedClips(Sequence[Motion]):
     """Clips and one more."""
 
     def __init__(self, clips: Sequence[Motion], last: Motion) -> None:
@@ -195,7 +197,7 @@ class StoredSamples:
 
 
 @dataclass(frozen=True, eq=False)
-class Contents:
+class StoredLibrary:
     """A stored library as its files say it.
 
     Attributes
@@ -214,8 +216,8 @@ class Contents:
 
     folder: Path
     manifest: dict[str, Any]
-    entries: tuple[Entry, ...]
-    places: tuple[Place, ...]
+    entries: tuple[ClipInfo, ...]
+    places: tuple[ClipLocation, ...]
     skeletons: tuple[Skeleton, ...]
     refused: dict[str, str]
     arrays: dict[str, npt.NDArray[Any]]
@@ -226,15 +228,18 @@ class Contents:
         folder = self.folder / self.manifest["generation"]
         return StoredSamples(
             tuple(folder / f"samples-{name}.npy" for name in self.manifest["shards"]),
-            merged(
-                [(place.shard, place.row, n) for place, n in zip(self.places, counts, strict=True)]
+            merge_ranges(
+                [
+                    (place.shard, place.first_row, n)
+                    for place, n in zip(self.places, counts, strict=True)
+                ]
             ),
             self.manifest["config"]["samples"],
             len(self.manifest["skeleton"]["names"]),
         )
 
 
-def merged(extents: Sequence[tuple[int, int, int]]) -> tuple[tuple[int, int, int], ...]:
+def merge_ranges(extents: Sequence[tuple[int, int, int]]) -> tuple[tuple[int, int, int], ...]:
     """Join runs of rows that follow one another."""
     found: list[tuple[int, int, int]] = []
     for shard, first, n in extents:
@@ -248,7 +253,7 @@ def merged(extents: Sequence[tuple[int, int, int]]) -> tuple[tuple[int, int, int
 # Reading.
 
 
-def read(folder: Path) -> Contents:
+def read(folder: Path) -> StoredLibrary:
     """Open a library.
 
     Parameters
@@ -310,7 +315,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return document
 
 
-def _read_generation(folder: Path, manifest: dict[str, Any]) -> Contents:
+def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
     arrays = {}
     inside = manifest["generation"] + "/"
     for name, seal in manifest["files"].items():
@@ -325,7 +330,7 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> Contents:
             except ValueError as error:
                 raise _damaged(folder, f"{name}: {error}") from error
     try:
-        return Contents(folder, manifest, *catalogue.read(folder / inside / CATALOGUE), arrays)
+        return StoredLibrary(folder, manifest, *catalogue.read(folder / inside / CATALOGUE), arrays)
     except (sqlite3.Error, KeyError, TypeError, ValueError) as error:
         raise _damaged(folder, f"{CATALOGUE}: {error}") from error
 
@@ -387,7 +392,7 @@ def verify(folder: Path) -> list[str]:
     return wrong
 
 
-def leftovers(folder: Path) -> list[str]:
+def list_leftovers(folder: Path) -> list[str]:
     """Return what an interrupted write has left in a library; the next write removes it."""
     manifest = read_manifest(folder)
     known = {MANIFEST, LOCK, manifest["generation"]}
@@ -425,7 +430,7 @@ def _npy_header(dtype: str, shape: tuple[int, ...]) -> bytes:
     return _MAGIC + text.ljust(_HEADER - 11).encode() + b"\n"
 
 
-class _Growing:
+class ArrayWriter:
     """An array file that rows are appended to; its header is written when it is done."""
 
     def __init__(self, path: Path, dtype: str, row: tuple[int, ...]) -> None:
@@ -468,7 +473,7 @@ class _Growing:
             raise OSError(error.errno, error.strerror, str(self.path)) from error
 
 
-class Draft:
+class GenerationWriter:
     """The next generation of a library, while it is written; made by `writing`.
 
     Attributes
@@ -479,13 +484,13 @@ class Draft:
         Names of the files that hold frames and samples.
     """
 
-    def __init__(self, root: Path, final: Path, base: Contents | None, number: int) -> None:
+    def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
         self.base = base
         self.shards: list[str] = []
         self._root, self.final = root, final
         self._generation = f"{number:04d}"
         self._seals: dict[str, dict[str, Any]] = {}
-        self._open: dict[str, _Growing] = {}
+        self._open: dict[str, ArrayWriter] = {}
         self._names: list[str] = []
         self._skeletons: dict[str, int] = {}
         self.folder = root / self._generation
@@ -524,31 +529,31 @@ class Draft:
         self.shards.clear()
         self._open.clear()
 
-    def take(self, digest: Digest) -> Place:
+    def take(self, digest: IngestedClip) -> ClipLocation:
         """Write a clip's numbers, samples and edges."""
         stored = digest.clip
-        if not isinstance(stored, Stored):
+        if not isinstance(stored, PackedMotion):
             raise TypeError("a draft takes clips as numbers")
         row = 0
         if f"samples-{self._generation}" in self._open:
             row = self._open[f"samples-{self._generation}"].rows
         place = self.take_frames(stored, row)
         self.take_samples(digest.samples)
-        for key, values in digest.edges.items():
+        for key, values in digest.boundary_states.items():
             self._growing(f"edges-{key}", "<f8", values.shape[1:]).append(values)
         return place
 
-    def take_frames(self, stored: Stored, row: int) -> Place:
+    def take_frames(self, stored: PackedMotion, row: int) -> ClipLocation:
         """Write a clip's numbers, whose samples will begin in some row."""
         if self._generation not in self.shards:
             self.shards.append(self._generation)
         frames = self._growing(f"frames-{self._generation}", "<f8", ())
-        place = Place(
+        place = ClipLocation(
             self.shards.index(self._generation),
             frames.rows,
             len(stored.numbers),
             row,
-            stored.kind,
+            stored.content,
             stored.frame_time,
             stored.repairs,
             self._skeleton(stored.skeleton),
@@ -564,9 +569,9 @@ class Draft:
         """Return rows of the edges of the clips taken, all joints."""
         return self._open[f"edges-{key}"].read(start, stop)
 
-    def _growing(self, name: str, dtype: str, row: tuple[int, ...]) -> _Growing:
+    def _growing(self, name: str, dtype: str, row: tuple[int, ...]) -> ArrayWriter:
         if name not in self._open:
-            self._open[name] = _Growing(self.folder / f"{name}.npy", dtype, row)
+            self._open[name] = ArrayWriter(self.folder / f"{name}.npy", dtype, row)
         return self._open[name]
 
     def _skeleton(self, skeleton: Skeleton) -> int:
@@ -578,7 +583,7 @@ class Draft:
         """Return the samples of the library that is being written."""
         self._shelve()
         files = tuple(self.folder / f"samples-{shard}.npy" for shard in self.shards)
-        return StoredSamples(files, merged(extents), n_samples, n_joints)
+        return StoredSamples(files, merge_ranges(extents), n_samples, n_joints)
 
     def _shelve(self) -> None:
         """Close the files of frames and samples: they are complete."""
@@ -586,11 +591,11 @@ class Draft:
             self._open.pop(name).close()
             self._names.append(f"{name}.npy")
 
-    def is_scattered(self, places: Sequence[Place]) -> bool:
+    def is_scattered(self, places: Sequence[ClipLocation]) -> bool:
         """Tell whether clips lie in too many files, or these hold too much that is of no use."""
         if len(self.shards) > _MOST_SHARDS:
             return True
-        used = sum(place.size for place in places)
+        used = sum(place.n_numbers for place in places)
         before = [self.folder / f"frames-{shard}.npy" for shard in self.shards]
         held = sum(
             path.stat().st_size for path in before if path.name != f"frames-{self._generation}.npy"
@@ -616,8 +621,8 @@ class Draft:
 
     def write_catalogue(
         self,
-        entries: Sequence[Entry],
-        places: Sequence[Place],
+        entries: Sequence[ClipInfo],
+        places: Sequence[ClipLocation],
         refused: Mapping[str, str],
         segments: npt.NDArray[np.int64],
         labels: Mapping[str, IntArray],
@@ -680,7 +685,9 @@ class Draft:
 
 
 @contextlib.contextmanager
-def writing(path: Path, *, force: bool = False, add: bool = False) -> Iterator[Draft]:
+def write_generation(
+    path: Path, *, force: bool = False, add: bool = False
+) -> Iterator[GenerationWriter]:
     """Begin the next generation of a library, which counts once it is committed.
 
     Parameters
@@ -714,7 +721,7 @@ def writing(path: Path, *, force: bool = False, add: bool = False) -> Iterator[D
         partial.mkdir()
         try:
             with _locked(partial):
-                yield from _drafted(Draft(partial, final, None, 1))
+                yield from _drafted(GenerationWriter(partial, final, None, 1))
         finally:
             shutil.rmtree(partial, ignore_errors=True)
         return
@@ -730,7 +737,7 @@ def writing(path: Path, *, force: bool = False, add: bool = False) -> Iterator[D
             number = _free_number(final)
         kept = {MANIFEST, LOCK, f"{number - 1:04d}"}
         _remove(final, kept)
-        draft = Draft(final, final, base, number)
+        draft = GenerationWriter(final, final, base, number)
         try:
             yield from _drafted(draft)
         finally:
@@ -738,7 +745,7 @@ def writing(path: Path, *, force: bool = False, add: bool = False) -> Iterator[D
                 _remove(final, {MANIFEST, LOCK, read_manifest(final)["generation"]})
 
 
-def _drafted(draft: Draft) -> Iterator[Draft]:
+def _drafted(draft: GenerationWriter) -> Iterator[GenerationWriter]:
     try:
         yield draft
     finally:

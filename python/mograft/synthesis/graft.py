@@ -196,7 +196,7 @@ class Graft:
             {
                 "name": entry.name,
                 "file": library.file_name(index),
-                "sha256": None if entry.origin is None else entry.origin.sha256,
+                "sha256": None if entry.source_file is None else entry.source_file.sha256,
             }
             for index, entry in enumerate(library.entries)
         ]
@@ -309,7 +309,7 @@ class Plan:
     ) -> "Plan":
         groups = swapped(library, swap)
         if order is None:
-            library, at = library.holding(base)
+            library, at = library.resolve_base(base)
             scenario = library.segments.of_clip(at)
             motion, cut = library.clips[at], library.segments[scenario]
         elif base is not None:

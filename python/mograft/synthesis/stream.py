@@ -19,8 +19,8 @@ from mograft.body.contacts import find_legs
 from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
 from mograft.config import Config
-from mograft.library.ingest import edges, same_rate
-from mograft.library.library import Library, Members
+from mograft.library.ingest import boundary_states, rates_match
+from mograft.library.library import ClusterMembers, Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, world_transforms
 from mograft.motion.resample import cubic
@@ -244,7 +244,7 @@ class Stream:
             self._library.skeleton.check_same_hierarchy(frames.skeleton, name)
         elif not _same_skeleton(frames.skeleton, self._base.like.skeleton):
             raise ValueError("frames must all be of one skeleton, got another than before")
-        if not same_rate(frames.rate, self._library.rate):
+        if not rates_match(frames.rate, self._library.rate):
             raise ValueError(
                 f"frames must come at the library's {self._library.rate:.6g} per second, "
                 f"got {frames.rate:.6g}: resample the base first"
@@ -323,11 +323,11 @@ class Stream:
         costs = donor_costs(cut.lengths, taken, apart, is_own, config)
         few = cheapest(costs + np.append(prices, 0.0), is_own, config)
         donors = np.append(mates, -1)[few]
-        ends, flat = edges(base, cut), np.append(prices, 0.0)[few]
+        ends, flat = boundary_states(base, cut), np.append(prices, 0.0)[few]
         place = _Place(start, base, at, own, donors, costs[few], costs[few] + flat, ())
         place = replace(place, posed=tuple(self._here(place)))
         for group in self._members:
-            joints, known = self._columns[group], library.edges[group]
+            joints, known = self._columns[group], library.boundary_states[group]
             place.ends[group] = {
                 key: np.concatenate([known[key][donors[:-1]], ends[key][:, joints]])
                 for key in ("first", "last", "first_velocity", "last_velocity")
@@ -750,16 +750,20 @@ class _Clusters:
 
     library: Library
     height: float
-    members: Members | None
+    members: ClusterMembers | None
 
     @classmethod
     def of(cls, library: Library, height: float) -> "_Clusters":
         base = library.groups.base
         labels, known = library.labels[base], library.embedding[base]
-        return cls(library, height, None if known is None else Members.of(labels, known.points))
+        return cls(
+            library,
+            height,
+            None if known is None else ClusterMembers.from_labels(labels, known.points),
+        )
 
     def mates(self, motion: Motion, cut: Segments) -> tuple[IntArray, FloatArray]:
-        """Return the members of a segment's cluster, the one that `Library.extended` finds.
+        """Return the members of a segment's cluster, the one that `Library.with_clip` finds.
 
         Ascending; and how far they are, in greatest distances within a cluster.
         """
@@ -775,7 +779,7 @@ class _Clusters:
         point = known.project(
             features(samples, known.joints, known.reference, has_root=known.has_root)
         )
-        mates, apart = self.members.around(point[0], sigma)
+        mates, apart = self.members.find_nearest_cluster(point[0], sigma)
         return mates, apart / sigma if sigma > 0 else apart
 
 

@@ -497,7 +497,7 @@ def _members(
 
 
 def _of_clip(library: Library, clip: Motion) -> Figure:
-    library, index = library.holding(clip)
+    library, index = library.resolve_base(clip)
     own = library.segments.of_clip(index)
     start, stop = library.segments.start[own], library.segments.stop[own]
     rows = [Row(group, start, stop, labels[own]) for group, labels in library.labels.items()]
