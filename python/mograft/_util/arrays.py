@@ -1,4 +1,4 @@
-"""The one door through which arrays enter: dtype, shape, finiteness, unit norm."""
+"""Conversion of array arguments: dtype, shape, finiteness and unit norm are checked here."""
 
 from typing import Any, TypeAlias
 
@@ -18,11 +18,11 @@ def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> Fl
     Parameters
     ----------
     name : str
-        What the caller calls the value, for error messages.
+        Name of the argument, for error messages.
     value : array_like
-        The value; it is copied only if it is not such an array already.
+        The value. It is copied only if it has another dtype or memory order.
     shape : tuple of int or str, optional
-        Wanted length of each axis; a string names an axis of any length. Default: any.
+        Expected length of each axis; a string names an axis of any length. Default: any shape.
 
     Returns
     -------
@@ -32,9 +32,9 @@ def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> Fl
     Raises
     ------
     TypeError
-        If the value is no array of real numbers.
+        If the value is not an array of real numbers.
     ValueError
-        If the shape differs or an element is not finite.
+        If the shape differs from the expected one or an element is not finite.
     """
     array = _as_array(name, value, shape)
     finite = np.isfinite(array)
@@ -50,7 +50,7 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
     Parameters
     ----------
     name, value, shape
-        As for `as_floats`; the axis of the four components is not part of `shape`.
+        As for `as_floats`; `shape` excludes the axis of the four components.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
     if quats.shape[-1:] != (4,):
         as_floats(name, quats)
         raise ValueError(f"{name} must have shape (..., 4), got {quats.shape}")
-    # Squared norms are within 2e-6 of 1 where norms are within 1e-6; then all is finite.
+    # A norm within 1e-6 of 1 has a square within 2e-6 of 1. Non-finite values fail the test.
     unit = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
     if not unit.all():
         as_floats(name, quats)
@@ -82,7 +82,7 @@ def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> F
     Parameters
     ----------
     name, value, shape
-        As for `as_floats`; the axis of the three components is not part of `shape`.
+        As for `as_floats`; `shape` excludes the axis of the three components.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
     Raises
     ------
     TypeError
-        If the value is no array of whole numbers.
+        If the value is not an array of whole numbers.
     ValueError
         If the shape differs.
     """
@@ -129,7 +129,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
 
 
 def restore(owner: object, state: dict[str, Any]) -> None:
-    """Set the fields of a value that was pickled or copied, its arrays read-only once more."""
+    """Set the fields of an unpickled or copied value and make its arrays read-only."""
     for value in state.values():
         if isinstance(value, np.ndarray):
             make_read_only(value)
@@ -137,7 +137,7 @@ def restore(owner: object, state: dict[str, Any]) -> None:
 
 
 def make_read_only(array: npt.NDArray[np.generic]) -> None:
-    """Make an array read-only, for values that are shared and never change."""
+    """Make an array read-only."""
     array.flags.writeable = False
 
 

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Atomic file writes: a file is replaced as a whole or not at all."""
 
 import errno
 import os
@@ -11,16 +11,17 @@ __all__ = ["atomic_path", "write_bytes", "write_text"]
 
 @contextmanager
 def atomic_path(target: Path) -> Iterator[Path]:
-    """Give another name to write to, which takes the target's once all is written.
+    """Yield a temporary path that replaces `target` when the block ends without an error.
 
-    It lies in the target's folder and has its ending, by which some writers go.
+    The temporary file lies in the folder of `target` and has the same suffix, because some
+    writers choose the format by suffix. It is removed after an error.
     """
     path = Path(os.path.realpath(target))
     if not path.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
     draft = path.with_name(f".{path.stem}.{os.urandom(4).hex()}{path.suffix}")
     if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, "is a folder, where a file is wanted", str(target))
+        raise IsADirectoryError(errno.EISDIR, "is a folder, expected a file", str(target))
     try:
         yield draft
         draft.replace(path)
@@ -29,11 +30,11 @@ def atomic_path(target: Path) -> Iterator[Path]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all."""
+    """Write a file atomically."""
     with atomic_path(path) as draft:
         draft.write_bytes(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write text as UTF-8, with the line ends that it has."""
+    """Write text atomically as UTF-8, without translating line ends."""
     write_bytes(path, text.encode("utf-8"))

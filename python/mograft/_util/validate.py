@@ -1,4 +1,4 @@
-"""Checks of single values, each by its name."""
+"""Checks of single arguments and dataclass fields; messages name the argument."""
 
 import math
 from typing import Any, TypeGuard
@@ -9,45 +9,49 @@ from mograft._util.arrays import as_floats
 
 
 def is_integer(value: object) -> TypeGuard[int]:
-    """Tell whether something is a whole number, Python's or NumPy's."""
+    """Return whether a value is an integer of Python or NumPy; bool does not count."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
-def as_integer(name: str, value: object, least: int = 0) -> int:
-    """Return a whole number, Python's or NumPy's, as Python's."""
-    if not is_integer(value) or value < least:
-        raise ValueError(f"{name} must be a whole number from {least}, got {value!r}")
+def as_integer(name: str, value: object, minimum: int = 0) -> int:
+    """Return an integer of Python or NumPy as a Python int; raise ValueError otherwise."""
+    if not is_integer(value) or value < minimum:
+        raise ValueError(f"{name} must be a whole number from {minimum}, got {value!r}")
     return int(value)
 
 
 def check_type(name: str, value: object, kind: type) -> None:
-    """Refuse what is of another kind."""
+    """Raise TypeError unless `value` is an instance of `kind`."""
     if not isinstance(value, kind):
         raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
 
 
 def coerce_vector(owner: object, name: str) -> None:
+    """Replace a field by a tuple of three floats."""
     numbers = as_floats(name, getattr(owner, name), (3,))
     object.__setattr__(owner, name, tuple(numbers.tolist()))
 
 
 def check_positive(owner: object, name: str) -> None:
+    """Raise ValueError unless a field is a number above 0."""
     if not _number(owner, name) > 0:
         raise ValueError(f"{name} must be above 0, got {getattr(owner, name)}")
 
 
 def check_not_negative(owner: object, name: str) -> None:
+    """Raise ValueError unless a field is a number of at least 0."""
     if not _number(owner, name) >= 0:
         raise ValueError(f"{name} must not be negative, got {getattr(owner, name)}")
 
 
 def check_finite(owner: object, name: str) -> None:
+    """Raise ValueError unless a field is a finite number."""
     if not math.isfinite(_number(owner, name)):
         raise ValueError(f"{name} must be finite, got {getattr(owner, name)}")
 
 
 def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
-    """Return a field, a number of NumPy's made Python's, as files and messages want it."""
+    """Return a field; a NumPy scalar is replaced by the Python number, for files and messages."""
     value = getattr(owner, name)
     if isinstance(value, np.generic):
         value = value.item()
