@@ -30,7 +30,7 @@ from mograft.body.capsules import clearance
 from mograft.dancer import dance
 from mograft.search.candidates import Pool, Row
 from mograft.search.viterbi import Chain, viterbi
-from mograft.synthesis.problem import Problem, take
+from mograft.synthesis.problem import Problem
 from tests.oracles import pipeline as plain
 
 CONFIG = mg.Config()
@@ -214,7 +214,7 @@ def reach(paths):
         library = mg.Library.build(opened(path))
         rng = np.random.default_rng(0)
         base, scenario = library.clips[0], library.segments.of_clip(0)
-        cut = take(library.segments, scenario)
+        cut = library.segments[scenario]
         problem = Problem.of(library, base, scenario, cut, ["upper"], [])
         hand = next((name for name in HANDS if name in base.skeleton.names), None)
         counts = [len(own) for own in problem.candidates["upper"]]

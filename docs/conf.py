@@ -124,9 +124,10 @@ def make_api() -> None:
             )
         elif inspect.isfunction(value):
             parts["Functions"].append(f"```{{eval-rst}}\n.. autofunction:: mograft.{name}\n```\n")
-    modules = [name for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
-    for module in (*modules, "capsules", "dancer"):
-        title, entries = _module(importlib.import_module(f"mograft.{module}"))
+    modules = [getattr(mg, name) for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
+    others = [importlib.import_module(f"mograft.{name}") for name in ("body.capsules", "dancer")]
+    for module in (*modules, *others):
+        title, entries = _module(module)
         parts[title] = entries
     lines = ["# API", ""]
     for title, entries in parts.items():

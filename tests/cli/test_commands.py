@@ -505,7 +505,7 @@ def test_a_file_where_a_folder_is_wanted_is_told_before_the_work(capsys, folder,
     assert taken.read_text() == "mine"
     code, _, err = run(capsys, "view", folder, "-o", tmp_path, "--force")
     assert code == 1
-    assert f"{tmp_path}: is a folder, where a file is wanted" in err
+    assert f"{tmp_path}: is a folder, expected a file" in err
 
 
 def test_a_library_is_no_folder_of_files(capsys, folder, tmp_path):

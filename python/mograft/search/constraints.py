@@ -160,7 +160,7 @@ class Avoid(Constraint):
 
     Examples
     --------
-    >>> from mograft.search.viterbi.obstacles import HalfSpace
+    >>> from mograft.search.obstacles import HalfSpace
     >>> floor = HalfSpace((0, 0, 0), (0, 1, 0))
     >>> Avoid(floor, tolerance=0.02).is_hard
     True
@@ -378,7 +378,7 @@ class KeepOut(Constraint):
 
     Examples
     --------
-    >>> from mograft.search.viterbi.obstacles import Sphere
+    >>> from mograft.search.obstacles import Sphere
     >>> KeepOut("LeftHand", Sphere((0, 100, 0), 30)).tell(4.0, height=180.0)
     'LeftHand is 0.020 heights inside, 0.005 are allowed'
     """

@@ -640,9 +640,9 @@ def repair(
 
     Examples
     --------
-    >>> from mograft.search.viterbi.constraints import Avoid
+    >>> from mograft.search.constraints import Avoid
     >>> from mograft.dancer import dance
-    >>> from mograft.search.viterbi.obstacles import Sphere
+    >>> from mograft.search.obstacles import Sphere
     >>> motion = dance(strides=1).motion
     >>> far = Avoid(Sphere((0.0, 900.0, 0.0), 5.0))
     >>> any(not s.is_own for s in repair(Library.build(motion), constraints=[far]).substitutions)
