@@ -240,7 +240,7 @@ class Config:
         Results differ from the printed method in these points: the window of the seam curve
         is clamped to half of a short segment and skipped where no frame remains; donors are
         sampled by a curve through neighbouring frames of their clip; faulty clips are excluded
-        donors; eq. 19 counts intervals instead of frames; σ bounds the diameter of a cluster.
+        donors; eq. 19 counts intervals instead of frames; sigma bounds the diameter of a cluster.
         """
         literal = cls(
             min_length=FRAME,
