@@ -133,9 +133,12 @@ def test_the_cubic_meets_its_ends_and_velocities(start, end, leaving, reaching):
         (lambda: rotations.log([0, 0, 0, 2.0]), "rotations must be unit quaternions, got norm 2"),
         (lambda: rotations.log([0, 0, 1.0]), r"rotations must have shape \(..., 4\), got \(3,\)"),
         (lambda: rotations.exp([0, np.nan, 0]), r"vectors must be finite, got nan at \[1\]"),
-        (lambda: rotations.from_euler([1.0], "Q"), "order must be of the letters X, Y and Z"),
+        (lambda: rotations.from_euler([1.0], "Q"), "order must consist of the letters X, Y and Z"),
         (lambda: rotations.from_euler([1.0, 2.0], "X"), r"angles must have shape \(..., 1\)"),
-        (lambda: rotations.to_euler([[0, 0, 0, 1.0]], "ZXZ"), "order must be different letters"),
+        (
+            lambda: rotations.to_euler([[0, 0, 0, 1.0]], "ZXZ"),
+            "order must consist of different letters",
+        ),
     ],
 )
 def test_what_is_no_rotation_is_refused_by_name(call, message):

@@ -1,4 +1,4 @@
-"""Motion: how a skeleton moves, frame by frame."""
+"""`Motion`: the joint rotations and positions of a skeleton in every frame."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,35 +27,34 @@ __all__ = ["Motion", "world_transforms"]
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A skeleton's motion; the content of one clip.
+    """Joint rotations and positions of a skeleton in every frame of one clip.
 
     Parameters
     ----------
     skeleton : Skeleton
-        What moves.
+        The skeleton.
     frame_time : float
         Seconds from one frame to the next.
     rotations : array_like, shape (n_frames, n_joints, 4)
         Local rotations: unit quaternions, xyzw.
     positions : array_like, shape (n_frames, n_joints, 3)
-        Local translations in the file's unit: from the file's position channels, else the
+        Local translations in the unit of the file. Joints without position channels hold their
         rest offset.
     channel_values : array_like, shape (n_frames, n_channels), optional
-        The numbers of the file, in its own order and units (degrees). NaN where a number
-        must be derived anew from the rotation or translation when it is written; the
-        default is so everywhere.
+        The numbers of the file, in its order and units (degrees). NaN marks a number that the
+        writer derives from the rotation or translation. Default: NaN everywhere.
     name : str
-        What to call the motion; for a file its name without ending.
+        Name of the motion; for a file, its stem.
     path : Path, optional
         The file that it was read from.
     repairs : tuple of str
-        What the reader tolerated in the file, each with its place.
+        Deviations from the format that the reader tolerated, each with its line.
 
     Raises
     ------
     ValueError
-        If a shape does not fit the skeleton, a value is not finite, a quaternion is not of
-        unit norm, or the frame time is not above 0.
+        If a shape does not fit the skeleton, a value is not finite, a quaternion does not have
+        unit norm or the frame time is not above 0.
 
     Examples
     --------
@@ -112,21 +111,20 @@ class Motion:
         return self.n_frames
 
     def _repr_html_(self) -> str:
-        # Pages stand at the end of the way of the data: only notebooks need them here.
         from mograft.viewing.page import embedded  # layer exception: notebooks show a page
 
         return embedded(self)
 
     def __getitem__(self, frames: slice) -> "Motion":
-        """Return a motion of those frames; a step keeps the time that they take."""
+        """Return a motion of some frames; a step multiplies the frame time."""
         if not isinstance(frames, slice):
-            raise TypeError(f"frames must be a slice, as motion[100:400], got {frames!r}")
+            raise TypeError(f"frames must be a slice such as motion[100:400], got {frames!r}")
         step = 1 if frames.step is None else frames.step
         if step < 1:
             raise ValueError(f"the step must be 1 or more, got {step}")
         chosen = range(*frames.indices(self.n_frames))
         if not chosen:
-            raise ValueError(f"motion[{frames.start}:{frames.stop}] holds no frame")
+            raise ValueError(f"motion[{frames.start}:{frames.stop}] selects no frame")
         values = self.channel_values
         return replace(
             self,
@@ -158,12 +156,12 @@ class Motion:
 
     @cached_property
     def travels(self) -> BoolArray:
-        """Which joints have a translation that varies, in their order."""
+        """Whether the translation of each joint varies, shape (n_joints,)."""
         varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
         return varies
 
     def world_transforms(self) -> tuple[FloatArray, FloatArray]:
-        """Return rotations and positions of all joints in the world, by forward kinematics.
+        """Return world rotations and positions of all joints, by forward kinematics.
 
         Returns
         -------
@@ -175,11 +173,11 @@ class Motion:
         return world_transforms(self.skeleton, self.rotations, self.positions)
 
     def world_positions(self) -> FloatArray:
-        """Return where the joints are in the world, shape (n_frames, n_joints, 3)."""
+        """Return the world positions of all joints, shape (n_frames, n_joints, 3)."""
         return self.world_transforms()[1]
 
     def resample(self, rate: float) -> "Motion":
-        """Return the motion at another frame rate, by cubics on the sphere.
+        """Return the motion at another frame rate, by cubic rotation curves.
 
         Parameters
         ----------
@@ -189,20 +187,20 @@ class Motion:
         Returns
         -------
         Motion
-            Of the same duration exactly: its frame time is the duration over the nearest
-            whole number of intervals, so its rate may differ a little from the one wanted.
+            Motion of exactly the same duration. Its frame time is the duration divided by the
+            nearest whole number of intervals, so its rate may differ slightly from `rate`.
 
         Raises
         ------
         ValueError
-            If the rate is not above 0, or so high that memory does not hold the frames.
+            If the rate is not above 0 or gives 2**53 frames or more.
         """
-        wanted = float(as_floats("rate", rate, ()))
-        if wanted <= 0:
-            raise ValueError(f"rate must be above 0 frames per second, got {wanted}")
-        if self.duration * wanted >= 2**53:
-            raise ValueError(f"rate must be one whose frames can be counted, got {wanted:g}")
-        intervals = max(round(self.duration * wanted), 1)
+        rate = float(as_floats("rate", rate, ()))
+        if rate <= 0:
+            raise ValueError(f"rate must be above 0 frames per second, got {rate}")
+        if self.duration * rate >= 2**53:
+            raise ValueError(f"rate must give fewer than 2**53 frames, got {rate:g}")
+        intervals = max(round(self.duration * rate), 1)
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self
         bounds: tuple[npt.ArrayLike, ...] = ([0], [self.n_frames - 1], [intervals + 1])
@@ -215,23 +213,23 @@ class Motion:
         )
 
     def locomotion_root(self) -> int:
-        """Return the joint that carries the body through the world.
+        """Return the joint whose translation moves the body: the first that varies.
 
-        That is the first whose translation varies: in some files the file's own root is a
-        dummy that never moves. The file's root where none does.
+        In some files the root of the hierarchy is a helper joint that never moves. If no
+        translation varies, the root of the hierarchy is returned.
         """
         moving = np.flatnonzero(self.travels)
         return int(moving[0]) if len(moving) else 0
 
     def channel_numbers(self) -> FloatArray:
-        """Return the numbers that the motion has in a file.
+        """Return the channel values of the motion as a file stores them.
 
         Returns
         -------
         ndarray, shape (n_frames, n_channels)
-            In the order and units of the file (degrees): those read where they are known,
-            the others derived from rotations and translations, each angle as near to the
-            frame before as can be.
+            In the order and units of the file (degrees). Known values are returned as read.
+            Missing ones are derived from rotations and translations; each derived angle is
+            the nearest to the previous frame.
         """
         n_frames, skeleton = self.n_frames, self.skeleton
         known = self.channel_values
@@ -259,21 +257,21 @@ class Motion:
 def world_transforms(
     skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what `Motion.world` does, of local rotations and positions that are no motion.
+    """Return world rotations and positions of local ones.
 
     Parameters
     ----------
     skeleton : Skeleton
-        Whose joints they are.
+        The skeleton.
     rotations : ndarray, shape (n, n_joints, 4)
-        Local rotations, each row a pose; taken as they are.
+        Local rotations, one pose per row; not checked.
     positions : ndarray, shape (n, n_joints, 3)
         Local positions.
 
     Returns
     -------
     rotations, positions : ndarray
-        Of the same shapes, in the world.
+        World rotations and positions, of the same shapes.
     """
     return _core.world(
         skeleton.parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions)
@@ -281,7 +279,7 @@ def world_transforms(
 
 
 def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:
-    """Derive missing Euler angles in degrees, run by run of frames, each near the one before."""
+    """Fill missing Euler angles in degrees, each the nearest to the previous frame."""
     filled = angles.copy()
     unknown = np.isnan(angles).any(axis=1)
     edges = np.flatnonzero(np.diff(unknown, prepend=False, append=False))

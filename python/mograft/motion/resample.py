@@ -1,4 +1,4 @@
-"""Motion at times between its frames."""
+"""Interpolation of rotations and positions at times between frames."""
 
 import numpy.typing as npt
 
@@ -18,8 +18,8 @@ __all__ = ["cubic", "cubic_positions", "resample_segment_positions", "resample_s
 def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
     """Interpolate joint rotations spherically at new times.
 
-    Between two frames each joint turns at constant speed along the shorter arc. Outside the
-    frames it holds the nearest one.
+    Between two frames each joint rotates at constant speed along the shorter arc. Before the
+    first frame and after the last the nearest frame is returned.
 
     Parameters
     ----------
@@ -33,17 +33,17 @@ def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
     Returns
     -------
     ndarray, shape (n_times, n_joints, 4)
-        Unit quaternions. At a frame's own time the frame, perhaps with its sign changed.
+        Unit quaternions. At the time of a frame the result is that frame, up to sign.
 
     Raises
     ------
     ValueError
-        If a shape is wrong, a value is not finite, a quaternion is not of unit norm, or the
+        If a shape is wrong, a value is not finite, a quaternion does not have unit norm or the
         times do not increase.
 
     See Also
     --------
-    cubic : Interpolation without jumps in angular velocity.
+    cubic : Interpolation with continuous angular velocity.
 
     Examples
     --------
@@ -58,11 +58,11 @@ def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
 
 
 def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
-    """Interpolate joint rotations smoothly at new times.
+    """Interpolate joint rotations at new times with continuous angular velocity.
 
-    The curve passes through all frames without jumps in angular velocity; its velocity at a
-    frame is that of the parabola through three frames. Outside the frames it holds the
-    nearest one.
+    The curve passes through all frames. Its velocity at a frame is that of the parabola through
+    the frame and its two neighbours. Before the first frame and after the last the nearest
+    frame is returned.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
     Returns
     -------
     ndarray, shape (n_times, n_joints, 4)
-        Unit quaternions; at a frame's own time the frame itself.
+        Unit quaternions; at the time of a frame exactly that frame.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
 
     Notes
     -----
-    Between two frames: `rotations.hermite`.
+    Each interval is the curve of `mograft.rotations.hermite`.
     """
     frame_times = as_floats("times", times, ("n_frames",))
     quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
@@ -91,7 +91,7 @@ def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
 def cubic_positions(
     times: npt.ArrayLike, positions: npt.ArrayLike, at: npt.ArrayLike
 ) -> FloatArray:
-    """Interpolate positions smoothly at new times, by the cubic of `cubic` for vectors.
+    """Interpolate positions at new times with continuous velocity; `cubic` for vectors.
 
     Parameters
     ----------
@@ -121,35 +121,34 @@ def resample_segments(
     stops: npt.ArrayLike,
     counts: npt.ArrayLike,
 ) -> FloatArray:
-    """Resample segments of a clip, each evenly to a number of frames of its own.
+    """Resample each segment of a clip to a given number of equally spaced frames.
 
-    The curve is that of `cubic` and looks at no frame outside the segment. A sample that
-    falls on a frame is that frame bit for bit, so as many frames as before are the segment
-    itself.
+    The curve is that of `cubic` and uses no frame outside the segment. A sample at the time of a
+    frame is that frame bit for bit, so resampling to the original count returns the segment.
 
     Parameters
     ----------
     rotations : array_like, shape (n_frames, n_joints, 4)
-        The clip's unit quaternions, at equal time steps.
+        Unit quaternions of the clip, at equal time steps.
     starts, stops : array_like of int, shape (n_segments,)
         First and last frame of each segment, both included.
     counts : array_like of int, shape (n_segments,)
-        Frames wanted of each; of a single one, the first.
+        Number of frames of each resampled segment; a count of 1 returns the first frame.
 
     Returns
     -------
     ndarray, shape (counts.sum(), n_joints, 4)
-        The segments' frames, one segment after the other.
+        Frames of all segments, concatenated.
 
     Raises
     ------
     ValueError
-        If a shape is wrong, or a segment leaves the clip or spans no interval.
+        If a shape is wrong or a segment exceeds the clip or spans no interval.
 
     Examples
     --------
     >>> quats = [[[0, 0, 0, 1]], [[0, 0.6, 0, 0.8]], [[0, 0.96, 0, 0.28]]]
-    >>> segments(quats, [0], [2], [2])[:, 0, 1]
+    >>> resample_segments(quats, [0], [2], [2])[:, 0, 1]
     array([0.  , 0.96])
     """
     quats = as_quaternions("rotations", rotations, ("n_frames", "n_joints"))
@@ -162,24 +161,24 @@ def resample_segment_positions(
     stops: npt.ArrayLike,
     counts: npt.ArrayLike,
 ) -> FloatArray:
-    """Resample positions of segments, as `segments` does rotations.
+    """Resample positions of segments; `resample_segments` for vectors.
 
     Parameters
     ----------
     positions : array_like, shape (n_frames, n_joints, 3)
-        The clip's positions, in any unit, at equal time steps.
+        Positions of the clip, in any unit, at equal time steps.
     starts, stops, counts
-        As for `segments`.
+        As for `resample_segments`.
 
     Returns
     -------
     ndarray, shape (counts.sum(), n_joints, 3)
-        The segments' frames, one segment after the other.
+        Frames of all segments, concatenated.
 
     Raises
     ------
     ValueError
-        As for `segments`.
+        As for `resample_segments`.
     """
     vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))
     return _core.segments_positions(vectors, *_bounds(starts, stops, counts))
@@ -190,8 +189,8 @@ def _bounds(
 ) -> tuple[IntArray, IntArray, IntArray]:
     first = as_indices("starts", starts, ("n_segments",))
     last = as_indices("stops", stops, (len(first),))
-    wanted = as_indices("counts", counts, (len(first),))
-    for name, indices in (("starts", first), ("stops", last), ("counts", wanted)):
+    n_frames = as_indices("counts", counts, (len(first),))
+    for name, indices in (("starts", first), ("stops", last), ("counts", n_frames)):
         if (indices < 0).any():
             raise ValueError(f"{name} must not be negative, got {indices.min()}")
-    return first, last, wanted
+    return first, last, n_frames

@@ -1,8 +1,8 @@
-"""The algebra of rotations.
+"""Rotations as unit quaternions.
 
-A rotation is a unit quaternion **xyzw**, scalar last, as in SciPy and glam; `q` and `-q`
-are the same rotation. Products compose from right to left: `multiply(a, b)` turns by `b`,
-then by `a`. Angles are in radians. Arrays broadcast; the last axis holds the components.
+Quaternions are stored as **xyzw**, scalar last, as in SciPy and glam. `q` and `-q` are the same
+rotation. `multiply(a, b)` applies `b` first, then `a`. Angles are in radians. Arrays broadcast;
+the last axis holds the components.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ _AXES = {"X": 0, "Y": 1, "Z": 2}
 
 
 def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Compose rotations: first `b`, then `a`.
+    """Return the composition of two rotations: `b` is applied first, then `a`.
 
     Parameters
     ----------
@@ -45,19 +45,19 @@ def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 4)
-        The Hamilton product; not made unit again.
+        The Hamilton product, not renormalised.
 
     Examples
     --------
-    >>> quarter = about([0, 0, 1], np.pi / 2)
+    >>> quarter = from_axis_angle([0, 0, 1], np.pi / 2)
     >>> multiply(quarter, quarter).round(3) + 0.0
     array([0., 0., 1., 0.])
     """
-    return _core.multiply(*_alike(a, b))
+    return _core.multiply(*_broadcast(a, b))
 
 
 def inverse(q: FloatArray) -> FloatArray:
-    """Return the rotation that undoes `q`: its conjugate.
+    """Return the inverse of unit quaternions: the conjugate.
 
     Parameters
     ----------
@@ -69,13 +69,13 @@ def inverse(q: FloatArray) -> FloatArray:
     ndarray, shape (..., 4)
         The inverses.
     """
-    undone: FloatArray = np.negative(q)
-    undone[..., 3] = q[..., 3]
-    return undone
+    conjugate: FloatArray = np.negative(q)
+    conjugate[..., 3] = q[..., 3]
+    return conjugate
 
 
 def rotate(q: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Turn vectors by rotations.
+    """Rotate vectors.
 
     Parameters
     ----------
@@ -87,26 +87,26 @@ def rotate(q: FloatArray, vectors: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 3)
-        The turned vectors.
+        The rotated vectors.
     """
-    return _core.rotate(*_alike(q, vectors))
+    return _core.rotate(*_broadcast(q, vectors))
 
 
-def _alike(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return both as the kernels want them: broadcast, but for the axis of components."""
+def _broadcast(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both arrays broadcast to one shape, except for the axis of components."""
     if a.shape[:-1] != b.shape[:-1]:
         shape = np.broadcast_shapes(a.shape[:-1], b.shape[:-1])
-        a, b = (np.broadcast_to(own, (*shape, own.shape[-1])) for own in (a, b))
+        a, b = (np.broadcast_to(array, (*shape, array.shape[-1])) for array in (a, b))
     return np.ascontiguousarray(a, np.float64), np.ascontiguousarray(b, np.float64)
 
 
 def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
-    """Return rotations about an axis.
+    """Return rotations about a fixed axis.
 
     Parameters
     ----------
     axis : array_like, shape (3,)
-        The axis, of any length but 0.
+        The axis, of any length above 0.
     angles : array_like, shape (...)
         Angles in radians.
 
@@ -122,7 +122,7 @@ def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
 
 
 def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the shortest rotations that turn directions into others.
+    """Return the smallest rotations that turn one direction into another.
 
     Parameters
     ----------
@@ -132,12 +132,12 @@ def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 4)
-        Unit quaternions. Between opposite directions a half turn about some axis across them;
-        no turn where a vector is 0.
+        Unit quaternions. Opposite directions give a half turn about an arbitrary perpendicular
+        axis, a zero vector gives the identity.
 
     Examples
     --------
-    >>> between(np.array([2.0, 0, 0]), np.array([0, 1.0, 0])).round(3)
+    >>> shortest_arc(np.array([2.0, 0, 0]), np.array([0, 1.0, 0])).round(3)
     array([0.   , 0.   , 0.707, 0.707])
     """
     start, end = np.broadcast_arrays(start, end)
@@ -145,18 +145,19 @@ def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
     halves = lengths + np.einsum("...i,...i->...", start, end)
     quats = np.concatenate([np.cross(start, end), halves[..., None]], axis=-1)
     norms = np.linalg.norm(quats, axis=-1, keepdims=True)
-    lost = norms[..., 0] <= 1e-9 * lengths
-    if lost.any():
-        across = np.cross(start[lost], np.eye(3)[np.abs(start[lost]).argmin(axis=-1)])
-        quats[lost] = np.concatenate([across, np.zeros((len(across), 1))], axis=-1)
+    opposite = norms[..., 0] <= 1e-9 * lengths
+    if opposite.any():
+        unit_axes = np.eye(3)[np.abs(start[opposite]).argmin(axis=-1)]
+        normals = np.cross(start[opposite], unit_axes)
+        quats[opposite] = np.concatenate([normals, np.zeros((len(normals), 1))], axis=-1)
         quats[lengths == 0.0] = IDENTITY
         norms = np.linalg.norm(quats, axis=-1, keepdims=True)
-    turns: FloatArray = quats / norms
-    return turns
+    arcs: FloatArray = quats / norms
+    return arcs
 
 
 def exp(vectors: npt.ArrayLike) -> FloatArray:
-    """Return the rotations that rotation vectors stand for.
+    """Return the rotations of rotation vectors (exponential map).
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
 
 
 def log(rotations: npt.ArrayLike) -> FloatArray:
-    """Return the shortest rotation vectors of rotations.
+    """Return the shortest rotation vectors of rotations (logarithmic map).
 
     Parameters
     ----------
@@ -187,17 +188,17 @@ def log(rotations: npt.ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 3)
-        Axis times angle, of length 0 to π. Of the two that a half turn has, the one whose
-        first nonzero component is positive.
+        Axis times angle, of length 0 to π. For a half turn, the vector whose first nonzero
+        component is positive.
 
     Raises
     ------
     ValueError
-        If the shape is wrong, or a quaternion is not of unit norm.
+        If the shape is wrong or a quaternion does not have unit norm.
 
     Examples
     --------
-    >>> log(about([0, 1, 0], 1.5)).round(6)
+    >>> log(from_axis_angle([0, 1, 0], 1.5)).round(6)
     array([0. , 1.5, 0. ])
     """
     return _core.log(as_quaternions("rotations", rotations))
@@ -214,12 +215,12 @@ def angle(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (...)
-        Angles in radians, 0 to π; exact near 0 too.
+        Angles in radians, 0 to π; accurate near 0.
 
     Raises
     ------
     ValueError
-        If a shape is wrong, or a quaternion is not of unit norm.
+        If a shape is wrong or a quaternion does not have unit norm.
     """
     first, second = np.broadcast_arrays(as_quaternions("a", a), as_quaternions("b", b))
     return _core.angle(np.ascontiguousarray(first), np.ascontiguousarray(second))
@@ -232,16 +233,16 @@ def hermite(
     reaching: npt.ArrayLike,
     t: npt.ArrayLike,
 ) -> FloatArray:
-    """Evaluate cubics on the sphere that meet given ends and end velocities.
+    """Evaluate cubic rotation curves with given end rotations and end velocities.
 
     Parameters
     ----------
     start, end : array_like, shape (n, 4)
         Rotations at t = 0 and t = 1.
     leaving, reaching : array_like, shape (n, 3)
-        Angular velocities at the two ends, in the body's own frame, in radians per unit of t.
+        Angular velocities at the two ends, in the body frame, in radians per unit of t.
     t : array_like, shape (n,)
-        Where to evaluate each, 0 to 1.
+        Parameter of each curve, 0 to 1.
 
     Returns
     -------
@@ -251,7 +252,7 @@ def hermite(
     Raises
     ------
     ValueError
-        If a shape is wrong, a value is not finite or a quaternion not of unit norm.
+        If a shape is wrong, a value is not finite or a quaternion does not have unit norm.
 
     Notes
     -----
@@ -269,7 +270,7 @@ def hermite(
 
 
 def continuous_signs(rotations: FloatArray) -> FloatArray:
-    """Choose signs so that quaternions do not jump from frame to frame.
+    """Return quaternions with signs chosen so that consecutive frames lie close together.
 
     Parameters
     ----------
@@ -279,8 +280,8 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (n_frames, ..., 4)
-        The same rotations; w ≥ 0 in the first frame, and every later quaternion within a
-        right angle of the one before.
+        The same rotations. In the first frame w ≥ 0; the dot product of consecutive quaternions
+        is not negative.
     """
     if not len(rotations):
         return rotations
@@ -291,10 +292,10 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
 
 
 def twist(rotations: FloatArray, axis: int) -> FloatArray:
-    """Return the part of rotations that turns about a coordinate axis.
+    """Return the twist of rotations about a coordinate axis.
 
-    The rest, `multiply(inverse(twist), rotation)`, turns about an axis at right angles to it
-    (swing and twist).
+    The remaining swing, `multiply(inverse(twist), rotation)`, is about a perpendicular axis
+    (swing-twist decomposition).
 
     Parameters
     ----------
@@ -306,8 +307,8 @@ def twist(rotations: FloatArray, axis: int) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 4)
-        Rotations about the axis; the identity where the rotation is a half turn about an
-        axis at right angles, which leaves the twist open.
+        Rotations about the axis. A half turn about a perpendicular axis has no defined twist
+        and gives the identity.
     """
     twists = np.zeros_like(rotations)
     twists[..., axis] = rotations[..., axis]
@@ -317,16 +318,16 @@ def twist(rotations: FloatArray, axis: int) -> FloatArray:
 
 
 def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
-    """Return rotations about one axis after the other, each about the axes already turned.
+    """Return rotations from intrinsic Euler angles.
 
-    This is how BVH means its channels: `order` is that of the file's rotation channels.
+    BVH uses this convention: `order` is the order of the rotation channels in the file.
 
     Parameters
     ----------
     angles : array_like, shape (..., len(order))
         Angles in radians, in the order of the axes.
     order : str
-        Any number of the letters X, Y and Z; with none the result is the identity.
+        Any number of the letters X, Y and Z. An empty order gives the identity.
 
     Returns
     -------
@@ -336,7 +337,7 @@ def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
     Raises
     ------
     ValueError
-        If the order has other letters, the shape is wrong or a value is not finite.
+        If `order` has other letters, the shape is wrong or a value is not finite.
 
     Examples
     --------
@@ -345,7 +346,7 @@ def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
     """
     floats = as_floats("angles", angles)
     if not set(order) <= set(_AXES):
-        raise ValueError(f"order must be of the letters X, Y and Z, got {order!r}")
+        raise ValueError(f"order must consist of the letters X, Y and Z, got {order!r}")
     if floats.shape[-1:] != (len(order),):
         raise ValueError(f"angles must have shape (..., {len(order)}), got {floats.shape}")
     return _core.from_euler(floats, [_AXES[letter] for letter in order])
@@ -354,39 +355,39 @@ def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
 def to_euler(
     rotations: npt.ArrayLike, order: str, near: npt.ArrayLike = (0.0, 0.0, 0.0)
 ) -> FloatArray:
-    """Return Euler angles of successive rotations that follow one another without jumps.
+    """Return intrinsic Euler angles of consecutive rotations, without jumps of 2π.
 
     Parameters
     ----------
     rotations : array_like, shape (n_frames, 4)
         Unit quaternions.
     order : str
-        Up to three different letters of X, Y and Z, as for `from_euler`.
+        One to three different letters of X, Y and Z, as for `from_euler`.
     near : array_like, shape (3,), optional
-        Angles in radians, in the order of the axes, that the first frame should be near to.
+        Angles in radians, in the order of the axes, to which the first frame is closest.
 
     Returns
     -------
     ndarray, shape (n_frames, len(order))
-        Angles in radians. Of all that give the rotation, those nearest to the previous
-        frame's; in gimbal lock the first angle stays. With fewer than three axes the rest
-        of the rotation, if any, is left out.
+        Angles in radians. Of all angles that give the rotation, the nearest to the previous
+        frame. In gimbal lock the first angle keeps its value. With fewer than three axes the
+        remaining part of the rotation is dropped.
 
     Raises
     ------
     ValueError
-        If the order is none, a shape is wrong, or a quaternion is not of unit norm.
+        If `order` is invalid, a shape is wrong or a quaternion does not have unit norm.
 
     Examples
     --------
-    >>> quats = about([0, 0, 1], [3.0, 3.5])
+    >>> quats = from_axis_angle([0, 0, 1], [3.0, 3.5])
     >>> to_euler(quats, "ZXY").round(3) + 0.0
     array([[3. , 0. , 0. ],
            [3.5, 0. , 0. ]])
     """
     quats = as_quaternions("rotations", rotations, ("n_frames",))
     if not set(order) <= set(_AXES) or len(set(order)) != len(order):
-        raise ValueError(f"order must be different letters of X, Y and Z, got {order!r}")
+        raise ValueError(f"order must consist of different letters of X, Y and Z, got {order!r}")
     axes = [_AXES[letter] for letter in order]
     axes += [axis for axis in range(3) if axis not in axes]
     start = as_floats("near", near, (3,))

@@ -1,4 +1,4 @@
-"""What moves: joints, their hierarchy and channels."""
+"""`Skeleton`: joints, their hierarchy, rest offsets and channels."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,13 +30,13 @@ class EndSite:
     Parameters
     ----------
     parent : int
-        Index of the joint that it hangs on.
+        Index of the parent joint.
     offset : array_like, shape (3,)
-        Its place relative to that joint, in the file's unit.
+        Position relative to the parent joint, in the unit of the file.
     before : int
-        How many child joints of the parent stand before it in the file.
+        Number of child joints of the parent that precede it in the file.
     name : str
-        The name after ``End Site``, if the file has one.
+        The name after ``End Site``, if the file has a name there.
     """
 
     parent: int
@@ -57,8 +57,8 @@ class EndSite:
 class Skeleton:
     """Joints, their hierarchy, rest offsets and channels.
 
-    Joints are known by index; names may repeat. Every parent stands before its children,
-    in the order of the file.
+    Joints are identified by index; names may repeat. Every parent precedes its children, in the
+    order of the file.
 
     Parameters
     ----------
@@ -67,18 +67,18 @@ class Skeleton:
     parents : array_like of int, shape (n_joints,)
         Index of each joint's parent; -1 at the root.
     offsets : array_like, shape (n_joints, 3)
-        Rest place of each joint relative to its parent, in the file's unit.
+        Rest position of each joint relative to its parent, in the unit of the file.
     channels : sequence of sequence of str, optional
-        The channels of each joint in the order of the file, of ``Xposition`` to
-        ``Zrotation``. Default: six at the root (positions, then Z, X and Y rotation),
-        Z, X and Y rotation elsewhere.
+        The channels of each joint in the order of the file, from ``Xposition`` to
+        ``Zrotation``. Default: positions, then Z, X and Y rotation at the root; Z, X and Y
+        rotation elsewhere.
     end_sites : sequence of EndSite, optional
         Tips of bones.
 
     Raises
     ------
     ValueError
-        If lengths differ, a parent does not stand before its child, or a channel is none.
+        If lengths differ, a parent does not precede its child or a channel name is unknown.
 
     Examples
     --------
@@ -99,28 +99,31 @@ class Skeleton:
         if not n_joints:
             raise ValueError("names must hold at least one joint, got none")
         parents = as_indices("parents", self.parents, (n_joints,)).copy()
-        late = np.flatnonzero(parents >= np.arange(n_joints))
-        if len(late):
+        invalid = np.flatnonzero(parents >= np.arange(n_joints))
+        if len(invalid):
             raise ValueError(
-                f"the parent of joint {late[0]} ({names[late[0]]}) must stand before it"
+                f"the parent of joint {invalid[0]} ({names[invalid[0]]}) must precede it"
             )
         if parents[0] != -1 or (parents[1:] < 0).any():
             raise ValueError("parents must be -1 at joint 0, the root, and nowhere else")
         offsets = as_vectors("offsets", self.offsets, (n_joints,)).copy()
         rotation = ("Zrotation", "Xrotation", "Yrotation")
         default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
-        channels = tuple(tuple(own) for own in self.channels) or default
+        channels = tuple(tuple(names) for names in self.channels) or default
         if len(channels) != n_joints:
-            raise ValueError(f"channels must be given for {n_joints} joints, got {len(channels)}")
-        for name, own in zip(names, channels, strict=True):
-            if not set(own) <= set(CHANNELS) or len(set(own)) != len(own):
+            raise ValueError(
+                f"channels must have {n_joints} entries, one per joint, got {len(channels)}"
+            )
+        for name, joint_channels in zip(names, channels, strict=True):
+            distinct = set(joint_channels)
+            if not distinct <= set(CHANNELS) or len(distinct) != len(joint_channels):
                 raise ValueError(
-                    f"channels of {name} must be different ones of {CHANNELS}, got {own}"
+                    f"channels of {name} must be distinct names of {CHANNELS}, got {joint_channels}"
                 )
         for site in self.end_sites:
             if not 0 <= site.parent < n_joints:
                 raise ValueError(
-                    f"end site parent must be a joint, 0 to {n_joints - 1}: {site.parent}"
+                    f"end site parent must be a joint, 0 to {n_joints - 1}, got {site.parent}"
                 )
         make_read_only(parents)
         make_read_only(offsets)
@@ -141,7 +144,7 @@ class Skeleton:
 
     @property
     def n_joints(self) -> int:
-        """Number of joints, end sites not counted."""
+        """Number of joints, without end sites."""
         return len(self.names)
 
     @property
@@ -152,11 +155,11 @@ class Skeleton:
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """Indices of each joint's child joints, in the order of the file."""
-        below: list[list[int]] = [[] for _ in self.names]
+        children: list[list[int]] = [[] for _ in self.names]
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
-                below[parent].append(joint)
-        return tuple(map(tuple, below))
+                children[parent].append(joint)
+        return tuple(map(tuple, children))
 
     @cached_property
     def children_and_sites(self) -> "tuple[tuple[int | EndSite, ...], ...]":
@@ -164,48 +167,47 @@ class Skeleton:
         sites: list[list[EndSite]] = [[] for _ in self.names]
         for site in self.end_sites:
             sites[site.parent].append(site)
-        below: list[tuple[int | EndSite, ...]] = []
-        for children, own in zip(self.children, sites, strict=True):
-            places: list[list[int | EndSite]] = [[child] for child in children]
-            places.append([])
-            for site in reversed(own):
-                places[min(site.before, len(children))].insert(0, site)
-            below.append(tuple(item for place in places for item in place))
-        return tuple(below)
+        items: list[tuple[int | EndSite, ...]] = []
+        for children, joint_sites in zip(self.children, sites, strict=True):
+            slots: list[list[int | EndSite]] = [[child] for child in children]
+            slots.append([])
+            for site in reversed(joint_sites):
+                slots[min(site.before, len(children))].insert(0, site)
+            items.append(tuple(item for slot in slots for item in slot))
+        return tuple(items)
 
     @cached_property
     def channel_columns(self) -> tuple[range, ...]:
         """Columns of each joint's channels in `Motion.channel_values`."""
-        ends = np.cumsum([len(own) for own in self.channels]).tolist()
-        return tuple(
-            range(end - len(own), end) for end, own in zip(ends, self.channels, strict=True)
-        )
+        counts = [len(channels) for channels in self.channels]
+        ends = np.cumsum(counts).tolist()
+        return tuple(range(end - count, end) for end, count in zip(ends, counts, strict=True))
 
     def rotation_order(self, joint: int) -> str:
-        """Return the axes of a joint's rotation channels in the order of the file, as ``"ZXY"``."""
+        """Return the axes of a joint's rotation channels in file order, such as ``"ZXY"``."""
         return "".join(name[0] for name in self.channels[joint] if name.endswith("rotation"))
 
     def index(self, name: str) -> int:
-        """Return the index of the joint of that name.
+        """Return the index of the joint with a name.
 
         Raises
         ------
         ValueError
             If no joint or more than one has the name.
         """
-        found = [joint for joint, own in enumerate(self.names) if own == name]
+        found = [joint for joint, known in enumerate(self.names) if known == name]
         if len(found) != 1:
             what = "no joint is" if not found else f"{len(found)} joints are"
             raise ValueError(f"{what} named {name!r} in {', '.join(self.names)}")
         return found[0]
 
     def rest_positions(self) -> FloatArray:
-        """Return where the joints are in the world with all rotations zero, shape (n_joints, 3)."""
-        placed = self.offsets.copy()
+        """Return world positions with all rotations zero, shape (n_joints, 3)."""
+        positions = self.offsets.copy()
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
-                placed[joint] += placed[parent]
-        return placed
+                positions[joint] += positions[parent]
+        return positions
 
     def with_offsets(self, offsets: npt.ArrayLike) -> "Skeleton":
         """Return the skeleton with other rest offsets, shape (n_joints, 3)."""
@@ -221,12 +223,12 @@ class Skeleton:
         other : Skeleton
             The skeleton to compare with.
         name : str
-            What to call it in the message.
+            Name of the other skeleton in the message.
 
         Raises
         ------
         SkeletonMismatchError
-            Names the joints that differ.
+            If they differ; the message names the joints.
         """
         if self.names == other.names and np.array_equal(self.parents, other.parents):
             return
