@@ -19,8 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from mograft.blend.seams import TURNS
-from mograft.blend.transplant import _Laid, transplant
+from mograft.blend.transplant import DonorTimeline, transplant
+from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.motion import rotations
@@ -49,7 +49,7 @@ def derivatives(quats, rate):
 def raw(laid, track):
     """The donors side by side, nothing done to their seams."""
     segment, step = laid.frames()
-    return laid.unpack(segment, step, laid.sample(TURNS, [track], segment, step))
+    return laid.unpack(segment, step, laid.sample(ROTATIONS, [track], segment, step))
 
 
 def measured(motion, seeds, blend):
@@ -64,11 +64,11 @@ def measured(motion, seeds, blend):
         chosen = np.array([s.donor for s in mg.graft(library, seed=seed).substitutions])
         cut = library.segments
         donors = mg.Segments(cut.start[chosen], cut.stop[chosen], cut.clip[chosen])
-        laid = _Laid(cut, donors, RATE)
+        laid = DonorTimeline(cut, donors, RATE)
         bare = raw(laid, track)
-        ends = laid.ends(TURNS, [track], np.flatnonzero(laid.true_seams([track])))
-        gaps.append(np.linalg.norm(ends.ways(TURNS), axis=-1).ravel())
-        kinks.append(np.linalg.norm(ends.arriving - ends.leaving, axis=-1).ravel())
+        ends = laid.ends(ROTATIONS, [track], np.flatnonzero(laid.true_seams([track])))
+        gaps.append(np.linalg.norm(ends.gaps(ROTATIONS), axis=-1).ravel())
+        kinks.append(np.linalg.norm(ends.velocity_after - ends.velocity_before, axis=-1).ravel())
         for name in TREATMENTS:
             if name == "none":
                 quats = bare

@@ -17,8 +17,9 @@ from mograft.analysis.channel_groups import (
     told,
 )
 from mograft.analysis.embedding import Samples
-from mograft.blend.seams import SHIFTS, Ends, Moments, offset
-from mograft.blend.transplant import _Laid, recombine, transplant
+from mograft.blend.seams import PieceTimes, SeamBoundaries, offset
+from mograft.blend.transplant import DonorTimeline, recombine, transplant
+from mograft.blend.value_spaces import TRANSLATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.blend.test_transplant import LENGTHS, SEAMS, clip, pick, tiles
@@ -77,14 +78,14 @@ def test_a_channel_is_joined_as_a_number(lengths, seed):
     part = transplant(base, cut, donors, [base], np.array([3]), Config(), held={3: "Y"})
     track = np.zeros((len(angle), 1, 3))
     track[:, 0, 0] = angle
-    laid = _Laid(cut, donors, base.rate)
+    laid = DonorTimeline(cut, donors, base.rate)
     seams = np.flatnonzero(laid.true_seams([track]))
     segment, step = laid.frames()
-    ends, moments = laid.ends(SHIFTS, [track], seams), laid.pieces(seams, segment, step)
-    assert isinstance(ends, Ends)
-    assert isinstance(moments, Moments)
-    values = laid.sample(SHIFTS, [track], segment, step)
-    plain = laid.unpack(segment, step, offset(SHIFTS, values, moments, ends, 0.3))[:, 0, 0]
+    ends, moments = laid.ends(TRANSLATIONS, [track], seams), laid.pieces(seams, segment, step)
+    assert isinstance(ends, SeamBoundaries)
+    assert isinstance(moments, PieceTimes)
+    values = laid.sample(TRANSLATIONS, [track], segment, step)
+    plain = laid.unpack(segment, step, offset(TRANSLATIONS, values, moments, ends, 0.3))[:, 0, 0]
     found = part.angles[3, "Y"]
     found = np.where(np.isnan(found), angle, found)
     np.testing.assert_allclose(np.sin((found - plain) / 2), 0.0, atol=1e-6)

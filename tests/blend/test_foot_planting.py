@@ -205,14 +205,14 @@ def test_a_shift_gives_way_only_by_what_is_too_much(before, after, more):
 
 def test_the_root_stays_where_it_may_not_move(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
-    still, report = plant_feet(motion, detect_contacts(sample.motion), moves_root=False)
+    still, report = plant_feet(motion, detect_contacts(sample.motion), move_root=False)
     np.testing.assert_array_equal(still.positions, motion.positions)
     assert report.unreached_frames > 0
 
 
 def test_only_legs_that_may_be_bent_are(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
-    still, _ = plant_feet(motion, bends=[True, False])
+    still, _ = plant_feet(motion, movable_legs=[True, False])
     np.testing.assert_array_equal(still.rotations[:, 4:], motion.rotations[:, 4:])
     assert (still.rotations[:, 1:4] != motion.rotations[:, 1:4]).any()
 
@@ -225,12 +225,16 @@ def test_what_needs_nothing_is_left_to_the_bit(sample):
 
 
 def test_bad_arguments_are_refused_by_name(sample):
-    with pytest.raises(ValueError, match=r"stands must have shape \(\d+, 2, 2\), got \(3, 2\)"):
+    with pytest.raises(
+        ValueError, match=r"foot_contacts must have shape \(\d+, 2, 2\), got \(3, 2\)"
+    ):
         plant_feet(sample.motion, np.zeros((3, 2), bool))
-    with pytest.raises(ValueError, match="bends must tell of 2 legs, got 1"):
-        plant_feet(sample.motion, bends=[True])
-    with pytest.raises(ValueError, match=r"heights must have shape \(\d+, 2, 2\), got \(3, 2\)"):
-        plant_feet(sample.motion, heights=np.zeros((3, 2)))
+    with pytest.raises(ValueError, match="movable_legs must tell of 2 legs, got 1"):
+        plant_feet(sample.motion, movable_legs=[True])
+    with pytest.raises(
+        ValueError, match=r"min_heights must have shape \(\d+, 2, 2\), got \(3, 2\)"
+    ):
+        plant_feet(sample.motion, min_heights=np.zeros((3, 2)))
     with pytest.raises(ValueError, match="`feet` must be one of"):
         Config(feet="sometimes")
 
@@ -261,7 +265,8 @@ def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
     places[:, 0, 1] -= drop * height * np.sin(np.linspace(0, np.pi, 200)) ** 2
     sunk = replace(motion, positions=places, channel_values=None)
     loose, tight = (
-        plant_feet(sunk, stands, like=sample.motion, heights=own)[0] for own in (None, high)
+        plant_feet(sunk, stands, floor_reference=sample.motion, min_heights=own)[0]
+        for own in (None, high)
     )
     ground = Ground.of(sample.motion)
     low = [ground.above(ground.points(one)) / height for one in (loose, tight)]

@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config, Segments
-from mograft.blend.root_motion import blended, fading, led, turns
+from mograft.blend.root_motion import (
+    blend_root_velocity,
+    integrate_root,
+    root_velocity_weights,
+    yaw_rates,
+)
 from mograft.blend.transplant import recombine, transplant
 from mograft.motion import rotations
 from tests.blend.test_transplant import LENGTHS, SEAMS, clip, pick, tiles
@@ -32,7 +37,7 @@ def test_velocities_are_means_of_those_captured(lengths, seed, config, blend):
     rng = np.random.default_rng(seed)
     cut, config = tiles(lengths), replace(config, seam_blend=blend)
     steps, seams = steps_of(rng, lengths), rng.random(len(lengths) - 1) < 0.7
-    faded = blended(steps, cut, seams, config, 30.0)
+    faded = blend_root_velocity(steps, cut, seams, config, 30.0)
     np.testing.assert_allclose(
         faded, plain.blended(steps, lengths, seams, config.seam, blend * 30.0), atol=1e-12
     )
@@ -53,7 +58,9 @@ def test_velocities_meet_half_way(before, after, seed):
     """No frame takes more of a jump than the cubic does where it is steepest, over four frames."""
     rng = np.random.default_rng(seed)
     steps = np.repeat(rng.normal(size=(2, 4)), [before, after], axis=0)
-    faded = blended(steps, tiles(np.array([before, after])), np.array([True]), Config(), 30.0)
+    faded = blend_root_velocity(
+        steps, tiles(np.array([before, after])), np.array([True]), Config(), 30.0
+    )
     jump = np.abs(steps[before] - steps[before - 1])
     assert (np.abs(np.diff(faded, axis=0)) <= 1.5 / 8 * jump + 1e-12).all()
     mean = 0.5 * (faded[before - 1] + faded[before])
@@ -63,8 +70,10 @@ def test_velocities_meet_half_way(before, after, seed):
 
 @given(st.integers(1, 40), st.floats(0.0, 40.0), CONFIGS)
 def test_shares_fall_from_the_seam_on(length, frames, config):
-    here, later = (fading(np.array(at), np.array(length), config, 30.0) for at in (frames, 40.0))
-    starting = fading(np.array(0.0), np.array(length), config, 30.0)
+    here, later = (
+        root_velocity_weights(np.array(at), np.array(length), config, 30.0) for at in (frames, 40.0)
+    )
+    starting = root_velocity_weights(np.array(0.0), np.array(length), config, 30.0)
     for share, last, first in zip(here, later, starting, strict=True):
         assert last == 0.0 <= share <= first
     blends = config.seam in ("offset", "inertial", "dead")
@@ -75,7 +84,7 @@ def root_speeds(motion, joint=0):
     """The root's ways over the floor and its turns about up, from frame to frame."""
     steps = np.linalg.norm(np.diff(motion.positions[:, joint], axis=0)[:, [0, 2]], axis=1)
     quats = motion.rotations[:, joint]
-    return steps, np.abs(turns(quats[:-1], quats[1:], 1))
+    return steps, np.abs(yaw_rates(quats, 1))
 
 
 @given(LENGTHS, SEEDS, st.sampled_from(("offset", "inertial", "dead")))
@@ -108,15 +117,15 @@ def test_the_root_is_led_as_it_is_told(seed, n):
     placed = np.cumsum(rng.normal(size=(n, 3)), axis=0)
     level = np.arange(3) != up
     captured = np.concatenate(
-        [level * np.diff(placed, axis=0), turns(upright[:-1], upright[1:], up)[:, None]], axis=1
+        [level * np.diff(placed, axis=0), yaw_rates(upright, up)[:, None]], axis=1
     )
     told = captured * rng.uniform(-1, 1, (n - 1, 1))
     joined = rotations.multiply(
         rotations.from_axis_angle(np.eye(3)[up], rng.uniform(-1, 1, n)), upright
     )
     heights = rng.normal(size=(n, 3))
-    quats, places = led(told, captured, (upright, placed), (joined, heights), up)
-    np.testing.assert_allclose(turns(quats[:-1], quats[1:], up), told[:, 3], atol=1e-9)
+    quats, places = integrate_root(told, captured, (upright, placed), (joined, heights), up)
+    np.testing.assert_allclose(yaw_rates(quats, up), told[:, 3], atol=1e-9)
     np.testing.assert_array_equal(places[:, up], heights[:, up])
     steps = np.linalg.norm(level * np.diff(places, axis=0), axis=1)
     np.testing.assert_allclose(steps, np.linalg.norm(told[:, :3], axis=1), atol=1e-9)
@@ -133,8 +142,8 @@ def test_what_is_as_captured_stays_so_to_the_bit(seed, n):
     quats = rotations.exp(rng.normal(size=(n, 3)))
     places = rng.normal(size=(n, 3))
     ways = np.diff(places, axis=0) * [1, 0, 1]
-    captured = np.concatenate([ways, turns(quats[:-1], quats[1:], 1)[:, None]], axis=1)
-    new = led(captured, captured, (quats, places), (quats, places), 1)
+    captured = np.concatenate([ways, yaw_rates(quats, 1)[:, None]], axis=1)
+    new = integrate_root(captured, captured, (quats, places), (quats, places), 1)
     np.testing.assert_array_equal(new[0], quats)
     np.testing.assert_array_equal(new[1], places)
 
@@ -146,11 +155,11 @@ def test_leaning_otherwise_is_kept(seed, n):
     quats, joined = (rotations.exp(0.4 * rng.normal(size=(n, 3))) for _ in range(2))
     places = rng.normal(size=(n, 3))
     captured = np.zeros((n - 1, 4))
-    captured[:, 3] = turns(quats[:-1], quats[1:], 1)
-    new, _ = led(captured, captured, (quats, places), (joined, places), 1)
+    captured[:, 3] = yaw_rates(quats, 1)
+    new, _ = integrate_root(captured, captured, (quats, places), (joined, places), 1)
     leans = [
         rotations.multiply(rotations.inverse(rotations.twist(own, 1)), own) for own in (new, joined)
     ]
     same_rotations(*leans, 1e-6)
-    rates = np.abs(turns(new[:-1], new[1:], 1))
+    rates = np.abs(yaw_rates(new, 1))
     assert (rates <= np.abs(captured[:, 3]).max() * (1 + 1e-9)).all()

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from mograft import Config, Library, Segments, graft
-from mograft.blend.seams import TURNS
-from mograft.blend.time_warp import Warp, align
-from mograft.blend.transplant import _Laid, recombine, transplant
+from mograft.blend.time_warp import TimeWarp, warping_path
+from mograft.blend.transplant import DonorTimeline, recombine, transplant
+from mograft.blend.value_spaces import ROTATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
@@ -31,7 +31,7 @@ def distances(most=12):
 
 @given(distances(30))
 def test_a_path_only_goes_on_and_keeps_its_ends(gaps):
-    path, n = align(gaps), len(gaps) - 1
+    path, n = warping_path(gaps), len(gaps) - 1
     assert path[0] == 0
     assert path[-1] == 2 * n
     assert set(np.diff(path)) <= {1, 2, 3, 4}
@@ -50,14 +50,14 @@ def test_no_path_is_shorter(gaps):
         near = np.abs(path - 2 * rows).max() <= max(round(0.4 * n), 1)
         if path[-1] == 2 * n and near:
             best = min(best, gaps[rows, path].sum())
-    assert gaps[rows, align(gaps)].sum() == pytest.approx(best)
+    assert gaps[rows, warping_path(gaps)].sum() == pytest.approx(best)
 
 
 @given(LENGTHS, SEEDS)
 def test_a_segment_is_not_bent_to_itself(lengths, seed):
     cut = tiles(lengths)
     base = clip(np.random.default_rng(seed), cut)
-    warp = Warp.of(base, cut, cut, [base], GUIDES)
+    warp = TimeWarp.of(base, cut, cut, [base], GUIDES)
     assert not warp.is_bent.any()
     part = transplant(base, cut, cut, [base], JOINTS, DTW, guides=GUIDES)
     np.testing.assert_array_equal(part.rotations, base.rotations[:, JOINTS])
@@ -69,7 +69,7 @@ def test_time_goes_on_and_keeps_its_ends(lengths, seed):
     cut = tiles(lengths)
     base = clip(rng, cut)
     donors = pick(cut, rng.integers(0, len(cut), len(cut)))
-    warp = Warp.of(base, cut, donors, [base], GUIDES)
+    warp = TimeWarp.of(base, cut, donors, [base], GUIDES)
     shares = np.linspace(0.0, 1.0, 201)
     for at in range(len(cut)):
         over = warp.at(np.full(201, at), shares)
@@ -111,8 +111,8 @@ def test_bent_pieces_meet_smoothly_too(lengths, seed, seam):
     base = clip(rng, cut)
     donors = pick(cut, rng.integers(0, len(cut), len(cut)))
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
-    laid = _Laid(cut, donors, 30.0, warp=Warp.of(base, cut, donors, [base], GUIDES))
-    value, velocity = jumps(laid, TURNS, [track], laid.true_seams([track]), Config(seam=seam))
+    laid = DonorTimeline(cut, donors, 30.0, warp=TimeWarp.of(base, cut, donors, [base], GUIDES))
+    value, velocity = jumps(laid, ROTATIONS, [track], laid.true_seams([track]), Config(seam=seam))
     assert value < 1e-9
     assert velocity < 1e-4
 
@@ -122,9 +122,9 @@ def test_neighbours_of_which_one_is_bent_meet_at_a_seam():
     cut = tiles(np.array([20, 20, 20, 20]))
     base = clip(np.random.default_rng(8), cut)
     donors = pick(cut, np.array([2, 3, 2, 3]))
-    laid = _Laid(cut, donors, 30.0)
+    laid = DonorTimeline(cut, donors, 30.0)
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
-    even = Warp.of(base, cut, donors, [base], np.zeros(0, np.int64))
+    even = TimeWarp.of(base, cut, donors, [base], np.zeros(0, np.int64))
     bent = replace(even, is_bent=np.array([True, False, False, False]))
     assert laid.true_seams([track]).tolist() == [False, True, False]
     assert replace(laid, warp=even).true_seams([track]).tolist() == [False, True, False]

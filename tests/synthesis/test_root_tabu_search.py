@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 
 import mograft as mg
-from mograft.blend.rigid_alignment import Placement, Root
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.dancer import dance
 from mograft.search.candidates import BEYOND, Row
 from mograft.search.viterbi import viterbi
@@ -83,7 +83,7 @@ def test_donors_are_their_clip_turned_about_up_and_shifted_to_where_the_root_has
     same = np.flatnonzero(segments.lengths == problem.cut.lengths[position])
     donor = int(rng.choice(same))
     turn = rng.normal(size=(1, 4))
-    come = Root(turn / np.linalg.norm(turn), rng.normal(size=(1, 3)) * 300)
+    come = RootTransforms(turn / np.linalg.norm(turn), rng.normal(size=(1, 3)) * 300)
     poses = problem.candidate_poses(
         "lower", np.array([position]), np.array([donor]), library.clips[0], come
     )
@@ -93,10 +93,10 @@ def test_donors_are_their_clip_turned_about_up_and_shifted_to_where_the_root_has
     placed, new = clip.world_positions()[frames][:, joints], poses.positions[:, joints]
     root = int(np.flatnonzero(joints == library.root)[0])
     np.testing.assert_allclose(new[..., 1], placed[..., 1], atol=1e-9)
-    np.testing.assert_allclose(new[0, root, [0, 2]], come.spots[0, [0, 2]], atol=1e-9)
+    np.testing.assert_allclose(new[0, root, [0, 2]], come.positions[0, [0, 2]], atol=1e-9)
     ours, theirs = ((p - p[0, root])[..., [2, 0]] @ [1, 1j] for p in (new, placed))
     x, y, z, w = clip.world_transforms()[0][frames][0, library.root] * [-1, -1, -1, 1]
-    a, b, c, d = come.turns[0]
+    a, b, c, d = come.rotations[0]
     heading = 2 * np.arctan2(d * y - a * z + b * w + c * x, d * w - a * x - b * y - c * z)
     np.testing.assert_allclose(ours, theirs * np.exp(1j * heading), atol=1e-8)
 
@@ -108,7 +108,7 @@ def test_the_cheapest_row_is_judged_where_it_goes_itself(library):
     free = Row.of(problem.pools["lower"], problem.scenario, row.candidates, problem.config)
     choices = viterbi(row.chain)
     joints = problem.owner["lower"]
-    come = Root.of(library.clips[0], library.root)[np.array([0])]
+    come = RootTransforms.from_motion(library.clips[0], library.root)[np.array([0])]
     told, missed = [], []
     for position, donor in enumerate(row.donors(choices)):
         poses = problem.candidate_poses(
@@ -118,7 +118,9 @@ def test_the_cheapest_row_is_judged_where_it_goes_itself(library):
         told.append((BEYOND * (1 + hard) if hard > 1 else 0.0) + 0.5 * soft**2)
         at = choices[position]
         missed.append(row.chain.alone[position][at] - free.chain.alone[position][at])
-        come = Root(poses.rotations[-1:, library.root], poses.positions[-1:, library.root])
+        come = RootTransforms(
+            poses.rotations[-1:, library.root], poses.positions[-1:, library.root]
+        )
     np.testing.assert_allclose(missed, told, rtol=1e-6, atol=1e-6)
     assert np.ptp(told) > 0
 
@@ -139,19 +141,19 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
     assert (given != chosen["lower"][at]).all()
     poses, root = (
         problem.poses.with_poses(np.arange(900), *motion.world_transforms()),
-        Root.of(motion, library.root),
+        RootTransforms.from_motion(motion, library.root),
     )
     over = problem.over(poses)
     for index in rng.permutation(len(at))[:4]:
         position, donor = at[index : index + 1], given[index : index + 1]
         start, stop = int(problem.cut.start[position[0]]), int(problem.cut.stop[position[0]])
         own = problem.candidate_poses("lower", position, donor, motion)
-        end = Root(own.rotations[-1:, library.root], own.positions[-1:, library.root])
-        goes = Placement.onto(root[np.array([stop])], end, library.up)
+        end = RootTransforms(own.rotations[-1:, library.root], own.positions[-1:, library.root])
+        goes = AlignmentTransform.from_roots(root[np.array([stop])], end, library.up)
         later = np.arange(stop + 1, 900)
         rest = poses.with_poses(later, poses.rotations[later], poses.positions[later])
         expected = over[:start].sum() + problem.over(own).sum()
-        expected += problem.over(goes[np.zeros(len(later), int)].poses(rest)).sum()
+        expected += problem.over(goes[np.zeros(len(later), int)].apply_to_poses(rest)).sum()
         assert missed[index] == pytest.approx(expected)
 
 

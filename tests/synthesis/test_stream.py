@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.analysis.segmentation import Cutter, extrema, gaussian
-from mograft.blend.seams import TURNS
-from mograft.blend.transplant import states, transplant
+from mograft.blend.transplant import sample_states, transplant
+from mograft.blend.value_spaces import ROTATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
@@ -266,9 +266,9 @@ def test_a_segment_with_its_neighbours_is_as_good_as_its_clip(seed, n):
         cubic(np.arange(len(track)), track, 1 + at), cubic(np.arange(n), clip, start + at), 1e-9
     )
     ends = np.array([0, stop - start])
-    _, expected = states(TURNS, [clip], np.zeros(2, int), start + ends)
+    _, expected = sample_states(ROTATIONS, [clip], np.zeros(2, int), start + ends)
     before, here, after = (track[ends + 1 + step] for step in (-1, 0, 1))
-    found = 0.5 * (TURNS.way(before, here) + TURNS.way(here, after))
+    found = 0.5 * (ROTATIONS.delta(before, here) + ROTATIONS.delta(here, after))
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 

@@ -75,12 +75,12 @@ class FeetReport:
 
 def plant_feet(
     motion: Motion,
-    stands: BoolArray | None = None,
+    foot_contacts: BoolArray | None = None,
     *,
-    bends: Sequence[bool] | None = None,
-    moves_root: bool = True,
-    like: Motion | None = None,
-    heights: FloatArray | None = None,
+    movable_legs: Sequence[bool] | None = None,
+    move_root: bool = True,
+    floor_reference: Motion | None = None,
+    min_heights: FloatArray | None = None,
 ) -> tuple[Motion, FeetReport]:
     """Make feet stand still where they stand.
 
@@ -88,16 +88,16 @@ def plant_feet(
     ----------
     motion : Motion
         The motion.
-    stands : ndarray of bool, shape (n_frames, n_legs, 2), optional
+    foot_contacts : ndarray of bool, shape (n_frames, n_legs, 2), optional
         When heels and toes stand. Default: `contacts` of the motion.
-    bends : sequence of bool, optional
+    movable_legs : sequence of bool, optional
         Which of `legs` may be bent. Default: all.
-    moves_root : bool
+    move_root : bool
         Whether the root may be moved where a leg is too short.
-    like : Motion, optional
+    floor_reference : Motion, optional
         A motion of the same skeleton on the same floor, to find the floor by; longer ones
         tell it better. Default: the motion.
-    heights : ndarray, shape (n_frames, n_legs, 2), optional
+    min_heights : ndarray, shape (n_frames, n_legs, 2), optional
         How high heels and toes should be above the floor, in skeleton heights: where they do
         not stand and would drag lower over the floor, they are lifted so high, or just clear
         of it. Default: as they are.
@@ -113,12 +113,12 @@ def plant_feet(
     Raises
     ------
     ValueError
-        If `stands`, `bends` or `heights` do not fit the motion's legs.
+        If `foot_contacts`, `movable_legs` or `min_heights` do not fit the motion's legs.
 
     Notes
     -----
     A heel or toe stands at its mean place, 0.01 heights below to 0.03 above the floor; between
-    plants its way there fades within 3 frames of 1/30 s. With `heights` a foot between plants
+    plants its way there fades within 3 frames of 1/30 s. With `min_heights` a foot between plants
     is no lower than they say, up to 0.05.
     The leg is then bent in its own plane, at the knee so that it is as long as needed and at the
     hip so that it points there; the foot keeps its turn in the world.
@@ -132,23 +132,23 @@ def plant_feet(
     """
     check_type("motion", motion, Motion)
     limbs = find_legs(motion.skeleton)
-    given = detect_contacts(motion) if stands is None else np.asarray(stands, bool)
+    given = detect_contacts(motion) if foot_contacts is None else np.asarray(foot_contacts, bool)
     if given.shape != (motion.n_frames, len(limbs), 2):
         wanted = (motion.n_frames, len(limbs), 2)
-        raise ValueError(f"stands must have shape {wanted}, got {given.shape}")
-    may_bend = [True] * len(limbs) if bends is None else [bool(one) for one in bends]
+        raise ValueError(f"foot_contacts must have shape {wanted}, got {given.shape}")
+    may_bend = [True] * len(limbs) if movable_legs is None else [bool(one) for one in movable_legs]
     if len(may_bend) != len(limbs):
-        raise ValueError(f"bends must tell of {len(limbs)} legs, got {len(may_bend)}")
-    if heights is not None and heights.shape != given.shape:
-        raise ValueError(f"heights must have shape {given.shape}, got {heights.shape}")
-    ground = Ground.of(motion if like is None else like)
+        raise ValueError(f"movable_legs must tell of {len(limbs)} legs, got {len(may_bend)}")
+    if min_heights is not None and min_heights.shape != given.shape:
+        raise ValueError(f"min_heights must have shape {given.shape}, got {min_heights.shape}")
+    ground = Ground.of(motion if floor_reference is None else floor_reference)
     before = skating_share(motion, ground)
-    if (heights is None and not given.any()) or not any(may_bend):
+    if (min_heights is None and not given.any()) or not any(may_bend):
         return motion, FeetReport(0, before, before, 0.0, 0.0, 0)
     turned, placed = motion.world_transforms()
     points = ground.points(motion)
     parted = _parted(given, points, ground, motion.rate)
-    least = np.full(given.shape, -np.inf) if heights is None else heights
+    least = np.full(given.shape, -np.inf) if min_heights is None else min_heights
     least = np.where(given & ~parted, _CLEAR, least)
     given = parted
     ways = np.zeros_like(points)
@@ -159,7 +159,7 @@ def plant_feet(
             )
     given = given & np.array(may_bend)[None, :, None]
     shift = np.zeros((motion.n_frames, 3))
-    if moves_root:
+    if move_root:
         shift = _root_shift(limbs, placed, ways[:, :, 0], given.any(axis=2), motion.rate)
         shift = _no_faster(shift, placed[:, motion.locomotion_root()], ground.up)
     parts = [

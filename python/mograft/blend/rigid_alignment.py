@@ -1,4 +1,4 @@
-"""Where the joint that carries a body stands, and bodies moved over the floor to stand there."""
+"""Rigid alignment of roots: rotation about the up axis and translation over the floor."""
 
 from dataclasses import dataclass
 
@@ -10,121 +10,129 @@ from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["Placement", "Root"]
+__all__ = ["AlignmentTransform", "RootTransforms"]
 
 
 @dataclass(frozen=True, eq=False)
-class Root:
-    """A root at some moments, in the world.
+class RootTransforms:
+    """World rotations and positions of a root joint in n frames.
 
     Attributes
     ----------
-    turns : ndarray, shape (n, 4)
-        Its rotations, xyzw.
-    spots : ndarray, shape (n, 3)
-        Its places, in the file's unit.
+    rotations : ndarray, shape (n, 4)
+        Unit quaternions, xyzw.
+    positions : ndarray, shape (n, 3)
+        Positions in the file's unit.
     """
 
-    turns: FloatArray
-    spots: FloatArray
+    rotations: FloatArray
+    positions: FloatArray
 
     @classmethod
-    def of(cls, motion: Motion, joint: int) -> "Root":
-        """Return a joint of a motion in all frames; the top one's numbers are the motion's own."""
+    def from_motion(cls, motion: Motion, joint: int) -> "RootTransforms":
+        """Return the world transforms of a joint in all frames of a motion.
+
+        For a joint without a parent they are the motion's arrays, unchanged.
+        """
         chain = [joint]
         while (parent := int(motion.skeleton.parents[chain[-1]])) >= 0:
             chain.append(parent)
-        turns, spots = motion.rotations[:, chain[-1]], motion.positions[:, chain[-1]]
-        for below in chain[-2::-1]:
-            spots = spots + rotations.rotate(turns, motion.positions[:, below])
-            turns = rotations.multiply(turns, motion.rotations[:, below])
-        return cls(turns, spots)
+        quats, positions = motion.rotations[:, chain[-1]], motion.positions[:, chain[-1]]
+        for child in chain[-2::-1]:
+            positions = positions + rotations.rotate(quats, motion.positions[:, child])
+            quats = rotations.multiply(quats, motion.rotations[:, child])
+        return cls(quats, positions)
 
-    def under(self, motion: Motion, frames: IntArray, joint: int) -> "Root":
-        """Return it as its parent sees it, the parent being as in frames of a motion."""
+    def relative_to_parent(self, motion: Motion, frames: IntArray, joint: int) -> "RootTransforms":
+        """Return the local transforms of a joint whose parent moves as in frames of a motion."""
         parent = int(motion.skeleton.parents[joint])
         if parent < 0:
             return self
-        above = Root.of(motion, parent)[frames]
-        back = rotations.inverse(above.turns)
-        return Root(
-            rotations.multiply(back, self.turns),
-            rotations.rotate(back, self.spots - above.spots),
+        world = RootTransforms.from_motion(motion, parent)[frames]
+        inverse = rotations.inverse(world.rotations)
+        return RootTransforms(
+            rotations.multiply(inverse, self.rotations),
+            rotations.rotate(inverse, self.positions - world.positions),
         )
 
-    def __getitem__(self, which: npt.NDArray[np.bool_] | IntArray) -> "Root":
-        return Root(self.turns[which], self.spots[which])
+    def __getitem__(self, index: npt.NDArray[np.bool_] | IntArray) -> "RootTransforms":
+        return RootTransforms(self.rotations[index], self.positions[index])
 
     def __len__(self) -> int:
-        return len(self.turns)
+        return len(self.rotations)
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
-    """Turns about up, each with a shift over the floor.
+class AlignmentTransform:
+    """n rigid transforms: a rotation about the up axis, then a translation over the floor.
 
     Attributes
     ----------
     yaws : ndarray, shape (n, 4)
-        The turns, xyzw, about the world's origin.
-    shifts : ndarray, shape (n, 3)
-        The shifts, in the file's unit; 0 along up.
+        Unit quaternions, xyzw, of rotations about the up axis through the world's origin.
+    translations : ndarray, shape (n, 3)
+        Translations in the file's unit; 0 along the up axis.
     """
 
     yaws: FloatArray
-    shifts: FloatArray
+    translations: FloatArray
 
     @classmethod
-    def onto(cls, own: Root, wanted: Root, up: int) -> "Placement":
-        """Return how to move roots so that they stand and head as others do.
+    def from_roots(
+        cls, source: RootTransforms, target: RootTransforms, up: int
+    ) -> "AlignmentTransform":
+        """Return the transforms that give source roots the place and heading of target roots.
 
         Parameters
         ----------
-        own, wanted : Root
-            As many of each.
+        source, target : RootTransforms
+            n roots each.
         up : int
-            The axis that points up.
+            The axis that points up: 0, 1 or 2.
 
         Returns
         -------
-        Placement
-            It leaves heights and leans as they are, and what is there already to the bit.
+        AlignmentTransform
+            It preserves the height and the lean of every source root. It is exactly the identity
+            where source and target are equal.
 
         Notes
         -----
-        The heading between two rotations is the twist about up of what leads from the one to
-        the other.
+        The yaw is the twist about the up axis of the rotation from source to target.
 
         Examples
         --------
-        >>> ahead = Root(np.array([[0.0, 0, 0, 1]]), np.array([[1.0, 9, 2]]))
-        >>> about = Root(np.array([[0.0, 1, 0, 0]]), np.array([[5.0, 8, 5]]))
-        >>> Placement.onto(ahead, about, up=1).root(ahead).spots
+        >>> source = RootTransforms(np.array([[0.0, 0, 0, 1]]), np.array([[1.0, 9, 2]]))
+        >>> target = RootTransforms(np.array([[0.0, 1, 0, 0]]), np.array([[5.0, 8, 5]]))
+        >>> AlignmentTransform.from_roots(source, target, up=1).apply(source).positions
         array([[5., 9., 5.]])
         """
-        between = rotations.multiply(wanted.turns, rotations.inverse(own.turns))
+        between = rotations.multiply(target.rotations, rotations.inverse(source.rotations))
         yaws = rotations.twist(between, up)
         level = np.arange(3) != up
-        shifts = level * (wanted.spots - rotations.rotate(yaws, own.spots))
-        there = (own.turns == wanted.turns).all(axis=1) & (own.spots == wanted.spots).all(axis=1)
-        yaws[there], shifts[there] = rotations.IDENTITY, 0.0
-        return cls(yaws, shifts)
+        translations = level * (target.positions - rotations.rotate(yaws, source.positions))
+        equal = (source.rotations == target.rotations).all(axis=1)
+        equal &= (source.positions == target.positions).all(axis=1)
+        yaws[equal], translations[equal] = rotations.IDENTITY, 0.0
+        return cls(yaws, translations)
 
-    def __getitem__(self, which: npt.NDArray[np.bool_] | IntArray) -> "Placement":
-        return Placement(self.yaws[which], self.shifts[which])
+    def __getitem__(self, index: npt.NDArray[np.bool_] | IntArray) -> "AlignmentTransform":
+        return AlignmentTransform(self.yaws[index], self.translations[index])
 
-    def root(self, root: Root) -> Root:
-        """Return roots, as many, moved."""
-        return Root(
-            rotations.multiply(self.yaws, root.turns),
-            rotations.rotate(self.yaws, root.spots) + self.shifts,
+    def apply(self, roots: RootTransforms) -> RootTransforms:
+        """Return n roots, each moved by its transform."""
+        return RootTransforms(
+            rotations.multiply(self.yaws, roots.rotations),
+            rotations.rotate(self.yaws, roots.positions) + self.translations,
         )
 
-    def poses(self, poses: Poses) -> Poses:
-        """Return whole bodies, as many, moved."""
+    def apply_to_poses(self, poses: Poses) -> Poses:
+        """Return n poses of whole bodies, each moved by its transform."""
         # As matrices, for all joints at once.
-        turns = rotations.multiply(self.yaws[:, None], np.eye(4))
+        left = rotations.multiply(self.yaws[:, None], np.eye(4))
         axes = rotations.rotate(self.yaws[:, None], np.eye(3))
         return poses.with_poses(
-            poses.frames, poses.rotations @ turns, poses.positions @ axes + self.shifts[:, None]
+            poses.frames,
+            poses.rotations @ left,
+            poses.positions @ axes + self.translations[:, None],
         )

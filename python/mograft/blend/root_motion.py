@@ -12,10 +12,10 @@ from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.motion import rotations
 
-__all__ = ["blended", "fading", "led", "turns"]
+__all__ = ["blend_root_velocity", "integrate_root", "root_velocity_weights", "yaw_rates"]
 
 
-def fading(
+def root_velocity_weights(
     frames: FloatArray, lengths: IntArray, config: Config, rate: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the share that the other side of a seam has in a velocity.
@@ -45,7 +45,7 @@ def fading(
     return np.zeros_like(whole), whole
 
 
-def blended(
+def blend_root_velocity(
     steps: FloatArray, cut: Segments, seams: BoolArray, config: Config, rate: float
 ) -> FloatArray:
     """Fade from the velocity on one side of a seam to that on the other.
@@ -73,21 +73,21 @@ def blended(
     at = np.arange(len(steps), dtype=np.float64) + 0.5
     lengths = cut.lengths[own]
     met = np.concatenate([[False], seams, [False]])
-    first = fading(at - cut.start[own], lengths, config, rate)[1] * met[own]
-    last = fading(cut.stop[own] - at, lengths, config, rate)[0] * met[own + 1]
+    first = root_velocity_weights(at - cut.start[own], lengths, config, rate)[1] * met[own]
+    last = root_velocity_weights(cut.stop[own] - at, lengths, config, rate)[0] * met[own + 1]
     before, after = steps[cut.start[own] - 1], steps[cut.stop[own] % len(steps)]
     faded: FloatArray = steps + first[:, None] * (before - steps) + last[:, None] * (after - steps)
     return faded
 
 
-def turns(start: FloatArray, end: FloatArray, up: int) -> FloatArray:
-    """Return by what angles about up rotations turn, in radians; the sign is up's."""
-    apart = rotations.multiply(end, rotations.inverse(start))
-    angles: FloatArray = rotations.log(rotations.twist(apart, up))[:, up]
-    return angles
+def yaw_rates(quats: FloatArray, up: int) -> FloatArray:
+    """Return the rotation about the up axis from each frame to the next, in radians."""
+    steps = rotations.multiply(quats[1:], rotations.inverse(quats[:-1]))
+    rates: FloatArray = rotations.log(rotations.twist(steps, up))[:, up]
+    return rates
 
 
-def led(
+def integrate_root(
     velocities: FloatArray,
     captured: FloatArray,
     rows: tuple[FloatArray, FloatArray],
@@ -125,7 +125,7 @@ def led(
     facing = np.where((leaning == turned).all(axis=1, keepdims=True), leaning, facing)
     more = velocities[:, 3] - captured[:, 3]
     # A body that leans otherwise turns otherwise; only a little, but perhaps where it is fastest.
-    own = turns(facing[:-1], facing[1:], up)
+    own = yaw_rates(facing, up)
     most = np.abs(captured[:, 3]).max(initial=0.0)
     more = np.where(np.abs(own + more) > most, np.clip(own + more, -most, most) - own, more)
     yaws = np.concatenate([[0.0], np.cumsum(more)])

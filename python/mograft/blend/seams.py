@@ -1,18 +1,24 @@
 """Seams: how pieces of clips that never met are made to meet (paper, 4.5).
 
 Every treatment but the paper's is a curve in continuous time: it is told at which moments it
-is wanted. It works on rotations and on translations alike, by the algebra of `TURNS` or `SHIFTS`.
+is wanted. It works on rotations and on translations alike: see `mograft.blend.value_spaces`.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.motion import rotations
+from mograft.blend.value_spaces import ValueSpace
 
-__all__ = ["SHIFTS", "TURNS", "Ends", "Moments", "dead", "displacement", "inertial", "offset"]
+__all__ = [
+    "PieceTimes",
+    "SeamBoundaries",
+    "dead",
+    "displacement",
+    "inertial",
+    "offset",
+]
 
 _LIVELY = 1.0
 """Half-life in seconds, at most, of the speed that "dead" goes on with."""
@@ -20,67 +26,8 @@ _FADING = 0.05
 """And at least: that of a joint that moves away from where it must go."""
 
 
-class Algebra(Protocol):
-    """How to go from one value to another and back: a group and the vectors tangent to it."""
-
-    def way(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Return the shortest way between values, seen from the start."""
-
-    def move(self, start: FloatArray, way: FloatArray) -> FloatArray:
-        """Return where a way leads."""
-
-    def carry(self, way: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return a velocity at the start of a fixed way as it is at its end."""
-
-    def growth(self, way: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return how a way must change for its end to move by a velocity, its start fixed."""
-
-
-class _Turns:
-    """Rotations: unit quaternions and rotation vectors in the body's own frame."""
-
-    def way(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        return rotations.log(rotations.multiply(rotations.inverse(start), end))
-
-    def move(self, start: FloatArray, way: FloatArray) -> FloatArray:
-        return rotations.multiply(start, rotations.exp(way))
-
-    def carry(self, way: FloatArray, velocity: FloatArray) -> FloatArray:
-        return rotations.rotate(rotations.inverse(rotations.exp(way)), velocity)
-
-    def growth(self, way: FloatArray, velocity: FloatArray) -> FloatArray:
-        # The inverse of the right Jacobian of exp; its last factor tends to 1/12 at 0.
-        angle = np.linalg.norm(way, axis=-1, keepdims=True)
-        small = angle < 1e-4
-        safe = np.where(small, 1.0, angle)
-        factor = np.where(small, 1.0 / 12.0, 1.0 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)))
-        across = _cross(way, velocity)
-        grown: FloatArray = velocity + 0.5 * across + factor * _cross(way, across)
-        return grown
-
-
-class _Shifts:
-    """Translations: vectors."""
-
-    def way(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        return end - start
-
-    def move(self, start: FloatArray, way: FloatArray) -> FloatArray:
-        return start + way
-
-    def carry(self, way: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
-        return velocity
-
-    def growth(self, way: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
-        return velocity
-
-
-TURNS: Algebra = _Turns()
-SHIFTS: Algebra = _Shifts()
-
-
 @dataclass(frozen=True, eq=False)
-class Moments:
+class PieceTimes:
     """When, in a row of pieces, a motion is wanted.
 
     Attributes
@@ -94,17 +41,17 @@ class Moments:
     """
 
     piece: IntArray
-    since: FloatArray
+    seconds: FloatArray
     durations: FloatArray
 
     @property
-    def until(self) -> FloatArray:
+    def seconds_left(self) -> FloatArray:
         """Seconds to the end of each moment's piece."""
-        return self.durations[self.piece] - self.since
+        return self.durations[self.piece] - self.seconds
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class SeamBoundaries:
     """What meets at the seams between pieces, one row each.
 
     Attributes
@@ -117,28 +64,30 @@ class Ends:
 
     before: FloatArray
     after: FloatArray
-    leaving: FloatArray
-    arriving: FloatArray
+    velocity_before: FloatArray
+    velocity_after: FloatArray
 
-    def ways(self, algebra: Algebra) -> FloatArray:
+    def gaps(self, algebra: ValueSpace) -> FloatArray:
         """Return the way across each seam; exactly 0 where the values are the same to the bit."""
-        ways = algebra.way(self.before, self.after)
+        ways = algebra.delta(self.before, self.after)
         ways[(self.before == self.after).all(axis=-1)] = 0.0
         return ways
 
 
-def displacement(algebra: Algebra, values: FloatArray, at: Moments, ends: Ends) -> FloatArray:
+def displacement(
+    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries
+) -> FloatArray:
     """Move both sides of a seam half way, the change fading evenly over the pieces.
 
     Parameters
     ----------
     algebra : Algebra
-        `TURNS` for rotations, `SHIFTS` for translations.
+        `ROTATIONS` for rotations, `TRANSLATIONS` for translations.
     values : ndarray, shape (n, n_joints, 4 or 3)
         What the pieces do at the moments.
-    at : Moments
+    at : PieceTimes
         The moments.
-    ends : Ends
+    ends : SeamBoundaries
         What meets at the seams.
 
     Returns
@@ -151,14 +100,14 @@ def displacement(algebra: Algebra, values: FloatArray, at: Moments, ends: Ends) 
     -----
     Displacement mapping, linear in the logarithm (paper, 4.5).
     """
-    half = 0.5 * ends.ways(algebra)
-    share = (at.since / at.durations[at.piece])[:, None, None]
+    half = 0.5 * ends.gaps(algebra)
+    share = (at.seconds / at.durations[at.piece])[:, None, None]
     first, last = _beside(half, at.piece)
     return _moved(algebra, values, share * last - (1.0 - share) * first)
 
 
 def offset(
-    algebra: Algebra, values: FloatArray, at: Moments, ends: Ends, blend: float
+    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries, blend: float
 ) -> FloatArray:
     """Let both sides of a seam meet half way, in pose and in velocity.
 
@@ -181,23 +130,23 @@ def offset(
     velocity 0. With both seams of a short piece in reach, the offsets add up; each is 0 with
     its velocity at the other seam.
     """
-    ways = ends.ways(algebra)
-    leaving = algebra.carry(0.5 * ways, ends.leaving)
-    arriving = algebra.carry(-0.5 * ways, ends.arriving)
+    ways = ends.gaps(algebra)
+    leaving = algebra.transport(0.5 * ways, ends.velocity_before)
+    arriving = algebra.transport(-0.5 * ways, ends.velocity_after)
     middle = 0.5 * (leaving + arriving)
-    before = algebra.growth(0.5 * ways, middle - leaving)
-    after = algebra.growth(-0.5 * ways, middle - arriving)
+    before = algebra.delta_rate(0.5 * ways, middle - leaving)
+    after = algebra.delta_rate(-0.5 * ways, middle - arriving)
     first, last = _beside(ways, at.piece)
     first_velocity, last_velocity = _beside(after, at.piece)[0], _beside(before, at.piece)[1]
     window = np.minimum(blend, at.durations)[at.piece]
     # The end of a piece is seen backwards, from the seam into the piece.
-    offsets = _cubic(-0.5 * first, first_velocity, at.since, window)
-    offsets += _cubic(0.5 * last, -last_velocity, at.until, window)
+    offsets = _cubic(-0.5 * first, first_velocity, at.seconds, window)
+    offsets += _cubic(0.5 * last, -last_velocity, at.seconds_left, window)
     return _moved(algebra, values, offsets)
 
 
 def inertial(
-    algebra: Algebra, values: FloatArray, at: Moments, ends: Ends, blend: float
+    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries, blend: float
 ) -> FloatArray:
     """Leave the piece before a seam as it is, and let the one after start from there.
 
@@ -218,8 +167,10 @@ def inertial(
     acceleration at its end and zero acceleration at the seam; sooner over where it would
     swing to the other side. Here it is one for the three components, so that they all meet.
     """
-    ways = ends.ways(algebra)
-    start = algebra.growth(-ways, ends.leaving - algebra.carry(-ways, ends.arriving))
+    ways = ends.gaps(algebra)
+    start = algebra.delta_rate(
+        -ways, ends.velocity_before - algebra.transport(-ways, ends.velocity_after)
+    )
     none = np.zeros((1, *ways.shape[1:]))  # before the first piece there is no seam
     value, velocity = np.concatenate([none, -ways]), np.concatenate([none, start])
     window = np.minimum(blend, at.durations)[:, None]
@@ -229,11 +180,13 @@ def inertial(
     swings = 5.0 * squared < window * towards
     sooner = np.divide(5.0 * squared, towards, out=np.zeros_like(squared), where=swings)
     window = np.where(swings, np.maximum(sooner, window / 3.0), window)
-    offsets = _quintic(value[at.piece], velocity[at.piece], at.since, window[at.piece])
+    offsets = _quintic(value[at.piece], velocity[at.piece], at.seconds, window[at.piece])
     return _moved(algebra, values, offsets)
 
 
-def dead(algebra: Algebra, values: FloatArray, at: Moments, ends: Ends, blend: float) -> FloatArray:
+def dead(
+    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries, blend: float
+) -> FloatArray:
     """Let the piece before a seam go on, slowing down, and fade over to the one after.
 
     Parameters
@@ -251,33 +204,25 @@ def dead(algebra: Algebra, values: FloatArray, at: Moments, ends: Ends, blend: f
     Dead blending (Holden 2023). A joint's velocity halves the sooner the less it leads to
     where the joint must go.
     """
-    ways = ends.ways(algebra)
-    velocity = ends.leaving
+    ways = ends.gaps(algebra)
+    velocity = ends.velocity_before
     # How long the velocity would take to cover the way, axis by axis.
     takes = ways / np.where(np.abs(velocity) < 1e-9, 1e-9, velocity)
     decay = np.log(2.0) / np.clip(takes, _FADING, _LIVELY)
     seam = at.piece - 1
     window = np.minimum(blend, at.durations)[at.piece]
-    fading = (seam >= 0) & (at.since < window) if len(ways) else np.zeros(len(values), bool)
+    fading = (seam >= 0) & (at.seconds < window) if len(ways) else np.zeros(len(values), bool)
     joined = values.copy()
-    seam, since = seam[fading], at.since[fading][:, None, None]
+    seam, since = seam[fading], at.seconds[fading][:, None, None]
     on = velocity[seam] / decay[seam] * -np.expm1(-decay[seam] * since)
-    going = algebra.move(ends.before[seam], on)
+    going = algebra.add(ends.before[seam], on)
     share = since / window[fading][:, None, None]
     share = share * share * (3.0 - 2.0 * share)
     own = values[fading]
-    met = algebra.move(going, share * algebra.way(going, own))
-    same = (ways == 0.0).all(axis=-1) & (ends.leaving == ends.arriving).all(axis=-1)
+    met = algebra.add(going, share * algebra.delta(going, own))
+    same = (ways == 0.0).all(axis=-1) & (ends.velocity_before == ends.velocity_after).all(axis=-1)
     joined[fading] = np.where(same[seam][..., None], own, met)
     return joined
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return what `np.cross` does, which takes three times as long for a few vectors."""
-    across: FloatArray = np.empty_like(b)
-    for k, m, n in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        across[..., k] = a[..., m] * b[..., n] - a[..., n] * b[..., m]
-    return across
 
 
 def _beside(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -309,9 +254,9 @@ def _quintic(
     return fallen
 
 
-def _moved(algebra: Algebra, values: FloatArray, ways: FloatArray) -> FloatArray:
+def _moved(algebra: ValueSpace, values: FloatArray, ways: FloatArray) -> FloatArray:
     """Move values by ways; where there is none, leave every bit."""
     x, y, z = np.moveaxis(ways == 0.0, -1, 0)
-    moved = algebra.move(values, ways)
+    moved = algebra.add(values, ways)
     np.copyto(moved, values, where=(x & y & z)[..., None])
     return moved

@@ -11,7 +11,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
 from mograft.search.candidates import pose_gaps
 
-__all__ = ["Warp", "align"]
+__all__ = ["TimeWarp", "warping_path"]
 
 _BAND = 0.2
 """Share of a segment by which a donor may be ahead or behind."""
@@ -20,7 +20,7 @@ _KNOTS = 5
 """Moments of the bent time that are kept, ends included: a path from frame to frame would shake."""
 
 
-def align(distances: FloatArray) -> FloatArray:
+def warping_path(distances: FloatArray) -> FloatArray:
     """Find when one motion is most like another, by dynamic time warping.
 
     Parameters
@@ -69,7 +69,7 @@ _STEPS = (2, 1, 3, 4)
 
 
 @dataclass(frozen=True, eq=False)
-class Warp:
+class TimeWarp:
     """How far each donor has come at any moment of the segment whose place it takes.
 
     Attributes
@@ -94,7 +94,7 @@ class Warp:
         donors: Segments,
         clips: Sequence[Motion],
         joints: IntArray,
-    ) -> "Warp":
+    ) -> "TimeWarp":
         """Bend donors' times so that some joints do in them what they do in the base.
 
         Parameters
@@ -110,7 +110,7 @@ class Warp:
 
         Returns
         -------
-        Warp
+        TimeWarp
             Bent only where that brings the joints nearer by 5 % or more, on the mean.
         """
         even = np.linspace(0.0, 1.0, _KNOTS)
@@ -151,10 +151,10 @@ def _bent(distances: FloatArray) -> FloatArray | None:
     """Return what is over at the knots, or None where an even pace is nearly as good."""
     n = len(distances) - 1
     even = float(distances[np.arange(n + 1), 2 * np.arange(n + 1)].sum())
-    path = align(distances) / (2 * n)
+    path = warping_path(distances) / (2 * n)
     shares = np.arange(n + 1) / n
     done = np.interp(np.linspace(0.0, 1.0, _KNOTS), shares, path)
-    whole = Warp(done[None], _slopes(done[None]), np.ones(1, bool))
+    whole = TimeWarp(done[None], _slopes(done[None]), np.ones(1, bool))
     where = whole.at(np.zeros(n + 1, np.int64), shares) * (2 * n)
     low = np.minimum(where.astype(np.int64), 2 * n - 1)
     rows = np.arange(n + 1)

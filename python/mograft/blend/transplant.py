@@ -8,27 +8,17 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import Key, angles, apart, told
 from mograft.analysis.segmentation import Segments
-from mograft.blend.rigid_alignment import Placement, Root
-from mograft.blend.root_motion import blended, led, turns
-from mograft.blend.seams import (
-    SHIFTS,
-    TURNS,
-    Algebra,
-    Ends,
-    Moments,
-    dead,
-    displacement,
-    inertial,
-    offset,
-)
-from mograft.blend.time_warp import Warp
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.blend.root_motion import blend_root_velocity, integrate_root, yaw_rates
+from mograft.blend.seams import PieceTimes, SeamBoundaries, dead, displacement, inertial, offset
+from mograft.blend.time_warp import TimeWarp
+from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.body.anatomy import anatomy
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.motion.resample import cubic, cubic_positions
 
-__all__ = ["Part", "recombine", "states", "transplant"]
+__all__ = ["Part", "recombine", "sample_states", "transplant"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +121,9 @@ def transplant(
     places = np.ascontiguousarray(base.positions[:, joints])
     travels = _travels(clips, joints)
     shifts = [clip.positions[:, joints[travels]] for clip in clips]
-    laid = _Laid(cut, donors, base.rate)
+    laid = DonorTimeline(cut, donors, base.rate)
     if config.alignment == "dtw" and guides is not None:
-        laid = replace(laid, warp=Warp.of(base, cut, donors, clips, guides))
+        laid = replace(laid, warp=TimeWarp.of(base, cut, donors, clips, guides))
     seams = laid.true_seams(tracks)
     carries = root is not None and bool((joints == root).any())
     if root is not None and carries:
@@ -148,9 +138,11 @@ def transplant(
     tracks = [
         _upright(clip, joints, leaning, own, up) for clip, own in zip(clips, tracks, strict=True)
     ]
-    quats = laid.unpack(segment, step, _joined(laid, seams, TURNS, tracks, segment, step, config))
+    quats = laid.unpack(
+        segment, step, _joined(laid, seams, ROTATIONS, tracks, segment, step, config)
+    )
     if travels.any():
-        moved = _joined(laid, seams, SHIFTS, shifts, segment, step, config)
+        moved = _joined(laid, seams, TRANSLATIONS, shifts, segment, step, config)
         places[:, travels] = laid.unpack(segment, step, moved)
     if root is not None and carries:
         column = columns[0]
@@ -175,7 +167,9 @@ def transplant(
         key: np.where(changed[:, column], own, np.nan)
         for column, (key, own) in enumerate(told(turns, held).items())
     }
-    gaps = np.linalg.norm(laid.ends(TURNS, tracks, np.flatnonzero(seams)).ways(TURNS), axis=-1)
+    gaps = np.linalg.norm(
+        laid.ends(ROTATIONS, tracks, np.flatnonzero(seams)).gaps(ROTATIONS), axis=-1
+    )
     return Part(joints, quats, places, cut.stop[:-1][seams], gaps, single)
 
 
@@ -249,7 +243,7 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class _Laid:
+class DonorTimeline:
     """Donors laid one after the other in the places of segments, each stretched to its place.
 
     A moment is a segment and how many frames, perhaps a fraction, have passed since its start.
@@ -260,7 +254,7 @@ class _Laid:
     donors: Segments
     rate: float
     place: "_Place | None" = None
-    warp: Warp | None = None
+    warp: TimeWarp | None = None
 
     def frames(self) -> tuple[IntArray, FloatArray]:
         """Return the moments of all frames; where segments meet, of both."""
@@ -276,10 +270,10 @@ class _Laid:
         return frames
 
     def sample(
-        self, algebra: Algebra, tracks: Sequence[FloatArray], segment: IntArray, step: FloatArray
+        self, algebra: ValueSpace, tracks: Sequence[FloatArray], segment: IntArray, step: FloatArray
     ) -> FloatArray:
         """Return what the donors do at moments; on a frame, that frame bit for bit."""
-        interpolate = cubic if algebra is TURNS else cubic_positions
+        interpolate = algebra.interpolate
         donors = self.donors
         # In this order whole results of the division are exact.
         passed = step * donors.lengths[segment] / self.cut.lengths[segment]
@@ -292,33 +286,39 @@ class _Laid:
             own = np.flatnonzero(clip == index)
             track = np.ascontiguousarray(tracks[index])
             times = donors.start[segment[own]] + passed[own]
-            values[own] = interpolate(np.arange(len(track)), track, times)
+            values[own] = interpolate(track, times)
         if self.place is not None:
             self.place.put(algebra, values, segment)
         return values
 
-    def ends(self, algebra: Algebra, tracks: Sequence[FloatArray], seams: IntArray) -> Ends:
+    def ends(
+        self, algebra: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
+    ) -> SeamBoundaries:
         """Return what meets where the segments `seams` end and those after them start."""
         donors = self.donors
         pace = np.tile((self.rate * donors.lengths / self.cut.lengths)[:, None], (1, 2))
         if self.warp is not None:
             pace *= np.where(self.warp.is_bent[:, None], self.warp.paces[:, [0, -1]], 1.0)
         pace = pace[..., None, None]
-        before, leaving = states(algebra, tracks, donors.clip[seams], donors.stop[seams])
-        after, arriving = states(algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1])
+        before, leaving = sample_states(algebra, tracks, donors.clip[seams], donors.stop[seams])
+        after, arriving = sample_states(
+            algebra, tracks, donors.clip[seams + 1], donors.start[seams + 1]
+        )
         if self.place is not None:
             self.place.put(algebra, before, seams, leaving)
             self.place.put(algebra, after, seams + 1, arriving)
-        return Ends(before, after, leaving * pace[seams, 1], arriving * pace[seams + 1, 0])
+        return SeamBoundaries(
+            before, after, leaving * pace[seams, 1], arriving * pace[seams + 1, 0]
+        )
 
-    def pieces(self, seams: IntArray, segment: IntArray, step: FloatArray) -> Moments:
+    def pieces(self, seams: IntArray, segment: IntArray, step: FloatArray) -> PieceTimes:
         """Return moments as times in the pieces between segments `seams` and those after them."""
         first = np.concatenate([[0], seams + 1])
         last = np.append(seams, len(self.cut) - 1)
         piece = np.searchsorted(seams, segment)
         frames = self.cut.start[segment] - self.cut.start[first[piece]] + step
         durations = (self.cut.stop[last] - self.cut.start[first]) / self.rate
-        return Moments(piece, frames / self.rate, durations)
+        return PieceTimes(piece, frames / self.rate, durations)
 
     def true_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
         """Tell where neighbours did not meet in a clip, or were stretched.
@@ -357,28 +357,28 @@ class _Laid:
         shifts: Sequence[FloatArray],
         columns: tuple[int, int],
         seams: BoolArray,
-    ) -> "_Laid":
+    ) -> "DonorTimeline":
         """Return the donors turned about up and shifted over the floor to follow one another."""
         donors = self.donors
         ends = []
         for frames in (donors.start, donors.stop):
-            quats, _ = states(TURNS, tracks, donors.clip, frames)
-            places, _ = states(SHIFTS, shifts, donors.clip, frames)
-            ends.append(Root(quats[:, columns[0]], places[:, columns[1]]))
+            quats, _ = sample_states(ROTATIONS, tracks, donors.clip, frames)
+            places, _ = sample_states(TRANSLATIONS, shifts, donors.clip, frames)
+            ends.append(RootTransforms(quats[:, columns[0]], places[:, columns[1]]))
         first, last = ends
         turned, placed = base.world_transforms()
-        come = Root(turned[:1, root], placed[:1, root])
-        follows: list[Placement] = []
+        come = RootTransforms(turned[:1, root], placed[:1, root])
+        follows: list[AlignmentTransform] = []
         for index in range(len(donors)):
             own = np.array([index])
             if index and not seams[index - 1]:
                 follows.append(follows[-1])
             else:
-                follows.append(Placement.onto(first[own], come, up))
-            come = follows[-1].root(last[own])
+                follows.append(AlignmentTransform.from_roots(first[own], come, up))
+            come = follows[-1].apply(last[own])
         yaws = np.concatenate([own.yaws for own in follows])
-        offsets = np.concatenate([own.shifts for own in follows])
-        return replace(self, place=_Place(Placement(yaws, offsets), columns))
+        offsets = np.concatenate([own.translations for own in follows])
+        return replace(self, place=_Place(AlignmentTransform(yaws, offsets), columns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,21 +388,21 @@ class _Place:
     `columns` are the root's among the turning and among the travelling joints.
     """
 
-    placement: Placement
+    placement: AlignmentTransform
     columns: tuple[int, int]
 
     def put(
         self,
-        algebra: Algebra,
+        algebra: ValueSpace,
         values: FloatArray,
         segment: IntArray,
         velocities: FloatArray | None = None,
     ) -> None:
         """Move the root's values and velocities in segments, in place; those that stay, not."""
-        yaws, offsets = self.placement.yaws[segment], self.placement.shifts[segment]
+        yaws, offsets = self.placement.yaws[segment], self.placement.translations[segment]
         goes = (yaws != rotations.IDENTITY).any(axis=1) | (offsets != 0.0).any(axis=1)
         yaws, offsets = yaws[goes], offsets[goes]
-        if algebra is TURNS:  # an angular velocity in the body's frame stays as it is
+        if algebra is ROTATIONS:  # an angular velocity in the body's frame stays as it is
             own = values[goes, self.columns[0]]
             values[goes, self.columns[0]] = rotations.multiply(yaws, own)
         else:
@@ -413,9 +413,9 @@ class _Place:
 
 
 def _joined(
-    laid: _Laid,
+    laid: DonorTimeline,
     seams: BoolArray,
-    algebra: Algebra,
+    algebra: ValueSpace,
     tracks: Sequence[FloatArray],
     segment: IntArray,
     step: FloatArray,
@@ -438,7 +438,7 @@ def _joined(
 
 
 def _led(
-    laid: _Laid,
+    laid: DonorTimeline,
     seams: BoolArray,
     tracks: Sequence[FloatArray],
     shifts: Sequence[FloatArray],
@@ -453,26 +453,26 @@ def _led(
     own = replace(laid, place=replace(laid.place, columns=(0, 0)))
     tracks = [track[:, columns[0], None] for track in tracks]
     shifts = [shift[:, columns[1], None] for shift in shifts]
-    turned = own.sample(TURNS, tracks, segment, step)[:, 0]
-    placed = own.sample(SHIFTS, shifts, segment, step)[:, 0]
+    turned = own.sample(ROTATIONS, tracks, segment, step)[:, 0]
+    placed = own.sample(TRANSLATIONS, shifts, segment, step)[:, 0]
     inside = np.diff(segment) == 0
     ways = np.where(np.arange(3) == up, 0.0, np.diff(placed, axis=0))[inside]
-    yaws = turns(turned[:-1], turned[1:], up)[inside]
+    yaws = yaw_rates(turned, up)[inside]
     captured = np.concatenate([ways, yaws[:, None]], axis=1)
-    velocities = blended(captured, laid.cut, seams, config, laid.rate)
+    velocities = blend_root_velocity(captured, laid.cut, seams, config, laid.rate)
     rows = laid.unpack(segment, step, turned), laid.unpack(segment, step, placed)
-    return led(velocities, captured, rows, joined, up)
+    return integrate_root(velocities, captured, rows, joined, up)
 
 
-def states(
-    algebra: Algebra, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
+def sample_states(
+    algebra: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return values and velocities per frame at frames of clips.
 
     Parameters
     ----------
     algebra : Algebra
-        `TURNS` for rotations, `SHIFTS` for translations.
+        `ROTATIONS` for rotations, `TRANSLATIONS` for translations.
     tracks : sequence of ndarray, shape (n_frames, n_joints, 4 or 3)
         The values of each clip.
     clips, frames : ndarray of int, shape (n,)
@@ -508,9 +508,9 @@ def states(
     return values, velocities
 
 
-def _steps(algebra: Algebra, track: FloatArray, frames: IntArray) -> FloatArray:
+def _steps(algebra: ValueSpace, track: FloatArray, frames: IntArray) -> FloatArray:
     """Return the way from each frame to the next."""
-    return algebra.way(track[frames], track[frames + 1])
+    return algebra.delta(track[frames], track[frames + 1])
 
 
 def _in_the_world(

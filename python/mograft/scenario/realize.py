@@ -15,10 +15,10 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.scenario.walks import Scenario
 
-__all__ = ["arranged", "stands"]
+__all__ = ["donor_contacts", "realize_scenario"]
 
 
-def arranged(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
+def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     """Return the motion of segments one after the other, on its feet, and where they are in it."""
     own = library.segments[scenario.segments]
     stops = np.cumsum(own.lengths if scenario.lengths is None else scenario.lengths)
@@ -48,12 +48,12 @@ def arranged(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     motion = recombine(bare, [part], bare.name)
     if library.config.feet != "never" and len(part.seams):
         sources = [scenario.segments] * len(find_legs(first.skeleton))
-        stood, heights = stands(library, cut, sources)
-        motion, _ = plant_feet(motion, stood, heights=heights)
+        stood, heights = donor_contacts(library, cut, sources)
+        motion, _ = plant_feet(motion, stood, min_heights=heights)
     return motion, cut
 
 
-def stands(
+def donor_contacts(
     library: Library, cut: Segments, sources: Sequence[IntArray]
 ) -> tuple[BoolArray, FloatArray]:
     """Return when feet stand and how high they are, as in the segments that legs come from."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import gaussian, kinetic_energy
-from mograft.blend.root_motion import fading, turns
-from mograft.blend.seams import TURNS
-from mograft.blend.transplant import states
+from mograft.blend.root_motion import root_velocity_weights, yaw_rates
+from mograft.blend.transplant import sample_states
+from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import detect_contacts
 from mograft.body.mass import mass_model
@@ -272,7 +272,7 @@ def _ends(library: Library, own: IntArray) -> tuple[_Ends, _Ends]:
         energy = gaussian(energy, config.smoothing * clip.rate)
         bounds = np.append(cut.start[cut.clip == index], clip.n_frames - 1)
         later = bounds[np.minimum(np.searchsorted(bounds, cut.stop[mine]) + 1, len(bounds) - 1)]
-        yaws = turns(quats[:-1], quats[1:], library.up)
+        yaws = yaw_rates(quats, library.up)
         ways = np.where(np.arange(3) == library.up, 0.0, np.diff(places, axis=0))
         velocities = np.concatenate([ways, yaws[:, None]], axis=1)
         at_rest = energy[cut.stop[mine]] < np.minimum(
@@ -285,10 +285,10 @@ def _ends(library: Library, own: IntArray) -> tuple[_Ends, _Ends]:
             inward = frames[:, None] + sign * np.arange(len(inside)) - (sign < 0)
             beside = velocities[inward.clip(0, len(velocities) - 1)]
             lengths = cut.lengths[mine][:, None]
-            before, after = fading(inside, lengths, config, library.rate)
+            before, after = root_velocity_weights(inside, lengths, config, library.rate)
             shares = after if sign > 0 else before
-            poses, speeds = states(TURNS, [clip.rotations[:, joints]], none, frames)
-            _, turning = states(TURNS, [quats[:, None]], none, frames)
+            poses, speeds = sample_states(ROTATIONS, [clip.rotations[:, joints]], none, frames)
+            _, turning = sample_states(ROTATIONS, [quats[:, None]], none, frames)
             back = rotations.inverse(rotations.twist(quats[frames], library.up))
             moves = float(carries)
             side.append(

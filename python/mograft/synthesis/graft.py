@@ -15,7 +15,7 @@ from mograft.body.contacts import detect_contacts, find_legs
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.scenario.realize import arranged, stands
+from mograft.scenario.realize import donor_contacts, realize_scenario
 from mograft.scenario.walks import Scenario
 from mograft.search.candidates import Row, choose, reachable
 from mograft.search.constraints import Constraint, MaxAngle, Violation, violations
@@ -317,7 +317,7 @@ class Plan:
         else:
             wanted = order if isinstance(order, Scenario) else Scenario(_checked(order))
             scenario = _within(wanted.segments, library)
-            motion, cut = arranged(library, wanted)
+            motion, cut = realize_scenario(library, wanted)
         own_order = () if order is None else tuple(scenario.tolist())
         problem = Problem.of(library, motion, scenario, cut, groups, constraints)
         return cls(problem, own_order)
@@ -466,14 +466,14 @@ class Plan:
         if library.config.feet == "never" or exchanged.isdisjoint(chain.from_iterable(grafted)):
             return new, None
         sources = [donors.get(limb.ankle, self.problem.scenario) for limb in limbs]
-        stood, heights = stands(library, self.problem.cut, sources)
+        stood, heights = donor_contacts(library, self.problem.cut, sources)
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
             stood | detect_contacts(new),
-            bends=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
-            moves_root=library.root in donors,
-            heights=heights,
+            movable_legs=[{limb.hip, limb.knee, limb.ankle} <= donors.keys() for limb in limbs],
+            move_root=library.root in donors,
+            min_heights=heights,
         )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import apart, told
 from mograft.analysis.segmentation import Segments
-from mograft.blend.rigid_alignment import Placement, Root
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.blend.transplant import Part, recombine, transplant
 from mograft.body.anatomy import feature_joints
 from mograft.body.world_poses import Poses
@@ -343,7 +343,7 @@ class Problem:
         at: IntArray,
         donors: IntArray,
         context: Motion | None = None,
-        come: Root | None = None,
+        come: RootTransforms | None = None,
     ) -> Poses:
         """Return the body with donors' parts in their places, before any seam is closed.
 
@@ -355,7 +355,7 @@ class Problem:
             Positions and donors for them.
         context : Motion, optional
             What the other joints do. Default: the base.
-        come : Root, optional
+        come : RootTransforms, optional
             Where a root that the group holds has come to when each donor begins. Default: as
             in the context.
 
@@ -377,7 +377,7 @@ class Problem:
         which = np.repeat(taken.clip, counts)
         held = self.held[group]
         joints = np.setdiff1d(joints, list(held)).astype(np.int64)
-        carried = Root(np.empty((len(frames), 4)), np.empty((len(frames), 3)))
+        carried = RootTransforms(np.empty((len(frames), 4)), np.empty((len(frames), 3)))
         for clip in np.unique(taken.clip):
             own, motion = taken.clip == clip, library.clips[clip]
             bounds = taken.start[own], taken.stop[own], counts[own]
@@ -391,15 +391,21 @@ class Problem:
                 mixed[:, order.index(axis)] = angle
                 local[rows, joint] = rotations.from_euler(mixed, order)
             if group == self.carrier:
-                root = Root.of(motion, library.root)
-                carried.turns[rows] = resampled(root.turns[:, None], *bounds)[:, 0]
-                carried.spots[rows] = resample_segment_positions(root.spots[:, None], *bounds)[:, 0]
+                root = RootTransforms.from_motion(motion, library.root)
+                carried.rotations[rows] = resampled(root.rotations[:, None], *bounds)[:, 0]
+                carried.positions[rows] = resample_segment_positions(
+                    root.positions[:, None], *bounds
+                )[:, 0]
         if group == self.carrier:
-            come = Root.of(context, library.root)[self.cut.start[at]] if come is None else come
-            goes = Placement.onto(carried[starts], come, library.up)
-            root = goes[np.repeat(np.arange(len(at)), counts)].root(carried)
-            root = root.under(context, frames, library.root)
-            local[:, library.root], places[:, library.root] = root.turns, root.spots
+            come = (
+                RootTransforms.from_motion(context, library.root)[self.cut.start[at]]
+                if come is None
+                else come
+            )
+            goes = AlignmentTransform.from_roots(carried[starts], come, library.up)
+            root = goes[np.repeat(np.arange(len(at)), counts)].apply(carried)
+            root = root.relative_to_parent(context, frames, library.root)
+            local[:, library.root], places[:, library.root] = root.rotations, root.positions
         moved = replace(self.base, rotations=local, positions=places, channel_values=None)
         return self.poses.with_poses(frames, *moved.world_transforms())
 
@@ -422,7 +428,7 @@ class Problem:
         if not self.active.any():
             return row
         context = self.assembled(others) if others else self.base
-        begin = Root.of(context, self.library.root)[self.cut.start[:1]]
+        begin = RootTransforms.from_motion(context, self.library.root)[self.cut.start[:1]]
         more: list[FloatArray] = []
         total, ends = np.zeros(1), begin
         for position, donors in enumerate(row.candidates):
@@ -441,18 +447,21 @@ class Problem:
             ends = self.led(donors, come)
         return replace(row, chain=row.chain.plus(more))
 
-    def led(self, donors: IntArray, come: Root) -> Root:
+    def led(self, donors: IntArray, come: RootTransforms) -> RootTransforms:
         """Return where donors lead a root that has come somewhere."""
         taken = self.library.segments[donors]
         first, last = (
-            Root(np.empty((len(donors), 4)), np.empty((len(donors), 3))) for _ in range(2)
+            RootTransforms(np.empty((len(donors), 4)), np.empty((len(donors), 3))) for _ in range(2)
         )
         for clip in np.unique(taken.clip):
             own = taken.clip == clip
-            root = Root.of(self.library.clips[clip], self.library.root)
+            root = RootTransforms.from_motion(self.library.clips[clip], self.library.root)
             for ends, frames in ((first, taken.start[own]), (last, taken.stop[own])):
-                ends.turns[own], ends.spots[own] = root.turns[frames], root.spots[frames]
-        return Placement.onto(first, come, self.library.up).root(last)
+                ends.rotations[own], ends.positions[own] = (
+                    root.rotations[frames],
+                    root.positions[frames],
+                )
+        return AlignmentTransform.from_roots(first, come, self.library.up).apply(last)
 
     def over(self, poses: Poses) -> FloatArray:
         """Return by how much each pose misses hard constraints, in tolerances beyond 1.

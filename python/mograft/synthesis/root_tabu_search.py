@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.blend.rigid_alignment import Placement, Root
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.motion.motion import Motion
 from mograft.search.candidates import BEYOND, Row
 from mograft.search.viterbi import Chain
@@ -131,7 +131,7 @@ def exchanges(
     group, cut = problem.carrier, problem.cut
     assert group is not None
     poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
-    root = Root.of(motion, problem.library.root)
+    root = RootTransforms.from_motion(motion, problem.library.root)
     over = problem.over(poses)
     at, which, cost = _within(row, row.choices(chosen[group]))
     sensible = (free & (cut.start < np.flatnonzero(over)[-1]))[at]
@@ -147,7 +147,7 @@ def exchanges(
         own = problem.candidate_poses(group, at[some], given[some], motion, come[some])
         missed[some] += np.add.reduceat(problem.over(own), np.cumsum(counts[some]) - counts[some])
     # and after it all is moved as it is.
-    goes = Placement.onto(root[ends], problem.led(given, come), problem.library.up)
+    goes = AlignmentTransform.from_roots(root[ends], problem.led(given, come), problem.library.up)
     frames = np.flatnonzero(problem.applies)
     every = max(1, int(np.ceil(len(frames) * len(at) / (2 * _POSES))))
     frames = frames[::every]
@@ -155,7 +155,7 @@ def exchanges(
     for some in _chunks(np.arange(len(index)), np.ones(len(index), np.int64)):
         moments = frames[later[some]]
         there = poses.with_poses(moments, poses.rotations[moments], poses.positions[moments])
-        moved = problem.over(goes[index[some]].poses(there))
+        moved = problem.over(goes[index[some]].apply_to_poses(there))
         missed += every * np.bincount(index[some], moved, len(at))
     order = np.lexsort([cost, missed])
     return at[order], given[order], missed[order]

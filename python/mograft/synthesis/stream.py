@@ -11,8 +11,9 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.analysis.embedding import features, normalise
 from mograft.analysis.segmentation import Cutter, Segments, kinetic_energy
-from mograft.blend.seams import TURNS, Ends, Moments, dead, inertial
+from mograft.blend.seams import PieceTimes, SeamBoundaries, dead, inertial
 from mograft.blend.transplant import Part, recombine
+from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import capsules
 from mograft.body.contacts import find_legs
@@ -464,7 +465,7 @@ class Stream:
         values = cubic(np.arange(len(track)), track, times.ravel())
         pace = (self._library.rate * lengths / n)[:, None, None]
         ends = np.stack([starts, starts + lengths])
-        before, after = TURNS.way(track[[ends - 1, ends]], track[[ends, ends + 1]])
+        before, after = ROTATIONS.delta(track[[ends - 1, ends]], track[[ends, ends + 1]])
         arriving, leaving = 0.5 * (before + after) * pace
         return _Sampled(values.reshape(len(donors), n + 3, -1, 4), arriving, leaving)
 
@@ -479,12 +480,12 @@ class Stream:
         piece = np.repeat(np.arange(1, len(raw) + 1), n + 3)
         # What a short segment has no time for goes on in the next: it meets what was laid.
         longest = np.full(len(raw) + 1, np.inf)
-        moments = Moments(piece, np.tile(steps / rate, len(raw)), longest)
+        moments = PieceTimes(piece, np.tile(steps / rate, len(raw)), longest)
         before = np.broadcast_to(past.pose, (len(raw), *past.pose.shape))
         speed = np.broadcast_to(past.speed, arriving.shape)
-        met = Ends(before, raw[:, 0], speed, arriving)
+        met = SeamBoundaries(before, raw[:, 0], speed, arriving)
         flat = raw.reshape(-1, *raw.shape[2:])
-        values = treatment(TURNS, flat, moments, met, self._config.seam_blend)
+        values = treatment(ROTATIONS, flat, moments, met, self._config.seam_blend)
         return _Laid(given, values.reshape(raw.shape), rate)
 
     def _committed(
@@ -592,7 +593,7 @@ class _Laid:
     def speed(self) -> FloatArray:
         """Per second, at the end."""
         last, raw = self.values[:, -3:], self.given.values[:, -3:]
-        back, further = TURNS.way(last[:, 0], np.moveaxis(last[:, 1:], 1, 0))
+        back, further = ROTATIONS.delta(last[:, 0], np.moveaxis(last[:, 1:], 1, 0))
         moved = (0.5 * further - 2.0 * back) * (self.rate / _MOMENT)
         settled = (last == raw).all(axis=(1, 3))
         return np.where(settled[..., None], self.given.leaving, moved)
@@ -813,13 +814,13 @@ def _with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
     if start > 0:
         rows.insert(0, track[start - 1 : start])
     else:
-        ways = TURNS.way(track[: min(2, steps)], track[1 : min(2, steps) + 1])
-        rows.insert(0, TURNS.move(track[:1], -(2.0 * ways[:1] - ways[-1:])))
+        ways = ROTATIONS.delta(track[: min(2, steps)], track[1 : min(2, steps) + 1])
+        rows.insert(0, ROTATIONS.add(track[:1], -(2.0 * ways[:1] - ways[-1:])))
     if stop + 1 < len(track):
         rows.append(track[stop + 1 : stop + 2])
     else:
-        ways = TURNS.way(track[-1 - min(2, steps) : -1], track[-min(2, steps) :])
-        rows.append(TURNS.move(track[-1:], 2.0 * ways[-1:] - ways[:1]))
+        ways = ROTATIONS.delta(track[-1 - min(2, steps) : -1], track[-min(2, steps) :])
+        rows.append(ROTATIONS.add(track[-1:], 2.0 * ways[-1:] - ways[:1]))
     return np.concatenate(rows)
 
 
