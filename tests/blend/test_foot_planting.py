@@ -276,7 +276,9 @@ def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
         free[shift:] &= ~stands.any(axis=2)[:-shift]
         free[:-shift] &= ~stands.any(axis=2)[shift:]
     lacks = [np.maximum(np.minimum(high, 0.05) - own, 0.0)[free] for own in low]
-    assert lacks[1].sum() <= 0.3 * lacks[0].sum() + 1e-9
+    # Below 1e-4 heights times frames in total (0.2 mm of a person, for one frame) nothing drags:
+    # at that size the smoothing of the lift decides the ratio.
+    assert lacks[1].sum() <= 0.3 * lacks[0].sum() + 1e-4
     held = stands[1:] & stands[:-1]
     steps = np.linalg.norm(np.diff(ground.points(tight), axis=0), axis=-1) / height
     assert steps[held].max(initial=0) < 1e-3
