@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Skeleton
-from mograft.body.anatomy import ARM, LEG, PARTS, anatomy, feature_joints
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.body_parts import ARM, LEG, PARTS
 from tests.hierarchies import (
     DATA,
     human,

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft.body.anatomy import ARM, anatomy
+from mograft.body.anatomy import anatomy
+from mograft.body.body_parts import ARM
 from mograft.motion.skeleton import Skeleton
 
 __all__ = ["PRESETS", "JointGroups", "Subtree", "subtree"]

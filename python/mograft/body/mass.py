@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, make_read_only, restore
-from mograft.body.anatomy import ARM, LEG, Anatomy, anatomy
+from mograft.body.anatomy import Anatomy, anatomy
+from mograft.body.body_parts import ARM, LEG
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton

@@ -1,5 +1,6 @@
 """`Skeleton`: joints, their hierarchy, rest offsets and channels."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -186,6 +187,25 @@ class Skeleton:
     def rotation_order(self, joint: int) -> str:
         """Return the axes of a joint's rotation channels in file order, such as ``"ZXY"``."""
         return "".join(name[0] for name in self.channels[joint] if name.endswith("rotation"))
+
+    def ancestors(self, joint: int) -> list[int]:
+        """Return the joints above a joint, nearest first."""
+        found = []
+        parent = int(self.parents[joint])
+        while parent >= 0:
+            found.append(parent)
+            parent = int(self.parents[parent])
+        return found
+
+    def common_ancestor(self, joints: Sequence[int]) -> int:
+        """Return the lowest joint that is or is above each of `joints`; 0 if there are none."""
+        if not joints:
+            return 0
+        common = [joints[0], *self.ancestors(joints[0])]
+        for joint in joints[1:]:
+            line = {joint, *self.ancestors(joint)}
+            common = [other for other in common if other in line]
+        return common[0]
 
     def index(self, name: str) -> int:
         """Return the index of the joint with a name.
