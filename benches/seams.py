@@ -19,11 +19,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from mograft import rotations
-from mograft.anatomy import anatomy, feature_joints
-from mograft.body import body, center_of_mass
-from mograft.seams import TURNS
-from mograft.transplant import _Laid, transplant
+from mograft.blend.transplant import DonorTimeline, transplant
+from mograft.blend.value_spaces import ROTATIONS
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.mass import center_of_mass, mass_model
+from mograft.motion import rotations
 
 RATE = 30.0
 TREATMENTS = ("none", "offset", "paper", "displacement", "inertial", "dead")
@@ -49,7 +49,7 @@ def derivatives(quats, rate):
 def raw(laid, track):
     """The donors side by side, nothing done to their seams."""
     segment, step = laid.frames()
-    return laid.unpack(segment, step, laid.sample(TURNS, [track], segment, step))
+    return laid.unpack(segment, step, laid.sample(ROTATIONS, [track], segment, step))
 
 
 def measured(motion, seeds, blend):
@@ -64,11 +64,11 @@ def measured(motion, seeds, blend):
         chosen = np.array([s.donor for s in mg.graft(library, seed=seed).substitutions])
         cut = library.segments
         donors = mg.Segments(cut.start[chosen], cut.stop[chosen], cut.clip[chosen])
-        laid = _Laid(cut, donors, RATE)
+        laid = DonorTimeline(cut, donors, RATE)
         bare = raw(laid, track)
-        ends = laid.ends(TURNS, [track], np.flatnonzero(laid.true_seams([track])))
-        gaps.append(np.linalg.norm(ends.ways(TURNS), axis=-1).ravel())
-        kinks.append(np.linalg.norm(ends.arriving - ends.leaving, axis=-1).ravel())
+        ends = laid.ends(ROTATIONS, [track], np.flatnonzero(laid.true_seams([track])))
+        gaps.append(np.linalg.norm(ends.gaps(ROTATIONS), axis=-1).ravel())
+        kinks.append(np.linalg.norm(ends.velocity_after - ends.velocity_before, axis=-1).ravel())
         for name in TREATMENTS:
             if name == "none":
                 quats = bare
@@ -119,7 +119,7 @@ def _hangs(parents, joint, above):
 
 def stance(motion, up):
     """How far the centre of mass is over the floor from the middle of the ankles, in heights."""
-    found = body(motion.skeleton)
+    found = mass_model(motion.skeleton)
     ankles = motion.world_positions()[:, [foot.ankle for foot in found.feet]].mean(axis=1)
     apart = np.delete(center_of_mass(motion) - ankles, up, axis=1)
     return np.linalg.norm(apart, axis=1).mean() / found.height
@@ -130,7 +130,7 @@ def kept_trunks(motion, seeds):
     hips, last = trunk(motion)
 
     def told(one, up):
-        turned = one.world()[0]
+        turned = one.world_transforms()[0]
         waist = rotations.multiply(rotations.inverse(turned[:, hips]), turned[:, last])
         numbers = [*derivatives(turned[:, [last]], RATE), *derivatives(waist[:, None], RATE)]
         return np.array([*numbers, stance(one, up)])

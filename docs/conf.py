@@ -20,8 +20,8 @@ import mograft as mg
 from mograft import cli, plot
 from mograft.cli._settings import command_parsers
 from mograft.dancer import dance
-from mograft.scenario import walk
-from mograft.stream import joined
+from mograft.scenario.walks import walk
+from mograft.synthesis.stream import joined
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "benches"))
@@ -125,9 +125,10 @@ def make_api() -> None:
             )
         elif inspect.isfunction(value):
             parts["Functions"].append(f"```{{eval-rst}}\n.. autofunction:: mograft.{name}\n```\n")
-    modules = [name for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
-    for module in (*modules, "capsules", "dancer"):
-        title, entries = _module(importlib.import_module(f"mograft.{module}"))
+    modules = [getattr(mg, name) for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
+    others = [importlib.import_module(f"mograft.{name}") for name in ("body.capsules", "dancer")]
+    for module in (*modules, *others):
+        title, entries = _module(module)
         parts[title] = entries
     lines = ["# API", ""]
     for title, entries in parts.items():

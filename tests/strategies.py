@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mograft import Motion, Skeleton, rotations
+from mograft import Motion, Skeleton
+from mograft.motion import rotations
 
 SEEDS = st.integers(0, 2**32 - 1)
 

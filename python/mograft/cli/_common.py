@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mograft import __version__
-from mograft._files import write_text
-from mograft.errors import listed
+from mograft._util.atomic import write_text
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
-    from mograft.grafting import Graft
-    from mograft.library import Library
-    from mograft.motion import Motion
+    from mograft.library.library import Library
+    from mograft.motion.motion import Motion
+    from mograft.synthesis.graft import Graft
 
 N = TypeVar("N", int, float)
 
@@ -159,12 +159,12 @@ def chosen_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
     for pattern in patterns:
         own = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}
         if not own:
-            raise ValueError(f"--clip must name clips of {listed(names)}; got {pattern!r}")
+            raise ValueError(f"--clip must name clips of {join_names(names)}; got {pattern!r}")
         chosen |= own
     if len(chosen) > _MOST_CLIPS:
         raise ValueError(
             f"{len(chosen)} clips are too many to show at once: choose {_MOST_CLIPS} at most by "
-            f"--clip NAME, of {listed([names[index] for index in sorted(chosen)])}"
+            f"--clip NAME, of {join_names([names[index] for index in sorted(chosen)])}"
         )
     return sorted(chosen)
 
@@ -184,7 +184,7 @@ def check_free(paths: Iterable[Path], *, force: bool) -> None:
 
 def write(graft: "Graft", path: Path) -> Path:
     """Write a graft's motion, and beside it where every part comes from."""
-    from mograft.bvh import write_bvh
+    from mograft.io.bvh import write_bvh
 
     document = {"mograft": __version__, **graft.as_dict()}
     # First, so that whenever this is interrupted no motion lies there without its provenance.

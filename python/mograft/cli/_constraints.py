@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 from mograft.cli._common import above_zero, not_negative
 
 if TYPE_CHECKING:
-    from mograft.constraints import Constraint
-    from mograft.obstacles import Obstacle
+    from mograft.search.constraints import Constraint
+    from mograft.search.obstacles import Obstacle
 
 T = TypeVar("T")
 
@@ -89,9 +89,9 @@ def constraints(options: argparse.Namespace) -> "list[Constraint]":
     """Return the constraints that the options ask for."""
     import numpy as np
 
-    from mograft import constraints as of
-    from mograft.bvh import read_bvh
-    from mograft.obstacles import Character
+    from mograft.io.bvh import read_bvh
+    from mograft.search import constraints as of
+    from mograft.search.obstacles import Character
 
     found: list[Constraint] = []
     for kind, numbers in options.avoid:
@@ -129,7 +129,7 @@ def constraints(options: argparse.Namespace) -> "list[Constraint]":
 
 
 def _shape(kind: str, numbers: list[float]) -> "Obstacle":
-    from mograft import obstacles as of
+    from mograft.search import obstacles as of
 
     x, y, z, *rest = numbers
     if kind == "sphere":

@@ -7,7 +7,7 @@ from typing import Any
 from mograft.cli._common import expanded, given, library_folder, print_json, progress, whole
 from mograft.cli._constraints import add_constraints, constraints
 from mograft.cli.graft import chosen_groups
-from mograft.errors import listed
+from mograft.errors import join_names
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dataclasses import asdict
 
-    from mograft.library import Library
+    from mograft.library.library import Library
 
     wanted = constraints(options)
     folder = library_folder(options)
@@ -46,8 +46,8 @@ def run(options: argparse.Namespace) -> int:
             library = Library.build(files, chosen_groups(options), progress=tell)
     names = [entry.name for entry in library.entries]
     if options.clip is not None and options.clip not in names:
-        raise ValueError(f"--clip must be one of {listed(names)}; got {options.clip!r}")
-    _, clip = library.holding(options.clip)
+        raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}")
+    _, clip = library.resolve_base(options.clip)
     own = library.segments.of_clip(clip)
     if options.segment is not None:
         if options.segment >= len(own):

@@ -35,9 +35,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _judged(name: str, *, strict: bool) -> dict[str, Any]:
-    from mograft.bvh import read_bvh
+    from mograft.body.faults import find_faults
     from mograft.errors import BvhError
-    from mograft.faults import find_faults
+    from mograft.io.bvh import read_bvh
 
     try:
         motion = read_bvh(name, strict=strict)

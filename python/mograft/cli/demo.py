@@ -29,11 +29,11 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.bvh import write_bvh
     from mograft.dancer import dance
-    from mograft.grafting import graft_many
-    from mograft.library import Library
-    from mograft.substitution import combinations
+    from mograft.io.bvh import write_bvh
+    from mograft.library.library import Library
+    from mograft.search.candidates import combinations
+    from mograft.synthesis.graft import graft_many
 
     folder: Path = options.output
     sample = folder / "dance.bvh"

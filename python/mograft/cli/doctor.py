@@ -71,8 +71,8 @@ def _kernels() -> dict[str, str]:
     """Run the whole way once on a small dance."""
     try:
         from mograft.dancer import dance
-        from mograft.grafting import graft
-        from mograft.library import Library
+        from mograft.library.library import Library
+        from mograft.synthesis.graft import graft
 
         new = graft(Library.build(dance(strides=1).motion[:300]))
     except Exception as error:

@@ -20,7 +20,7 @@ from mograft.cli._common import (
 from mograft.cli.graft import chosen_config, chosen_groups, opened
 
 if TYPE_CHECKING:
-    from mograft.library import Library
+    from mograft.library.library import Library
 
 TOPICS = ("enrichment", "balance", "naturalness", "quality")
 LABEL = "label"
@@ -136,8 +136,8 @@ def _need_plots() -> None:
 
 
 def _library(options: argparse.Namespace) -> "Library":
-    from mograft.bvh import read_bvh
-    from mograft.library import Library
+    from mograft.io.bvh import read_bvh
+    from mograft.library.library import Library
 
     folder = library_folder(options)
     if folder is not None:

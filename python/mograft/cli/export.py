@@ -19,7 +19,7 @@ from mograft.cli._common import (
 from mograft.cli.graft import chosen_groups
 
 if TYPE_CHECKING:
-    from mograft.motion import Motion
+    from mograft.motion.motion import Motion
 
 FIGURES = (".glb", ".usd", ".usda", ".usdc")
 FILMS = (".mp4", ".gif")
@@ -113,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
         if ending not in _USES[name]:
             options.usage(f"--{name} is for {', '.join(_USES[name])}; got {target.name}")
     check_free([target], force=options.force)
-    from mograft.bvh import read_bvh
+    from mograft.io.bvh import read_bvh
 
     if options.groups is not None:
         options.groups = chosen_groups(options)
@@ -142,8 +142,9 @@ def run(options: argparse.Namespace) -> int:
 def _write_figure(
     motions: "Sequence[Motion]", target: Path, options: argparse.Namespace
 ) -> dict[str, Any]:
-    from mograft.formats import write_glb, write_usd
-    from mograft.formats.figure import UNITS
+    from mograft.io.figure import UNITS
+    from mograft.io.glb import write_glb
+    from mograft.io.usd import write_usd
 
     scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
     if target.suffix.lower() == ".glb":
@@ -176,8 +177,8 @@ def _write_film(
 
 
 def _write_numbers(motion: "Motion", target: Path) -> None:
-    from mograft.bvh import write_bvh
-    from mograft.formats import write_csv, write_npz
+    from mograft.io.bvh import write_bvh
+    from mograft.io.tables import write_csv, write_npz
 
     write = {".npz": write_npz, ".csv": write_csv, ".bvh": write_bvh}[target.suffix.lower()]
     write(motion, target)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mograft._util.registry import CONFIG_OPTIONS
 from mograft.cli._common import (
     ENDS,
     PRESETS,
@@ -23,18 +24,18 @@ from mograft.cli._common import (
     write_report,
 )
 from mograft.cli._constraints import add_constraints, constraints
-from mograft.errors import listed
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mograft._arrays import IntArray
+    from mograft._util.arrays import IntArray
+    from mograft.body.groups import JointGroups
     from mograft.config import Config
-    from mograft.grafting import Graft
-    from mograft.groups import JointGroups
-    from mograft.library import Library
-    from mograft.motion import Motion
-    from mograft.scenario import Scenario
+    from mograft.library.library import Library
+    from mograft.motion.motion import Motion
+    from mograft.scenario.walks import Scenario
+    from mograft.synthesis.graft import Graft
 
 UNMET = 4
 """Exit code: no choice of donors meets the constraints."""
@@ -77,7 +78,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument(
         "--choice",
-        choices=("viterbi", "best", "sample", "nearest", "random"),
+        choices=CONFIG_OPTIONS["choice"].names,
         help="how donors are chosen: those of least cost in all (of several motions each keeps "
         "away from the others), the several of least cost, drawn by their cost (default), those "
         "of most similar legs, or by chance as in the paper",
@@ -118,23 +119,23 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
     )
     graft.add_argument(
         "--seam",
-        choices=("offset", "paper", "displacement", "inertial", "dead"),
+        choices=CONFIG_OPTIONS["seam"].names,
         help="how motions that meet at a seam are made one; default: offset, or the preset's",
     )
     graft.add_argument(
         "--alignment",
-        choices=("uniform", "dtw"),
+        choices=CONFIG_OPTIONS["alignment"].names,
         help="how a donor gets its length: stretched evenly (default), or bent in time so that "
         "its base part does what the segment's does",
     )
     graft.add_argument(
         "--torso",
-        choices=("pelvis", "world"),
+        choices=CONFIG_OPTIONS["torso"].names,
         help="what a grafted trunk keeps: its angle to the pelvis (default), or how it leans",
     )
     graft.add_argument(
         "--feet",
-        choices=("auto", "never"),
+        choices=CONFIG_OPTIONS["feet"].names,
         help="make feet stand still: auto where the base group does not keep legs and root",
     )
     graft.add_argument("--report", action="store_true", help="also write a page that shows them")
@@ -156,8 +157,8 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.grafting import graft_many, repair
-    from mograft.library import Library
+    from mograft.library.library import Library
+    from mograft.synthesis.graft import graft_many, repair
 
     folder = library_folder(options)
     files = expanded(options.files) if folder is None else []
@@ -246,7 +247,7 @@ def run(options: argparse.Namespace) -> int:
 
 def opened(folder: Path, options: argparse.Namespace) -> "Library":
     """Open a library; what it was made by is settled, but for how it is used."""
-    from mograft.library import Library
+    from mograft.library.library import Library
 
     for name in given(options, "groups", "preset"):
         options.usage(f"--{name} is settled when a library is made: mograft index --{name}")
@@ -258,24 +259,26 @@ def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion 
     """Return the clip that was read from a file or has a name, else the file's motion."""
     if name is None:
         return None
-    from mograft.bvh import read_bvh
+    from mograft.io.bvh import read_bvh
 
     names = [entry.name for entry in library.entries]
     if folder is not None and name in names:
         return name
     there = os.path.realpath(name)
     for entry in library.entries:
-        if entry.origin is not None and os.path.realpath(entry.origin.path) == there:
+        if entry.source_file is not None and os.path.realpath(entry.source_file.path) == there:
             return entry.name
     if not Path(name).exists():
-        files = [Path(entry.origin.path).name for entry in library.entries if entry.origin]
+        files = [
+            Path(entry.source_file.path).name for entry in library.entries if entry.source_file
+        ]
         if len(files) == len(names) and files.count(name) == 1:
             return names[files.index(name)]
         if name in names:
             return name
         where = "" if folder is None else f" of {folder}"
         raise ValueError(
-            f"--base must be a clip{where}, one of {listed(names)}, or a file; got {name!r}"
+            f"--base must be a clip{where}, one of {join_names(names)}, or a file; got {name!r}"
         )
     return read_bvh(name)
 
@@ -325,7 +328,7 @@ def _scenario(
         return [int(word) for word in options.scenario.split(",")]
     import numpy as np
 
-    from mograft.scenario import fill, follow, to_beats, transitions, walk
+    from mograft.scenario.walks import fill, follow, to_beats, transitions, walk
 
     seed, duration = options.seed, options.duration or 60.0
     graph = transitions(library, options.among and options.among.split(","))
@@ -346,7 +349,7 @@ def chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
         return name
     if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
         options.usage(f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}")
-    from mograft.groups import JointGroups
+    from mograft.body.groups import JointGroups
 
     return JointGroups.from_toml(Path(name))
 

@@ -20,8 +20,8 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.bvh import read_bvh
-    from mograft.groups import JointGroups
+    from mograft.body.groups import JointGroups
+    from mograft.io.bvh import read_bvh
 
     skeleton = read_bvh(options.file).skeleton
     groups = JointGroups.preset(options.preset, skeleton)

@@ -17,7 +17,7 @@ from mograft.cli._common import (
     say,
 )
 from mograft.cli.graft import chosen_config, chosen_groups
-from mograft.errors import listed
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -68,20 +68,20 @@ def run(options: argparse.Namespace) -> int:
     # settled when NumPy is loaded.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from mograft.library import Library
-    from mograft.sources import find, matching, read_table
+    from mograft.library.discover import find_clips, matching_values, read_tags
+    from mograft.library.library import Library
 
     fixed = given(options, "groups", "preset", "sigma_scale", "rate", "force")
     if options.add and fixed:
         options.usage(f"--{fixed[0].replace('_', '-')} is settled when a library is made: no --add")
     rates = _true_rates(options)
-    tags = None if options.tags is None else read_table(options.tags)
+    tags = None if options.tags is None else read_tags(options.tags)
     if rates or tags:
         table = {key: key for key in (*rates, *(tags or ()))}
-        used = {key for own in find(options.files) for key in matching(table, own)}
+        used = {key for own in find_clips(options.files) for key in matching_values(table, own)}
         unused = [key for key in table if key not in used]
         if unused:
-            say(f"warning: --true-rate or --tags name no clip of these files: {listed(unused)}")
+            say(f"warning: --true-rate or --tags name no clip of these files: {join_names(unused)}")
     with progress() as tell, _pool(options.jobs) as executor:
         if options.add:
             before = set(Library.open(options.output).refused)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from mograft.cli._common import expanded, print_json
 
 if TYPE_CHECKING:
-    from mograft.bvh import BvhSummary
-    from mograft.motion import Motion
+    from mograft.io.bvh import BvhSummary
+    from mograft.motion.motion import Motion
 
 _LARGE = 1 << 28
 """Files of more bytes are not held in memory to be described."""
@@ -36,9 +36,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _describe(name: str) -> dict[str, Any]:
-    from mograft.bvh import read_bvh, scan_bvh
-    from mograft.faults import find_faults
-    from mograft.groups import JointGroups
+    from mograft.body.faults import find_faults
+    from mograft.body.groups import JointGroups
+    from mograft.io.bvh import read_bvh, scan_bvh
 
     faults: list[str] | None = None
     summary: BvhSummary | Motion

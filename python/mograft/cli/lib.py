@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from mograft.cli._common import check_free, left_out, print_json, say
 
 if TYPE_CHECKING:
-    from mograft.library import Library
+    from mograft.library.library import Library
 
 
 def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
@@ -39,7 +39,7 @@ def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to its
 
 def run_info(options: argparse.Namespace) -> int:
     """Run ``lib info``."""
-    from mograft.library import Library
+    from mograft.library.library import Library
 
     library = Library.open(options.library)
     document = described(library)
@@ -91,10 +91,10 @@ def _clip(library: "Library", index: int) -> dict[str, Any]:
     entry = library.entries[index]
     return {
         "name": entry.name,
-        "file": None if entry.origin is None else entry.origin.path,
-        "sha256": None if entry.origin is None else entry.origin.sha256,
+        "file": None if entry.source_file is None else entry.source_file.path,
+        "sha256": None if entry.source_file is None else entry.source_file.sha256,
         "frames": entry.n_frames,
-        "own_rate": entry.rate,
+        "own_rate": entry.source_rate,
         "tags": list(entry.tags),
         "faults": list(entry.faults),
     }
@@ -102,22 +102,22 @@ def _clip(library: "Library", index: int) -> dict[str, Any]:
 
 def run_verify(options: argparse.Namespace) -> int:
     """Run ``lib verify``."""
-    from mograft import store
-    from mograft.digest import origin_of
-    from mograft.library import Library
+    from mograft.library import storage as store
+    from mograft.library.ingest import describe_source_file
+    from mograft.library.library import Library
 
     wrong = store.verify(options.library)
     if options.sources and not wrong:
         for entry in Library.open(options.library).entries:
-            origin = entry.origin
+            origin = entry.source_file
             if origin is None:
                 continue
             try:
-                if origin_of(origin.path).sha256 != origin.sha256:
+                if describe_source_file(origin.path).sha256 != origin.sha256:
                     wrong.append(f"{origin.path} has changed since it was read")
             except OSError as error:
                 wrong.append(f"{origin.path}: {error.strerror}")
-    for name in store.leftovers(options.library):
+    for name in store.list_leftovers(options.library):
         say(f"{name} is left of an interrupted write; the next one removes it")
     if options.json:
         library = str(options.library)
@@ -129,13 +129,13 @@ def run_verify(options: argparse.Namespace) -> int:
 
 def run_export(options: argparse.Namespace) -> int:
     """Run ``lib export``."""
-    from mograft.library import Library
-    from mograft.tables import export
+    from mograft.library.export import export_tables
+    from mograft.library.library import Library
 
     library = Library.open(options.library)
     check_free([options.output], force=options.force)
     options.output.parent.mkdir(parents=True, exist_ok=True)
-    paths = [str(path) for path in export(library, options.output, options.kind)]
+    paths = [str(path) for path in export_tables(library, options.output, options.kind)]
     if options.json:
         print_json({"schema": "mograft.tables/1", "kind": options.kind, "files": paths})
     else:

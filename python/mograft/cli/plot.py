@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft._files import replacing
+from mograft._util.atomic import atomic_path
 from mograft.cli._common import (
     at_least_one,
     check_free,
@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
         assert figure is not None  # The axes were made with theirs.
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with replacing(target) as draft:
+            with atomic_path(target) as draft:
                 figure.savefig(draft, dpi=options.dpi, metadata=metadata)
         finally:
             pyplot.close("all")
@@ -100,8 +100,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace) -> "Axes":
     from mograft import plot
-    from mograft.bvh import read_bvh
-    from mograft.library import Library
+    from mograft.io.bvh import read_bvh
+    from mograft.library.library import Library
     from mograft.viewing.scene import Scene
 
     folder = library_folder(options)

@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _clips(folder: Path, options: argparse.Namespace) -> "Scene":
-    from mograft.library import Library
+    from mograft.library.library import Library
     from mograft.viewing.scene import Scene
 
     if given(options, "groups"):

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.contacts import contacts, legs
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.contacts import detect_contacts, find_legs
 from mograft.errors import InsufficientDataError
-from mograft.grafting import Graft, Grafts, Plan
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.planning import Donors
-from mograft.substitution import Pool, length_fits
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.search.candidates import Pool, length_fits
+from mograft.synthesis.graft import Graft, Grafts, Plan
+from mograft.synthesis.problem import Donors
 
 __all__ = [
     "Analogy",
@@ -212,7 +212,7 @@ def methods(library: Library) -> tuple[Method, ...]:
         From chance to choice.
     """
     ways: list[Method] = [Random(), RandomLength()]
-    if legs(library.skeleton):
+    if find_legs(library.skeleton):
         ways.append(ContactPattern())
     if library.embedding[library.groups.base] is not None:
         ways.append(Nearest())
@@ -233,7 +233,7 @@ def contact_patterns(library: Library) -> BoolArray:
     Returns
     -------
     ndarray of bool, shape (n_segments, 10, n_legs)
-        Whether a foot stands, as `mograft.contacts.contacts` tells, at ten equal times.
+        Whether a foot stands, as `mograft.body.contacts.contacts` tells, at ten equal times.
 
     Raises
     ------
@@ -281,9 +281,9 @@ def contact_words(library: Library) -> list[str]:
 
 @lru_cache(maxsize=1)
 def _touching(library: Library) -> list[BoolArray]:
-    if not legs(library.skeleton):
+    if not find_legs(library.skeleton):
         raise InsufficientDataError("contact patterns need legs: none is known in the skeleton")
-    return [np.asarray(contacts(clip).any(axis=2), bool) for clip in library.clips]
+    return [np.asarray(detect_contacts(clip).any(axis=2), bool) for clip in library.clips]
 
 
 def grafts_by(

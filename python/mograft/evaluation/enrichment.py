@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from mograft._arrays import IntArray
-from mograft.clustering import cut, threshold
-from mograft.groups import PRESETS, JointGroups
-from mograft.library import Library
-from mograft.substitution import combinations
+from mograft._util.arrays import IntArray
+from mograft.analysis.clustering import cut, threshold
+from mograft.body.groups import PRESETS, JointGroups
+from mograft.library.library import Library
+from mograft.search.candidates import combinations
 
 __all__ = [
     "PAPER_TABLES",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.body import body
+from mograft.body.mass import mass_model
 from mograft.evaluation import plots
 from mograft.evaluation.balance import BalanceRow
 from mograft.evaluation.enrichment import PAPER_TABLES
@@ -146,7 +146,7 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     names = [entry.name for entry in library.entries]
     more = f" and {len(names) - 2} more" if len(names) > 2 else ""
     named = title or f"Evaluation of {', '.join(names[:2])}{more}"
-    known = body(library.skeleton)
+    known = mass_model(library.skeleton)
     lead = (
         f"{len(names)} clips, {sum(entry.n_frames for entry in library.entries)} frames at "
         f"{library.rate:.4g} a second, {len(library.segments)} segments. Seed "

@@ -14,12 +14,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from mograft._files import write_text
-from mograft.bvh import read_bvh
-from mograft.grafting import Graft
-from mograft.groups import JointGroups
-from mograft.library import Library
-from mograft.motion import Motion
+from mograft._util.atomic import write_text
+from mograft.body.groups import JointGroups
+from mograft.io.bvh import read_bvh
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.synthesis.graft import Graft
 from mograft.viewing.scene import POINTS, Scene
 
 __all__ = ["Page", "embedded", "inline", "view"]

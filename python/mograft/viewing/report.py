@@ -9,12 +9,12 @@ from urllib.parse import quote
 
 import numpy as np
 
-from mograft._arrays import FloatArray, IntArray
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.body import body, center_of_mass
-from mograft.grafting import Graft
-from mograft.library import Library
-from mograft.substitution import combinations, length_fits
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.body.mass import center_of_mass, mass_model
+from mograft.library.library import Library
+from mograft.search.candidates import combinations, length_fits
+from mograft.synthesis.graft import Graft
 from mograft.viewing.page import Page, assembled, viewer
 from mograft.viewing.scene import Scene
 
@@ -208,7 +208,7 @@ def _stray(graft: Graft) -> FloatArray:
     """Return how far the centre of mass is from the base's on the ground, in heights."""
     gap = center_of_mass(graft.motion) - center_of_mass(graft.base)
     gap[:, graft.library.up] = 0.0
-    stray: FloatArray = np.linalg.norm(gap, axis=1) / body(graft.base.skeleton).height
+    stray: FloatArray = np.linalg.norm(gap, axis=1) / mass_model(graft.base.skeleton).height
     return stray
 
 

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft import rotations
-from mograft._arrays import FloatArray, IntArray
-from mograft.anatomy import anatomy
-from mograft.body import body, up_axis
-from mograft.grafting import Graft
-from mograft.groups import JointGroups
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.segmentation import gaussian, kinetic_energy, segment
-from mograft.skeleton import Skeleton
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.segmentation import gaussian, kinetic_energy, segment
+from mograft.body.anatomy import anatomy
+from mograft.body.groups import JointGroups
+from mograft.body.mass import mass_model, up_axis
+from mograft.library.library import Library
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.synthesis.graft import Graft
 
 __all__ = ["POINTS", "Drawn", "Figure", "Row", "Scene", "quantised", "unpacked"]
 
@@ -328,14 +328,14 @@ class Drawn:
     def of(cls, motion: Motion) -> "Drawn":
         """Return what is drawn of a motion."""
         skeleton = motion.skeleton
-        turns, joints = motion.world()
+        turns, joints = motion.world_transforms()
         sites = [
             joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
             for site in skeleton.end_sites
         ]
         parents = [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
         known = anatomy(skeleton)
-        figure = body(skeleton)
+        figure = mass_model(skeleton)
         height, head = figure.height, figure.head
         on_head = {node for node, parent in enumerate(parents) if parent == head}
         if head is not None and on_head and on_head <= set(known.details):
@@ -377,7 +377,7 @@ class Drawn:
 def _upright(places: FloatArray, motion: Motion) -> FloatArray:
     """Return places with y up, turned but not mirrored."""
     axis = up_axis(motion)
-    known = body(motion.skeleton)
+    known = mass_model(motion.skeleton)
     feet = [foot.ankle for foot in known.feet]
     x, y, z = np.moveaxis(places, -1, 0)
     turned = [(-y, x, z), (x, y, z), (x, z, -y)][axis]
@@ -497,7 +497,7 @@ def _members(
 
 
 def _of_clip(library: Library, clip: Motion) -> Figure:
-    library, index = library.holding(clip)
+    library, index = library.resolve_base(clip)
     own = library.segments.of_clip(index)
     start, stop = library.segments.start[own], library.segments.stop[own]
     rows = [Row(group, start, stop, labels[own]) for group, labels in library.labels.items()]

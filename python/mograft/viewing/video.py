@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mograft._arrays import FloatArray, IntArray
-from mograft._files import replacing
-from mograft.anatomy import anatomy
-from mograft.formats.figure import PALETTE
-from mograft.groups import JointGroups
-from mograft.motion import Motion
-from mograft.segmentation import gaussian
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.atomic import atomic_path
+from mograft.analysis.segmentation import gaussian
+from mograft.body.anatomy import anatomy
+from mograft.body.groups import JointGroups
+from mograft.io.figure import PALETTE
+from mograft.motion.motion import Motion
 from mograft.viewing.scene import Drawn, Scene
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def write_video(
     count = max(motion.n_frames for motion in shown)
     if progress is not None:
         pictures = _told(pictures, count, progress)
-    with replacing(target) as draft:
+    with atomic_path(target) as draft:
         if ending == ".gif":
             _save_gif(pictures, draft, rate, count)
         else:

@@ -1,0 +1,1 @@
+"""Libraries of segments: building, storing and opening them."""
