@@ -335,21 +335,25 @@ def test_seams_can_be_asked_to_be_narrower(library):
     limit = np.radians(12)
     graft = mg.graft(library, constraints=[mg.MaxAngle(limit)])
     pool, donors = library.pool("upper"), donors_of(graft)
-    assert np.diag(pool.gaps(donors[:-1], donors[1:])).max() <= limit
+    assert np.diag(pool.seam_angles(donors[:-1], donors[1:])).max() <= limit
     assert not graft.violations
 
 
 def reachable_target(problem, rng):
     """Where the hand comes with another segment's part in place of one."""
     while True:
-        position = int(rng.integers(len(problem.cut)))
+        position = int(rng.integers(len(problem.base_segments)))
         others = problem.candidates["upper"][position]
         others = others[others != problem.scenario[position]]
         if len(others):
             break
-    donors = problem.own
+    donors = problem.captured_donors
     donors["upper"][position] = rng.choice(others)
-    frame = int(rng.integers(problem.cut.start[position], problem.cut.stop[position] + 1))
+    frame = int(
+        rng.integers(
+            problem.base_segments.start[position], problem.base_segments.stop[position] + 1
+        )
+    )
     motion = problem.assembled(donors)
     return tuple(motion.world_positions()[frame, motion.skeleton.index(HAND)]), frame
 
@@ -530,7 +534,7 @@ def test_the_report_gives_donor_cost_and_seams_of_every_exchange(library):
         expected = pool.costs(np.array([s.segment]), np.array([s.donor]), library.config)[0]
         assert s.cost == expected
         if at:
-            gap = pool.gaps(donors[at - 1 : at], donors[at : at + 1])[0, 0]
+            gap = pool.seam_angles(donors[at - 1 : at], donors[at : at + 1])[0, 0]
             assert s.gap_before == graft.substitutions[at - 1].gap_after == gap
         taken = f"{s.clip} {s.donor_start}-{s.donor_stop}"
         told = f"    {s.start}-{s.stop} from {taken}: cost {s.cost:.2f}"

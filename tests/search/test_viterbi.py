@@ -30,13 +30,13 @@ def make_chain(seed, *, whole=False, forbidden=0.0, n_positions=None):
 
 
 def cost(chain, row):
-    total = sum(costs[at] for costs, at in zip(chain.alone, row, strict=True))
-    return total + sum(c[i, j] for c, (i, j) in zip(chain.after, pairwise(row), strict=True))
+    total = sum(costs[at] for costs, at in zip(chain.unary, row, strict=True))
+    return total + sum(c[i, j] for c, (i, j) in zip(chain.pairwise, pairwise(row), strict=True))
 
 
 def all_rows(chain):
     """Every row, the cheapest first, equally cheap ones in order of their choices."""
-    rows = product(*(range(len(costs)) for costs in chain.alone))
+    rows = product(*(range(len(costs)) for costs in chain.unary))
     return sorted(rows, key=lambda row: (cost(chain, row), row))
 
 
