@@ -105,8 +105,10 @@ def test_the_cheapest_row_is_judged_where_it_goes_itself(library):
     constraint = wall(library)
     problem = problem_of(library, [constraint, mg.Face((0.0, 150.0, 500.0), weight=0.5)])
     row = problem.row("lower", {})
-    free = DonorTrellis.build(problem.pools["lower"], problem.scenario, row.candidates, problem.config)
-    choices = viterbi(row.chain)
+    free = DonorTrellis.build(
+        problem.pools["lower"], problem.scenario, row.candidates, problem.config
+    )
+    choices = viterbi(row.costs)
     joints = problem.driven_joints["lower"]
     come = RootTransforms.from_motion(library.clips[0], library.root)[np.array([0])]
     told, missed = [], []
