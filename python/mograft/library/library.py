@@ -414,7 +414,7 @@ class Library:
             )
         base = self.groups.base
         compared = self.embedding[base]
-        held, joints = self.groups.held(self.skeleton), self.joints(group)
+        held, joints = self.groups.divided_channels(self.skeleton), self.joints(group)
         ends = ends_alone(self.boundary_states[group], joints, self.skeleton, held[group])
         return SegmentPool(
             self.segments,
@@ -590,7 +590,7 @@ class Library:
         )
         samples = replace(samples, rows=samples.packed())
         ends = boundary_states(motion, own)
-        held = self.groups.held(self.skeleton)
+        held = self.groups.divided_channels(self.skeleton)
         embedding = {
             group: None
             if seen is None

@@ -197,7 +197,7 @@ class SearchProblem:
     @cached_property
     def held(self) -> dict[str, dict[int, str]]:
         """What each group holds of joints that are divided between groups."""
-        return self.library.groups.held(self.library.skeleton)
+        return self.library.groups.divided_channels(self.library.skeleton)
 
     @cached_property
     def root_group(self) -> str | None:

@@ -851,7 +851,7 @@ def _check_upper(library: Library, members: Mapping[str, IntArray]) -> None:
 
 def _check_whole(library: Library, groups: Sequence[str]) -> None:
     """Refuse groups that hold single channels: a stream exchanges whole joints."""
-    held = library.groups.held(library.skeleton)
+    held = library.groups.divided_channels(library.skeleton)
     for group in groups:
         if held[group]:
             joints = ", ".join(library.skeleton.names[joint] for joint in held[group])
