@@ -19,7 +19,7 @@ import numpy as np
 
 import mograft as mg
 from mograft.body.anatomy import anatomy
-from mograft.synthesis.problem import Problem
+from mograft.synthesis.search_problem import SearchProblem
 
 RATE = 30.0
 DISTANCES = np.arange(0.25, 1.0, 0.05)
@@ -128,7 +128,7 @@ class Trial:
         library = mg.Library.build(motion)
         scenario = library.segments.of_clip(0)
         cut = library.segments[scenario]
-        problem = Problem.of(library, motion, scenario, cut, ["upper"], [])
+        problem = SearchProblem.build(library, motion, scenario, cut, ["upper"], [])
         found = worst_place(motion, problem)
         if found is None:
             return None

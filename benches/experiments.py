@@ -41,7 +41,7 @@ from mograft.evaluation.enrichment import (
 )
 from mograft.evaluation.estimate import rogan_gladen
 from mograft.evaluation.report import order_of
-from mograft.synthesis.problem import Problem
+from mograft.synthesis.search_problem import SearchProblem
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30.0
@@ -96,7 +96,9 @@ def collided(motion):
     clip = motion[:LONGEST]
     library = mg.Library.build(clip)
     scenario = library.segments.of_clip(0)
-    problem = Problem.of(library, clip, scenario, library.segments[scenario], ["upper"], [])
+    problem = SearchProblem.build(
+        library, clip, scenario, library.segments[scenario], ["upper"], []
+    )
     found = worst_place(clip, problem)
     if found is None:
         return None

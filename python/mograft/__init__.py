@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from mograft.blend.foot_planting import FeetReport, plant_feet
     from mograft.body.contacts import foot_skate
     from mograft.body.faults import Fault, find_faults
-    from mograft.body.groups import JointGroups, subtree
+    from mograft.body.group_entries import subtree
+    from mograft.body.groups import JointGroups
     from mograft.body.mirroring import mirror
     from mograft.body.world_poses import Poses
     from mograft.config import Config
@@ -81,7 +82,8 @@ _HOMES = {
     "io.tables": "read_npz write_csv write_npz",
     "io.usd": "write_usd",
     "synthesis.graft": "Graft Grafts Seam Substitution graft graft_many repair",
-    "body.groups": "JointGroups subtree",
+    "body.group_entries": "subtree",
+    "body.groups": "JointGroups",
     "io.pybvh": "from_pybvh to_pybvh",
     "library.library": "Library",
     "body.mirroring": "mirror",

@@ -153,7 +153,7 @@ def divided(skeleton, axis="Y"):
 def test_a_single_degree_of_freedom_is_grafted(motion):
     groups = divided(motion.skeleton)
     library = Library.build(motion, groups)
-    assert groups.held(motion.skeleton)["roll"] == {7: "Y", 12: "Y"}
+    assert groups.divided_channels(motion.skeleton)["roll"] == {7: "Y", 12: "Y"}
     new = graft(library, seed=1)
     assert any(not s.is_own for s in new.substitutions)
     changed = (new.motion.channel_numbers() != motion.channel_values).any(axis=0)
@@ -166,7 +166,7 @@ def test_a_single_degree_of_freedom_is_grafted(motion):
     assert told_apart <= {"LeftForeArm.Yrotation", "Spine.Yrotation"}
     assert told_apart
     again = JointGroups.from_toml(groups.to_toml())
-    assert again.held(motion.skeleton) == groups.held(motion.skeleton)
+    assert again.divided_channels(motion.skeleton) == groups.divided_channels(motion.skeleton)
 
 
 @pytest.mark.filterwarnings("ignore:group")
@@ -202,7 +202,7 @@ def test_channels_cover_each_joint_once(seed):
         },
         base="one",
     )
-    held = groups.held(skeleton)
+    held = groups.divided_channels(skeleton)
     axes = ["".join(sorted(own.get(1, ""))) for own in held.values()]
     if len(set(owner.values())) == 1:  # all in one group: the joint is whole
         assert axes == ["", ""]
@@ -233,7 +233,7 @@ def test_a_joint_of_fewer_channels_cannot_be_divided():
     skeleton = Skeleton(["Hips", "Knee"], [-1, 0], np.zeros((2, 3)), channels)
     with pytest.raises(ValueError, match=r"Knee must have three rotation channels .*, got Xrot"):
         JointGroups({"a": ["Hips"], "b": ["Knee.Xrotation"]}, base="a").resolve(skeleton)
-    assert JointGroups({"a": ["Hips"], "b": ["Knee"]}, base="a").held(skeleton) == {
+    assert JointGroups({"a": ["Hips"], "b": ["Knee"]}, base="a").divided_channels(skeleton) == {
         "a": {},
         "b": {},
     }

@@ -111,7 +111,7 @@ def test_presets_are_disjoint_and_cover_every_joint(skeleton, preset):
     try:
         groups = JointGroups.preset(preset, skeleton)
     except ValueError as error:
-        assert "needs a body with" in str(error)  # noqa: PT017 - either is lawful
+        assert "needs" in str(error)  # noqa: PT017 - either is lawful
         return
     found = groups.resolve(skeleton)
     together = np.concatenate(list(found.values()))
@@ -249,14 +249,14 @@ def test_joints_of_one_name_are_told_apart_in_messages():
 @pytest.mark.parametrize(
     ("groups", "base", "error", "message"),
     [
-        ({"lower": ["a"]}, "lower", ValueError, "two or more, one to keep.*got \\['lower'\\]"),
-        ({}, "lower", ValueError, "two or more"),
-        ({"lower": ["a"], "upper": []}, "lower", ValueError, "'upper' must hold at least one"),
+        ({"lower": ["a"]}, "lower", ValueError, "at least two entries, a base.*got \\['lower'\\]"),
+        ({}, "lower", ValueError, "at least two entries"),
+        ({"lower": ["a"], "upper": []}, "lower", ValueError, "'upper' must have at least one"),
         ({"legs": ["a"], "arms": ["b"]}, "lower", ValueError, "base must be one of legs, arms"),
         ({"lower": "Hips", "upper": ["b"]}, "lower", TypeError, "'lower' must be a list"),
-        ({"lower": [1.5], "upper": ["b"]}, "lower", TypeError, "'lower' must hold names.*1.5"),
-        ({"lower": [True], "upper": ["b"]}, "lower", TypeError, "must hold names"),
-        ({1: ["a"], "lower": ["b"]}, "lower", TypeError, "names of groups must be str, got 1"),
+        ({"lower": [1.5], "upper": ["b"]}, "lower", TypeError, "'lower' must contain names.*1.5"),
+        ({"lower": [True], "upper": ["b"]}, "lower", TypeError, "must contain names"),
+        ({1: ["a"], "lower": ["b"]}, "lower", TypeError, "group names must be str, got 1"),
         (["a", "b"], "lower", TypeError, "groups must map names to joints"),
     ],
 )
@@ -275,15 +275,15 @@ def test_an_entry_may_be_a_numpy_integer_but_a_subtree_no_list():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("base = \n", "groups: no TOML: .*line 1"),
-        ('base = "a"\n', r"must hold base and a table \[groups\], got base"),
-        ("groups = 1\n", "must hold base and a table"),
-        ('speed = 1\n[groups]\na = ["x"]\n', "must hold base and a table.*got speed, groups"),
+        ("base = \n", "groups: not valid TOML: .*line 1"),
+        ('base = "a"\n', r"must contain base and a table \[groups\], got base"),
+        ("groups = 1\n", "must contain base and a table"),
+        ('speed = 1\n[groups]\na = ["x"]\n', "must contain base and a table.*got speed, groups"),
         ('[groups]\na = "x"\nlower = ["b"]\n', "group 'a' must be a list, got 'x'"),
-        ('[groups]\na = [1.5]\nlower = ["b"]\n', "group 'a' must hold names, indices or"),
-        ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must hold names"),
-        ('[groups]\na = [{subtree = true}]\nlower = ["b"]\n', "group 'a' must hold names"),
-        ('[groups]\nlower = ["b"]\n', "groups: groups must be two or more"),
+        ('[groups]\na = [1.5]\nlower = ["b"]\n', "group 'a' must contain names, indices or"),
+        ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must contain names"),
+        ('[groups]\na = [{subtree = true}]\nlower = ["b"]\n', "group 'a' must contain names"),
+        ('[groups]\nlower = ["b"]\n', "groups: groups must have at least two"),
         ('base = 3\n[groups]\nlower = ["b"]\nupper = ["c"]\n', "base must be one of.*got 3"),
     ],
 )
@@ -295,7 +295,7 @@ def test_files_that_hold_no_groups_are_refused(text, message):
 def test_errors_name_the_file(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_bytes(b"\xff\n")
-    with pytest.raises(ValueError, match=r"mine\.toml: no UTF-8"):
+    with pytest.raises(ValueError, match=r"mine\.toml: not UTF-8"):
         JointGroups.from_toml(path)
     with pytest.raises(FileNotFoundError):
         JointGroups.from_toml(tmp_path / "none.toml")
@@ -316,7 +316,7 @@ def test_recordings_have_all_presets_that_they_have_the_parts_for(path, preset):
     skeleton = read_hierarchy(path)
     lacking = LACKING.get(clip_name(path), {}).get(preset)
     if lacking:
-        message = f"needs a body with {lacking}, found none among the joints"
+        message = f"needs {lacking}, found none among the joints"
         with pytest.raises(ValueError, match=message):
             JointGroups.preset(preset, skeleton)
         return

@@ -148,9 +148,9 @@ def test_a_draw_is_uniform_and_seams_are_kept_within_the_limit(library):
     assert len(np.unique(firsts)) > min(len(allowed[0]), 40) / 4
     for chosen in draws[:10]:
         donors = chosen["upper"]
-        for at, gap in enumerate(pool.gaps_along(donors).tolist()):
+        for at, gap in enumerate(pool.seam_angles_along(donors).tolist()):
             if gap > np.radians(15):  # then none would have been nearer
-                gaps = pool.gaps(donors[at : at + 1], allowed[at + 1])
+                gaps = pool.seam_angles(donors[at : at + 1], allowed[at + 1])
                 assert gap == pytest.approx(gaps.min())
 
 

@@ -11,11 +11,11 @@ from scipy.stats import chisquare
 
 from mograft import Config, Segments
 from mograft.search.candidates import (
-    BEYOND,
-    Pool,
-    Row,
+    INFEASIBLE_PENALTY,
+    DonorTrellis,
+    SegmentPool,
     choose,
-    combinations,
+    count_combinations,
     length_fits,
     pose_gaps,
     reachable,
@@ -35,7 +35,7 @@ def make_pool(seed, n=12, n_labels=3, spread=0.5):
     stops = np.cumsum(lengths)
     poses = wander(rng, n + 1, 3, speed=spread)
     speeds = rng.normal(size=(n + 1, 3, 3))
-    return Pool(
+    return SegmentPool(
         Segments(stops - lengths, stops),
         rng.integers(0, n_labels, n),
         np.ones(n, bool),
@@ -89,15 +89,15 @@ def test_rows_cost_what_the_formula_says(seed, most):
     pool = make_pool(seed)
     config = Config(max_stretch=2.0, max_candidates=most, max_angle=0.5)
     scenario = np.arange(len(pool.segments))
-    row = Row.of(pool, scenario, pool.candidate_lists(scenario, config), config)
-    lengths, scaled = pool.segments.lengths, pool.scaled(config)
+    row = DonorTrellis.build(pool, scenario, pool.candidate_lists(scenario, config), config)
+    lengths, scaled = pool.segments.lengths, pool.scale_config(config)
 
     def alone(i, k):
         ratio = min(lengths[i], lengths[k]) / max(lengths[i], lengths[k])
         apart = np.linalg.norm(pool.points[i] - pool.points[k]) / pool.sigma
         return 1 - ratio + 0.25 * apart - config.novelty * (i != k)
 
-    for i, (own, costs) in enumerate(zip(row.candidates, row.chain.alone, strict=True)):
+    for i, (own, costs) in enumerate(zip(row.candidates, row.costs.unary, strict=True)):
         np.testing.assert_allclose(costs, [alone(i, k) for k in own], atol=1e-12)
         everyone = pool.candidates(i, config)
         dropped = np.setdiff1d(everyone, own)
@@ -105,7 +105,7 @@ def test_rows_cost_what_the_formula_says(seed, most):
         assert len(own) == min(most, len(everyone))
         kept = [alone(i, k) for k in own if k != i]
         assert all(alone(i, k) >= max(kept, default=-np.inf) - 1e-12 for k in dropped)
-    for p, costs in enumerate(row.chain.after):
+    for p, costs in enumerate(row.costs.pairwise):
         for a, left in enumerate(row.candidates[p]):
             for b, right in enumerate(row.candidates[p + 1]):
                 angle = plain.gap(pool.last[left], pool.first[right])
@@ -114,9 +114,11 @@ def test_rows_cost_what_the_formula_says(seed, most):
                 )
                 expected = (angle / scaled.angle_scale) ** 2
                 expected += (speed.mean() / scaled.velocity_scale) ** 2
-                expected += BEYOND * (angle > 0.5)
+                expected += INFEASIBLE_PENALTY * (angle > 0.5)
                 assert costs[a, b] == pytest.approx(expected, abs=1e-9)
-    np.testing.assert_array_equal(row.choices(row.donors(viterbi(row.chain))), viterbi(row.chain))
+    np.testing.assert_array_equal(
+        row.path(row.donor_sequence(viterbi(row.costs))), viterbi(row.costs)
+    )
 
 
 def plain_typical_gaps(pool):
@@ -150,7 +152,7 @@ def test_seams_are_measured_by_what_is_typical_where_that_is_little(seed, n_labe
     )
     angle, speed = plain_typical_gaps(small)
     np.testing.assert_allclose(small.typical_gaps, (angle, speed), atol=1e-9)
-    scaled = small.scaled(ROBUST)
+    scaled = small.scale_config(ROBUST)
     assert scaled.angle_scale == pytest.approx(min(np.radians(20), 2 * angle))
     assert scaled.velocity_scale == pytest.approx(min(np.radians(200), 2 * speed))
 
@@ -176,8 +178,8 @@ def test_motions_that_hardly_move_are_chosen_as_if_they_moved_more(seed):
 
     scenario = np.arange(12)
     lists = pool.candidate_lists(scenario, ROBUST)
-    rows = [Row.of(turned(by), scenario, lists, ROBUST) for by in (1.0, 0.1)]
-    for more, less in zip(*(row.chain.after for row in rows), strict=True):
+    rows = [DonorTrellis.build(turned(by), scenario, lists, ROBUST) for by in (1.0, 0.1)]
+    for more, less in zip(*(row.costs.pairwise for row in rows), strict=True):
         np.testing.assert_allclose(more, less, rtol=1e-6, atol=1e-9)
 
 
@@ -186,11 +188,11 @@ def test_the_cheapest_row_keeps_the_transition_limit_and_its_seams_are_no_worse(
     pool = make_pool(seed, n_labels=2)
     config = Config(max_angle=0.4, max_stretch=2.0, novelty=0.0, distance_weight=0.0)
     scenario = np.arange(len(pool.segments))
-    row = Row.of(pool, scenario, pool.candidate_lists(scenario, config), config)
-    donors = row.donors(viterbi(row.chain))
-    assert (np.diag(pool.gaps(donors[:-1], donors[1:])) <= 0.4).all()
+    row = DonorTrellis.build(pool, scenario, pool.candidate_lists(scenario, config), config)
+    donors = row.donor_sequence(viterbi(row.costs))
+    assert (np.diag(pool.seam_angles(donors[:-1], donors[1:])) <= 0.4).all()
     # Nothing is gained by an exchange, so that nothing is exchanged.
-    assert row.chain.cost(viterbi(row.chain)) == pytest.approx(0.0, abs=1e-12)
+    assert row.costs.cost(viterbi(row.costs)) == pytest.approx(0.0, abs=1e-12)
 
 
 @given(SEEDS)
@@ -199,8 +201,10 @@ def test_the_nearest_are_others_wherever_there_are_others(seed):
     config = Config(choice="nearest", max_stretch=2.0, max_angle=np.pi)
     scenario = np.arange(len(pool.segments))
     lists = pool.candidate_lists(scenario, config)
-    row = Row.of(pool, scenario, lists, config)
-    for i, (own, donor) in enumerate(zip(lists, row.donors(viterbi(row.chain)), strict=True)):
+    row = DonorTrellis.build(pool, scenario, lists, config)
+    for i, (own, donor) in enumerate(
+        zip(lists, row.donor_sequence(viterbi(row.costs)), strict=True)
+    ):
         others = own[own != i]
         if len(others):
             apart = np.linalg.norm(pool.points[others] - pool.points[i], axis=1)
@@ -218,11 +222,11 @@ def test_without_limits_candidates_are_the_cluster_and_combinations_its_powers(s
         assert own == set(np.flatnonzero(pool.labels == pool.labels[i]).tolist())
     for n_groups in (2, 3, 4):
         brute = sum(1 for own in found for _ in product(own, repeat=n_groups - 1))
-        assert combinations(pool.labels, n_groups) == brute
+        assert count_combinations(pool.labels, n_groups) == brute
 
 
 def test_combinations_are_exact_beyond_floats():
-    assert combinations(np.zeros(10_000, int), 5) == 10_000**5
+    assert count_combinations(np.zeros(10_000, int), 5) == 10_000**5
 
 
 @given(SEEDS)
@@ -252,9 +256,9 @@ def test_velocity_gaps_are_mean_lengths_of_differences():
 def test_neighbours_in_a_clip_have_no_gap(seed):
     pool = make_pool(seed)
     n = len(pool.segments)
-    gaps = pool.gaps(np.arange(n - 1), np.arange(1, n))
+    gaps = pool.seam_angles(np.arange(n - 1), np.arange(1, n))
     np.testing.assert_allclose(np.diag(gaps), 0.0, atol=1e-15)
-    speeds = pool.velocity_gaps(np.arange(n - 1), np.arange(1, n))
+    speeds = pool.seam_velocity_gaps(np.arange(n - 1), np.arange(1, n))
     np.testing.assert_array_equal(np.diag(speeds), 0.0)
 
 
@@ -269,7 +273,7 @@ def test_whoever_is_chosen_keeps_the_limit_and_the_cluster(seed, limit):
     chosen = choose(alive, gaps, config, np.random.default_rng(seed))
     np.testing.assert_array_equal(pool.labels[chosen], pool.labels)
     # From any start there is a way on, for the original follows the original without a gap.
-    met = np.diag(pool.gaps(chosen[:-1], chosen[1:]))
+    met = np.diag(pool.seam_angles(chosen[:-1], chosen[1:]))
     assert (met <= limit).all()
 
 
@@ -322,13 +326,13 @@ def test_a_candidates_cost_is_that_of_the_row_with_its_neighbours():
     config = Config(max_stretch=5.0, max_angle=3.0)
     judged = pool.judge(5, None, config)
     scenario = np.arange(len(pool.segments))
-    row = Row.of(pool, scenario, pool.candidate_lists(scenario, config), config)
+    row = DonorTrellis.build(pool, scenario, pool.candidate_lists(scenario, config), config)
     for candidate in judged.allowed:
         donors = scenario.copy()
         donors[5] = candidate.segment
-        assert candidate.cost == pytest.approx(row.chain.cost(row.choices(donors)))
-    gaps = pool.gaps_along(donors)
-    np.testing.assert_array_equal(gaps, np.diag(pool.gaps(donors[:-1], donors[1:])))
+        assert candidate.cost == pytest.approx(row.costs.cost(row.path(donors)))
+    gaps = pool.seam_angles_along(donors)
+    np.testing.assert_array_equal(gaps, np.diag(pool.seam_angles(donors[:-1], donors[1:])))
 
 
 def test_a_lone_segment_has_itself():

@@ -12,7 +12,7 @@ import mograft as mg
 from mograft.body.capsules import capsules
 from mograft.dancer import dance
 from mograft.search.constraints import violations
-from mograft.synthesis.problem import Problem
+from mograft.synthesis.search_problem import SearchProblem
 from tests.oracles import pipeline as plain
 from tests.strategies import SEEDS, vectors
 
@@ -37,7 +37,7 @@ def poses(motion):
 def problem_of(library, constraints, groups=("upper",)):
     scenario = library.segments.of_clip(0)
     cut = library.segments[scenario]
-    return Problem.of(library, library.clips[0], scenario, cut, list(groups), constraints)
+    return SearchProblem.build(library, library.clips[0], scenario, cut, list(groups), constraints)
 
 
 def donors_of(graft, group="upper"):
@@ -229,7 +229,7 @@ def test_misses_are_those_of_every_candidate_alone(library):
     soft = mg.Reach(HAND, (0.0, 150.0, 0.0), 50, weight=2.0)
     problem = problem_of(library, [ball, soft])
     hard, prices = problem.misses("upper", {})
-    joints = problem.owner["upper"]
+    joints = problem.driven_joints["upper"]
     for position in (0, 3, 9):
         for at, donor in enumerate(problem.candidates["upper"][position]):
             poses = problem.candidate_poses("upper", np.array([position]), np.array([donor]))
@@ -245,9 +245,9 @@ def test_excess_of_a_stretch_is_that_of_the_whole(library):
     for _ in range(5):
         donors = {"upper": np.array([rng.choice(own) for own in row.candidates])}
         whole = problem.excess(donors)["upper"]
-        first = int(rng.integers(0, len(problem.cut) - 4))
+        first = int(rng.integers(0, len(problem.base_segments) - 4))
         some = problem.excess(donors, first, first + 3)["upper"]
-        begin, end = problem.cut.start[first], problem.cut.stop[first + 2]
+        begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 2]
         assert some.min() > 0
         np.testing.assert_allclose(some, whole[begin : end + 1], atol=1e-9)
 
@@ -335,21 +335,25 @@ def test_seams_can_be_asked_to_be_narrower(library):
     limit = np.radians(12)
     graft = mg.graft(library, constraints=[mg.MaxAngle(limit)])
     pool, donors = library.pool("upper"), donors_of(graft)
-    assert np.diag(pool.gaps(donors[:-1], donors[1:])).max() <= limit
+    assert np.diag(pool.seam_angles(donors[:-1], donors[1:])).max() <= limit
     assert not graft.violations
 
 
 def reachable_target(problem, rng):
     """Where the hand comes with another segment's part in place of one."""
     while True:
-        position = int(rng.integers(len(problem.cut)))
+        position = int(rng.integers(len(problem.base_segments)))
         others = problem.candidates["upper"][position]
         others = others[others != problem.scenario[position]]
         if len(others):
             break
-    donors = problem.own
+    donors = problem.captured_donors
     donors["upper"][position] = rng.choice(others)
-    frame = int(rng.integers(problem.cut.start[position], problem.cut.stop[position] + 1))
+    frame = int(
+        rng.integers(
+            problem.base_segments.start[position], problem.base_segments.stop[position] + 1
+        )
+    )
     motion = problem.assembled(donors)
     return tuple(motion.world_positions()[frame, motion.skeleton.index(HAND)]), frame
 
@@ -433,7 +437,7 @@ def test_the_search_runs_again_only_about_what_is_missed(library):
     rng = np.random.default_rng(3)
     raw = {"upper": np.array([rng.choice(own) for own in rows["upper"].candidates])}
     settled = problem.settled(raw, rows)
-    near = (problem.cut.stop >= 270 - 60) & (problem.cut.start <= 330 + 60)
+    near = (problem.base_segments.stop >= 270 - 60) & (problem.base_segments.start <= 330 + 60)
     np.testing.assert_array_equal(settled["upper"][~near], raw["upper"][~near])
     before, after = (problem.excess(donors)["upper"].sum() for donors in (raw, settled))
     assert after <= before
@@ -497,9 +501,9 @@ def test_joints_below_a_grafted_group_count_for_it(motion):
     names = library.groups.names
     problem = problem_of(library, [], groups=[names[1]])
     hand = motion.skeleton.index(HAND)
-    assert problem.owner[names[1]][hand]
+    assert problem.driven_joints[names[1]][hand]
     problem = problem_of(library, [], groups=names[1:])
-    owners = [name for name, joints in problem.owner.items() if joints[hand]]
+    owners = [name for name, joints in problem.driven_joints.items() if joints[hand]]
     assert len(owners) == 1
     assert hand in library.joints(owners[0])
 
@@ -530,7 +534,7 @@ def test_the_report_gives_donor_cost_and_seams_of_every_exchange(library):
         expected = pool.costs(np.array([s.segment]), np.array([s.donor]), library.config)[0]
         assert s.cost == expected
         if at:
-            gap = pool.gaps(donors[at - 1 : at], donors[at : at + 1])[0, 0]
+            gap = pool.seam_angles(donors[at - 1 : at], donors[at : at + 1])[0, 0]
             assert s.gap_before == graft.substitutions[at - 1].gap_after == gap
         taken = f"{s.clip} {s.donor_start}-{s.donor_stop}"
         told = f"    {s.start}-{s.stop} from {taken}: cost {s.cost:.2f}"

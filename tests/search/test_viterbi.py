@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from mograft.search.viterbi import Chain, best, diverse, sample, viterbi
+from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
 from tests.oracles import pipeline as plain
 from tests.strategies import SEEDS
 
@@ -26,17 +26,17 @@ def make_chain(seed, *, whole=False, forbidden=0.0, n_positions=None):
         return np.where(rng.random(shape) < forbidden, math.inf, drawn)
 
     alone = [costs(count) for count in counts]
-    return Chain(tuple(alone), tuple(costs(pair) for pair in pairwise(counts)))
+    return Trellis(tuple(alone), tuple(costs(pair) for pair in pairwise(counts)))
 
 
 def cost(chain, row):
-    total = sum(costs[at] for costs, at in zip(chain.alone, row, strict=True))
-    return total + sum(c[i, j] for c, (i, j) in zip(chain.after, pairwise(row), strict=True))
+    total = sum(costs[at] for costs, at in zip(chain.unary, row, strict=True))
+    return total + sum(c[i, j] for c, (i, j) in zip(chain.pairwise, pairwise(row), strict=True))
 
 
 def all_rows(chain):
     """Every row, the cheapest first, equally cheap ones in order of their choices."""
-    rows = product(*(range(len(costs)) for costs in chain.alone))
+    rows = product(*(range(len(costs)) for costs in chain.unary))
     return sorted(rows, key=lambda row: (cost(chain, row), row))
 
 
@@ -47,7 +47,7 @@ def test_viterbi_finds_the_cheapest_of_all_rows_and_of_equals_the_first(seed, wh
     found = viterbi(chain)
     assert cost(chain, found) == pytest.approx(cost(chain, cheapest), abs=1e-12)
     assert chain.cost(found) == pytest.approx(cost(chain, found), abs=1e-12)
-    plainly = plain.cheapest(chain.alone, chain.after)
+    plainly = plain.cheapest(chain.unary, chain.pairwise)
     assert cost(chain, plainly) == pytest.approx(cost(chain, found), abs=1e-12)
     if whole and math.isfinite(cost(chain, cheapest)):
         assert tuple(found) == cheapest
@@ -57,7 +57,7 @@ def test_viterbi_finds_the_cheapest_of_all_rows_and_of_equals_the_first(seed, wh
 def test_the_best_are_the_cheapest_in_order_and_all_different(seed, count, whole, forbidden):
     chain = make_chain(seed, whole=whole, forbidden=forbidden)
     expected = [row for row in all_rows(chain) if math.isfinite(cost(chain, row))][:count]
-    found = best(chain, count)
+    found = k_best(chain, count)
     assert len(found) == len(expected) == len({row.tobytes() for row in found})
     costs = [cost(chain, row) for row in found]
     np.testing.assert_allclose(costs, [cost(chain, row) for row in expected], atol=1e-12)
@@ -72,9 +72,9 @@ def test_viterbi_is_never_dearer_than_chance_or_the_nearest_next(seed):
     rng = np.random.default_rng(seed)
     least = cost(chain, viterbi(chain)) - 1e-9
     for _ in range(10):
-        assert least <= cost(chain, [rng.integers(len(costs)) for costs in chain.alone])
-    greedy = [int(chain.alone[0].argmin())]
-    for alone, after in zip(chain.alone[1:], chain.after, strict=True):
+        assert least <= cost(chain, [rng.integers(len(costs)) for costs in chain.unary])
+    greedy = [int(chain.unary[0].argmin())]
+    for alone, after in zip(chain.unary[1:], chain.pairwise, strict=True):
         greedy.append(int((alone + after[greedy[-1]]).argmin()))
     assert least <= cost(chain, greedy)
 
@@ -115,7 +115,7 @@ def test_hot_draws_take_every_row_alike():
 
 
 def test_costs_far_beyond_floating_point_weights_are_drawn_all_the_same():
-    chain = Chain((np.array([1e5, 1e5 + 1.0]), np.array([-1e5, math.inf])), (np.zeros((2, 2)),))
+    chain = Trellis((np.array([1e5, 1e5 + 1.0]), np.array([-1e5, math.inf])), (np.zeros((2, 2)),))
     rng = np.random.default_rng(0)
     draws = [tuple(sample(chain, 1.0, rng)) for _ in range(2000)]
     share = draws.count((0, 0)) / len(draws)
@@ -139,17 +139,17 @@ def test_diverse_rows_differ_and_start_with_the_cheapest(seed, count, penalty):
 @given(SEEDS)
 def test_a_high_penalty_uses_every_choice_before_any_again(seed):
     chain = make_chain(seed)
-    most = max(len(costs) for costs in chain.alone)
+    most = max(len(costs) for costs in chain.unary)
     found = diverse(chain, most, 1e6)
     if len(found) == most:
-        for position, costs in enumerate(chain.alone):
+        for position, costs in enumerate(chain.unary):
             uses = np.bincount([row[position] for row in found], minlength=len(costs))
             assert uses.max() - uses.min() <= 1
 
 
 def test_an_empty_row_has_one_way_through():
-    empty = Chain((), ())
+    empty = Trellis((), ())
     assert viterbi(empty).shape == (0,)
-    assert [row.shape for row in best(empty, 3)] == [(0,)]
+    assert [row.shape for row in k_best(empty, 3)] == [(0,)]
     assert sample(empty, 1.0, np.random.default_rng(0)).shape == (0,)
     assert [row.shape for row in diverse(empty, 2, 1.0)] == [(0,)]

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 import mograft as mg
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.dancer import dance
-from mograft.search.candidates import BEYOND, Row
+from mograft.search.candidates import INFEASIBLE_PENALTY, DonorTrellis
 from mograft.search.viterbi import viterbi
-from mograft.synthesis.graft import Plan
-from mograft.synthesis.problem import Problem
-from mograft.synthesis.root_tabu_search import exchanges, steered
+from mograft.synthesis.graft import GraftPlan
+from mograft.synthesis.root_tabu_search import rank_substitutions, tabu_search
+from mograft.synthesis.search_problem import SearchProblem
 from tests.strategies import SEEDS
 
 HAND, HIPS = "LeftHand", "Hips"
@@ -32,7 +32,7 @@ def library():
 def problem_of(library, constraints, groups=("lower",)):
     scenario = library.segments.of_clip(0)
     cut = library.segments[scenario]
-    return Problem.of(library, library.clips[0], scenario, cut, list(groups), constraints)
+    return SearchProblem.build(library, library.clips[0], scenario, cut, list(groups), constraints)
 
 
 def drawn(problem, rng):
@@ -55,16 +55,16 @@ def aside():
 
 
 def test_only_a_group_with_the_root_carries_the_body(library):
-    assert problem_of(library, []).carrier == "lower"
+    assert problem_of(library, []).root_group == "lower"
     names = library.groups.resolve(library.skeleton)
     members = {group: [int(j) for j in joints] for group, joints in names.items()}
     other = mg.Library.build(list(library.clips), mg.JointGroups(members, base="lower"))
-    assert problem_of(other, [], ["upper"]).carrier is None
+    assert problem_of(other, [], ["upper"]).root_group is None
 
 
 def test_in_its_own_place_every_segment_is_the_base(library):
     problem = problem_of(library, [])
-    at = np.arange(len(problem.cut))
+    at = np.arange(len(problem.base_segments))
     poses = problem.candidate_poses("lower", at, problem.scenario)
     turned, placed = library.clips[0].world_transforms()
     np.testing.assert_array_equal(poses.rotations, turned[poses.frames])
@@ -79,8 +79,8 @@ def test_donors_are_their_clip_turned_about_up_and_shifted_to_where_the_root_has
     """Donors of any other place and length too, when they are given the place's length."""
     rng = np.random.default_rng(seed)
     problem, segments = problem_of(library, []), library.segments
-    position = int(rng.integers(len(problem.cut)))
-    same = np.flatnonzero(segments.lengths == problem.cut.lengths[position])
+    position = int(rng.integers(len(problem.base_segments)))
+    same = np.flatnonzero(segments.lengths == problem.base_segments.lengths[position])
     donor = int(rng.choice(same))
     turn = rng.normal(size=(1, 4))
     come = RootTransforms(turn / np.linalg.norm(turn), rng.normal(size=(1, 3)) * 300)
@@ -105,19 +105,21 @@ def test_the_cheapest_row_is_judged_where_it_goes_itself(library):
     constraint = wall(library)
     problem = problem_of(library, [constraint, mg.Face((0.0, 150.0, 500.0), weight=0.5)])
     row = problem.row("lower", {})
-    free = Row.of(problem.pools["lower"], problem.scenario, row.candidates, problem.config)
-    choices = viterbi(row.chain)
-    joints = problem.owner["lower"]
+    free = DonorTrellis.build(
+        problem.pools["lower"], problem.scenario, row.candidates, problem.config
+    )
+    choices = viterbi(row.costs)
+    joints = problem.driven_joints["lower"]
     come = RootTransforms.from_motion(library.clips[0], library.root)[np.array([0])]
     told, missed = [], []
-    for position, donor in enumerate(row.donors(choices)):
+    for position, donor in enumerate(row.donor_sequence(choices)):
         poses = problem.candidate_poses(
             "lower", np.array([position]), np.array([donor]), None, come
         )
         hard, soft = (c.errors(poses, joints)[0].max() for c in problem.constraints)
-        told.append((BEYOND * (1 + hard) if hard > 1 else 0.0) + 0.5 * soft**2)
+        told.append((INFEASIBLE_PENALTY * (1 + hard) if hard > 1 else 0.0) + 0.5 * soft**2)
         at = choices[position]
-        missed.append(row.chain.alone[position][at] - free.chain.alone[position][at])
+        missed.append(row.costs.unary[position][at] - free.costs.unary[position][at])
         come = RootTransforms(
             poses.rotations[-1:, library.root], poses.positions[-1:, library.root]
         )
@@ -132,10 +134,10 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
     rng = np.random.default_rng(seed)
     problem = problem_of(library, [aside(), mg.Reach(HAND, (0.0, 900.0, 0.0), 400)])
     row = problem.row("lower", {})
-    free = rng.random(len(problem.cut)) < 0.1
+    free = rng.random(len(problem.base_segments)) < 0.1
     chosen = {"lower": np.array([rng.choice(own) for own in row.candidates])}
     motion = problem.assembled(chosen)
-    at, given, missed = exchanges(problem, row, chosen, motion, free)
+    at, given, missed = rank_substitutions(problem, row, chosen, motion, free)
     assert (np.diff(missed) >= 0).all()
     assert free[at].all()
     assert (given != chosen["lower"][at]).all()
@@ -146,7 +148,10 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
     over = problem.over(poses)
     for index in rng.permutation(len(at))[:4]:
         position, donor = at[index : index + 1], given[index : index + 1]
-        start, stop = int(problem.cut.start[position[0]]), int(problem.cut.stop[position[0]])
+        start, stop = (
+            int(problem.base_segments.start[position[0]]),
+            int(problem.base_segments.stop[position[0]]),
+        )
         own = problem.candidate_poses("lower", position, donor, motion)
         end = RootTransforms(own.rotations[-1:, library.root], own.positions[-1:, library.root])
         goes = AlignmentTransform.from_roots(root[np.array([stop])], end, library.up)
@@ -162,12 +167,12 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
 def test_what_is_judged_is_what_is_given_back(library, seed):
     problem = problem_of(library, [aside()])
     several = [drawn(problem, np.random.default_rng([seed, turn])) for turn in range(2)]
-    plan = Plan(problem)
+    plan = GraftPlan(problem)
     for donors, excess in zip(several, problem._excesses(several, 3, 9)["lower"], strict=True):
-        motion = plan.build(donors, 0, 0).motion
+        motion = plan.make_graft(donors, 0, 0).motion
         np.testing.assert_array_equal(motion.positions, problem.assembled(donors).positions)
         error, _ = problem.constraints[0].errors(mg.Poses.from_motion(motion))
-        begin, end = problem.cut.start[3], problem.cut.stop[8]
+        begin, end = problem.base_segments.start[3], problem.base_segments.stop[8]
         expected = np.maximum(error[begin : end + 1] - 1.0, 0.0)
         assert expected.min() > 0
         np.testing.assert_allclose(excess, expected, atol=1e-9)
@@ -188,7 +193,7 @@ def test_leading_is_never_for_the_worse_and_touches_nothing_that_is_met(library)
     changed = 0
     for _ in range(2):
         raw = {"lower": np.array([rng.choice(own) for own in rows["lower"].candidates])}
-        led = steered(problem, raw, rows, kept)
+        led = tabu_search(problem, raw, rows, kept)
         assert total(led) <= total(raw)
         if total(raw) == 0:
             np.testing.assert_array_equal(led["lower"], raw["lower"])
@@ -201,10 +206,10 @@ def test_leading_is_never_for_the_worse_and_touches_nothing_that_is_met(library)
         seen.append(beyond.excess(donors)["lower"].sum())
         return motion
 
-    led = steered(beyond, problem.own, rows, watched)
+    led = tabu_search(beyond, problem.captured_donors, rows, watched)
     assert seen[0] > beyond.excess(led)["lower"].sum() == min(seen) > 0
     far = replace(problem, constraints=(mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0)),))
-    np.testing.assert_array_equal(steered(far, raw, rows, kept)["lower"], raw["lower"])
+    np.testing.assert_array_equal(tabu_search(far, raw, rows, kept)["lower"], raw["lower"])
 
 
 def test_leading_looks_at_the_finished_motion(library):
@@ -212,7 +217,7 @@ def test_leading_looks_at_the_finished_motion(library):
     constraint = wall(library)
     problem = problem_of(library, [constraint])
     rows = {"lower": problem.row("lower", {})}
-    donors = steered(problem, problem.own, rows, lambda motion, _: motion)
+    donors = tabu_search(problem, problem.captured_donors, rows, lambda motion, _: motion)
     region = constraint.region
     outward = np.array(region.normal) / np.linalg.norm(region.normal)
     hips = problem.assembled(donors).world_positions()[:, library.root]
@@ -229,7 +234,7 @@ def test_leading_looks_at_the_finished_motion(library):
         return constraint.errors(mg.Poses.from_motion(motion))[0].max()
 
     assert missed(donors) > 1.0
-    assert missed(steered(problem, donors, rows, pushed)) <= 1.0
+    assert missed(tabu_search(problem, donors, rows, pushed)) <= 1.0
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "random"])

@@ -15,7 +15,7 @@ from mograft.blend.value_spaces import ROTATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
-from mograft.synthesis.problem import Problem
+from mograft.synthesis.search_problem import SearchProblem
 from mograft.synthesis.stream import _MOMENT, _Laid, _Sampled, _with_neighbours, joined
 from tests.oracles import pipeline as plain
 from tests.strategies import SEEDS, same_rotations, wander
@@ -144,7 +144,7 @@ def offline(library, base):
     longer, at = library.resolve_base(base)
     scenario = longer.segments.of_clip(at)
     cut = longer.segments[scenario]
-    problem = Problem.of(longer, longer.clips[at], scenario, cut, ["upper"], [])
+    problem = SearchProblem.build(longer, longer.clips[at], scenario, cut, ["upper"], [])
     return problem, problem.row("upper", {})
 
 
@@ -159,11 +159,11 @@ def test_with_all_in_sight_it_chooses_as_the_search_does(library, base):
         assert own.cost == pytest.approx(expected.cost)
         assert own.gap_before == pytest.approx(expected.gap_before)
     _, row = offline(chosen, base)
-    greedy = [int(row.chain.alone[0].argmin())]
-    for alone, after in zip(row.chain.alone[1:], row.chain.after, strict=True):
+    greedy = [int(row.costs.unary[0].argmin())]
+    for alone, after in zip(row.costs.unary[1:], row.costs.pairwise, strict=True):
         greedy.append(int((alone + after[greedy[-1]]).argmin()))
-    found = row.choices(np.array(donors_of(pieces)))
-    assert row.chain.cost(found) <= row.chain.cost(np.array(greedy)) + 1e-9
+    found = row.path(np.array(donors_of(pieces)))
+    assert row.costs.cost(found) <= row.costs.cost(np.array(greedy)) + 1e-9
 
 
 def test_several_groups_are_chosen_each_by_itself(library, base):
@@ -187,14 +187,14 @@ def test_several_groups_are_chosen_each_by_itself(library, base):
 def test_each_choice_is_the_first_of_the_best_plan_in_sight(library, base, horizon):
     chosen = with_choice(library, "viterbi")
     _, row = offline(chosen, base)
-    alone, after, taken = row.chain.alone, row.chain.after, []
+    alone, after, taken = row.costs.unary, row.costs.pairwise, []
     for at in range(len(alone)):
         seen = list(alone[at : at + horizon])
         if taken:
             seen[0] = seen[0] + after[at - 1][taken[-1]]
         taken.append(int(plain.cheapest(seen, list(after[at : at + len(seen) - 1]))[0]))
     found = streamed(chosen, base, (25,), horizon=horizon)
-    assert donors_of(found) == row.donors(np.array(taken)).tolist()
+    assert donors_of(found) == row.donor_sequence(np.array(taken)).tolist()
 
 
 @pytest.mark.parametrize("seam", ["inertial", "dead"])
@@ -210,7 +210,7 @@ def test_seams_are_those_of_two_segments_put_together(library, base, seam):
     motion, donors = joined(pieces), np.array(donors_of(pieces))
     for at in range(1, len(donors)):
         two = slice(at - 1, at + 1)
-        cut = mg.Segments(problem.cut.start[two], problem.cut.stop[two])
+        cut = mg.Segments(problem.base_segments.start[two], problem.base_segments.stop[two])
         start, stop = int(cut.start[0]), int(cut.stop[1])
         moved = mg.Segments(cut.start - start, cut.stop - start)
         part = transplant(

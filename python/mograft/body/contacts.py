@@ -83,7 +83,7 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
     Examples
     --------
     >>> from mograft.dancer import dance
-    >>> [leg.side for leg in legs(dance(strides=1).motion.skeleton)]
+    >>> [leg.side for leg in find_legs(dance(strides=1).motion.skeleton)]
     ['left', 'right']
     """
     known, found = anatomy(skeleton), mass_model(skeleton)

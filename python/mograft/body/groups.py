@@ -1,13 +1,11 @@
-"""Which joints move together: the groups that are kept and grafted as one."""
+"""`JointGroups`: the joint groups that are kept or exchanged as a whole."""
 
-import difflib
 import json
 import os
-import re
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +13,19 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft.body.anatomy import anatomy
 from mograft.body.body_parts import ARM
+from mograft.body.group_entries import (
+    Entry,
+    Subtree,
+    channels_of_entry,
+    channels_of_joint,
+    joint_label,
+    subtree,
+)
 from mograft.motion.skeleton import Skeleton
 
 __all__ = ["PRESETS", "JointGroups", "Subtree", "subtree"]
 
-# The groups of each preset, as the parts of the body that they need; the first one is the base
-# and holds the hips, the legs and what stands above them.
+# Groups of each preset. The first is the base: the hips, the legs and the joints above them.
 PRESETS: Mapping[str, tuple[str, ...]] = {
     "lower_upper": ("lower", "upper"),
     "lower_torso_arms": ("lower", "torso", "arms"),
@@ -30,65 +35,29 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Subtree:
-    """A joint and all that hang on it; made by `subtree`."""
-
-    joint: str | int
-
-    def __repr__(self) -> str:
-        return f"subtree({self.joint!r})"
-
-
-def subtree(joint: str | int) -> Subtree:
-    """Name a joint and all that hang on it, as an entry of `JointGroups`.
-
-    Parameters
-    ----------
-    joint : str or int
-        Its name, a glob of it, or its index.
-
-    Returns
-    -------
-    Subtree
-        The entry.
-
-    Examples
-    --------
-    >>> JointGroups({"lower": ["Hips", subtree("*UpLeg")], "upper": [subtree("Spine")]})
-    JointGroups(lower: Hips subtree('*UpLeg'); upper: subtree('Spine'); base lower)
-    """
-    if not isinstance(joint, str | int) or isinstance(joint, bool):
-        raise TypeError(f"joint must be a name or an index, got {joint!r}")
-    return Subtree(joint)
-
-
-Entry = str | int | Subtree
-
-
-@dataclass(frozen=True)
 class JointGroups:
-    """Disjoint groups of joints that together cover a skeleton.
+    """Disjoint groups that together contain all joints of a skeleton.
 
     Parameters
     ----------
     groups : mapping of str to sequence
-        The entries of each group: names of joints, globs (``"Left*Arm"``), indices, and
-        `subtree` of any of these. A name stands for all joints that have it; it is taken as
-        a glob only if no joint has it. With ``".Xrotation"`` (or Y, Z) behind it, for that
-        channel alone: a joint may be divided between groups.
+        Entries of each group: joint names, globs (``"Left*Arm"``), indices, and `subtree` of any
+        of these. A name selects all joints of that name; it is a glob only if no joint has that
+        name. The suffix ``".Xrotation"`` (or Y, Z) selects one channel, so that a joint can be
+        divided between groups.
     base : str
-        The group that is kept while others are grafted.
+        The group that is kept when the others are exchanged.
 
     Raises
     ------
     ValueError
-        If there are fewer than two groups, one is empty, or the base is none of them.
+        If there are fewer than two groups, a group is empty or `base` is not one of them.
     TypeError
-        If a group is no sequence of such entries.
+        If a group is not a sequence of such entries.
 
     See Also
     --------
-    JointGroups.preset : Groups of a skeleton by what its joints are.
+    JointGroups.preset : Groups by body part.
 
     Examples
     --------
@@ -109,21 +78,22 @@ class JointGroups:
         groups = {}
         for name, entries in self.groups.items():
             if not isinstance(name, str):
-                raise TypeError(f"names of groups must be str, got {name!r}")
+                raise TypeError(f"group names must be str, got {name!r}")
             if isinstance(entries, str | Subtree) or not isinstance(entries, Iterable):
                 raise TypeError(f"group {name!r} must be a list of joints, got {entries!r}")
-            own = tuple(int(entry) if isinstance(entry, np.integer) else entry for entry in entries)
-            for entry in own:
+            checked = tuple(int(e) if isinstance(e, np.integer) else e for e in entries)
+            for entry in checked:
                 if not isinstance(entry, str | int | Subtree) or isinstance(entry, bool):
                     raise TypeError(
-                        f"group {name!r} must hold names, indices or subtree(...), got {entry!r}"
+                        f"group {name!r} must contain names, indices or subtree(...), got {entry!r}"
                     )
-            if not own:
-                raise ValueError(f"group {name!r} must hold at least one joint, got none")
-            groups[name] = own
+            if not checked:
+                raise ValueError(f"group {name!r} must have at least one joint, got none")
+            groups[name] = checked
         if len(groups) < 2:
             raise ValueError(
-                f"groups must be two or more, one to keep and one to graft, got {list(groups)}"
+                f"groups must have at least two entries, a base and one to exchange, "
+                f"got {list(groups)}"
             )
         if self.base not in groups:
             raise ValueError(f"base must be one of {', '.join(groups)}, got {self.base!r}")
@@ -138,32 +108,32 @@ class JointGroups:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the groups in order."""
+        """Names of the groups, in order."""
         return tuple(self.groups)
 
     @classmethod
     def preset(cls, name: str, skeleton: Skeleton) -> "JointGroups":
-        """Return the groups of a skeleton by what its joints are, as `anatomy` tells.
+        """Return the groups of a skeleton by body part.
 
         Parameters
         ----------
         name : str
             ``"lower_upper"``, ``"lower_torso_arms"``, ``"lower_torso_larm_rarm"`` or
-            ``"lower_torso_head_larm_rarm"``; the groups have the names between the lines.
+            ``"lower_torso_head_larm_rarm"``; underscores separate the names of the groups.
         skeleton : Skeleton
-            What to group. The result fits all skeletons of that hierarchy.
+            The skeleton. The result is valid for all skeletons of the same hierarchy.
 
         Returns
         -------
         JointGroups
-            With base ``"lower"``: the root, the hips and all that the legs hang on, and the
-            legs. Arms begin at the collar. Without a group of its own the head belongs to the
-            torso. A tail, and joints that are no part of a body, go with their parent.
+            With base ``"lower"``: the root, the legs and all joints above them. Arms begin at the
+            clavicle. Without a group ``"head"`` the head belongs to the torso. A tail and
+            joints that are not a body part belong to the group of their parent.
 
         Raises
         ------
         ValueError
-            If there is no such preset, or the skeleton has not all the parts; names them.
+            If the preset is unknown or the skeleton lacks a body part; the message names it.
 
         Examples
         --------
@@ -177,17 +147,15 @@ class JointGroups:
         """
         if name not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {name!r}")
-        wanted = PRESETS[name]
-        assigned = _assign(skeleton, wanted)
-        found: dict[str, list[int]] = {group: [] for group in wanted}
-        for joint, group in enumerate(assigned):
+        found: dict[str, list[int]] = {group: [] for group in PRESETS[name]}
+        for joint, group in enumerate(_assign(skeleton, PRESETS[name])):
             found[group].append(joint)
         _check_parts(name, skeleton, found)
-        count = {own: skeleton.names.count(own) for own in skeleton.names}
+        count = Counter(skeleton.names)
         entries = {
             group: tuple(
                 skeleton.names[joint]
-                if count[skeleton.names[joint]] == 1 and _is_text(skeleton.names[joint])
+                if count[skeleton.names[joint]] == 1 and _is_encodable(skeleton.names[joint])
                 else joint
                 for joint in joints
             )
@@ -201,38 +169,38 @@ class JointGroups:
         Parameters
         ----------
         skeleton : Skeleton
-            What to look the entries up in.
+            Skeleton in which the entries are looked up.
 
         Returns
         -------
         dict of str to ndarray of int
-            Indices of joints, ascending; the groups in their order. A joint that is divided is
-            in all groups that hold a channel of it; see `held`.
+            Joint indices of each group, ascending. A divided joint is in every group that has
+            one of its channels; see `divided_channels`.
 
         Raises
         ------
         ValueError
-            If an entry fits no joint, groups overlap, or a joint or channel is in no group;
-            names them.
+            If an entry matches no joint, groups overlap, or a joint or channel is in no group.
+            The message names them.
         """
         shares = self._shares(skeleton)
         return {
-            name: np.array(sorted({joint for joint, _ in own}), dtype=np.int64)
-            for name, own in shares.items()
+            name: np.array(sorted({joint for joint, _ in channels}), dtype=np.int64)
+            for name, channels in shares.items()
         }
 
-    def held(self, skeleton: Skeleton) -> dict[str, dict[int, str]]:
-        """Return what each group holds of joints that are divided between groups.
+    def divided_channels(self, skeleton: Skeleton) -> dict[str, dict[int, str]]:
+        """Return the channels of joints that are divided between groups.
 
         Parameters
         ----------
         skeleton : Skeleton
-            What to look the entries up in.
+            Skeleton in which the entries are looked up.
 
         Returns
         -------
         dict of str to dict of int to str
-            For each group and divided joint the axes of its channels, in the file's order.
+            For each group and divided joint, the axes of the group's channels, in file order.
 
         Raises
         ------
@@ -245,50 +213,51 @@ class JointGroups:
         >>> groups = JointGroups(
         ...     {"lower": ["Hips", "Arm.Zrotation", "Arm.Xrotation"], "roll": ["Arm.Yrotation"]}
         ... )
-        >>> groups.held(skeleton)
+        >>> groups.divided_channels(skeleton)
         {'lower': {1: 'ZX'}, 'roll': {1: 'Y'}}
         """
         found: dict[str, dict[int, str]] = {}
-        for name, own in self._shares(skeleton).items():
+        for name, channels in self._shares(skeleton).items():
             axes: dict[int, str] = {}
-            for joint, axis in sorted(own):
+            for joint, axis in sorted(channels):
                 if axis:
                     axes[joint] = axes.get(joint, "") + axis
             found[name] = {
-                joint: "".join(axis for axis in order if axis in own_axes)
-                for joint, own_axes in axes.items()
-                if set(order := skeleton.rotation_order(joint)) != set(own_axes)
+                joint: "".join(axis for axis in order if axis in group_axes)
+                for joint, group_axes in axes.items()
+                if set(order := skeleton.rotation_order(joint)) != set(group_axes)
             }
         return found
 
     def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
-        """Return what each group holds: a joint and no axis, or a joint and one of its axes."""
+        """Return (joint, "") or (joint, axis) for every joint or channel of each group."""
         owner: dict[tuple[int, str], str] = {}
         shares: dict[str, set[tuple[int, str]]] = {}
         for name, entries in self.groups.items():
-            own: set[tuple[int, str]] = set()
+            channels: set[tuple[int, str]] = set()
             for entry in entries:
-                own |= _channels(entry, skeleton, name)
-            divided = {joint for joint, axis in own if axis}
-            for joint in sorted(j for j, axis in own if not axis and j in divided):
+                channels |= channels_of_entry(entry, skeleton, name)
+            divided = {joint for joint, axis in channels if axis}
+            for joint in sorted(j for j, axis in channels if not axis and j in divided):
                 raise ValueError(
-                    f"group {name!r} must hold joint {_label(skeleton, joint)} whole or by "
-                    "channels, got both"
+                    f"group {name!r} must contain joint {joint_label(skeleton, joint)} "
+                    "as a whole or by channels, got both"
                 )
-            for joint, axis in sorted(own):
-                for key in [(joint, axis)] if axis else _all_of(joint, skeleton):
+            for joint, axis in sorted(channels):
+                for key in [(joint, axis)] if axis else channels_of_joint(joint, skeleton):
                     if key in owner:
-                        what = _label(skeleton, joint) + (f".{axis}rotation" if axis else "")
+                        label = joint_label(skeleton, joint) + (f".{axis}rotation" if axis else "")
                         raise ValueError(
-                            f"joint {what} must be in one group, got {owner[key]!r} and {name!r}"
+                            f"joint {label} must be in one group, got {owner[key]!r} and {name!r}"
                         )
                     owner[key] = name
-            shares[name] = own
+            shares[name] = channels
         missing = [
-            _label(skeleton, joint) + (f".{axis}rotation" if any(k in owner for k in every) else "")
+            joint_label(skeleton, joint)
+            + (f".{axis}rotation" if any(channel in owner for channel in channels) else "")
             for joint in range(skeleton.n_joints)
-            for every in [_all_of(joint, skeleton)]
-            for _, axis in every
+            for channels in [channels_of_joint(joint, skeleton)]
+            for _, axis in channels
             if (joint, axis) not in owner
         ]
         if missing:
@@ -297,7 +266,7 @@ class JointGroups:
         return shares
 
     def to_toml(self) -> str:
-        """Return the groups as TOML, as `from_toml` reads it.
+        """Return the groups as TOML text for `from_toml`.
 
         Examples
         --------
@@ -331,17 +300,17 @@ class JointGroups:
         Parameters
         ----------
         source : str or path
-            A file, or the text itself: a string of more than one line.
+            A file, or TOML text: a string of more than one line.
 
         Returns
         -------
         JointGroups
-            As `to_toml` wrote them. ``base`` may be left out: ``"lower"``.
+            The groups. A missing ``base`` is ``"lower"``.
 
         Raises
         ------
         ValueError
-            If it is no TOML, or not of that form; names the file.
+            If the text is not valid TOML or has another form; the message names the file.
         OSError
             If the file cannot be read.
         """
@@ -351,15 +320,15 @@ class JointGroups:
             try:
                 text = Path(source).read_text(encoding="utf-8")
             except UnicodeDecodeError as error:
-                raise ValueError(f"{place}: no UTF-8: {error}") from error
+                raise ValueError(f"{place}: not UTF-8: {error}") from error
         try:
             table = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"{place}: no TOML: {error}") from error
+            raise ValueError(f"{place}: not valid TOML: {error}") from error
         unknown = sorted(set(table) - {"base", "groups"})
         if unknown or not isinstance(table.get("groups"), dict):
             got = ", ".join(table) or "nothing"
-            raise ValueError(f"{place}: must hold base and a table [groups], got {got}")
+            raise ValueError(f"{place}: must contain base and a table [groups], got {got}")
         groups = {}
         for name, entries in table["groups"].items():
             if not isinstance(entries, list):
@@ -371,13 +340,13 @@ class JointGroups:
             raise ValueError(f"{place}: {error}") from error
 
 
-def _assign(skeleton: Skeleton, wanted: tuple[str, ...]) -> list[str]:
-    """Return the group of each joint by its part; other joints go with their parent."""
+def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
+    """Return the group of each joint by its body part, else that of its parent."""
     known = anatomy(skeleton)
-    torso = "torso" if "torso" in wanted else "upper"
-    head = "head" if "head" in wanted else torso
-    arms = dict.fromkeys(("left", "right", ""), "arms" if "arms" in wanted else torso)
-    if "larm" in wanted:
+    torso = "torso" if "torso" in group_names else "upper"
+    head = "head" if "head" in group_names else torso
+    arms = dict.fromkeys(("left", "right", ""), "arms" if "arms" in group_names else torso)
+    if "larm" in group_names:
         arms |= {"left": "larm", "right": "rarm"}
     groups: list[str] = []
     for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
@@ -397,10 +366,10 @@ def _assign(skeleton: Skeleton, wanted: tuple[str, ...]) -> list[str]:
 
 
 def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]) -> None:
-    """Refuse a preset that wants parts of the body which a skeleton has not."""
+    """Raise ValueError if the skeleton lacks a body part of the preset."""
     known = anatomy(skeleton)
     missing = [] if known.joints("thigh", "shank", "foot") else ["legs"]
-    needs = {
+    label_of_group = {
         "upper": "upper body",
         "torso": "torso",
         "head": "neck or head",
@@ -408,79 +377,24 @@ def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]
         "larm": "left arm",
         "rarm": "right arm",
     }
-    missing += [what for group, what in needs.items() if group in found and not found[group]]
+    missing += [
+        label for group, label in label_of_group.items() if group in found and not found[group]
+    ]
     if missing:
         shown = ", ".join(skeleton.names[:12]) + (", ..." if skeleton.n_joints > 12 else "")
         raise ValueError(
-            f"preset {preset!r} needs a body with {' and '.join(missing)}, found none "
-            f"among the joints {shown}; give JointGroups of your own"
+            f"preset {preset!r} needs {' and '.join(missing)}, found none among the joints "
+            f"{shown}; pass a JointGroups"
         )
 
 
-def _all_of(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
-    """Return a joint's channels; of one that cannot be divided a single entry."""
-    order = skeleton.rotation_order(joint)
-    return [(joint, axis) for axis in order] if len(order) == 3 else [(joint, "")]
-
-
-def _channels(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple[int, str]]:
-    """Return what an entry of a group means: joints without an axis, or with one."""
-    found = re.fullmatch(r"(.+)\.([XYZ])rotation", entry) if isinstance(entry, str) else None
-    if found is None or entry in skeleton.names:
-        return {(joint, "") for joint in _joints(entry, skeleton, group)}
-    joints = _joints(found[1], skeleton, group)
-    for joint in sorted(joints):
-        if (joint, found[2]) not in _all_of(joint, skeleton):
-            raise ValueError(
-                f"group {group!r}: {_label(skeleton, joint)} must have three rotation channels "
-                f"to be divided, got {' '.join(skeleton.channels[joint]) or 'none'}"
-            )
-        if skeleton.parents[joint] < 0:
-            raise ValueError(
-                f"group {group!r}: {_label(skeleton, joint)} must be held whole: the root is "
-                "turned and shifted as one"
-            )
-    return {(joint, found[2]) for joint in joints}
-
-
-def _joints(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
-    """Return the joints that an entry of a group means."""
-    if isinstance(entry, Subtree):
-        inside = _joints(entry.joint, skeleton, group)
-        for joint, parent in enumerate(skeleton.parents):
-            if int(parent) in inside:
-                inside.add(joint)
-        return inside
-    if isinstance(entry, int):
-        if not 0 <= entry < skeleton.n_joints:
-            raise ValueError(
-                f"group {group!r}: index must be 0 to {skeleton.n_joints - 1}, got {entry}"
-            )
-        return {entry}
-    names = skeleton.names
-    found = {joint for joint, own in enumerate(names) if own == entry}
-    found = found or {joint for joint, own in enumerate(names) if fnmatchcase(own, entry)}
-    if not found:
-        close = difflib.get_close_matches(entry, names, n=3)
-        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else "joints are "
-        hint += "" if close else ", ".join(names)
-        raise ValueError(f"group {group!r}: no joint is named {entry!r}; {hint}")
-    return found
-
-
-def _label(skeleton: Skeleton, joint: int) -> str:
-    """Return a joint's name, with its index where the name is not its alone."""
-    name = skeleton.names[joint]
-    return name if skeleton.names.count(name) == 1 else f"{name} (index {joint})"
-
-
-def _is_text(name: str) -> bool:
-    """Whether a name can be written to a file; half a surrogate pair cannot."""
+def _is_encodable(name: str) -> bool:
+    """Return whether a name can be encoded as UTF-8: it has no lone surrogate."""
     return not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
 def _quoted(value: str | int) -> str:
-    """Return a value as TOML: its strings are those of JSON, and DEL is escaped as well."""
+    """Return a value as TOML. Strings are those of JSON, with DEL escaped."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -492,5 +406,6 @@ def _read_entry(place: str, group: str, entry: object) -> Entry:
     elif isinstance(entry, str | int) and not isinstance(entry, bool):
         return entry
     raise ValueError(
-        f'{place}: group {group!r} must hold names, indices or {{subtree = "name"}}, got {entry!r}'
+        f'{place}: group {group!r} must contain names, indices or {{subtree = "name"}}, '
+        f"got {entry!r}"
     )

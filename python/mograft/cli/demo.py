@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     from mograft.dancer import dance
     from mograft.io.bvh import write_bvh
     from mograft.library.library import Library
-    from mograft.search.candidates import combinations
+    from mograft.search.candidates import count_combinations
     from mograft.synthesis.graft import graft_many
 
     folder: Path = options.output
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
         library = Library.build(motion, progress=show)
     n = len(library.segments)
     clusters = {group: int(labels.max()) + 1 for group, labels in library.labels.items()}
-    whole = combinations(library.labels[library.groups.base], len(library.groups.names))
+    whole = count_combinations(library.labels[library.groups.base], len(library.groups.names))
     tell(f"segments    {n}, cut at the extrema of kinetic energy")
     counts = ", ".join(f"{count} of {group}" for group, count in clusters.items())
     tell(f"clusters    {counts}: segments in which these move alike")

@@ -17,9 +17,9 @@ from mograft.body.contacts import detect_contacts, find_legs
 from mograft.errors import InsufficientDataError
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.search.candidates import Pool, length_fits
-from mograft.synthesis.graft import Graft, Grafts, Plan
-from mograft.synthesis.problem import Donors
+from mograft.search.candidates import SegmentPool, length_fits
+from mograft.synthesis.graft import Graft, GraftPlan, Grafts
+from mograft.synthesis.search_problem import DonorSequences
 
 __all__ = [
     "Analogy",
@@ -341,7 +341,7 @@ def donors_by(
     *,
     swap: Sequence[str] | None = None,
     seed: int = 0,
-) -> tuple[IntArray, list[Donors]]:
+) -> tuple[IntArray, list[DonorSequences]]:
     """Choose donors as `grafts_by` does, without making the motions.
 
     Parameters
@@ -367,10 +367,10 @@ def _planned(
     count: int,
     swap: Sequence[str] | None,
     seed: int,
-) -> tuple[Plan, list[Donors]]:
+) -> tuple[GraftPlan, list[DonorSequences]]:
     if method.changes:
         library = library.relabelled(replace(library.config, **dict(method.changes)))
-    plan = Plan.make(library, base, swap, ())
+    plan = GraftPlan.build(library, base, swap, ())
     problem = plan.problem
     allowed = method.candidates(problem.library, problem.scenario)
     plan = replace(plan, problem=replace(problem, candidates=dict.fromkeys(problem.pools, allowed)))
@@ -385,20 +385,20 @@ def _planned(
 
 
 def _drawn(
-    pool: Pool, allowed: Sequence[IntArray], limit: float, rng: np.random.Generator
+    pool: SegmentPool, allowed: Sequence[IntArray], limit: float, rng: np.random.Generator
 ) -> IntArray:
     """Draw donors one after the other, as the paper does."""
     chosen: list[int] = []
     for own in allowed:
         passing = own
         if chosen and limit < np.pi:
-            gaps: FloatArray = pool.gaps(np.array(chosen[-1:]), own)[0]
+            gaps: FloatArray = pool.seam_angles(np.array(chosen[-1:]), own)[0]
             passing = own[gaps <= limit] if (gaps <= limit).any() else own[[int(gaps.argmin())]]
         chosen.append(int(rng.choice(passing)))
     return np.array(chosen, np.int64)
 
 
-def _pool(library: Library) -> Pool:
+def _pool(library: Library) -> SegmentPool:
     grafted = next(name for name in library.groups.names if name != library.groups.base)
     return library.pool(grafted)
 

@@ -389,7 +389,7 @@ def _warn(entries: Sequence[ClipInfo], rate: float) -> None:
 def _embedded(
     samples: SampleSource, groups: JointGroups, terms: LibrarySpec, tell: Progress
 ) -> dict[str, Embedding | None]:
-    members, held = groups.resolve(terms.skeleton), groups.held(terms.skeleton)
+    members, held = groups.resolve(terms.skeleton), groups.divided_channels(terms.skeleton)
     tell("comparing", 0, len(members))
     means = means_of(samples, terms.skeleton.n_joints)
     found = {}

@@ -363,7 +363,7 @@ def boundary_states(motion: Motion, cut: Segments) -> dict[str, FloatArray]:
     Returns
     -------
     dict of str to ndarray, shape (n_segments, n_joints, 4 or 3)
-        As `Pool` names them: ``first`` and ``last``, the local rotations in the first and
+        As `SegmentPool` names them: ``first`` and ``last``, the local rotations in the first and
         the last frame; ``first_velocity`` and ``last_velocity``, the angular velocities
         there in the joints' own frames, in radians per second.
     """

@@ -27,7 +27,7 @@ from mograft.library.discover import ClipSource, find_clips
 from mograft.library.ingest import ClipProperties, boundary_states, pack, rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.search.candidates import Candidates, Pool
+from mograft.search.candidates import Candidates, SegmentPool
 
 if TYPE_CHECKING:
     from mograft.search.constraints import Constraint
@@ -78,7 +78,7 @@ class Library:
         What is known of each clip besides its frames: name, file, own rate, faults, tags.
     edges : dict of str to dict of str to ndarray
         For each group the poses and velocities of its feature joints at the ends of the
-        segments, as `Pool` has them.
+        segments, as `SegmentPool` has them.
     samples : source of Samples
         The segments as they are compared.
     refused : dict of str to str
@@ -406,7 +406,7 @@ class Library:
             raise ValueError(f"group must be one of {', '.join(members)}, got {group!r}")
         return members[group]
 
-    def pool(self, group: str) -> Pool:
+    def pool(self, group: str) -> SegmentPool:
         """Return the segments as the search for one group's donors sees them."""
         if group not in self.boundary_states:
             raise ValueError(
@@ -414,9 +414,9 @@ class Library:
             )
         base = self.groups.base
         compared = self.embedding[base]
-        held, joints = self.groups.held(self.skeleton), self.joints(group)
+        held, joints = self.groups.divided_channels(self.skeleton), self.joints(group)
         ends = ends_alone(self.boundary_states[group], joints, self.skeleton, held[group])
-        return Pool(
+        return SegmentPool(
             self.segments,
             self.labels[base],
             self.is_donor,
@@ -459,7 +459,7 @@ class Library:
         judged = pool.judge(segment, pool.points, self.config)
         if not constraints:
             return judged
-        from mograft.synthesis.problem import reasons  # layer exception: judged in place
+        from mograft.synthesis.search_problem import reasons  # layer exception: judged in place
 
         return reasons(self, segment, group, judged, constraints)
 
@@ -590,7 +590,7 @@ class Library:
         )
         samples = replace(samples, rows=samples.packed())
         ends = boundary_states(motion, own)
-        held = self.groups.held(self.skeleton)
+        held = self.groups.divided_channels(self.skeleton)
         embedding = {
             group: None
             if seen is None

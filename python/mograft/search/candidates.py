@@ -12,17 +12,17 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.motion import rotations
-from mograft.search.viterbi import Chain
+from mograft.search.viterbi import Trellis
 
 __all__ = [
-    "BEYOND",
+    "INFEASIBLE_PENALTY",
     "Candidate",
     "Candidates",
-    "Pool",
-    "Row",
+    "DonorTrellis",
+    "SegmentPool",
     "cheapest",
     "choose",
-    "combinations",
+    "count_combinations",
     "donor_costs",
     "length_fits",
     "pose_gaps",
@@ -31,7 +31,7 @@ __all__ = [
     "velocity_gaps",
 ]
 
-BEYOND = 1e3
+INFEASIBLE_PENALTY = 1e3
 """Cost of missing a limit: more than any row of donors within the limits costs at a seam."""
 
 _PAIRS = 512
@@ -105,7 +105,7 @@ def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
 def donor_costs(
     own: IntArray, donors: IntArray, apart: FloatArray, is_own: BoolArray, config: Config
 ) -> FloatArray:
-    """Return what donors cost by themselves, seams apart; see `Row.of`.
+    """Return what donors cost by themselves, seams apart; see `DonorTrellis.build`.
 
     Parameters
     ----------
@@ -124,14 +124,14 @@ def donor_costs(
         The costs.
     """
     if config.choice == "nearest":
-        return np.where(is_own, BEYOND, apart)
+        return np.where(is_own, INFEASIBLE_PENALTY, apart)
     ratio = np.minimum(own, donors) / np.maximum(own, donors)
     costs = config.length_weight * (1.0 - ratio) + config.distance_weight * apart
     return costs - np.where(is_own, 0.0, config.novelty)
 
 
 def seam_costs(angles: FloatArray, speeds: FloatArray, config: Config) -> FloatArray:
-    """Return what seams cost; see `Row.of`.
+    """Return what seams cost; see `DonorTrellis.build`.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def seam_costs(angles: FloatArray, speeds: FloatArray, config: Config) -> FloatA
     ndarray, shape of `angles`
         The costs.
     """
-    costs = np.where(angles > config.max_angle, BEYOND, 0.0)
+    costs = np.where(angles > config.max_angle, INFEASIBLE_PENALTY, 0.0)
     if config.choice != "nearest":
         costs += (angles / config.angle_scale) ** 2 + (speeds / config.velocity_scale) ** 2
     return costs
@@ -227,7 +227,7 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
-class Pool:
+class SegmentPool:
     """All segments that are at hand, as the search sees them for one grafted group.
 
     Attributes
@@ -312,7 +312,7 @@ class Pool:
                 lists[place] = mates[row]
         return lists
 
-    def gaps(self, left: IntArray, right: IntArray) -> FloatArray:
+    def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the mean joint angle at the seams between segments, in radians.
 
         Parameters
@@ -327,7 +327,7 @@ class Pool:
         """
         return pose_gaps(self.last[left], self.first[right])
 
-    def velocity_gaps(self, left: IntArray, right: IntArray) -> FloatArray:
+    def seam_velocity_gaps(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the mean difference of joint velocities at seams, in radians per second.
 
         Parameters
@@ -344,10 +344,11 @@ class Pool:
             return np.zeros((len(left), len(right)))
         return velocity_gaps(self.last_velocity[left], self.first_velocity[right])
 
-    def gaps_along(self, donors: IntArray) -> FloatArray:
+    def seam_angles_along(self, donors: IntArray) -> FloatArray:
         """Return the mean joint angle at each seam of a row of donors, shape (n - 1,)."""
         pairs = [
-            self.gaps(donors[at : at + 1], donors[at + 1 : at + 2]) for at in range(len(donors) - 1)
+            self.seam_angles(donors[at : at + 1], donors[at + 1 : at + 2])
+            for at in range(len(donors) - 1)
         ]
         return np.concatenate([gap.ravel() for gap in pairs]) if pairs else np.zeros(0)
 
@@ -396,7 +397,7 @@ class Pool:
         speeds = self.last_velocity[ending] - self.first_velocity[starting]
         return angle, float(np.linalg.norm(speeds, axis=-1).mean())
 
-    def scaled(self, config: Config) -> Config:
+    def scale_config(self, config: Config) -> Config:
         """Return the configuration with the scales of seams that these segments have.
 
         In motions that hardly move a degree is much: a seam costs 1 at twice what is typical,
@@ -410,7 +411,7 @@ class Pool:
         )
 
     def costs(self, own: IntArray, donors: IntArray, config: Config) -> FloatArray:
-        """Return what donors cost by themselves, seams apart; see `Row.of`.
+        """Return what donors cost by themselves, seams apart; see `DonorTrellis.build`.
 
         Parameters
         ----------
@@ -452,8 +453,8 @@ class Pool:
         still = np.zeros(len(mates))
         has_before = segment > 0 and cut.clip[segment - 1] == cut.clip[segment]
         has_after = segment + 1 < len(cut) and cut.clip[segment + 1] == cut.clip[segment]
-        before = self.gaps(np.array([segment - 1]), mates)[0] if has_before else still
-        after = self.gaps(mates, np.array([segment + 1]))[:, 0] if has_after else still
+        before = self.seam_angles(np.array([segment - 1]), mates)[0] if has_before else still
+        after = self.seam_angles(mates, np.array([segment + 1]))[:, 0] if has_after else still
         apart = (
             np.full(len(mates), np.nan)
             if points is None
@@ -461,9 +462,9 @@ class Pool:
         )
         costs = self.costs(np.full(len(mates), segment), mates, config)
         left, right = np.array([segment - 1]), np.array([segment + 1])
-        speed_before = self.velocity_gaps(left, mates)[0] if has_before else still
-        speed_after = self.velocity_gaps(mates, right)[:, 0] if has_after else still
-        scaled = self.scaled(config)
+        speed_before = self.seam_velocity_gaps(left, mates)[0] if has_before else still
+        speed_after = self.seam_velocity_gaps(mates, right)[:, 0] if has_after else still
+        scaled = self.scale_config(config)
         for seam, speed in ((before, speed_before), (after, speed_after)):
             costs += (seam / scaled.angle_scale) ** 2 + (speed / scaled.velocity_scale) ** 2
         allowed: list[Candidate] = []
@@ -498,10 +499,10 @@ class Pool:
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class DonorTrellis:
     """What may be at each position of a scenario, and what it costs.
 
-    Made by `Row.of`.
+    Made by `DonorTrellis.build`.
 
     Attributes
     ----------
@@ -510,28 +511,28 @@ class Row:
     candidates : tuple of ndarray of int
         At each position the segments that are looked at, ascending, the base segment itself
         among them.
-    chain : Chain
+    costs : Trellis
         The costs of these.
     """
 
     scenario: IntArray
     candidates: tuple[IntArray, ...]
-    chain: Chain
+    costs: Trellis
 
     @classmethod
-    def of(
+    def build(
         cls,
-        pool: Pool,
+        pool: SegmentPool,
         scenario: IntArray,
         candidates: Sequence[IntArray],
         config: Config,
         more: Sequence[FloatArray] | None = None,
-    ) -> "Row":
+    ) -> "DonorTrellis":
         """Return what donors cost at every position of a scenario.
 
         Parameters
         ----------
-        pool : Pool
+        pool : SegmentPool
             The segments.
         scenario : ndarray of int, shape (n_positions,)
             The base segments.
@@ -544,20 +545,20 @@ class Row:
 
         Returns
         -------
-        Row
+        DonorTrellis
             With the cheapest `max_candidates` at each position; of equally cheap ones those
             of lowest index.
 
         Notes
         -----
         A donor k of segment i costs ``length_weight · (1 - shorter / longer)
-        + distance_weight · d(i, k) / sigma``, and `novelty` less where k is not i. A seam
-        costs ``(angle / angle_scale)² + (velocity / velocity_scale)²``, and `BEYOND` more
-        where the angle exceeds `max_angle`. With ``choice="nearest"`` a donor costs
-        d(i, k) / sigma, the own part `BEYOND`, and seams nothing within the limit. The scales
-        are those of `Pool.scaled`.
+        + distance_weight · d(i, k) / sigma``, and `novelty` less if k is not i. A seam
+        costs ``(angle / angle_scale)² + (velocity / velocity_scale)²``, plus
+        `INFEASIBLE_PENALTY` if the angle exceeds `max_angle`. With ``choice="nearest"`` a
+        donor costs d(i, k) / sigma, the base segment itself `INFEASIBLE_PENALTY`, and a seam
+        within the limit 0. The scales are those of `SegmentPool.scale_config`.
         """
-        config = pool.scaled(config)
+        config = pool.scale_config(config)
         counts = [len(own) for own in candidates]
         costs = pool.costs(np.repeat(scenario, counts), np.concatenate(candidates), config)
         if more is not None:
@@ -572,32 +573,32 @@ class Row:
             kept.append(mates[order])
             alone.append(prices[order])
         after = [_seam_costs(pool, left, right, config) for left, right in pairwise(kept)]
-        return cls(scenario, tuple(kept), Chain(tuple(alone), tuple(after)))
+        return cls(scenario, tuple(kept), Trellis(tuple(alone), tuple(after)))
 
-    def donors(self, choices: IntArray) -> IntArray:
+    def donor_sequence(self, choices: IntArray) -> IntArray:
         """Return the segments that choices of the chain stand for."""
         pairs = zip(self.candidates, choices.tolist(), strict=True)
         return np.array([own[at] for own, at in pairs], np.int64)
 
-    def choices(self, donors: IntArray) -> IntArray:
+    def path(self, donors: IntArray) -> IntArray:
         """Return which choices of the chain segments are; each must be among its candidates."""
         pairs = zip(self.candidates, donors.tolist(), strict=True)
         return np.array([np.searchsorted(own, donor) for own, donor in pairs], np.int64)
 
 
-def _seam_costs(pool: Pool, left: IntArray, right: IntArray, config: Config) -> FloatArray:
+def _seam_costs(pool: SegmentPool, left: IntArray, right: IntArray, config: Config) -> FloatArray:
     """Return what it costs that one of `right` follows one of `left`."""
-    return seam_costs(pool.gaps(left, right), pool.velocity_gaps(left, right), config)
+    return seam_costs(pool.seam_angles(left, right), pool.seam_velocity_gaps(left, right), config)
 
 
 def reachable(
-    pool: Pool, positions: Sequence[IntArray], config: Config
+    pool: SegmentPool, positions: Sequence[IntArray], config: Config
 ) -> tuple[list[IntArray], list[FloatArray]]:
     """Leave those candidates from which the end can be reached within the transition limit.
 
     Parameters
     ----------
-    pool : Pool
+    pool : SegmentPool
         The segments.
     positions : sequence of ndarray of int
         The candidates at each position of the scenario, its base segment among them.
@@ -616,7 +617,7 @@ def reachable(
     alive = [positions[-1]] if len(positions) else []
     gaps: list[FloatArray] = []
     for own in reversed(positions[:-1]):
-        angles = pool.gaps(own, alive[-1])
+        angles = pool.seam_angles(own, alive[-1])
         passes = np.flatnonzero((angles <= config.max_angle).any(axis=1))
         if not len(passes):
             passes = np.arange(len(own))
@@ -661,7 +662,7 @@ def choose(
     return np.array(chosen, np.int64)
 
 
-def combinations(labels: IntArray, n_groups: int) -> int:
+def count_combinations(labels: IntArray, n_groups: int) -> int:
     """Count the segments that can be made when nothing but the clusters limits the choice.
 
     Parameters
@@ -678,7 +679,7 @@ def combinations(labels: IntArray, n_groups: int) -> int:
 
     Examples
     --------
-    >>> combinations(np.array([0, 0, 1]), 3)
+    >>> count_combinations(np.array([0, 0, 1]), 3)
     9
     """
     return sum(int(size) ** n_groups for size in np.unique(labels, return_counts=True)[1])

@@ -13,11 +13,11 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 
-__all__ = ["Chain", "best", "diverse", "sample", "viterbi"]
+__all__ = ["Trellis", "diverse", "k_best", "sample", "viterbi"]
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class Trellis:
     """Costs of the choices at every position of a row.
 
     Attributes
@@ -28,11 +28,11 @@ class Chain:
         For every position but the last, cost of each pair of neighbours.
     """
 
-    alone: tuple[FloatArray, ...]
-    after: tuple[FloatArray, ...]
+    unary: tuple[FloatArray, ...]
+    pairwise: tuple[FloatArray, ...]
 
     def __len__(self) -> int:
-        return len(self.alone)
+        return len(self.unary)
 
     def cost(self, choices: IntArray) -> float:
         """Return what a row of choices costs.
@@ -48,23 +48,23 @@ class Chain:
             The sum of all costs.
         """
         at = choices.tolist()
-        own = sum(float(costs[i]) for costs, i in zip(self.alone, at, strict=True))
-        pairs = zip(self.after, at[:-1], at[1:], strict=True)
+        own = sum(float(costs[i]) for costs, i in zip(self.unary, at, strict=True))
+        pairs = zip(self.pairwise, at[:-1], at[1:], strict=True)
         return own + sum(float(costs[i, j]) for costs, i, j in pairs)
 
-    def plus(self, more: Sequence[FloatArray]) -> "Chain":
-        """Return the chain with further costs of each choice by itself."""
+    def add_unary(self, more: Sequence[FloatArray]) -> "Trellis":
+        """Return the trellis with further costs of each choice by itself."""
         return replace(
-            self, alone=tuple(own + other for own, other in zip(self.alone, more, strict=True))
+            self, unary=tuple(own + other for own, other in zip(self.unary, more, strict=True))
         )
 
 
-def viterbi(chain: Chain) -> IntArray:
+def viterbi(trellis: Trellis) -> IntArray:
     """Return the choices of least cost.
 
     Parameters
     ----------
-    chain : Chain
+    trellis : Trellis
         The costs.
 
     Returns
@@ -80,27 +80,27 @@ def viterbi(chain: Chain) -> IntArray:
     Examples
     --------
     >>> step = np.array([[0.0, 2.0], [2.0, 0.0]])
-    >>> viterbi(Chain((np.array([0.0, 1.0]), np.array([3.0, 0.0])), (step,)))
+    >>> viterbi(Trellis((np.array([0.0, 1.0]), np.array([3.0, 0.0])), (step,)))
     array([1, 1])
     """
-    if not len(chain):
+    if not len(trellis):
         return np.zeros(0, np.int64)
-    to_end = [chain.alone[-1]]
-    for alone, after in zip(chain.alone[-2::-1], chain.after[::-1], strict=True):
+    to_end = [trellis.unary[-1]]
+    for alone, after in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
         to_end.append(alone + (after + to_end[-1]).min(axis=1))
     to_end.reverse()
     chosen = [int(to_end[0].argmin())]
-    for after, onward in zip(chain.after, to_end[1:], strict=True):
+    for after, onward in zip(trellis.pairwise, to_end[1:], strict=True):
         chosen.append(int((after[chosen[-1]] + onward).argmin()))
     return np.array(chosen, np.int64)
 
 
-def best(chain: Chain, count: int) -> list[IntArray]:
+def k_best(trellis: Trellis, count: int) -> list[IntArray]:
     """Return the rows of choices of least cost, the cheapest first.
 
     Parameters
     ----------
-    chain : Chain
+    trellis : Trellis
         The costs.
     count : int
         How many are wanted.
@@ -118,16 +118,16 @@ def best(chain: Chain, count: int) -> list[IntArray]:
 
     Examples
     --------
-    >>> chain = Chain((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
-    >>> [choices.tolist() for choices in best(chain, 3)]
+    >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
+    >>> [choices.tolist() for choices in k_best(trellis, 3)]
     [[0, 0], [1, 0], [0, 1]]
     """
-    if not len(chain):
+    if not len(trellis):
         return [np.zeros(0, np.int64)] if count else []
     # Row i of `to_end` holds the cheapest ways on from choice i, ascending.
-    to_end = chain.alone[-1][:, None]
+    to_end = trellis.unary[-1][:, None]
     nexts: list[tuple[IntArray, IntArray]] = []
-    for alone, after in zip(chain.alone[-2::-1], chain.after[::-1], strict=True):
+    for alone, after in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
         width = to_end.shape[1]
         through = (after[:, :, None] + to_end).reshape(len(alone), -1)
         order = np.argsort(through, axis=1, kind="stable")[:, :count]
@@ -146,12 +146,12 @@ def best(chain: Chain, count: int) -> list[IntArray]:
     return rows
 
 
-def sample(chain: Chain, temperature: float, rng: np.random.Generator) -> IntArray:
+def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> IntArray:
     """Draw a row of choices with probability proportional to exp(-cost / temperature).
 
     Parameters
     ----------
-    chain : Chain
+    trellis : Trellis
         The costs.
     temperature : float
         In units of cost, above 0.
@@ -168,11 +168,11 @@ def sample(chain: Chain, temperature: float, rng: np.random.Generator) -> IntArr
     Filtering one way and sampling the other (FFBS: Carter and Kohn, Biometrika 81, 1994),
     here backwards and forwards, in logarithms.
     """
-    if not len(chain):
+    if not len(trellis):
         return np.zeros(0, np.int64)
-    weights = [-chain.alone[-1] / temperature]
+    weights = [-trellis.unary[-1] / temperature]
     with np.errstate(divide="ignore"):  # no way on at all: log 0
-        for alone, after in zip(chain.alone[-2::-1], chain.after[::-1], strict=True):
+        for alone, after in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
             onward = weights[-1] - after / temperature
             top = onward.max(axis=1, initial=-np.inf)
             top[~np.isfinite(top)] = 0.0
@@ -180,17 +180,17 @@ def sample(chain: Chain, temperature: float, rng: np.random.Generator) -> IntArr
             weights.append(total - alone / temperature)
     chosen: list[int] = []
     for position, own in enumerate(reversed(weights)):
-        before = chain.after[position - 1][chosen[-1]] / temperature if position else 0.0
+        before = trellis.pairwise[position - 1][chosen[-1]] / temperature if position else 0.0
         chosen.append(_draw(own - before, rng))
     return np.array(chosen, np.int64)
 
 
-def diverse(chain: Chain, count: int, penalty: float) -> list[IntArray]:
+def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
     """Return rows of choices, each the cheapest where earlier ones' choices cost more.
 
     Parameters
     ----------
-    chain : Chain
+    trellis : Trellis
         The costs.
     count : int
         How many are wanted.
@@ -206,19 +206,19 @@ def diverse(chain: Chain, count: int, penalty: float) -> list[IntArray]:
 
     Examples
     --------
-    >>> chain = Chain((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
-    >>> [choices.tolist() for choices in diverse(chain, 2, penalty=9.0)]
+    >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
+    >>> [choices.tolist() for choices in diverse(trellis, 2, penalty=9.0)]
     [[0, 0], [1, 1]]
     """
-    uses = [np.zeros(len(costs)) for costs in chain.alone]
+    uses = [np.zeros(len(costs)) for costs in trellis.unary]
     rows: list[IntArray] = []
     seen: set[bytes] = set()
     while len(rows) < count:
-        dearer = chain.plus([penalty * used for used in uses])
+        dearer = trellis.add_unary([penalty * used for used in uses])
         found = viterbi(dearer)
         if found.tobytes() in seen:
             # Among one more than there are, one is new, if there is any.
-            others = (row for row in best(dearer, len(rows) + 1) if row.tobytes() not in seen)
+            others = (row for row in k_best(dearer, len(rows) + 1) if row.tobytes() not in seen)
             fresh = next(others, None)
             if fresh is None:
                 break

@@ -17,11 +17,11 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.scenario.realize import donor_contacts, realize_scenario
 from mograft.scenario.walks import Scenario
-from mograft.search.candidates import Row, choose, reachable
+from mograft.search.candidates import DonorTrellis, choose, reachable
 from mograft.search.constraints import Constraint, MaxAngle, Violation, violations
-from mograft.search.viterbi import best, diverse, sample, viterbi
-from mograft.synthesis.problem import Donors, Problem
-from mograft.synthesis.root_tabu_search import steered
+from mograft.search.viterbi import diverse, k_best, sample, viterbi
+from mograft.synthesis.root_tabu_search import tabu_search
+from mograft.synthesis.search_problem import DonorSequences, SearchProblem
 
 __all__ = ["Graft", "Grafts", "Seam", "Substitution", "graft", "graft_many", "repair"]
 
@@ -266,8 +266,8 @@ class Graft:
 class Grafts(Sequence[Graft]):
     """Several grafts on one base; each is made when it is asked for, and not kept."""
 
-    _plan: "Plan"
-    _draws: tuple[Donors, ...]
+    _plan: "GraftPlan"
+    _draws: tuple[DonorSequences, ...]
     _seed: int
 
     def __len__(self) -> int:
@@ -284,14 +284,14 @@ class Grafts(Sequence[Graft]):
         if isinstance(index, slice):
             return [self[at] for at in range(*index.indices(len(self)))]
         at = range(len(self))[index]
-        return self._plan.build(self._draws[at], self._seed, at)
+        return self._plan.make_graft(self._draws[at], self._seed, at)
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class GraftPlan:
     """What all grafts on one base have in common."""
 
-    problem: Problem
+    problem: SearchProblem
     order: tuple[int, ...] = ()
 
     @property
@@ -299,15 +299,15 @@ class Plan:
         return self.problem.base
 
     @classmethod
-    def make(
+    def build(
         cls,
         library: Library,
         base: Motion | str | None,
         swap: Sequence[str] | None,
         constraints: Sequence[Constraint],
         order: Sequence[int] | IntArray | Scenario | None = None,
-    ) -> "Plan":
-        groups = swapped(library, swap)
+    ) -> "GraftPlan":
+        groups = grafted_groups(library, swap)
         if order is None:
             library, at = library.resolve_base(base)
             scenario = library.segments.of_clip(at)
@@ -319,32 +319,32 @@ class Plan:
             scenario = _within(wanted.segments, library)
             motion, cut = realize_scenario(library, wanted)
         own_order = () if order is None else tuple(scenario.tolist())
-        problem = Problem.of(library, motion, scenario, cut, groups, constraints)
+        problem = SearchProblem.build(library, motion, scenario, cut, groups, constraints)
         return cls(problem, own_order)
 
-    def rows(self) -> dict[str, Row]:
+    def rows(self) -> dict[str, DonorTrellis]:
         """Return what donors cost, group by group: each as the ones before it are cheapest."""
         problem = self.problem
-        rows: dict[str, Row] = {}
-        chosen: Donors = {}
+        rows: dict[str, DonorTrellis] = {}
+        chosen: DonorSequences = {}
         for group in problem.pools:
             rows[group] = row = problem.row(group, chosen)
             if problem.constraints:
-                chosen[group] = row.donors(viterbi(row.chain))
+                chosen[group] = row.donor_sequence(viterbi(row.costs))
         return rows
 
-    def settled_draws(self, count: int, seed: int) -> list[Donors]:
+    def settled_draws(self, count: int, seed: int) -> list[DonorSequences]:
         """Choose donors for several motions, and change what does not meet the constraints."""
         chance = self.problem.config.choice == "random"
         rows = {} if chance and not self.problem.constraints else self.rows()
         return _distinct([self.settled(own, rows) for own in self.draws(rows, count, seed)])
 
-    def settled(self, donors: Donors, rows: dict[str, Row]) -> Donors:
+    def settled(self, donors: DonorSequences, rows: dict[str, DonorTrellis]) -> DonorSequences:
         """Change what does not meet the constraints."""
         donors = self.problem.settled(donors, rows)
-        return steered(self.problem, donors, rows, self.finish)
+        return tabu_search(self.problem, donors, rows, self.finish)
 
-    def draws(self, rows: dict[str, Row], count: int, seed: int) -> list[Donors]:
+    def draws(self, rows: dict[str, DonorTrellis], count: int, seed: int) -> list[DonorSequences]:
         """Choose donors for several motions, each different from the others."""
         problem = self.problem
         config = problem.config
@@ -359,32 +359,32 @@ class Plan:
             )
         if config.choice == "sample":
 
-            def draw() -> Donors:
+            def draw() -> DonorSequences:
                 return {
-                    group: row.donors(sample(row.chain, config.temperature, rng))
+                    group: row.donor_sequence(sample(row.costs, config.temperature, rng))
                     for group, row in rows.items()
                 }
 
             return _different(draw, count)
         if config.choice == "best":
-            lists = [best(row.chain, count) for row in rows.values()]
+            lists = [k_best(row.costs, count) for row in rows.values()]
             costs = [
-                [row.chain.cost(choices) for choices in own]
+                [row.costs.cost(choices) for choices in own]
                 for row, own in zip(rows.values(), lists, strict=True)
             ]
             combined = _cheapest_sums(costs, count)
         else:
-            lists = [diverse(row.chain, count, config.diversity) for row in rows.values()]
+            lists = [diverse(row.costs, count, config.diversity) for row in rows.values()]
             combined = _side_by_side([len(own) for own in lists], count)
         return [
             {
-                group: row.donors(own[at])
+                group: row.donor_sequence(own[at])
                 for (group, row), own, at in zip(rows.items(), lists, places, strict=True)
             }
             for places in combined
         ]
 
-    def build(self, chosen: Donors, seed: int, index: int) -> Graft:
+    def make_graft(self, chosen: DonorSequences, seed: int, index: int) -> Graft:
         problem = self.problem
         library = problem.library
         parts: list[Part] = []
@@ -395,14 +395,14 @@ class Plan:
             joints = library.joints(group)
             part = transplant(
                 self.base,
-                problem.cut,
+                problem.base_segments,
                 taken,
                 library.clips,
                 joints,
                 library.config,
                 root=library.root,
                 up=library.up,
-                guides=problem.guides,
+                guides=problem.alignment_joints,
                 held=problem.held[group],
             )
             parts.append(part)
@@ -427,7 +427,7 @@ class Plan:
             self.order,
         )
 
-    def violated(self, motion: Motion, chosen: Donors) -> list[Violation]:
+    def violated(self, motion: Motion, chosen: DonorSequences) -> list[Violation]:
         """Return which hard constraints the finished motion does not meet."""
         problem = self.problem
         if not problem.constraints:
@@ -438,17 +438,17 @@ class Plan:
             if not isinstance(constraint, MaxAngle):
                 continue
             for group, donors in chosen.items():
-                for at, angle in enumerate(problem.pools[group].gaps_along(donors).tolist()):
+                for at, angle in enumerate(problem.pools[group].seam_angles_along(donors).tolist()):
                     if angle > constraint.limit:
-                        frame = int(problem.cut.stop[at])
+                        frame = int(problem.base_segments.stop[at])
                         found.append(constraint.violation(group, frame, angle))
         return found
 
-    def finish(self, new: Motion, chosen: Donors) -> Motion:
+    def finish(self, new: Motion, chosen: DonorSequences) -> Motion:
         """Return a motion of some donors as it is given back."""
         return self.on_its_feet(new, chosen)[0]
 
-    def on_its_feet(self, new: Motion, chosen: Donors) -> tuple[Motion, FeetReport | None]:
+    def on_its_feet(self, new: Motion, chosen: DonorSequences) -> tuple[Motion, FeetReport | None]:
         """Make feet stand where they do in the clips that their legs come from."""
         library, skeleton = self.problem.library, new.skeleton
         limbs = find_legs(skeleton)
@@ -466,7 +466,7 @@ class Plan:
         if library.config.feet == "never" or exchanged.isdisjoint(chain.from_iterable(grafted)):
             return new, None
         sources = [donors.get(limb.ankle, self.problem.scenario) for limb in limbs]
-        stood, heights = donor_contacts(library, self.problem.cut, sources)
+        stood, heights = donor_contacts(library, self.problem.base_segments, sources)
         return plant_feet(
             new,
             # And where the new motion happens to let them stand.
@@ -602,7 +602,7 @@ def graft_many(
     """
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
     check_type("library", library, Library)
-    plan = Plan.make(library, base, swap, constraints, scenario)
+    plan = GraftPlan.build(library, base, swap, constraints, scenario)
     return Grafts(plan, tuple(plan.settled_draws(count, seed)), seed)
 
 
@@ -651,14 +651,14 @@ def repair(
     # The captured parts are what is wanted: an exchange gains nothing.
     careful = replace(library, config=replace(library.config, novelty=0.0, choice="viterbi"))
     best: Graft | None = None
-    chosen: Donors | None = None
+    chosen: DonorSequences | None = None
     while True:
-        plan = Plan.make(careful, base, swap, constraints)
+        plan = GraftPlan.build(careful, base, swap, constraints)
         # What has been put right stays as it is when the clusters grow.
-        chosen = plan.problem.own if chosen is None else chosen
+        chosen = plan.problem.captured_donors if chosen is None else chosen
         plan = replace(plan, problem=plan.problem.narrowed(chosen))
         chosen = plan.settled(chosen, plan.rows())
-        graft = plan.build(chosen, 0, 0)
+        graft = plan.make_graft(chosen, 0, 0)
         if best is None or _missed_by(graft) < _missed_by(best):
             best = graft
         config = careful.config
@@ -672,17 +672,17 @@ def _missed_by(graft: Graft) -> float:
     return sum(violation.error - 1.0 for violation in graft.violations)
 
 
-def _key(donors: Donors) -> bytes:
+def _key(donors: DonorSequences) -> bytes:
     return b"".join(own.tobytes() for own in donors.values())
 
 
-def _distinct(several: Sequence[Donors]) -> list[Donors]:
+def _distinct(several: Sequence[DonorSequences]) -> list[DonorSequences]:
     return list({_key(donors): donors for donors in several}.values())
 
 
-def _different(draw: Callable[[], Donors], count: int) -> list[Donors]:
+def _different(draw: Callable[[], DonorSequences], count: int) -> list[DonorSequences]:
     """Draw until there are as many different ones, or a hundred draws in a row give none."""
-    draws: dict[bytes, Donors] = {}
+    draws: dict[bytes, DonorSequences] = {}
     while len(draws) < count:
         for _ in range(100):
             chosen = draw()
@@ -712,7 +712,7 @@ def _side_by_side(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
     return list(islice(dict.fromkeys(chain(turns, others)), count))
 
 
-def swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
+def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
     """Check and return the groups to graft, in the library's order."""
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]
@@ -730,11 +730,11 @@ def swapped(library: Library, swap: Sequence[str] | None) -> list[str]:
     return [name for name in others if name in wanted]
 
 
-def _substitutions(problem: Problem, group: str, donors: IntArray) -> Iterator[Substitution]:
-    library, pool, cut = problem.library, problem.pools[group], problem.cut
+def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iterator[Substitution]:
+    library, pool, cut = problem.library, problem.pools[group], problem.base_segments
     segments = library.segments
     costs = pool.costs(problem.scenario, donors, problem.config)
-    gaps = [0.0, *pool.gaps_along(donors).tolist(), 0.0]
+    gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
     for at, (own, donor) in enumerate(zip(problem.scenario.tolist(), donors.tolist(), strict=True)):
         length, taken = int(cut.lengths[at]), int(segments.lengths[donor])
         yield Substitution(

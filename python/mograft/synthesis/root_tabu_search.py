@@ -13,11 +13,11 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.motion.motion import Motion
-from mograft.search.candidates import BEYOND, Row
-from mograft.search.viterbi import Chain
-from mograft.synthesis.problem import Donors, Problem
+from mograft.search.candidates import INFEASIBLE_PENALTY, DonorTrellis
+from mograft.search.viterbi import Trellis
+from mograft.synthesis.search_problem import DonorSequences, SearchProblem
 
-__all__ = ["exchanges", "steered"]
+__all__ = ["rank_substitutions", "tabu_search"]
 
 _TURNS = 64
 """Exchanges that are made, at most."""
@@ -34,21 +34,21 @@ _CHUNK = 20_000
 """Poses that are looked at at a time."""
 
 
-def steered(
-    problem: Problem,
-    donors: Donors,
-    rows: Mapping[str, Row],
-    finish: Callable[[Motion, Donors], Motion],
-) -> Donors:
+def tabu_search(
+    problem: SearchProblem,
+    donors: DonorSequences,
+    rows: Mapping[str, DonorTrellis],
+    finish: Callable[[Motion, DonorSequences], Motion],
+) -> DonorSequences:
     """Exchange donors that carry the root, one at a time, until hard constraints are met.
 
     Parameters
     ----------
-    problem : Problem
+    problem : SearchProblem
         What is demanded.
     donors : dict of str to ndarray of int
         The choice so far.
-    rows : mapping of str to Row
+    rows : mapping of str to DonorTrellis
         The donors that are looked at.
     finish : callable
         What is done to a motion of some donors once it is put together, such as planting its
@@ -65,24 +65,26 @@ def steered(
     Where no exchange helps, one is made all the same, and its place left alone for a while, so
     that others lead on from there (tabu search: Glover, ORSA J. Computing 1, 1989).
     """
-    group = problem.carrier
+    group = problem.root_group
     if group is None or group not in rows or not problem.applies.any():
         return donors
-    row = Row.of(problem.pools[group], problem.scenario, rows[group].candidates, problem.config)
+    row = DonorTrellis.build(
+        problem.pools[group], problem.scenario, rows[group].candidates, problem.config
+    )
     tenure = min(_TENURE, sum(len(own) > 1 for own in row.candidates) // 2)
 
-    def made(choice: Donors) -> tuple[float, Donors, Motion]:
+    def made(choice: DonorSequences) -> tuple[float, DonorSequences, Motion]:
         motion = finish(problem.assembled(choice), choice)
         poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
         return float(problem.over(poses).sum()), choice, motion
 
     now = made(donors)
     least, kept = now[:2]
-    free, idle = np.zeros(len(problem.cut), np.int64), 0
+    free, idle = np.zeros(len(problem.base_segments), np.int64), 0
     for turn in range(_TURNS):
         if least == 0 or idle == _PATIENCE:
             break
-        at, given, _ = exchanges(problem, row, now[1], now[2], free <= turn)
+        at, given, _ = rank_substitutions(problem, row, now[1], now[2], free <= turn)
         tried = []
         for position, donor in zip(at[:_FEW].tolist(), given[:_FEW].tolist(), strict=True):
             own = now[1][group].copy()
@@ -101,16 +103,20 @@ def steered(
     return kept
 
 
-def exchanges(
-    problem: Problem, row: Row, chosen: Donors, motion: Motion, free: BoolArray
+def rank_substitutions(
+    problem: SearchProblem,
+    row: DonorTrellis,
+    chosen: DonorSequences,
+    motion: Motion,
+    free: BoolArray,
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return single exchanges of donors that carry the root, the most promising first.
 
     Parameters
     ----------
-    problem : Problem
+    problem : SearchProblem
         What is demanded.
-    row : Row
+    row : DonorTrellis
         What donors cost by themselves.
     chosen : dict of str to ndarray of int
         The choice so far.
@@ -128,12 +134,12 @@ def exchanges(
         What the motion would miss in all, in tolerances: of equals the cheaper comes first.
         Seams are not closed anew, and of many poses only every so many-th is looked at.
     """
-    group, cut = problem.carrier, problem.cut
+    group, cut = problem.root_group, problem.base_segments
     assert group is not None
     poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
     root = RootTransforms.from_motion(motion, problem.library.root)
     over = problem.over(poses)
-    at, which, cost = _within(row, row.choices(chosen[group]))
+    at, which, cost = _within(row, row.path(chosen[group]))
     sensible = (free & (cut.start < np.flatnonzero(over)[-1]))[at]
     at, which, cost = at[sensible], which[sensible], cost[sensible]
     given = np.array([row.candidates[p][c] for p, c in zip(at, which, strict=True)], np.int64)
@@ -161,21 +167,21 @@ def exchanges(
     return at[order], given[order], missed[order]
 
 
-def _within(row: Row, choices: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+def _within(row: DonorTrellis, choices: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Return positions, other choices there that add no limit missed, and what they add."""
-    costs = _alone(row.chain, choices)
+    costs = _alone(row.costs, choices)
     more = [own - own[choice] for own, choice in zip(costs, choices.tolist(), strict=True)]
     at = np.repeat(np.arange(len(more)), [len(own) for own in more])
     which = np.concatenate([np.arange(len(own)) for own in more])
     cost = np.concatenate(more)
-    other = (which != choices[at]) & (cost < BEYOND / 2)
+    other = (which != choices[at]) & (cost < INFEASIBLE_PENALTY / 2)
     return at[other], which[other], cost[other]
 
 
-def _alone(chain: Chain, choices: IntArray) -> list[FloatArray]:
+def _alone(chain: Trellis, choices: IntArray) -> list[FloatArray]:
     """Return what each choice costs with its neighbours as chosen."""
-    costs = list(chain.alone)
-    for position, after in enumerate(chain.after):
+    costs = list(chain.unary)
+    for position, after in enumerate(chain.pairwise):
         costs[position] = costs[position] + after[:, choices[position + 1]]
         costs[position + 1] = costs[position + 1] + after[choices[position]]
     return costs

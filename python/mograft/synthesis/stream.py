@@ -27,7 +27,7 @@ from mograft.motion.motion import Motion, world_transforms
 from mograft.motion.resample import cubic
 from mograft.motion.skeleton import Skeleton
 from mograft.search.candidates import (
-    BEYOND,
+    INFEASIBLE_PENALTY,
     cheapest,
     donor_costs,
     length_fits,
@@ -36,9 +36,9 @@ from mograft.search.candidates import (
     velocity_gaps,
 )
 from mograft.search.constraints import AvoidSelf, Clip, Constraint, MaxAngle, Violation, violations
-from mograft.search.viterbi import Chain, sample, viterbi
-from mograft.synthesis.graft import Substitution, swapped
-from mograft.synthesis.problem import check_names, owners
+from mograft.search.viterbi import Trellis, sample, viterbi
+from mograft.synthesis.graft import Substitution, grafted_groups
+from mograft.synthesis.search_problem import check_constraints, driven_joints
 
 __all__ = ["Piece", "Stream", "joined"]
 
@@ -168,7 +168,9 @@ class Stream:
     ) -> None:
         horizon, seed = as_integer("horizon", horizon, 1), as_integer("seed", seed)
         check_type("library", library, Library)
-        groups = sorted(swapped(library, swap), key=lambda own: int(library.joints(own).min()))
+        groups = sorted(
+            grafted_groups(library, swap), key=lambda own: int(library.joints(own).min())
+        )
         _check_config(library.config)
         _check_whole(library, groups)
         self._library, self._horizon = library, horizon
@@ -207,14 +209,16 @@ class Stream:
         skeleton = self._library.skeleton if self._base is None else self._base.like.skeleton
         still = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
         rest = Motion(skeleton, 1.0, still, skeleton.offsets[None])
-        check_names(wanted, Poses.from_motion(rest))
+        check_constraints(wanted, Poses.from_motion(rest))
         for constraint in wanted:
             constraint.misses(none, none, self._clips)
         self._constraints = tuple(wanted)
         angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
         config = self._library.config
         self._config = replace(config, max_angle=min([config.max_angle, *angles]))
-        self._scaled = {group: pool.scaled(self._config) for group, pool in self._pools.items()}
+        self._scaled = {
+            group: pool.scale_config(self._config) for group, pool in self._pools.items()
+        }
         self._places = []
 
     @property
@@ -372,7 +376,7 @@ class Stream:
             if constraint.weight is not None:
                 cost += constraint.weight * worst**2
             else:
-                cost += np.where(worst > 1.0, BEYOND * (1.0 + worst), 0.0)
+                cost += np.where(worst > 1.0, INFEASIBLE_PENALTY * (1.0 + worst), 0.0)
         return cost
 
     @property
@@ -428,7 +432,7 @@ class Stream:
             local[:, joints] = laid[group].frames[0]
         return chosen, laid, self._posed(place, local) if place.posed else None
 
-    def _chain(self, group: str, first: FloatArray) -> Chain:
+    def _chain(self, group: str, first: FloatArray) -> Trellis:
         """Return the costs of all donors that are in sight, those in the first place given."""
         config = self._scaled[group]
         alone = [place.alone[group] for place in self._places]
@@ -439,11 +443,13 @@ class Stream:
             first = first + self._past[group].costs(self._places[0].ends[group], config)[0]
         alone[0] = first
         if config.choice == "random":  # within the limits all are alike
-            after = [np.where(costs >= BEYOND, BEYOND, 0.0) for costs in after]
-            alone = [np.where(costs >= BEYOND, costs, 0.0) for costs in alone]
-        return Chain(tuple(alone), tuple(after))
+            after = [
+                np.where(costs >= INFEASIBLE_PENALTY, INFEASIBLE_PENALTY, 0.0) for costs in after
+            ]
+            alone = [np.where(costs >= INFEASIBLE_PENALTY, costs, 0.0) for costs in alone]
+        return Trellis(tuple(alone), tuple(after))
 
-    def _first(self, chain: Chain) -> int:
+    def _first(self, chain: Trellis) -> int:
         config = self._config
         if config.choice not in ("sample", "random"):
             return int(viterbi(chain)[0])
@@ -741,7 +747,7 @@ class _Base:
 
     def owner(self, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
         if self._owned is None:
-            self._owned = owners(self.like.skeleton, members)
+            self._owned = driven_joints(self.like.skeleton, members)
         return self._owned
 
 
@@ -845,7 +851,7 @@ def _check_upper(library: Library, members: Mapping[str, IntArray]) -> None:
 
 def _check_whole(library: Library, groups: Sequence[str]) -> None:
     """Refuse groups that hold single channels: a stream exchanges whole joints."""
-    held = library.groups.held(library.skeleton)
+    held = library.groups.divided_channels(library.skeleton)
     for group in groups:
         if held[group]:
             joints = ", ".join(library.skeleton.names[joint] for joint in held[group])

@@ -13,7 +13,7 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
-from mograft.search.candidates import combinations, length_fits
+from mograft.search.candidates import count_combinations, length_fits
 from mograft.synthesis.graft import Graft
 from mograft.viewing.page import Page, assembled, viewer
 from mograft.viewing.scene import Scene
@@ -159,7 +159,7 @@ def _cards(library: Library) -> str:
     n = len(library.segments)
     frames = sum(entry.n_frames for entry in library.entries)
     seconds = (frames - len(library.entries)) / library.rate
-    whole = combinations(library.labels[base], len(library.groups.names))
+    whole = count_combinations(library.labels[base], len(library.groups.names))
     cards = [
         (number(len(library.entries)), "clip" if len(library.entries) == 1 else "clips"),
         (number(frames), f"frames, {seconds:.0f} s"),

@@ -31,13 +31,13 @@ from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segment_positions
 from mograft.motion.resample import resample_segments as resampled
 from mograft.motion.skeleton import Skeleton
-from mograft.search.candidates import BEYOND, Candidates, Pool, Row
+from mograft.search.candidates import INFEASIBLE_PENALTY, Candidates, DonorTrellis, SegmentPool
 from mograft.search.constraints import AvoidSelf, Constraint, MaxAngle
-from mograft.search.viterbi import Chain, best, viterbi
+from mograft.search.viterbi import Trellis, k_best, viterbi
 
-__all__ = ["Donors", "Problem", "check_names", "owners", "reasons"]
+__all__ = ["DonorSequences", "SearchProblem", "check_constraints", "driven_joints", "reasons"]
 
-Donors = dict[str, IntArray]
+DonorSequences = dict[str, IntArray]
 """For every grafted group the donor at each position."""
 
 _ROUNDS = 8
@@ -53,7 +53,7 @@ _CHUNK = 20_000
 """Poses that are looked at at a time: some hundred megabytes."""
 
 
-def check_names(constraints: Sequence[Constraint], poses: Poses) -> None:
+def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
     """Look for what constraints name now, not in the search.
 
     Parameters
@@ -81,7 +81,7 @@ def check_names(constraints: Sequence[Constraint], poses: Poses) -> None:
         )
 
 
-def owners(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
+def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
     """Return for groups of joints the joints that each moves and no group below it does."""
     name = [""] * skeleton.n_joints
     own = {int(joint): group for group, joints in members.items() for joint in joints}
@@ -91,8 +91,8 @@ def owners(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, Boo
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """A base motion, its donors and what is demanded. Made by `Problem.of`.
+class SearchProblem:
+    """A base motion, its donors and what is demanded. Made by `SearchProblem.build`.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Problem:
         Its segments in the library.
     cut : Segments
         The same in frames of the base.
-    pools : dict of str to Pool
+    pools : dict of str to SegmentPool
         For every grafted group what the search sees.
     candidates : dict of str to list of ndarray of int
         For every grafted group the donors that pass at each position.
@@ -117,14 +117,14 @@ class Problem:
     library: Library
     base: Motion
     scenario: IntArray
-    cut: Segments
-    pools: Mapping[str, Pool]
+    base_segments: Segments
+    pools: Mapping[str, SegmentPool]
     candidates: Mapping[str, list[IntArray]]
     constraints: tuple[Constraint, ...]
     config: Config
 
     @classmethod
-    def of(
+    def build(
         cls,
         library: Library,
         base: Motion,
@@ -132,7 +132,7 @@ class Problem:
         cut: Segments,
         groups: Sequence[str],
         constraints: Sequence[Constraint],
-    ) -> "Problem":
+    ) -> "SearchProblem":
         """Return the problem, with those donors that pass by cluster, length and origin.
 
         Parameters
@@ -146,7 +146,7 @@ class Problem:
 
         Returns
         -------
-        Problem
+        SearchProblem
             With the groups in the order in which they hang on each other.
 
         Raises
@@ -157,7 +157,7 @@ class Problem:
             If a constraint names a joint, a clip or a frame that is not there.
         """
         poses = Poses.from_motion(base)
-        check_names(constraints, poses)
+        check_constraints(constraints, poses)
         for constraint in constraints:
             if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
                 raise ValueError(
@@ -189,18 +189,18 @@ class Problem:
         return Poses.from_motion(self.base)
 
     @cached_property
-    def owner(self) -> dict[str, BoolArray]:
+    def driven_joints(self) -> dict[str, BoolArray]:
         """For every grafted group the joints that it moves and no group below it does."""
         members = {group: self.library.joints(group) for group in self.pools}
-        return owners(self.base.skeleton, members)
+        return driven_joints(self.base.skeleton, members)
 
     @cached_property
     def held(self) -> dict[str, dict[int, str]]:
         """What each group holds of joints that are divided between groups."""
-        return self.library.groups.held(self.library.skeleton)
+        return self.library.groups.divided_channels(self.library.skeleton)
 
     @cached_property
-    def carrier(self) -> str | None:
+    def root_group(self) -> str | None:
         """The grafted group that holds the root, and so carries the body, if one does."""
         for group in self.pools:
             joints = np.setdiff1d(self.library.joints(group), list(self.held[group]))
@@ -209,13 +209,13 @@ class Problem:
         return None
 
     @cached_property
-    def guides(self) -> IntArray:
+    def alignment_joints(self) -> IntArray:
         """The joints by which donors' times are aligned: the base group's, but for the root."""
         library = self.library
         joints = feature_joints(library.skeleton, library.joints(library.groups.base))
         return np.setdiff1d(joints, [library.root])
 
-    def narrowed(self, chosen: Donors) -> "Problem":
+    def narrowed(self, chosen: DonorSequences) -> "SearchProblem":
         """Return the problem with other donors only where a choice misses something, and near."""
         excess = self.excess(chosen)
         candidates = {}
@@ -232,7 +232,7 @@ class Problem:
         return replace(self, candidates=candidates)
 
     @property
-    def own(self) -> Donors:
+    def captured_donors(self) -> DonorSequences:
         """Every segment in its own place."""
         return {group: self.scenario.copy() for group in self.pools}
 
@@ -248,7 +248,9 @@ class Problem:
             miss = constraint.misses(own, given, library.entries)
             if constraint.frames is not None:
                 first, last = constraint.frames
-                holds = (self.cut.start[at] <= last) & (self.cut.stop[at] >= first)
+                holds = (self.base_segments.start[at] <= last) & (
+                    self.base_segments.stop[at] >= first
+                )
                 miss = np.where(holds, miss, 0.0)
             if constraint.weight is None:
                 passes &= miss <= 1.0
@@ -262,7 +264,9 @@ class Problem:
             [price[keep] for price, keep in zip(np.split(costs, ends), kept, strict=True)],
         )
 
-    def misses(self, group: str, chosen: Donors) -> tuple[list[FloatArray], list[FloatArray]]:
+    def misses(
+        self, group: str, chosen: DonorSequences
+    ) -> tuple[list[FloatArray], list[FloatArray]]:
         """Return what every candidate of a group misses in its place, as it is.
 
         Parameters
@@ -287,7 +291,7 @@ class Problem:
         active = np.flatnonzero(self.active).tolist()
         if not active:
             return hard, soft
-        rows = [len(lists[p]) * (int(self.cut.lengths[p]) + 1) for p in active]
+        rows = [len(lists[p]) * (int(self.base_segments.lengths[p]) + 1) for p in active]
         chunk = np.cumsum(rows) // _CHUNK
         context = self.assembled(chosen) if chosen else self.base
         for _, members in groupby(zip(chunk.tolist(), active, strict=True), lambda own: own[0]):
@@ -310,10 +314,10 @@ class Problem:
     @cached_property
     def active(self) -> BoolArray:
         """At which positions a constraint looks at poses."""
-        looks = np.zeros(len(self.cut), bool)
+        looks = np.zeros(len(self.base_segments), bool)
         for constraint in self.posed:
             first, last = constraint.frames or (0, self.base.n_frames)
-            looks |= (self.cut.start <= last) & (self.cut.stop >= first)
+            looks |= (self.base_segments.start <= last) & (self.base_segments.stop >= first)
         return looks
 
     @cached_property
@@ -325,11 +329,11 @@ class Problem:
 
     def _missed_by(self, group: str, at: IntArray, poses: Poses) -> tuple[FloatArray, FloatArray]:
         """Return what candidates in some positions miss, as `misses` does."""
-        counts = self.cut.lengths[at] + 1
+        counts = self.base_segments.lengths[at] + 1
         starts = np.cumsum(counts) - counts
         worst, price = np.zeros(len(at)), np.zeros(len(at))
         for constraint in self.posed:
-            error, _ = constraint.errors(poses, self.owner[group])
+            error, _ = constraint.errors(poses, self.driven_joints[group])
             most = np.maximum.reduceat(error, starts)
             if constraint.weight is None:
                 worst = np.maximum(worst, most)
@@ -369,10 +373,10 @@ class Problem:
         library, joints = self.library, self.library.joints(group)
         context = self.base if context is None else context
         taken = library.segments[donors]
-        counts = self.cut.lengths[at] + 1
+        counts = self.base_segments.lengths[at] + 1
         starts = np.cumsum(counts) - counts
         step = np.arange(counts.sum()) - np.repeat(starts, counts)
-        frames = np.repeat(self.cut.start[at], counts) + step
+        frames = np.repeat(self.base_segments.start[at], counts) + step
         local, places = context.rotations[frames], context.positions[frames]
         which = np.repeat(taken.clip, counts)
         held = self.held[group]
@@ -390,15 +394,15 @@ class Problem:
                 mixed = rotations.to_euler(local[rows, joint], order)
                 mixed[:, order.index(axis)] = angle
                 local[rows, joint] = rotations.from_euler(mixed, order)
-            if group == self.carrier:
+            if group == self.root_group:
                 root = RootTransforms.from_motion(motion, library.root)
                 carried.rotations[rows] = resampled(root.rotations[:, None], *bounds)[:, 0]
                 carried.positions[rows] = resample_segment_positions(
                     root.positions[:, None], *bounds
                 )[:, 0]
-        if group == self.carrier:
+        if group == self.root_group:
             come = (
-                RootTransforms.from_motion(context, library.root)[self.cut.start[at]]
+                RootTransforms.from_motion(context, library.root)[self.base_segments.start[at]]
                 if come is None
                 else come
             )
@@ -409,32 +413,34 @@ class Problem:
         moved = replace(self.base, rotations=local, positions=places, channel_values=None)
         return self.poses.with_poses(frames, *moved.world_transforms())
 
-    def row(self, group: str, others: Donors) -> Row:
+    def row(self, group: str, others: DonorSequences) -> DonorTrellis:
         """Return what donors of a group cost, constraints included."""
-        if group == self.carrier:
+        if group == self.root_group:
             return self._carried_row(group, others)
         hard, soft = self.misses(group, others)
         more = [_dear(error) + price for error, price in zip(hard, soft, strict=True)]
-        return Row.of(self.pools[group], self.scenario, self.candidates[group], self.config, more)
+        return DonorTrellis.build(
+            self.pools[group], self.scenario, self.candidates[group], self.config, more
+        )
 
-    def _carried_row(self, group: str, others: Donors) -> Row:
+    def _carried_row(self, group: str, others: DonorSequences) -> DonorTrellis:
         """Return what donors cost where the cheapest row that ends in each brings the root.
 
         The cheapest row of all is looked at where it goes itself; others may go elsewhere.
         """
         _, soft = self._passing(group)
         lists = self.candidates[group]
-        row = Row.of(self.pools[group], self.scenario, lists, self.config, soft)
+        row = DonorTrellis.build(self.pools[group], self.scenario, lists, self.config, soft)
         if not self.active.any():
             return row
         context = self.assembled(others) if others else self.base
-        begin = RootTransforms.from_motion(context, self.library.root)[self.cut.start[:1]]
+        begin = RootTransforms.from_motion(context, self.library.root)[self.base_segments.start[:1]]
         more: list[FloatArray] = []
         total, ends = np.zeros(1), begin
         for position, donors in enumerate(row.candidates):
             come = begin[np.zeros(len(donors), np.int64)]
             if position:
-                through = total[:, None] + row.chain.after[position - 1]
+                through = total[:, None] + row.costs.pairwise[position - 1]
                 total, come = through.min(axis=0), ends[through.argmin(axis=0)]
             dearer = np.zeros(len(donors))
             if self.active[position]:
@@ -443,9 +449,9 @@ class Problem:
                 hard, price = self._missed_by(group, at, poses)
                 dearer = _dear(hard) + price
             more.append(dearer)
-            total = total + row.chain.alone[position] + dearer
+            total = total + row.costs.unary[position] + dearer
             ends = self.led(donors, come)
-        return replace(row, chain=row.chain.plus(more))
+        return replace(row, costs=row.costs.add_unary(more))
 
     def led(self, donors: IntArray, come: RootTransforms) -> RootTransforms:
         """Return where donors lead a root that has come somewhere."""
@@ -469,7 +475,7 @@ class Problem:
         Of the constraints the most, and of that the sum over groups.
         """
         found = np.zeros(len(poses))
-        for joints in self.owner.values():
+        for joints in self.driven_joints.values():
             found += self._beyond(poses, joints)
         return found
 
@@ -486,7 +492,7 @@ class Problem:
 
         All, too, where a group holds the root: where they will be is known only of a row.
         """
-        if self.carrier is not None:
+        if self.root_group is not None:
             return self.candidates[group]
         hard, _ = self.misses(group, {})
         return [
@@ -494,15 +500,15 @@ class Problem:
             for own, error in zip(self.candidates[group], hard, strict=True)
         ]
 
-    def _laid(self, several: Sequence[Donors], first: int, stop: int) -> Motion:
+    def _laid(self, several: Sequence[DonorSequences], first: int, stop: int) -> Motion:
         """Return stretches of the motions of several choices, one behind the other."""
-        begin, end = int(self.cut.start[first]), int(self.cut.stop[stop - 1])
+        begin, end = int(self.base_segments.start[first]), int(self.base_segments.stop[stop - 1])
         n, turns = end - begin + 1, len(several)
         some = slice(first, stop)
         shift = np.repeat(n * np.arange(turns) - begin, stop - first)
         cut = Segments(
-            np.tile(self.cut.start[some], turns) + shift,
-            np.tile(self.cut.stop[some], turns) + shift,
+            np.tile(self.base_segments.start[some], turns) + shift,
+            np.tile(self.base_segments.stop[some], turns) + shift,
         )
         quats = np.tile(self.base.rotations[begin : end + 1], (turns, 1, 1))
         places = np.tile(self.base.positions[begin : end + 1], (turns, 1, 1))
@@ -521,18 +527,18 @@ class Problem:
                 self.library.config,
                 root=self.library.root,
                 up=self.library.up,
-                guides=self.guides,
+                guides=self.alignment_joints,
                 held=self.held[group],
             )
             parts.append(part)
         return recombine(base, parts, "")
 
-    def assembled(self, donors: Donors) -> Motion:
+    def assembled(self, donors: DonorSequences) -> Motion:
         """Return the motion of some donors, its seams closed."""
-        return self._laid([donors], 0, len(self.cut))
+        return self._laid([donors], 0, len(self.base_segments))
 
     def excess(
-        self, donors: Donors, first: int = 0, stop: int | None = None
+        self, donors: DonorSequences, first: int = 0, stop: int | None = None
     ) -> dict[str, FloatArray]:
         """Return by how much the motion of some donors misses hard constraints.
 
@@ -549,23 +555,28 @@ class Problem:
             For every group the greatest error in each frame from the first position's first
             to the last position's last, in tolerances beyond 1.
         """
-        found = self._excesses([donors], first, len(self.cut) if stop is None else stop)
+        found = self._excesses([donors], first, len(self.base_segments) if stop is None else stop)
         return {group: own[0] for group, own in found.items()}
 
-    def _excesses(self, several: Sequence[Donors], first: int, stop: int) -> dict[str, FloatArray]:
+    def _excesses(
+        self, several: Sequence[DonorSequences], first: int, stop: int
+    ) -> dict[str, FloatArray]:
         """Return for several choices what `excess` does for one, shape (n, n_frames)."""
-        if self.carrier is not None and len(several) > 1:
+        if self.root_group is not None and len(several) > 1:
             each = [self._excesses([own], first, stop) for own in several]
             return {g: np.concatenate([own[g] for own in each]) for g in self.pools}
         low, high = self._beside(first, stop)
         motion = self._laid(several, low, high)
-        begin, end = int(self.cut.start[low]), int(self.cut.stop[high - 1])
+        begin, end = int(self.base_segments.start[low]), int(self.base_segments.stop[high - 1])
         frames = np.tile(np.arange(begin, end + 1), len(several))
         poses = self.poses.with_poses(frames, *motion.world_transforms())
-        inner = slice(int(self.cut.start[first]) - begin, int(self.cut.stop[stop - 1]) - begin + 1)
+        inner = slice(
+            int(self.base_segments.start[first]) - begin,
+            int(self.base_segments.stop[stop - 1]) - begin + 1,
+        )
         found = {}
         for group in self.pools:
-            most = self._beyond(poses, self.owner[group])
+            most = self._beyond(poses, self.driven_joints[group])
             found[group] = most.reshape(len(several), -1)[:, inner]
         return found
 
@@ -574,22 +585,22 @@ class Problem:
 
         All where a group holds the root, whose place is known only from the start.
         """
-        if self.carrier is not None:
-            return 0, len(self.cut)
-        start, end = self.cut.start[first], self.cut.stop[stop - 1]
+        if self.root_group is not None:
+            return 0, len(self.base_segments)
+        start, end = self.base_segments.start[first], self.base_segments.stop[stop - 1]
         reach = int(np.ceil(self.config.seam_blend * self.base.rate))
-        low = int(np.searchsorted(self.cut.start, start - reach, side="right")) - 1
-        high = int(np.searchsorted(self.cut.stop, end + reach)) + 1
-        return max(min(low, first - 2), 0), min(max(high, stop + 2), len(self.cut))
+        low = int(np.searchsorted(self.base_segments.start, start - reach, side="right")) - 1
+        high = int(np.searchsorted(self.base_segments.stop, end + reach)) + 1
+        return max(min(low, first - 2), 0), min(max(high, stop + 2), len(self.base_segments))
 
-    def settled(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
+    def settled(self, donors: DonorSequences, rows: Mapping[str, DonorTrellis]) -> DonorSequences:
         """Change donors until the motion put together meets the hard constraints, if it can.
 
         Parameters
         ----------
         donors : dict of str to ndarray of int
             The choice so far.
-        rows : mapping of str to Row
+        rows : mapping of str to DonorTrellis
             What all donors cost.
 
         Returns
@@ -614,7 +625,7 @@ class Problem:
             )
             for group, row in rows.items()
         }
-        local = {group: row for group, row in rows.items() if group != self.carrier}
+        local = {group: row for group, row in rows.items() if group != self.root_group}
         if not local:
             return chosen
         dearer = {group: [np.zeros(len(c)) for c in row.candidates] for group, row in local.items()}
@@ -630,25 +641,27 @@ class Problem:
                 missed = self._missed(excess[group])
                 if not missed.any():
                     continue
-                choices = row.choices(chosen[group])
+                choices = row.path(chosen[group])
                 for position in np.flatnonzero(missed).tolist():
-                    frames = slice(self.cut.start[position], self.cut.stop[position] + 1)
-                    dearer[group][position][choices[position]] += BEYOND * (
+                    frames = slice(
+                        self.base_segments.start[position], self.base_segments.stop[position] + 1
+                    )
+                    dearer[group][position][choices[position]] += INFEASIBLE_PENALTY * (
                         1.0 + float(excess[group][frames].max())
                     )
-                chain = row.chain.plus(dearer[group])
+                chain = row.costs.add_unary(dearer[group])
                 for low, high in _runs(_widened(missed)):
                     choices[low:high] = viterbi(_between(chain, choices, low, high))
-                chosen[group] = row.donors(choices)
+                chosen[group] = row.donor_sequence(choices)
         return self._tried(kept, local)
 
     def _missed(self, excess: FloatArray) -> BoolArray:
         """Tell which positions have a frame in which something is missed."""
         count = np.concatenate([[0], np.cumsum(excess > 0)])
-        missed: BoolArray = count[self.cut.stop + 1] > count[self.cut.start]
+        missed: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
         return missed
 
-    def _tried(self, donors: Donors, rows: Mapping[str, Row]) -> Donors:
+    def _tried(self, donors: DonorSequences, rows: Mapping[str, DonorTrellis]) -> DonorSequences:
         """Try rows of a few donors, as they are put together, where constraints are still missed.
 
         First those of least cost, then those that miss least as they are and whose seams,
@@ -667,22 +680,24 @@ class Problem:
                     hard, self.candidates[group], row.candidates, strict=True
                 )
             ]
-            nearest = Chain(tuple(alone), row.chain.after)
+            nearest = Trellis(tuple(alone), row.costs.pairwise)
             for low, high in windows:
-                choices = row.choices(chosen[group])
-                within = Chain(nearest.alone[low:high], nearest.after[low : high - 1])
+                choices = row.path(chosen[group])
+                within = Trellis(nearest.unary[low:high], nearest.pairwise[low : high - 1])
                 trials = [choices]
                 for few in [
-                    *best(_between(row.chain, choices, low, high), _TRIALS),
-                    *best(within, 4 * _TRIALS),
+                    *k_best(_between(row.costs, choices, low, high), _TRIALS),
+                    *k_best(within, 4 * _TRIALS),
                 ]:
                     trials.append(choices.copy())
                     trials[-1][low:high] = few
-                several = [{**chosen, group: row.donors(trial)} for trial in trials]
-                chosen = self._least(several, max(low - 1, 0), min(high + 1, len(self.cut)))
+                several = [{**chosen, group: row.donor_sequence(trial)} for trial in trials]
+                chosen = self._least(
+                    several, max(low - 1, 0), min(high + 1, len(self.base_segments))
+                )
         return chosen
 
-    def _least(self, several: Sequence[Donors], first: int, stop: int) -> Donors:
+    def _least(self, several: Sequence[DonorSequences], first: int, stop: int) -> DonorSequences:
         """Return that of several choices which misses least in a stretch, of equals the first."""
         least, kept = np.inf, several[0]
         for at in range(0, len(several), _AT_ONCE):
@@ -698,7 +713,7 @@ class Problem:
 
 def _dear(error: FloatArray) -> FloatArray:
     """Return a cost of missing hard constraints: dearer than any seam, and by how much."""
-    return np.where(error > 1.0, BEYOND * (1.0 + error), 0.0)
+    return np.where(error > 1.0, INFEASIBLE_PENALTY * (1.0 + error), 0.0)
 
 
 def _widened(missed: BoolArray) -> BoolArray:
@@ -715,14 +730,14 @@ def _runs(mask: BoolArray) -> list[tuple[int, int]]:
     return [(int(low), int(high)) for low, high in edges]
 
 
-def _between(chain: Chain, choices: IntArray, low: int, high: int) -> Chain:
+def _between(chain: Trellis, choices: IntArray, low: int, high: int) -> Trellis:
     """Return a stretch of the chain; all beyond it is as chosen."""
-    alone = list(chain.alone[low:high])
+    alone = list(chain.unary[low:high])
     if low > 0:
-        alone[0] = alone[0] + chain.after[low - 1][choices[low - 1]]
+        alone[0] = alone[0] + chain.pairwise[low - 1][choices[low - 1]]
     if high < len(chain):
-        alone[-1] = alone[-1] + chain.after[high - 1][:, choices[high]]
-    return Chain(tuple(alone), chain.after[low : high - 1])
+        alone[-1] = alone[-1] + chain.pairwise[high - 1][:, choices[high]]
+    return Trellis(tuple(alone), chain.pairwise[low : high - 1])
 
 
 def reasons(
@@ -755,7 +770,7 @@ def reasons(
     clip = int(library.segments.clip[segment])
     scenario = library.segments.of_clip(clip)
     base, cut = library.clips[clip], library.segments[scenario]
-    problem = Problem.of(library, base, scenario, cut, [group], constraints)
+    problem = SearchProblem.build(library, base, scenario, cut, [group], constraints)
     position = int(np.searchsorted(scenario, segment))
     everyone = [*judged.allowed, *judged.refused]
     donors = np.array([c.segment for c in everyone], np.int64)
@@ -768,7 +783,7 @@ def reasons(
     for constraint in problem.constraints:
         if not constraint.is_hard:
             continue
-        error, _ = constraint.errors(poses, problem.owner[group])
+        error, _ = constraint.errors(poses, problem.driven_joints[group])
         worst = np.maximum.reduceat(error, starts)
         span = constraint.frames
         if span is None or (cut.start[position] <= span[1] and cut.stop[position] >= span[0]):
