@@ -125,19 +125,20 @@ def make_api() -> None:
             )
         elif inspect.isfunction(value):
             parts["Functions"].append(f"```{{eval-rst}}\n.. autofunction:: mograft.{name}\n```\n")
-    modules = [getattr(mg, name) for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
-    others = [importlib.import_module(f"mograft.{name}") for name in ("body.capsules", "dancer")]
-    for module in (*modules, *others):
-        title, entries = _module(module)
-        parts[title] = entries
+    modules = {name: getattr(mg, name) for name in mg.__all__}
+    modules = {name: value for name, value in modules.items() if inspect.ismodule(value)}
+    for name in ("body.capsules", "dancer"):
+        modules[name] = importlib.import_module(f"mograft.{name}")
+    for name, module in modules.items():
+        parts[f"mograft.{name}"] = _module_entries(module)
     lines = ["# API", ""]
     for title, entries in parts.items():
         lines += [f"## {title}", "", *entries]
     (MADE / "api.md").write_text("\n".join(lines), encoding="utf-8")
 
 
-def _module(module: ModuleType) -> tuple[str, list[str]]:
-    """Return the name of a module and the entries of its public names."""
+def _module_entries(module: ModuleType) -> list[str]:
+    """Return the summary of a module and the entries of its public names."""
     entries = [f"{inspect.getdoc(module).split(chr(10) * 2)[0]}\n"]
     for name in module.__all__:
         value = getattr(module, name)
@@ -146,7 +147,7 @@ def _module(module: ModuleType) -> tuple[str, list[str]]:
         elif inspect.isfunction(value) or inspect.isclass(value):
             directive = "autofunction" if inspect.isfunction(value) else "autoclass"
             entries.append(f"```{{eval-rst}}\n.. {directive}:: {module.__name__}.{name}\n```\n")
-    return module.__name__, entries
+    return entries
 
 
 def make_depth() -> None:
