@@ -4,7 +4,6 @@ Pictures, the live viewer, the reference of the command line and that of the API
 build time from the code itself, so that they cannot fall behind it.
 """
 
-import argparse
 import importlib
 import inspect
 import sys
@@ -18,7 +17,7 @@ from matplotlib import pyplot
 
 import mograft as mg
 from mograft import cli, plot
-from mograft.cli._settings import command_parsers
+from mograft.cli.parser import build_parsers
 from mograft.dancer import dance
 from mograft.scenario.walks import walk
 from mograft.synthesis.stream import joined
@@ -91,22 +90,14 @@ def streamed(library: mg.Library) -> mg.Motion:
 
 
 def make_command_line() -> None:
-    """Write the reference of the command line from its parser."""
-    parser = cli._parser()
-    lines = ["# Command line", "", "```text", parser.format_help().rstrip(), "```", ""]
-    lines += _told_of(parser, "mograft", 2)
+    """Write the reference of the command line from its parsers."""
+    lines = ["# Command line", ""]
+    for words, parser in build_parsers(cli.COMMANDS).items():
+        if words:
+            lines += [f"{'#' * (len(words) + 1)} {' '.join(('mograft', *words))}", ""]
+        lines += ["```text", parser.format_help().rstrip(), "```", ""]
     lines += ["## Exit codes", "", inspect.getdoc(cli).split("\n\n")[1], ""]
     (MADE / "cli.md").write_text("\n".join(lines), encoding="utf-8")
-
-
-def _told_of(parser: argparse.ArgumentParser, name: str, level: int) -> list[str]:
-    """Return the help of the commands below a parser, and of theirs."""
-    lines: list[str] = []
-    for word, command in command_parsers(parser).items():
-        own = f"{name} {word}"
-        lines += [f"{'#' * level} {own}", "", "```text", command.format_help().rstrip(), "```", ""]
-        lines += _told_of(command, own, level + 1)
-    return lines
 
 
 def make_api() -> None:
