@@ -131,7 +131,8 @@ _DONOR_OPTIONS = (
         "--max-stretch",
         type=non_negative_number,
         metavar="X",
-        help="maximum change of a donor's duration, as a fraction of it (default: 0.15)",
+        help="maximum difference between the durations of donor and base segment, as a fraction of "
+        "the latter (default: 0.15)",
     ),
     option(
         "--max-angle",
