@@ -4,7 +4,6 @@ The build generates the pictures, the viewer page, and the references of the com
 the API from the code.
 """
 
-import argparse
 import importlib
 import inspect
 import sys
@@ -18,7 +17,7 @@ from matplotlib import pyplot
 
 import mograft as mg
 from mograft import cli, plot
-from mograft.cli._settings import command_parsers
+from mograft.cli.parser import build_parsers
 from mograft.dancer import dance
 from mograft.scenario.walks import walk
 from mograft.synthesis.stream import joined
@@ -91,23 +90,14 @@ def stream_dance(library: mg.Library) -> mg.Motion:
 
 
 def make_command_line() -> None:
-    """Write the reference of the command line from its parser."""
-    parser = cli._parser()
-    lines = ["# Command line", "", "```text", parser.format_help().rstrip(), "```", ""]
-    lines += _help_sections(parser, "mograft", 2)
+    """Write the reference of the command line from its parsers."""
+    lines = ["# Command line", ""]
+    for words, parser in build_parsers(cli.COMMANDS).items():
+        if words:
+            lines += [f"{'#' * (len(words) + 1)} {' '.join(('mograft', *words))}", ""]
+        lines += ["```text", parser.format_help().rstrip(), "```", ""]
     lines += ["## Exit codes", "", inspect.getdoc(cli).split("\n\n")[1], ""]
     (MADE / "cli.md").write_text("\n".join(lines), encoding="utf-8")
-
-
-def _help_sections(parser: argparse.ArgumentParser, name: str, level: int) -> list[str]:
-    """Return the help of the subcommands of a parser, recursively."""
-    lines: list[str] = []
-    for word, command in command_parsers(parser).items():
-        title = f"{name} {word}"
-        help_text = command.format_help().rstrip()
-        lines += [f"{'#' * level} {title}", "", "```text", help_text, "```", ""]
-        lines += _help_sections(command, title, level + 1)
-    return lines
 
 
 def make_api() -> None:

@@ -39,7 +39,7 @@ def test_demo_tells_the_whole_story(capsys, tmp_path):
         assert (tmp_path / "demo" / f"dance_graft{index}.json").exists()
     code, _, err = run(capsys, "demo", "-o", tmp_path / "demo")
     assert code == 1
-    assert "is there already; --force overwrites" in err
+    assert "exist; --force overwrites" in err
 
 
 def test_graft_writes_different_motions_with_the_same_legs(capsys, folder, tmp_path):
@@ -81,7 +81,7 @@ def test_graft_to_one_file_on_another_base_with_json(capsys, folder, tmp_path):
     before = target.read_bytes()
     code, _, err = run(capsys, "graft", folder, *options, "-o", target)
     assert code == 1
-    assert "new.bvh and 1 more is there already" in err
+    assert "new.bvh and 1 other file exist; --force overwrites" in err
     assert target.read_bytes() == before
     assert run(capsys, "graft", folder, *options, "-o", target, "--force", "--seed", 5)[0] == 0
     assert target.read_bytes() == before
@@ -148,7 +148,7 @@ def test_constraints_are_met_or_end_with_4_and_the_nearest_miss(capsys, folder, 
     assert code == 4
     assert "LeftHand is " in err
     assert "heights" in err
-    assert "no choice of donors meets the constraints" in err
+    assert "no donor sequence satisfies the constraints" in err
     assert out == ""
     assert not (tmp_path / "b.bvh").exists()
     code, out, err = run(
@@ -178,7 +178,7 @@ def test_candidates_are_listed_with_their_reasons(capsys, folder):
     assert code == 0
     assert "a, frames " in out
     assert " + a" in out
-    assert "segments are of other clusters" in out
+    assert "segments are in other clusters" in out
     ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
     code, out, _ = run(capsys, "candidates", folder, *options, *ball)
     document = json.loads(out)
@@ -242,15 +242,24 @@ def test_a_scenario_is_walked_or_given(capsys, folder, tmp_path):
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--scenario", "waltz"], "--scenario must be original, graph or numbers of segments"),
-        (["--scenario", "graph", "--base", "b.bvh"], "--base must not be given with --scenario"),
-        (["--duration", "5"], "--duration is for --scenario graph"),
-        (["--scenario", "graph", "--duration", "0"], "--duration must be above 0 seconds; got 0"),
-        (["--frames", "9"], "--frames is for --scenario graph"),
-        (["--scenario", "graph", "--frames", "1"], "--frames must be at least 2; got 1"),
-        (["--scenario", "graph", "--frames", "9", "--beats", "90"], "--frames must not be given"),
-        (["--scenario", "graph", "--beats", "0"], "--beats must be above 0 a minute; got 0"),
-        (["--scenario", "graph", "--path", "1,2"], "--path must be two corners or more"),
+        (
+            ["--scenario", "waltz"],
+            "--scenario must be original, graph or segment numbers; got waltz",
+        ),
+        (["--scenario", "graph", "--base", "b.bvh"], "--base cannot be combined with --scenario"),
+        (["--duration", "5"], "--duration requires --scenario graph"),
+        (["--scenario", "graph", "--duration", "0"], "--duration must be above 0 seconds, got 0"),
+        (["--frames", "9"], "--frames requires --scenario graph"),
+        (["--scenario", "graph", "--frames", "1"], "--frames must be at least 2, got 1"),
+        (
+            ["--scenario", "graph", "--frames", "9", "--beats", "90"],
+            "--frames cannot be combined with --beats",
+        ),
+        (
+            ["--scenario", "graph", "--beats", "0"],
+            "--beats must be above 0 beats per minute, got 0",
+        ),
+        (["--scenario", "graph", "--path", "1,2"], "--path must be at least two corners"),
     ],
 )
 def test_a_wrong_scenario_is_a_usage_error(capsys, folder, tmp_path, options, told):
@@ -266,7 +275,7 @@ def test_few_segments_are_told_and_the_clusters_widened(capsys, folder, tmp_path
     short = tmp_path / "short.bvh"
     code, out, err = run(capsys, "graft", short, "-o", tmp_path / "out", "-n", 30)
     assert code == 0
-    assert "which is less strict" in err
+    assert "which allows less similar donors" in err
     fixed = ["-o", tmp_path / "fixed", "-n", 2, "--sigma-scale", "0.001"]
     code, out, err = run(capsys, "graft", short, *fixed)
     assert code == 0
@@ -289,7 +298,7 @@ def test_info_describes_files(capsys, folder):
 
 def test_large_files_are_described_without_being_held(capsys, folder, monkeypatch):
     whole = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
-    monkeypatch.setattr("mograft.cli.info._LARGE", 1000)
+    monkeypatch.setattr("mograft.cli.info.MAX_BYTES_IN_MEMORY", 1000)
     streamed = json.loads(run(capsys, "info", "--json", folder / "a.bvh")[1])["files"][0]
     assert streamed.pop("faults") is None
     assert whole.pop("faults") == []
@@ -392,11 +401,11 @@ def test_wrong_usage_ends_with_2(arguments, capsys):
 @pytest.mark.parametrize(
     ("command", "option", "value", "wanted"),
     [
-        ("graft", "--seed", "x", "a whole number, 0 or more"),
-        ("graft", "--count", "1.5", "a whole number, 1 or more"),
+        ("graft", "--seed", "x", "an integer of at least 0"),
+        ("graft", "--count", "1.5", "an integer of at least 1"),
         ("graft", "--sigma-scale", "nan", "a number above 0"),
         ("graft", "--temperature", "-1", "a number above 0"),
-        ("graft", "--max-stretch", "nan", "a number, 0 or more"),
+        ("graft", "--max-stretch", "nan", "a number of at least 0"),
         ("graft", "--max-angle", "-4", "a number above 0"),
         ("graft", "--radius", "0", "a number above 0"),
         ("index", "--sigma-scale", "-1", "a number above 0"),
@@ -420,12 +429,15 @@ def test_a_number_out_of_range_names_the_option_and_what_is_wanted(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("graft {} --temperature 1 --choice best", "--temperature is for --choice sample, got b"),
+        (
+            "graft {} --temperature 1 --choice best",
+            "--temperature requires --choice sample, got best",
+        ),
         ("graft {} --avoid sphere:0,0,0,-1", "--avoid sphere: radius must not be negative"),
-        ("plot pca {} --frames 1-5", "--frames is for strip, timeline, energy; got pca"),
-        ("plot strip {} --group lower", "--group is for pca, dendrogram, clusters; got strip"),
+        ("plot pca {} --frames 1-5", "--frames requires strip, timeline, energy; got pca"),
+        ("plot strip {} --group lower", "--group requires pca, dendrogram, clusters; got strip"),
         ("view {} --groups wings", "--groups must be a TOML file or one of lower_upper"),
-        ("evaluate {} enrichmen", "enrichmen is no file, and what to measure must be enrichment"),
+        ("evaluate {} enrichmen", "expected a file or one of enrichment, balance, naturalness"),
     ],
 )
 def test_what_would_be_passed_over_is_refused(capsys, folder, tmp_path, words, told):
@@ -501,7 +513,7 @@ def test_a_file_where_a_folder_is_wanted_is_told_before_the_work(capsys, folder,
     for words in (("graft", folder, "-o", taken), ("demo", "-o", taken)):
         code, _, err = run(capsys, *words, "--force")
         assert code == 1
-        assert f"{taken} is a file, where a folder is wanted" in err
+        assert f"{taken} is a file; expected a folder" in err
     assert taken.read_text() == "mine"
     code, _, err = run(capsys, "view", folder, "-o", tmp_path, "--force")
     assert code == 1
@@ -513,10 +525,10 @@ def test_a_library_is_no_folder_of_files(capsys, folder, tmp_path):
     assert run(capsys, "index", folder, "-o", library)[0] == 0
     code, _, err = run(capsys, "export", library, "-o", tmp_path / "a.glb")
     assert code == 1
-    assert f"{library} is a library, where BVH files are wanted" in err
+    assert f"{library} is a library; expected BVH files" in err
     with pytest.raises(SystemExit):
         main(["graft", str(folder / "a.bvh"), str(library), "-o", str(tmp_path / "out")])
-    assert "give one library or files" in capsys.readouterr().err
+    assert "expected one library or BVH files" in capsys.readouterr().err
 
 
 def test_what_a_library_leaves_out_is_named_once(capsys, folder, tmp_path):
@@ -524,7 +536,7 @@ def test_what_a_library_leaves_out_is_named_once(capsys, folder, tmp_path):
     bad.write_text("HIERARCHY")
     code, _, err = run(capsys, "index", folder, "-o", library)
     bad.unlink()
-    told = [line for line in err.splitlines() if line.startswith("left out: ")]
+    told = [line for line in err.splitlines() if line.startswith("excluded: ")]
     assert code == 0
     assert len(told) == 1
     assert told[0].count("bad.bvh") == 1
@@ -537,7 +549,7 @@ def test_rates_and_tags_of_no_clip_are_told(capsys, folder, tmp_path):
     words = ["--tags", tags, "--true-rate", "b=60", "--true-rate", "c=60"]
     code, _, err = run(capsys, "index", folder, "-o", tmp_path / "lib", *words)
     assert code == 0
-    assert "--true-rate or --tags name no clip of these files: c, z*" in err
+    assert "--true-rate or --tags match no clip of these files: c, z*" in err
 
 
 def test_a_strip_asks_for_no_known_body(capsys, tmp_path):

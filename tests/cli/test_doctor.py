@@ -26,7 +26,7 @@ def test_where_all_is_well(capsys):
         "state": "ok",
         "detail": metadata.version("numpy"),
     }
-    assert found["a graft"]["detail"] == "300 frames made"
+    assert found["a graft"]["detail"] == "300 frames created"
     assert main(["doctor"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == len(found)

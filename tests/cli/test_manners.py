@@ -16,23 +16,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import read_bvh, write_bvh
-from mograft.cli import _parser, main
-from mograft.cli._settings import FILE, command_parsers, settable
+from mograft.cli import COMMANDS, main
+from mograft.cli.settings import CONFIG_FILE, find_settings
 from mograft.dancer import dance
 
-COMMANDS = command_parsers(_parser())
-
-
-def leaves(parser, words=()):
-    """Every command and action with its own parser."""
-    below = command_parsers(parser)
-    if not below:
-        yield words, parser
-    for name, own in below.items():
-        yield from leaves(own, (*words, name))
-
-
-LEAVES = dict(leaves(_parser()))
+BY_NAME = {command.name: command for command in COMMANDS}
+LEAVES = {
+    (command.name, action.name) if command.actions else (command.name,): action
+    for command in COMMANDS
+    for action in command.actions or (command,)
+}
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +72,7 @@ def test_the_file_is_below_the_environment_and_that_below_the_command_line(
     capsys, clip, monkeypatch
 ):
     assert graft(capsys, clip) == ("sample", "offset", 0)
-    Path(FILE).write_text('seed = 3\nchoice = "best"\n[graft]\nchoice = "viterbi"\n')
+    Path(CONFIG_FILE).write_text('seed = 3\nchoice = "best"\n[graft]\nchoice = "viterbi"\n')
     assert graft(capsys, clip) == ("viterbi", "offset", 3)
     monkeypatch.setenv("MOGRAFT_CHOICE", "nearest")
     monkeypatch.setenv("MOGRAFT_SEAM", "dead")
@@ -102,8 +95,6 @@ PLACES = ("shared", "own", "MOGRAFT_{}", "MOGRAFT_GRAFT_{}", "flag")
     )
 )
 def test_whoever_is_nearer_decides_each_option_by_itself(tmp_path_factory, said):
-    from mograft.cli._settings import settings
-
     folder = tmp_path_factory.mktemp("s")
     document = {"shared": {}, "own": {}}
     environment, flags = {}, []
@@ -117,10 +108,9 @@ def test_whoever_is_nearer_decides_each_option_by_itself(tmp_path_factory, said)
                 environment[place.format(name.upper())] = value
     lines = [f'{n} = "{v}"' for n, v in document["shared"].items()]
     lines += ["[graft]", *(f'{n} = "{v}"' for n, v in document["own"].items())]
-    (folder / FILE).write_text("\n".join(lines))
+    (folder / CONFIG_FILE).write_text("\n".join(lines))
     (folder / "below" / "it").mkdir(parents=True)
-    parser = COMMANDS["graft"]
-    found = settings("graft", parser, folder / "below" / "it", environment)
+    found = find_settings(BY_NAME["graft"], COMMANDS, folder / "below" / "it", environment)
     for name, places in said.items():
         nearest = [place for place in PLACES[:-1] if place in places]
         if not nearest:
@@ -128,25 +118,25 @@ def test_whoever_is_nearer_decides_each_option_by_itself(tmp_path_factory, said)
             continue
         assert str(found[name].value) == places[nearest[-1]]
         origin = found[name].origin
-        file = str(folder.resolve() / FILE)
+        file = str(folder.resolve() / CONFIG_FILE)
         wanted = file if "{" not in nearest[-1] else nearest[-1].format(name.upper())
         assert origin == wanted
 
 
 def test_what_is_shown_is_what_a_file_may_say(capsys, here):
-    Path(FILE).write_text('[plot]\ndark = true\ngroups = "lower_torso_arms"\n')
+    Path(CONFIG_FILE).write_text('[plot]\ndark = true\ngroups = "lower_torso_arms"\n')
     code, out, _ = run(capsys, "config", "show")
     assert code == 0
     shown = tomllib.loads(out)
     assert shown["plot"]["dark"] is True
     assert shown["plot"]["groups"] == "lower_torso_arms"
     # Read back as a file it settles the same.
-    Path(FILE).write_text(out)
+    Path(CONFIG_FILE).write_text(out)
     assert run(capsys, "config", "show")[1] == out
     code, out, _ = run(capsys, "config", "show", "plot", "--origin")
     origins = {line.split(" = ")[0]: line.split("# ")[-1] for line in out.splitlines()}
-    assert origins["dark"] == str(here / FILE)
-    Path(FILE).unlink()
+    assert origins["dark"] == str(here / CONFIG_FILE)
+    Path(CONFIG_FILE).unlink()
     code, out, _ = run(capsys, "config", "show", "plot", "--json")
     document = json.loads(out)
     assert document["file"] is None
@@ -155,7 +145,7 @@ def test_what_is_shown_is_what_a_file_may_say(capsys, here):
 
 
 def test_a_switch_that_the_file_turns_on_the_environment_turns_off(capsys, clip, monkeypatch):
-    Path(FILE).write_text("[graft]\nreport = true\n")
+    Path(CONFIG_FILE).write_text("[graft]\nreport = true\n")
     assert "x.html" in run(capsys, "graft", clip, "-o", "x.bvh")[1]
     monkeypatch.setenv("MOGRAFT_REPORT", "0")
     assert "html" not in run(capsys, "graft", clip, "-o", "y.bvh")[1]
@@ -163,7 +153,7 @@ def test_a_switch_that_the_file_turns_on_the_environment_turns_off(capsys, clip,
 
 def test_groups_of_a_file_lie_where_the_file_says(capsys, clip, here, monkeypatch):
     assert run(capsys, "groups", clip, "--preset", "lower_torso_arms", "-o", "own.toml")[0] == 0
-    Path(FILE).write_text('[graft]\ngroups = "own.toml"\n')
+    Path(CONFIG_FILE).write_text('[graft]\ngroups = "own.toml"\n')
     (here / "below").mkdir()
     monkeypatch.chdir(here / "below")
     _, out, _ = run(capsys, "graft", clip, "-o", "x.bvh", "--json")
@@ -172,7 +162,7 @@ def test_groups_of_a_file_lie_where_the_file_says(capsys, clip, here, monkeypatc
 
 
 def test_settings_are_no_options_that_were_given(capsys, clip):
-    Path(FILE).write_text(
+    Path(CONFIG_FILE).write_text(
         '[graft]\ngroups = "lower_upper"\n[index]\ngroups = "lower_upper"\n'
         'sigma-scale = 0.9\n[export]\nscale = "cm"\ndark = true\n'
     )
@@ -180,30 +170,32 @@ def test_settings_are_no_options_that_were_given(capsys, clip):
     assert run(capsys, "index", clip, "-o", "lib", "--add")[0] == 0
     assert run(capsys, "graft", "lib", "-o", "x.bvh")[0] == 0
     assert run(capsys, "export", clip, "-o", "x.csv")[0] == 0
-    assert "settled when a library is made" in refused(
+    assert "fixed when a library is created" in refused(
         capsys, "graft", "lib", "-o", "y.bvh", "--groups", "lower_upper"
     )
-    assert "--scale is for .glb" in refused(capsys, "export", clip, "-o", "y.csv", "--scale", "cm")
+    assert "--scale requires .glb" in refused(
+        capsys, "export", clip, "-o", "y.csv", "--scale", "cm"
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "told"),
     [
         ("seed = ", "mograft.toml: Invalid value"),
-        ("sed = 1", "sed is no setting: see mograft config show"),
+        ("sed = 1", "unknown setting 'sed'; mograft config show lists"),
         ("[graft]\npreset = 'x'", "preset must be one of default, paper, got 'x'"),
-        ("[graft]\nseed = -1", "seed: must be a whole number, 0 or more, got -1"),
-        ("[graft]\nseed = [1]", "seed must be a text or a number, got [1]"),
-        ("[graft]\nseed = true", "seed must be a value, got true"),
+        ("[graft]\nseed = -1", "seed: must be an integer of at least 0, got -1"),
+        ("[graft]\nseed = [1]", "seed must be a string or a number, got [1]"),
+        ("[graft]\nseed = true", "seed must be a string or a number, got true"),
         ("[graft]\nreport = 1", "report must be true or false, got 1"),
-        ("[graft]\nforce = true", "force is no setting of mograft graft"),
-        ("[graft]\noutput = 'x'", "output is no setting of mograft graft"),
-        ("[grafts]\nseed = 1", "[grafts] must be one of demo, "),
+        ("[graft]\nforce = true", "mograft graft has no setting 'force'"),
+        ("[graft]\noutput = 'x'", "mograft graft has no setting 'output'"),
+        ("[grafts]\nseed = 1", "table must be one of demo, "),
         (b"\xff", "mograft.toml: "),
     ],
 )
 def test_a_wrong_file_is_named_with_the_place(capsys, clip, text, told):
-    Path(FILE).write_bytes(text if isinstance(text, bytes) else text.encode())
+    Path(CONFIG_FILE).write_bytes(text if isinstance(text, bytes) else text.encode())
     assert told in refused(capsys, "graft", clip, "-o", "x.bvh")
     assert not Path("x.bvh").exists()
     # Help is given all the same.
@@ -221,9 +213,9 @@ def test_a_wrong_variable_is_named(capsys, clip, monkeypatch, name, value):
 
 
 def test_no_setting_says_on_what_a_command_works():
-    for name, parser in COMMANDS.items():
-        settled = {option for action in settable(parser) for option in action.option_strings}
-        assert settled.isdisjoint({"-o", "--output", "--force", "--json", "--help"}), name
+    for command in COMMANDS:
+        flags = {flag for argument in command.settings() for flag in argument.flags}
+        assert flags.isdisjoint({"-o", "--output", "--force", "--json", "--help"}), command.name
 
 
 # A way to run every command that prints, by its words.
@@ -254,7 +246,7 @@ def test_every_command_tells_its_results_as_one_json_document(capsys, clip, word
         pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     if words not in RUNS:
         # A command without an example here has to have the option all the same.
-        assert "--json" in LEAVES[words]._option_string_actions
+        assert any("--json" in argument.flags for argument in LEAVES[words].arguments)
         return
     main(["index", str(clip), "-o", "lib"])
     capsys.readouterr()
@@ -431,7 +423,7 @@ def test_scripts_of_all_shells_name_all_commands(capsys):
     pytest.importorskip("shtab", reason="shtab is not installed")
     for shell in ("bash", "zsh", "fish", "tcsh"):
         text = run(capsys, "completion", shell)[1]
-        for words in itertools.islice(COMMANDS, 6):
+        for words in itertools.islice(BY_NAME, 6):
             assert words in text, (shell, words)
 
 
@@ -444,7 +436,7 @@ def test_without_shtab_the_extra_is_named(capsys, monkeypatch):
 
 def test_groups_of_a_file_are_no_matter_to_a_library_that_has_its_own(capsys, clip):
     assert run(capsys, "index", clip, "-o", "lib")[0] == 0
-    Path(FILE).write_text('groups = "lower_torso_arms"\n')
+    Path(CONFIG_FILE).write_text('groups = "lower_torso_arms"\n')
     for number, words in enumerate(
         [
             ("plot", "strip", "lib", "-o", "a.png"),

@@ -241,7 +241,7 @@ def test_a_library_says_what_its_files_say(files, tmp_path, capsys):
     for option in (["--rate", "15"], ["--groups", "lower_upper"], ["--preset", "paper"]):
         with pytest.raises(SystemExit, match="2"):
             main(["evaluate", str(tmp_path / "lib"), *option])
-        assert "is settled when a library is made" in capsys.readouterr().err
+        assert "is fixed when a library is created" in capsys.readouterr().err
 
 
 def test_labels_go_the_whole_way(files, tmp_path, capsys):
@@ -270,12 +270,12 @@ def test_labels_go_the_whole_way(files, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
-        (["enrichment"], 2, "a library or at least one BVH file"),
-        (["label", "quality", "FILE"], 2, "asked for alone"),
-        (["label", "FILE"], 2, "a .html file"),
-        (["label", "FILE", "-o", "x.txt"], 2, "a .html file"),
+        (["enrichment"], 2, "expected one library or at least one BVH file"),
+        (["label", "quality", "FILE"], 2, "label cannot be combined with enrichment"),
+        (["label", "FILE"], 2, "an .html file with label"),
+        (["label", "FILE", "-o", "x.txt"], 2, "an .html file with label"),
         (["FILE", "--rate", "0"], 2, "--rate: must be a number above 0"),
-        (["FILE", "--runs", "0"], 2, "--runs: must be a whole number, 1 or more"),
+        (["FILE", "--runs", "0"], 2, "--runs: must be an integer of at least 1"),
         (["missing.bvh"], 1, "missing.bvh"),
         (["FILE", "--labels", "missing.csv"], 1, "missing.csv"),
         (["FILE", "--groups", "wings"], 2, "wings"),

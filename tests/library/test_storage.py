@@ -34,7 +34,7 @@ from mograft import (
     write_bvh,
 )
 from mograft.cli import main
-from mograft.cli._common import chosen_clips
+from mograft.cli.files import select_clips
 from mograft.dancer import dance
 from mograft.library import storage as store
 from mograft.library.discover import read_tags, relative_path
@@ -708,7 +708,7 @@ def test_commands_that_take_files_take_a_library(stored, tmp_path, capsys):
     assert told(capsys, "view", place, "--clip", "a*", "--clip", "c", "-o", page)[0] == 0
     assert [name in page.read_text() for name in ('"a"', '"a~2"', '"c"', '"b"')] == [1, 1, 1, 0]
     code, _, err = told(capsys, "view", place, "--clip", "e", "-o", tmp_path / "no.html")
-    assert (code, "--clip must name clips of c, d, a, a~2, b; got 'e'" in err) == (1, True)
+    assert (code, "--clip must match a clip of c, d, a, a~2, b; got 'e'" in err) == (1, True)
     code, _, err = told(capsys, "graft", place, "--only-tagged", "walk", "-o", tmp_path / "g.bvh")
     assert code == 0
     document = json.loads((tmp_path / "g.json").read_text())
@@ -739,6 +739,6 @@ def test_a_library_is_drawn(stored, tmp_path, capsys, kind):
 
 def test_of_many_clips_some_must_be_chosen(stored):
     many = replace(stored, entries=stored.entries * 3)
-    with pytest.raises(ValueError, match="15 clips are too many to show at once: choose 12"):
-        chosen_clips(many, [])
-    assert chosen_clips(many, ["a~*", "c"]) == [0, 3, 5, 8, 10, 13]
+    with pytest.raises(ValueError, match="at most 12 clips can be shown at once, got 15"):
+        select_clips(many, [])
+    assert select_clips(many, ["a~*", "c"]) == [0, 3, 5, 8, 10, 13]

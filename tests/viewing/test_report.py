@@ -140,7 +140,7 @@ def test_the_command_line_writes_reports(tmp_path, capsys, monkeypatch):
     single.unlink()
     (tmp_path / "new.json").unlink()
     assert main(arguments) == 1
-    assert "new.html is there already" in capsys.readouterr().err
+    assert "new.html exists; --force overwrites" in capsys.readouterr().err
     assert not opened_pages
     assert main(["demo", "-o", str(tmp_path / "demo"), "--open"]) == 0
     assert opened_pages == [(tmp_path / "demo" / "index.html").as_uri()]

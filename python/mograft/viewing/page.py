@@ -71,7 +71,7 @@ class Page:
         """
         target = Path(path)
         if target.exists() and not force:
-            raise FileExistsError(f"{target} is there already; force=True overwrites")
+            raise FileExistsError(f"{target} exists; force=True overwrites")
         write_text(target, self.html)
         return target
 
@@ -83,7 +83,7 @@ class Page:
         bool
             Whether a browser was found.
         """
-        return open_file(self.save(temporary()))
+        return open_file(self.save(temporary_path()))
 
 
 def view(
@@ -131,8 +131,7 @@ def view(
     named = title or " and ".join(figure.name for figure in scene.figures[:3])
     page = document(scene, named)
     if (_wants_browser() if show is None else show) and not page.open():
-        # The page is of use without a browser too: its owner may save it and carry it off.
-        print("mograft: no browser was found; save the page with .save(path)", file=sys.stderr)
+        print("mograft: no browser found; save the page with .save(path)", file=sys.stderr)
     return page
 
 
@@ -245,8 +244,8 @@ def inline(page: str, title: str, height: int = 620) -> str:
     )
 
 
-def temporary() -> Path:
-    """Return where to put a page that nobody asked to keep."""
+def temporary_path() -> Path:
+    """Return the path of a page in a new temporary folder."""
     return Path(tempfile.mkdtemp(prefix="mograft-")) / "view.html"
 
 

@@ -1,4 +1,4 @@
-"""Processes that share the work of a command."""
+"""Worker processes that leave Ctrl-C to the process that started them."""
 
 import os
 import signal
@@ -14,22 +14,22 @@ T = TypeVar("T")
 
 
 class Pool(ProcessPoolExecutor):
-    """Processes that Ctrl-C does not reach: who started them ends them, and one tells of it."""
+    """Worker processes that ignore Ctrl-C; the process that started them ends them."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Have a function called in one of the processes."""
+        """Call a function in one of the processes."""
         if os.name != "posix" or threading.current_thread() is not threading.main_thread():
             return super().submit(fn, *args, **kwargs)
-        # It starts processes. What is blocked here is blocked there from the first moment; and
-        # here it has to wait: a pool that is interrupted in between never comes to its end.
-        waiting: list[int] = []
-        handler = signal.signal(signal.SIGINT, lambda number, _: waiting.append(number))
+        # `submit` may start processes, which inherit the blocked signal. This process delays
+        # Ctrl-C until `submit` returns: a pool interrupted within it never shuts down.
+        received: list[int] = []
+        handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             future = super().submit(fn, *args, **kwargs)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             signal.signal(signal.SIGINT, handler)
-        if waiting:
+        if received:
             raise KeyboardInterrupt
         return future
