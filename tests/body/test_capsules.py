@@ -184,7 +184,10 @@ def test_fingers_are_within_the_hands():
 
 @pytest.mark.parametrize(
     ("radii", "message"),
-    [({"wing": 0.1}, "radii must be of .*got 'wing'"), ({"head": -1.0}, "'head' must not be")],
+    [
+        ({"wing": 0.1}, "radii must have keys of .*got 'wing'"),
+        ({"head": -1.0}, "'head' must not be"),
+    ],
 )
 def test_unknown_parts_and_negative_radii_are_refused(radii, message):
     with pytest.raises(ValueError, match=message):

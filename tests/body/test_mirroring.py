@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from mograft import Config, JointGroups, Library, graft, kinetic_energy, mirror, read_bvh
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model
-from mograft.body.mirroring import _Image, partners
+from mograft.body.mirroring import _Reflection, partners
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.blend.test_transplant import person
@@ -52,7 +52,7 @@ def test_a_mirror_image_is_one(seed):
     gentle = rotations.exp(0.2 * rotations.log(motion.rotations))  # so that it is known what is up
     motion = replace(motion, rotations=gentle)
     image, pair = mirror(motion), partners(motion.skeleton)
-    axis = _Image.of(motion).axis
+    axis = _Reflection.of(motion).axis
     seen = reflected(motion.world_positions(), axis)
     np.testing.assert_allclose(image.world_positions()[:, pair], seen, atol=1e-9)
     assert image.skeleton.names == motion.skeleton.names
@@ -113,7 +113,7 @@ def test_recordings_are_mirrored_or_say_why_not(path):
         warnings.simplefilter("ignore")
         motion = read_bvh(path, strict=False)[:20]
     if path.stem in ODD:
-        with pytest.raises(ValueError, match=r"^every joint must have a partner|^bones must be mi"):
+        with pytest.raises(ValueError, match=r"^every joint must have a partner|^bones must be sy"):
             mirror(motion)
         return
     image = mirror(motion)
@@ -185,5 +185,5 @@ def test_what_has_no_partner_is_named():
         Library.build(motion, groups, Config(), mirrored=True)
     offsets = human().offsets.copy()
     offsets[2] *= 2.0
-    with pytest.raises(ValueError, match=r"bones must be mirror images .*: those of LeftKnee"):
+    with pytest.raises(ValueError, match=r"bones must be symmetric .*offsets of LeftKnee"):
         mirror(replace(person(1), skeleton=human().with_offsets(offsets)))

@@ -566,4 +566,4 @@ def test_a_strip_asks_for_no_known_body(capsys, tmp_path):
         capsys, "plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper"
     )
     assert code == 1
-    assert "needs a body with legs" in err
+    assert "needs legs" in err

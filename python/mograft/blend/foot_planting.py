@@ -20,7 +20,7 @@ from mograft.body.contacts import (
     Leg,
     detect_contacts,
     find_legs,
-    horizontal_speeds,
+    point_speeds,
     runs,
     skating_share,
 )
@@ -198,7 +198,7 @@ def _parted(stands: BoolArray, points: FloatArray, ground: Ground, rate: float) 
     root would be pulled half way between the two. They step.
     """
     parted = stands.copy()
-    fast = horizontal_speeds(points, rate) >= SLIDING_SPEED * ground.height
+    fast = point_speeds(points, rate) >= SLIDING_SPEED * ground.height
     for leg, point in np.ndindex(stands.shape[1:]):
         for first, last in runs(stands[:, leg, point]):
             own = slice(first, last + 1)

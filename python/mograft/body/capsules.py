@@ -1,4 +1,4 @@
-"""The body as capsules, and how far it is from itself and from other things."""
+"""Capsules around the bones of a skeleton, and distances between capsules."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,25 +29,25 @@ RADII: Mapping[str, float] = {
     "toe": 0.02,
     "tail": 0.02,
 }
-"""Radius of each part's capsules, in skeleton heights."""
+"""Capsule radius of each body part, in skeleton heights."""
 
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """A skeleton's flesh: all points within a radius of its bones. Made by `capsules`.
+    """Capsules around the bones of a skeleton; created by `capsules`.
 
     Attributes
     ----------
     joints : ndarray of int, shape (n_capsules,)
-        The joint that each hangs on.
+        The joint of each capsule.
     parts : tuple of str
-        What each is, as in `mograft.body.anatomy`.
+        Body part of each, as in `mograft.body.anatomy`.
     sides : tuple of str
         ``"left"``, ``"right"`` or ``""``.
     bones : ndarray, shape (n_capsules, 3)
-        From the joint to the other end, in the joint's frame and the file's unit.
+        Vector from the joint to the other end, in the joint frame and the unit of the file.
     radii : ndarray, shape (n_capsules,)
-        In the file's unit.
+        In the unit of the file.
     """
 
     joints: IntArray
@@ -60,10 +60,10 @@ class Capsules:
         return len(self.joints)
 
     @cached_property
-    def meetings(self) -> IntArray:
-        """Which meet where a body touches itself, shape (n_pairs, 2).
+    def self_collision_pairs(self) -> IntArray:
+        """Pairs of capsules that are tested for self-collision, shape (n_pairs, 2).
 
-        Each hand and forearm with the trunk, the head, the thighs and those of the other side.
+        Each hand and forearm with trunk, head, thighs and the other hand and forearm.
         """
         kinds = list(zip(self.parts, self.sides, strict=True))
         pairs = [
@@ -78,49 +78,49 @@ class Capsules:
         ]
         return np.array(pairs, np.int64).reshape(-1, 2)
 
-    def ends(self, turned: FloatArray, placed: FloatArray) -> FloatArray:
-        """Return where the capsules are.
+    def ends(self, world_rotations: FloatArray, world_positions: FloatArray) -> FloatArray:
+        """Return the end points of the capsules in some poses.
 
         Parameters
         ----------
-        turned : ndarray, shape (n_frames, n_joints, 4)
+        world_rotations : ndarray, shape (n_frames, n_joints, 4)
             World rotations of the joints.
-        placed : ndarray, shape (n_frames, n_joints, 3)
+        world_positions : ndarray, shape (n_frames, n_joints, 3)
             World positions of the joints.
 
         Returns
         -------
         ndarray, shape (n_frames, n_capsules, 2, 3)
-            Both ends of each, in the file's unit.
+            Both ends of each capsule, in the unit of the file.
         """
         return _core.capsule_ends(
-            np.ascontiguousarray(turned),
-            np.ascontiguousarray(placed),
+            np.ascontiguousarray(world_rotations),
+            np.ascontiguousarray(world_positions),
             self.joints,
             np.ascontiguousarray(self.bones),
         )
 
 
 def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Capsules:
-    """Return a skeleton's bones as capsules.
+    """Return capsules around the bones of a skeleton.
 
     Parameters
     ----------
     skeleton : Skeleton
         The skeleton.
     radii : mapping of str to float, optional
-        Radii in skeleton heights by part, instead of those of `RADII`; 0 leaves a part out.
+        Radii in skeleton heights by body part, replacing those of `RADII`; 0 omits a part.
 
     Returns
     -------
     Capsules
-        One for each bone; a bone without length is a sphere. Fingers are within the hand's,
-        which reaches to the end of the longest; the face and markers have none.
+        One per bone; a bone of length 0 gives a sphere. The capsule of a hand reaches to the tip
+        of the longest finger. Joints of the face and markers have no capsule.
 
     Raises
     ------
     ValueError
-        If a part is not known or a radius is negative.
+        If a body part is unknown or a radius is negative.
 
     Examples
     --------
@@ -129,32 +129,32 @@ def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Ca
     >>> capsules(skeleton, {"pelvis": 0}).parts
     ('thigh', 'shank')
     """
-    given = {} if radii is None else dict(radii)
-    for part, radius in given.items():
+    changed = {} if radii is None else dict(radii)
+    for part, radius in changed.items():
         if part not in RADII:
-            raise ValueError(f"radii must be of {', '.join(RADII)}; got {part!r}")
+            raise ValueError(f"radii must have keys of {', '.join(RADII)}, got {part!r}")
         if not radius >= 0:
             raise ValueError(f"the radius of {part!r} must not be negative, got {radius}")
-    wanted = {**RADII, **given}
+    radius_of_part = {**RADII, **changed}
     known, found = anatomy(skeleton), mass_model(skeleton)
     rest = skeleton.rest_positions()
-    fleshy = [
+    joints = [
         joint
         for joint, part in enumerate(known.parts)
-        if wanted.get(part, 0.0) > 0 and joint not in known.details
+        if radius_of_part.get(part, 0.0) > 0 and joint not in known.details
     ]
     bones = found.bone.copy()
     for joint in known.joints("hand"):
-        fingers = [f for f in known.joints("finger") if _hangs_on(skeleton, f, joint)]
+        fingers = [f for f in known.joints("finger") if joint in skeleton.ancestors(f)]
         reach = [rest[f] + found.bone[f] - rest[joint] for f in fingers]
         if reach:
-            bones[joint] = max(reach, key=lambda way: float(np.linalg.norm(way)))
+            bones[joint] = max(reach, key=lambda vector: float(np.linalg.norm(vector)))
     return Capsules(
-        np.array(fleshy, np.int64),
-        tuple(known.parts[joint] for joint in fleshy),
-        tuple(known.sides[joint] for joint in fleshy),
-        bones[fleshy],
-        np.array([wanted[known.parts[joint]] for joint in fleshy]) * found.height,
+        np.array(joints, np.int64),
+        tuple(known.parts[joint] for joint in joints),
+        tuple(known.sides[joint] for joint in joints),
+        bones[joints],
+        np.array([radius_of_part[known.parts[joint]] for joint in joints]) * found.height,
     )
 
 
@@ -166,30 +166,30 @@ def clearance(
     at: IntArray | None = None,
     pairs: IntArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Return how far two sets of capsules are apart, frame by frame.
+    """Return the distance between two sets of capsules in every frame.
 
     Parameters
     ----------
     ends : ndarray, shape (n_frames, n, 2, 3)
         Both ends of each capsule.
     radii : ndarray, shape (n,)
-        Their radii.
+        Radii of the capsules.
     others : ndarray, shape (n_other_frames, m, 2, 3)
-        Both ends of what they are compared with.
+        Both ends of the capsules of the other set.
     other_radii : ndarray, shape (m,)
-        Their radii.
+        Radii of the other set.
     at : ndarray of int, shape (n_frames,), optional
-        Which frame of the others each frame meets. Default: its own number, or the only one.
+        Frame of `others` for each frame. Default: the same index, or the only frame.
     pairs : ndarray of int, shape (n_pairs, 2), optional
-        Which capsules are compared. Default: all with all.
+        Pairs of capsules to compare. Default: all pairs.
 
     Returns
     -------
     distance : ndarray, shape (n_frames,)
-        Between the nearest pair; negative by how deep they are in each other, infinite where
-        there is no pair.
+        Distance of the nearest pair; negative by the penetration depth, infinite without
+        pairs.
     which : ndarray of int, shape (n_frames, 2)
-        That pair; of equally near ones the first. -1 where there is none.
+        The nearest pair; ties go to the first. -1 without pairs.
 
     Notes
     -----
@@ -221,23 +221,23 @@ def clearance(
 def box_clearance(
     ends: FloatArray, radii: FloatArray, center: FloatArray, half: FloatArray, rotation: FloatArray
 ) -> FloatArray:
-    """Return how far capsules are from a box.
+    """Return the distance of capsules from a box.
 
     Parameters
     ----------
     ends : ndarray, shape (n_frames, n, 2, 3)
         Both ends of each capsule.
     radii : ndarray, shape (n,)
-        Their radii.
+        Radii of the capsules.
     center, half : ndarray, shape (3,)
-        The box's middle and its half lengths along its own axes.
+        Centre of the box and half its lengths along its axes.
     rotation : ndarray, shape (4,)
-        How it is turned.
+        Orientation of the box.
 
     Returns
     -------
     ndarray, shape (n_frames, n)
-        Negative by how deep they are in it. Exact to 1e-7 of a capsule's length.
+        Distances, negative by the penetration depth; exact to 1e-7 of the capsule length.
     """
     return _core.box_clearance(
         np.ascontiguousarray(ends),
@@ -246,9 +246,3 @@ def box_clearance(
         half.tolist(),
         rotation.tolist(),
     )
-
-
-def _hangs_on(skeleton: Skeleton, joint: int, ancestor: int) -> bool:
-    while joint > ancestor:
-        joint = int(skeleton.parents[joint])
-    return joint == ancestor

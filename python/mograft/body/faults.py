@@ -1,7 +1,7 @@
-"""Faults of recordings: what looks wrong in a motion, and in which frames.
+"""Detection of recording faults: implausible steps, spins, frozen spans and angle wraps.
 
-Nothing is repaired here. Sizes are in figure heights and speeds per second, so that the
-same limits hold for any unit and frame rate.
+Motions are not changed. Lengths are in figure heights and speeds per second, so the limits do
+not depend on unit and frame rate.
 """
 
 from collections.abc import Iterator
@@ -19,42 +19,40 @@ __all__ = ["KINDS", "Fault", "find_faults"]
 
 KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
 
-# Mean speed of all joints, in heights per second, that only a leap of the data has: a
-# sprint is 4, the fastest frames of breakdance come to 2.5.
-_LEAP = 3.0
-# How far above the steps around it, or above the usual one, a step has to be.
-_ABOVE = 6.0
-_FAR_ABOVE = 10.0
-# Steps to either side that a step is compared with.
-_AROUND = 8
-# A frame that leaves and comes back: how much shorter the way past it is than either step.
-_RETURN = 3.0
-_RETURN_SPEED = 1.5
-# Rotation speed, in radians per second, out and back within one frame; at 30 fps an eighth
-# of a turn.
-_SPIN = np.radians(45.0) * 30.0
-_LEAST_SPIN = np.radians(10.0)
-_FLIP = np.radians(150.0)
-# Seconds and frames without any change.
-_FROZEN, _FROZEN_FRAMES = 0.25, 4
-# Seconds between frames outside of which a frame time is taken for another number.
-_SHORTEST, _LONGEST = 1.0 / 2000.0, 1.0
+# Minimum mean joint speed of a teleport, in heights per second. The fastest frames of breakdance
+# reach 2.5.
+_TELEPORT_SPEED = 3.0
+# Minimum ratio of a teleport to the median step around it, and of the first step to the median.
+_TELEPORT_RATIO = 6.0
+_FIRST_STEP_RATIO = 10.0
+# Steps on each side over which the local median is taken.
+_MEDIAN_RADIUS = 8
+# Glitch: minimum ratio of the steps to and from a frame to the step past it, and minimum speed.
+_GLITCH_RATIO = 3.0
+_GLITCH_SPEED = 1.5
+# Minimum angular speed of a joint glitch, in radians per second, and its minimum angle.
+_GLITCH_SPIN = np.radians(45.0) * 30.0
+_MIN_GLITCH_ANGLE = np.radians(10.0)
+_FLIP_ANGLE = np.radians(150.0)
+_MIN_FROZEN_SECONDS, _MIN_FROZEN_FRAMES = 0.25, 4
+# A frame time outside this range, in seconds, is reported.
+_MIN_FRAME_TIME, _MAX_FRAME_TIME = 1.0 / 2000.0, 1.0
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that looks wrong in a motion.
+    """A suspected recording fault.
 
     Parameters
     ----------
     kind : str
         One of `KINDS`.
     frames : tuple of int
-        The first and the last frame concerned, from 0.
+        First and last frame, counted from 0.
     joint : int or None
-        The joint concerned, where it is one.
+        The joint, or None for the whole body.
     message : str
-        What is the matter, in words.
+        Description with the measured value.
     """
 
     kind: str
@@ -64,7 +62,7 @@ class Fault:
 
 
 def find_faults(motion: Motion) -> tuple[Fault, ...]:
-    """Look for what is wrong in a recording.
+    """Detect recording faults.
 
     Parameters
     ----------
@@ -74,25 +72,25 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     Returns
     -------
     tuple of Fault
-        By kind, then by frame.
+        Sorted by kind, then by frame.
 
         ``frame_time``
-            Below 1/2000 s or 1 s and more: perhaps a rate, or milliseconds.
+            The frame time is below 1/2000 s or at least 1 s: probably a rate or milliseconds.
         ``first_frame``
-            The step from the first frame to the next is far above the usual one: a T-pose
-            or rest pose before the motion.
+            The step from the first frame to the next is at least 10 times the median step: a
+            T-pose or rest pose before the motion.
         ``teleport``
-            A step far above those around it, faster than bodies move: a cut, or markers
-            lost and found. The frames are those before and after.
+            A step at least 6 times the median of the steps around it and faster than 3 heights
+            per second: a cut or lost markers. `frames` are those before and after.
         ``glitch``
-            A frame that leaves and comes back, as a whole or in one joint.
+            A single frame that differs from smaller_step neighbours, in the body or in one joint.
         ``flip``
-            A joint turns by more than 150 degrees from one frame to the next.
+            A joint rotates by more than 150 degrees between consecutive frames.
         ``frozen``
             Nothing changes for at least a quarter of a second.
         ``wrap``
-            An angle of the file jumps by more than half a turn while the joint does not.
-            That is no fault of the motion, but of curves drawn or filtered from the file.
+            An angle of the file jumps by more than 180 degrees while the rotation does not. The
+            motion is unaffected, but curves drawn or filtered from the file are not.
 
     Examples
     --------
@@ -105,127 +103,130 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     frozen (0, 39) nothing moves for 1.30 s
     """
     check_type("motion", motion, Motion)
-    # Places beyond all measure overflow; no limit is above that.
+    # Huge positions overflow to infinity, which exceeds every limit.
     with np.errstate(over="ignore", invalid="ignore"):
         return (
             *_frame_time(motion),
-            *_leaps(motion),
-            *_turns(motion),
-            *_frozen(motion),
-            *_wraps(motion),
+            *_implausible_steps(motion),
+            *_implausible_rotations(motion),
+            *_frozen_spans(motion),
+            *_angle_wraps(motion),
         )
 
 
 def _frame_time(motion: Motion) -> Iterator[Fault]:
     seconds = motion.frame_time
-    if _SHORTEST <= seconds < _LONGEST:
+    if _MIN_FRAME_TIME <= seconds < _MAX_FRAME_TIME:
         return
     guess = ""
-    if seconds >= _LONGEST:
+    if seconds >= _MAX_FRAME_TIME:
         guess = f"; a rate of {seconds:g} fps, or {seconds:g} ms?"
     message = f"a frame lasts {seconds:g} s{guess}"
     yield Fault("frame_time", (0, motion.n_frames - 1), None, message)
 
 
-def _leaps(motion: Motion) -> Iterator[Fault]:
-    """Find steps of the whole body that no body takes."""
+def _implausible_steps(motion: Motion) -> Iterator[Fault]:
+    """Yield implausible steps of the whole body."""
     if motion.n_frames < 4:
         return
-    places = motion.world_positions()[:, _moving(motion)]
-    height = float(np.median(np.ptp(places, axis=1).max(axis=-1)))
+    positions = motion.world_positions()[:, _moving(motion)]
+    height = float(np.median(np.ptp(positions, axis=1).max(axis=-1)))
     if height == 0.0:
         return
-    steps = _lengths(places[1:] - places[:-1]) / height
-    passing = _lengths(places[2:] - places[:-2]) / height
+    steps = _mean_lengths(positions[1:] - positions[:-1]) / height
+    passing = _mean_lengths(positions[2:] - positions[:-2]) / height
     rate = motion.rate
-    usual = float(np.median(steps))
-    # Where all is still, noise is no leap.
-    floor = 1e-4 * _LEAP / rate
-    first = steps[0] > max(_FAR_ABOVE * usual, _RETURN * steps[1], 0.02)
+    median = float(np.median(steps))
+    # A lower bound, so that noise in a still motion is not a fault.
+    floor = 1e-4 * _TELEPORT_SPEED / rate
+    first = steps[0] > max(_FIRST_STEP_RATIO * median, _GLITCH_RATIO * steps[1], 0.02)
     if first:
-        ratio = steps[0] / max(usual, floor)
-        message = f"the step to the next frame is {ratio:.0f} times the usual, as after a rest pose"
+        ratio = steps[0] / max(median, floor)
+        message = f"the first step is {ratio:.0f} times the median step, as after a rest pose"
         yield Fault("first_frame", (0, 0), None, message)
-    both = np.minimum(steps[1:], steps[:-1])
-    out_and_back = (both > _RETURN * passing) & (both * rate > _RETURN_SPEED)
+    smaller_step = np.minimum(steps[1:], steps[:-1])
+    out_and_back = (smaller_step > _GLITCH_RATIO * passing) & (smaller_step * rate > _GLITCH_SPEED)
     glitches = np.flatnonzero(out_and_back) + 1
-    leaping = (steps > _ABOVE * np.maximum(_median_around(steps), floor)) & (steps * rate > _LEAP)
-    leaping[:1] &= not first
-    leaping[glitches - 1] = leaping[glitches] = False
-    for start, stop in _runs(leaping):
+    is_teleport = (steps > _TELEPORT_RATIO * np.maximum(_median_around(steps), floor)) & (
+        steps * rate > _TELEPORT_SPEED
+    )
+    is_teleport[:1] &= not first
+    is_teleport[glitches - 1] = is_teleport[glitches] = False
+    for start, stop in _runs(is_teleport):
         height_share = 100.0 * steps[start:stop].max()
-        message = f"joints leap by {height_share:.0f} % of the figure's height"
+        message = f"joints jump by {height_share:.0f} % of the figure height"
         yield Fault("teleport", (start, stop), None, message)
     for frame in glitches:
-        message = f"one frame {100.0 * both[frame - 1]:.0f} % of the figure's height away"
+        message = f"one frame {100.0 * smaller_step[frame - 1]:.0f} % of the figure height away"
         yield Fault("glitch", (int(frame), int(frame)), None, message)
 
 
-def _turns(motion: Motion) -> Iterator[Fault]:
-    """Find turns of single joints that no joint makes."""
+def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
+    """Yield implausible rotations of single joints."""
     if motion.n_frames < 2:
         return
-    turned = motion.rotations
+    quats = motion.rotations
     names = motion.skeleton.names
-    steps = rotations.angle(turned[1:], turned[:-1])
+    steps = rotations.angle(quats[1:], quats[:-1])
     glitched = np.zeros_like(steps, dtype=bool)
     if motion.n_frames > 2:
-        passing = rotations.angle(turned[2:], turned[:-2])
-        both = np.minimum(steps[1:], steps[:-1])
-        limit = max(_SPIN * min(motion.frame_time, 1.0 / 30.0), _LEAST_SPIN)
-        out_and_back = (both > limit) & (both > _RETURN * passing)
+        passing = rotations.angle(quats[2:], quats[:-2])
+        smaller_step = np.minimum(steps[1:], steps[:-1])
+        limit = max(_GLITCH_SPIN * min(motion.frame_time, 1.0 / 30.0), _MIN_GLITCH_ANGLE)
+        out_and_back = (smaller_step > limit) & (smaller_step > _GLITCH_RATIO * passing)
         glitched[1:] |= out_and_back
         glitched[:-1] |= out_and_back
         for before, joint in np.argwhere(out_and_back).tolist():
-            degrees = np.degrees(both[before, joint])
-            message = f"{names[joint]} turns by {degrees:.0f} degrees for one frame"
+            degrees = np.degrees(smaller_step[before, joint])
+            message = f"{names[joint]} rotates by {degrees:.0f} degrees for one frame"
             yield Fault("glitch", (before + 1, before + 1), joint, message)
-    for frame, joint in np.argwhere((steps > _FLIP) & ~glitched).tolist():
+    for frame, joint in np.argwhere((steps > _FLIP_ANGLE) & ~glitched).tolist():
         degrees = np.degrees(steps[frame, joint])
-        message = f"{names[joint]} turns by {degrees:.0f} degrees in one step"
+        message = f"{names[joint]} rotates by {degrees:.0f} degrees in one step"
         yield Fault("flip", (frame, frame + 1), joint, message)
 
 
-def _frozen(motion: Motion) -> Iterator[Fault]:
-    turned, placed = motion.rotations, motion.positions
-    still = (turned[1:] == turned[:-1]).all(axis=(1, 2)) & (placed[1:] == placed[:-1]).all(
-        axis=(1, 2)
-    )
+def _frozen_spans(motion: Motion) -> Iterator[Fault]:
+    quats, positions = motion.rotations, motion.positions
+    same_rotations = (quats[1:] == quats[:-1]).all(axis=(1, 2))
+    still = same_rotations & (positions[1:] == positions[:-1]).all(axis=(1, 2))
     for start, stop in _runs(still):
         seconds = (stop - start) * motion.frame_time
-        if seconds >= _FROZEN and stop - start + 1 >= _FROZEN_FRAMES:
+        if seconds >= _MIN_FROZEN_SECONDS and stop - start + 1 >= _MIN_FROZEN_FRAMES:
             yield Fault("frozen", (start, stop), None, f"nothing moves for {seconds:.2f} s")
 
 
-def _wraps(motion: Motion) -> Iterator[Fault]:
+def _angle_wraps(motion: Motion) -> Iterator[Fault]:
     if motion.channel_values is None or motion.n_frames < 2:
         return
     skeleton = motion.skeleton
     for joint, columns in enumerate(skeleton.channel_columns):
-        turns = [
+        rotation_columns = [
             column
             for name, column in zip(skeleton.channels[joint], columns, strict=True)
             if name.endswith("rotation")
         ]
-        if not turns:
+        if not rotation_columns:
             continue
-        jumps = np.abs(np.diff(motion.channel_values[:, turns], axis=0)).max(axis=1) > 180.0
+        jumps = (
+            np.abs(np.diff(motion.channel_values[:, rotation_columns], axis=0)).max(axis=1) > 180.0
+        )
         frames = np.flatnonzero(jumps)
         if not len(frames):
             continue
         smooth = rotations.angle(
             motion.rotations[frames, joint], motion.rotations[frames + 1, joint]
         )
-        frames = frames[smooth < _FLIP]
+        frames = frames[smooth < _FLIP_ANGLE]
         if len(frames):
             first, last = int(frames[0]), int(frames[-1]) + 1
             times = "once" if len(frames) == 1 else f"{len(frames)} times"
-            message = f"an angle of {skeleton.names[joint]} jumps by a turn {times}"
+            message = f"an angle of {skeleton.names[joint]} jumps by 360 degrees {times}"
             yield Fault("wrap", (first, last), joint, message)
 
 
 def _moving(motion: Motion) -> npt.NDArray[np.bool_]:
-    """Mark the joint that carries the body through the world, and those below it."""
+    """Return a mask of the joint that moves the body and all joints below it."""
     moving = np.zeros(motion.n_joints, dtype=bool)
     moving[motion.locomotion_root()] = True
     for joint, parent in enumerate(motion.skeleton.parents):
@@ -233,14 +234,14 @@ def _moving(motion: Motion) -> npt.NDArray[np.bool_]:
     return moving
 
 
-def _lengths(ways: FloatArray) -> FloatArray:
-    """Return the mean length over the joints."""
-    lengths: FloatArray = np.sqrt(np.einsum("...i,...i->...", ways, ways)).mean(axis=-1)
+def _mean_lengths(vectors: FloatArray) -> FloatArray:
+    """Return the mean vector length over the joints."""
+    lengths: FloatArray = np.sqrt(np.einsum("...i,...i->...", vectors, vectors)).mean(axis=-1)
     return lengths
 
 
 def _median_around(steps: FloatArray) -> FloatArray:
-    reach = min(_AROUND, len(steps) - 1)
+    reach = min(_MEDIAN_RADIUS, len(steps) - 1)
     padded = np.pad(steps, reach, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
     medians: FloatArray = np.median(windows, axis=-1)
@@ -248,6 +249,6 @@ def _median_around(steps: FloatArray) -> FloatArray:
 
 
 def _runs(marked: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return where runs of marked elements begin, and where the first unmarked follows."""
+    """Return start and stop of each run of marked elements; the stop is excluded."""
     edges = np.flatnonzero(np.diff(marked, prepend=False, append=False))
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

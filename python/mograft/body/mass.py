@@ -1,4 +1,4 @@
-"""What a skeleton weighs, how high it stands and what it stands on."""
+"""Mass model, stature and feet of a skeleton."""
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -16,9 +16,9 @@ from mograft.motion.skeleton import Skeleton
 
 __all__ = ["Foot", "MassModel", "center_of_mass", "mass_model", "moments_of_inertia", "up_axis"]
 
-# de Leva 1996, trunk and head turned to proximal = hips and neck: mass, place of the centre of
-# mass from the proximal end and transverse radius of gyration, in % of body mass and segment
-# length, each male and female.
+# de Leva 1996, with hips and neck as the proximal ends of trunk and head. Mass in % of body mass,
+# then centre of mass from the proximal end and transverse radius of gyration, both in % of
+# segment length; each (male, female).
 _DE_LEVA = {
     "head": ((6.94, 6.68), (50.0, 51.6), (31.5, 29.5)),
     "trunk": ((43.46, 42.57), (48.6, 50.4), (30.6, 29.2)),
@@ -29,8 +29,8 @@ _DE_LEVA = {
     "shank": ((4.33, 4.81), (44.0, 43.5), (24.6, 26.3)),
     "foot": ((1.37, 1.29), (44.2, 40.1), (24.5, 27.9)),
 }
-# Where the mass of a segment goes if the skeleton has no joint for it.
-_NEXT = {
+# Segment that receives the mass of a segment without joints.
+_FALLBACK_SEGMENT = {
     "head": "trunk",
     "hand": "forearm",
     "forearm": "upper_arm",
@@ -39,7 +39,7 @@ _NEXT = {
     "shank": "thigh",
     "thigh": "trunk",
 }
-_SEGMENT = {
+_SEGMENT_OF_PART = {
     "pelvis": "trunk",
     "clavicle": "trunk",
     "tail": "trunk",
@@ -47,12 +47,11 @@ _SEGMENT = {
     "finger": "hand",
     "toe": "foot",
 }
-# A uniform rod about its middle: 1 / sqrt(12).
+# Uniform rod about its middle: radius of gyration 1 / sqrt(12).
 _ROD_CENTER, _ROD_GYRATION = 0.5, 0.289
-# Hips to ankles and hips to head joint, together and alone, in statures. The shares of the two
-# are rounded means over human hierarchies of several makers, not independent ones; they vary by
-# 0.04 (standard deviation), so a stature from one alone is the rougher.
-_BOTH, _LEGS, _UPPER = 0.87, 0.525, 0.345
+# Lengths in statures: hips to ankles plus hips to head joint, and each alone. Rounded means over
+# human hierarchies of several sources. Each alone varies by 0.04 (standard deviation).
+_LEGS_AND_HEAD, _LEGS, _HEAD = 0.87, 0.525, 0.345
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,9 @@ class Foot:
     Parameters
     ----------
     side : str
-        ``"left"``, ``"right"``, or ``""`` where nothing tells.
+        ``"left"``, ``"right"`` or ``""`` if unknown.
     ankle : int
-        The joint that the foot turns about.
+        The ankle joint.
     toe : int or None
         The joint at the ball of the foot, if the skeleton has one.
     """
@@ -76,34 +75,34 @@ class Foot:
 
 @dataclass(frozen=True, eq=False)
 class MassModel:
-    """Masses and lengths of a skeleton's bones; made by `body`.
+    """Masses and lengths of the bones of a skeleton; created by `mass_model`.
 
     Parameters
     ----------
     model : str
-        ``"de Leva"``: a human's masses. ``"rods"``: masses as the lengths of the bones, for
-        animals and skeletons whose names tell too little.
+        ``"de Leva"``: masses of a human. ``"rods"``: masses proportional to bone length, for
+        animals and skeletons with unknown joint names.
     height : float
-        Stature in the file's unit, independent of the pose.
+        Stature in the unit of the file, independent of the pose.
     height_from : str
-        What it was measured by: ``"legs and head"``, ``"legs"``, ``"head"``,
-        ``"longest path"``, or ``"nothing"`` (all offsets are zero; it is 1 then).
+        How it was measured: ``"legs and head"``, ``"legs"``, ``"head"``, ``"longest path"``, or
+        ``"nothing"`` if all offsets are zero; the stature is then 1.
     mass : ndarray, shape (n_joints,)
-        Of each joint's bone, in body masses; they sum to 1.
+        Mass of each joint's bone, as a share of body mass; the sum is 1.
     bone : ndarray, shape (n_joints, 3)
-        From the joint to the end of its bone, in the joint's frame and the file's unit.
+        Vector from the joint to the end of its bone, in the joint frame and the unit of the file.
     center : ndarray, shape (n_joints,)
         Centre of mass along the bone, in bone lengths from the joint.
     gyration : ndarray, shape (n_joints,)
         Transverse radius of gyration about the centre of mass, in bone lengths.
     hips : int
-        The joint that the body hangs on.
+        The lowest joint above all body parts.
     head : int or None
-        The joint that the head turns about, if the skeleton has one.
+        The head joint, if the skeleton has one.
     feet : tuple of Foot
-        Left before right. Empty if no leg is known.
+        Left before right. Empty if the skeleton has no known leg.
     unmatched : tuple of str
-        Names of joints that are known only by their place.
+        Joints whose names are unknown.
     """
 
     model: str
@@ -126,7 +125,7 @@ class MassModel:
         restore(self, state)
 
     def __repr__(self) -> str:
-        return f"Body({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"
+        return f"MassModel({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"
 
     @cached_property
     def inertia(self) -> FloatArray:
@@ -135,41 +134,42 @@ class MassModel:
         In body masses times squared statures: ``m L² (c² + r²)``.
         """
         lengths = np.linalg.norm(self.bone, axis=1) / self.height
-        own: FloatArray = self.mass * lengths**2 * (self.center**2 + self.gyration**2)
-        make_read_only(own)
-        return own
+        moments: FloatArray = self.mass * lengths**2 * (self.center**2 + self.gyration**2)
+        make_read_only(moments)
+        return moments
 
 
 def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
-    """Return what a skeleton's parts weigh, its stature and its feet.
+    """Return the mass model, stature and feet of a skeleton.
 
     Parameters
     ----------
     skeleton : Skeleton
-        Human, animal or anything of bones.
+        A human, an animal or any other hierarchy.
     sex : str
-        ``"female"``, ``"male"`` or their ``"mean"``; of the masses of a human.
+        ``"female"``, ``"male"`` or their ``"mean"``; applies to humans.
 
     Returns
     -------
-    Body
-        By `anatomy`: de Leva's masses for humans with known names, else rods.
+    MassModel
+        De Leva's masses for humans with known joint names, else uniform rods.
 
     Raises
     ------
     ValueError
-        If the sex is none of these.
+        If `sex` is another value.
 
     Notes
     -----
-    de Leva, Journal of Biomechanics 29 (1996). A part of several joints shares its mass as
-    the lengths of their bones, each a rod; the mass of a part without joints goes to the next
-    one nearer to the trunk. The face, markers and what stands above the hips weigh nothing.
+    de Leva, Journal of Biomechanics 29 (1996). A part with several joints divides
+    its mass in proportion to bone length, each bone a rod. The mass of a part without joints is
+    added to the next part towards the trunk. Joints of the face, markers and joints above the
+    hips have mass 0.
 
-    The bone of a joint ends at the child with the largest subtree, at the mean of all children
-    in the pelvis and trunk, and at the end site of a leaf. The stature is (hips to ankles + hips
-    to head joint) / 0.87 along the bones, within some 8 %; hips to ankles / 0.525 or hips to
-    head / 0.345 where only one is known, else the longest way along the bones.
+    The bone of a joint ends at the child with the largest subtree. In pelvis and trunk it ends at
+    the mean of all children, at a leaf at the end site. The stature is (hips to ankles + hips to
+    head joint) / 0.87, measured along the bones. If only one of the two is known, it is hips to
+    ankles / 0.525 or hips to head / 0.345; else the longest path along the bones.
 
     Examples
     --------
@@ -183,42 +183,42 @@ def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
     """
     if sex not in _COLUMNS:
         raise ValueError(f"sex must be one of {', '.join(_COLUMNS)}, got {sex!r}")
-    return _body(_Bones.of(skeleton), sex)
+    return _cached_mass_model(_SkeletonKey.of(skeleton), sex)
 
 
 _COLUMNS = {"male": [0], "female": [1], "mean": [0, 1]}
 
 
 @dataclass(frozen=True)
-class _Bones:
-    """A skeleton that equals others of the same names, hierarchy, offsets and end sites."""
+class _SkeletonKey:
+    """Cache key: equal for skeletons of the same names, hierarchy, offsets and end sites."""
 
     content: tuple[object, ...]
     skeleton: Skeleton = field(compare=False)
 
     @classmethod
-    def of(cls, skeleton: Skeleton) -> "_Bones":
+    def of(cls, skeleton: Skeleton) -> "_SkeletonKey":
         sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
         content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
         return cls(content, skeleton)
 
 
-# Asked several times of every clip, and the clips of an actor share their bones.
+# Called several times per clip; the clips of one actor share their bones.
 @lru_cache(maxsize=64)
-def _body(bones: _Bones, sex: str) -> MassModel:
-    skeleton = bones.skeleton
+def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
+    skeleton = key.skeleton
     known = anatomy(skeleton)
-    bone = _bones(skeleton, known)
+    bone = _bone_vectors(skeleton, known)
     lengths = np.linalg.norm(bone, axis=1)
-    weighs = np.array([part != "other" for part in known.parts])
-    weighs[list(known.details)] = False
+    has_mass = np.array([part != "other" for part in known.parts])
+    has_mass[list(known.details)] = False
     limbs = [(p, s) for p, s in zip(known.parts, known.sides, strict=True) if p in ARM + LEG]
     if known.human and all(side for _, side in limbs):
         model = "de Leva"
-        mass, center, gyration = _de_leva(known, lengths, weighs, _COLUMNS[sex])
+        mass, center, gyration = _de_leva(known, lengths, has_mass, _COLUMNS[sex])
     else:
         model = "rods"
-        mass = _shares(np.where(weighs, lengths, 0.0), weighs)
+        mass = _normalised(np.where(has_mass, lengths, 0.0), has_mass)
         center = np.full(skeleton.n_joints, _ROD_CENTER)
         gyration = np.full(skeleton.n_joints, _ROD_GYRATION)
     head = next(iter(known.joints("head")), None)
@@ -242,29 +242,29 @@ def _body(bones: _Bones, sex: str) -> MassModel:
 
 
 def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -> FloatArray:
-    """Return the moment of inertia that each joint turns.
+    """Return the moment of inertia about each joint.
 
     Parameters
     ----------
-    body : Body
-        Of that skeleton.
+    body : MassModel
+        Mass model of the skeleton.
     skeleton : Skeleton
-        What it weighs.
+        The skeleton.
     kind : str
-        ``"own"``: of the joint's own bone, for angular velocities in the world.
-        ``"subtree"``: of all that hangs on the joint, in the rest pose, for velocities
-        relative to the parent. ``"unit"``: 1 for each bone that has a length.
+        ``"own"``: of the joint's bone alone, for angular velocities relative to the world.
+        ``"subtree"``: of all bones below the joint in the rest pose, for angular velocities
+        relative to the parent. ``"unit"``: 1 for every bone of nonzero length.
 
     Returns
     -------
     ndarray, shape (n_joints,)
-        About the joint, in body masses times squared statures; 0 for what stands above the
-        hips and, except in a subtree, for bones without length.
+        In body masses times squared statures. 0 for joints above the hips and, except for
+        ``"subtree"``, for bones of length 0.
 
     Raises
     ------
     ValueError
-        If the kind is none of these.
+        If `kind` is another value.
 
     Examples
     --------
@@ -285,7 +285,7 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -
         return np.where(below_hips & (lengths > 0), 1.0, 0.0)
     joints = skeleton.rest_positions()
     centers = joints + body.bone * body.center[:, None]
-    # About the joint: mass, first and second moments summed from the leaves upwards.
+    # Sum mass, first and second moments from the leaves upwards, then shift to the joint.
     mass = body.mass.copy()
     first = body.mass[:, None] * centers
     second = body.mass * ((centers**2).sum(axis=1) + (body.gyration * lengths) ** 2)
@@ -294,12 +294,12 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -
         mass[parent] += mass[joint]
         first[parent] += first[joint]
         second[parent] += second[joint]
-    about = second - 2 * (first * joints).sum(axis=1) + mass * (joints**2).sum(axis=1)
-    return np.where(below_hips, np.maximum(about, 0.0), 0.0) / body.height**2
+    moments = second - 2 * (first * joints).sum(axis=1) + mass * (joints**2).sum(axis=1)
+    return np.where(below_hips, np.maximum(moments, 0.0), 0.0) / body.height**2
 
 
 def center_of_mass(motion: Motion) -> FloatArray:
-    """Return where the centre of mass is, by the masses of `body`.
+    """Return the centre of mass in every frame, by `mass_model`.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def center_of_mass(motion: Motion) -> FloatArray:
     Returns
     -------
     ndarray, shape (n_frames, 3)
-        In the file's unit.
+        In the unit of the file.
 
     Examples
     --------
@@ -318,42 +318,43 @@ def center_of_mass(motion: Motion) -> FloatArray:
     [-0.0, 91.0, 7.0]
     """
     known = mass_model(motion.skeleton)
-    turns, joints = motion.world_transforms()
-    # One joint at a time: the whole of a long clip at once is many arrays of its size.
+    world_rotations, positions = motion.world_transforms()
+    # One joint at a time, to bound the memory of long clips.
     center = np.zeros((motion.n_frames, 3))
     for joint, mass in enumerate(known.mass.tolist()):
-        along = known.bone[joint] * known.center[joint]
-        center += mass * (joints[:, joint] + rotations.rotate(turns[:, joint], along))
+        local_center = known.bone[joint] * known.center[joint]
+        rotated = rotations.rotate(world_rotations[:, joint], local_center)
+        center += mass * (positions[:, joint] + rotated)
     return center
 
 
 def up_axis(motion: Motion) -> int:
-    """Return the axis of the world that points up or down: 0, 1 or 2 for x, y or z.
+    """Return the vertical axis of the world: 0, 1 or 2 for x, y or z.
 
     Parameters
     ----------
     motion : Motion
-        Of a body that mostly stands.
+        Motion of a body that mostly stands.
 
     Returns
     -------
     int
-        The axis along which the hips are farthest from the feet in the mean over all frames.
-        Where they are not, as in a split, or where the feet are unknown, that along which the
-        head is from the feet or the hips; 1 where nothing tells.
+        The axis of the largest mean distance between hips and feet. If that distance is below
+        0.1 statures (as in a split) or the feet are unknown, the axis of the largest distance
+        between head and feet or hips; 1 if neither is known.
     """
     found = mass_model(motion.skeleton)
-    places = motion.world_positions().mean(axis=0)
-    hips = places[found.hips]
-    feet = places[[foot.ankle for foot in found.feet]].mean(axis=0) if found.feet else hips
-    # Not the head at once: that of an animal is mostly before its feet.
-    apart = hips - feet
-    if np.abs(apart).max() < 0.1 * found.height and found.head is not None:
-        apart = places[found.head] - feet
-    return int(np.argmax(np.abs(apart))) if apart.any() else 1
+    means = motion.world_positions().mean(axis=0)
+    hips = means[found.hips]
+    feet = means[[foot.ankle for foot in found.feet]].mean(axis=0) if found.feet else hips
+    # Hips first: the head of an animal is in front of its feet.
+    offset = hips - feet
+    if np.abs(offset).max() < 0.1 * found.height and found.head is not None:
+        offset = means[found.head] - feet
+    return int(np.argmax(np.abs(offset))) if offset.any() else 1
 
 
-def _bones(skeleton: Skeleton, known: Anatomy) -> FloatArray:
+def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
     """Return the vector from each joint to the end of its bone."""
     size = np.ones(skeleton.n_joints, dtype=int)
     for joint in range(skeleton.n_joints - 1, 0, -1):
@@ -362,60 +363,62 @@ def _bones(skeleton: Skeleton, known: Anatomy) -> FloatArray:
     bones = np.zeros((skeleton.n_joints, 3))
     for joint, children in enumerate(skeleton.children):
         ends = [site.offset for site in skeleton.end_sites if site.parent == joint]
-        carried = [child for child in children if child not in known.details] or list(children)
+        main = [child for child in children if child not in known.details] or list(children)
         if known.parts[joint] == "other":
-            continue  # it moves the body as a whole and is no bone of it
-        if carried and known.parts[joint] in ("pelvis", "trunk"):
-            bones[joint] = skeleton.offsets[carried].mean(axis=0)
-        elif carried:
-            bones[joint] = skeleton.offsets[max(carried, key=lambda c: (size[c], lengths[c]))]
+            continue  # moves the body as a whole; not a bone
+        if main and known.parts[joint] in ("pelvis", "trunk"):
+            bones[joint] = skeleton.offsets[main].mean(axis=0)
+        elif main:
+            bones[joint] = skeleton.offsets[max(main, key=lambda c: (size[c], lengths[c]))]
         elif ends:
             bones[joint] = max(ends, key=lambda end: float(np.linalg.norm(end)))
     return bones
 
 
-def _shares(weights: FloatArray, among: npt.NDArray[np.bool_]) -> FloatArray:
-    """Return weights that sum to 1; equal ones if all are zero."""
+def _normalised(weights: FloatArray, members: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return weights divided by their sum; equal weights if all are zero."""
     total = float(weights.sum())
-    return weights / total if total > 0 else among / max(int(among.sum()), 1)
+    return weights / total if total > 0 else members / max(int(members.sum()), 1)
 
 
 def _de_leva(
-    known: Anatomy, lengths: FloatArray, weighs: npt.NDArray[np.bool_], columns: list[int]
+    known: Anatomy, lengths: FloatArray, has_mass: npt.NDArray[np.bool_], columns: list[int]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, center and gyration of each joint's bone."""
+    """Return mass, centre of mass and radius of gyration of each joint's bone."""
     n_joints = len(lengths)
     members: dict[tuple[str, str], list[int]] = {}
     for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
-        if weighs[joint]:
-            segment = _SEGMENT.get(part, part)
-            both = segment in ("head", "trunk")
-            members.setdefault((segment, "" if both else side), []).append(joint)
-    heavy = dict.fromkeys(members, 0.0)
+        if has_mass[joint]:
+            segment = _SEGMENT_OF_PART.get(part, part)
+            is_central = segment in ("head", "trunk")
+            members.setdefault((segment, "" if is_central else side), []).append(joint)
+    segment_mass = dict.fromkeys(members, 0.0)
     for segment, (mass_percent, _, _) in _DE_LEVA.items():
         for side in ("",) if segment in ("head", "trunk") else ("left", "right"):
-            bearer = segment
-            while (bearer, "" if bearer == "trunk" else side) not in members:
-                bearer = _NEXT[bearer]
-            key = (bearer, "" if bearer == "trunk" else side)
-            heavy[key] += float(np.mean([mass_percent[column] for column in columns]))
+            receiver = segment
+            while (receiver, "" if receiver == "trunk" else side) not in members:
+                receiver = _FALLBACK_SEGMENT[receiver]
+            key = (receiver, "" if receiver == "trunk" else side)
+            segment_mass[key] += float(np.mean([mass_percent[column] for column in columns]))
     mass = np.zeros(n_joints)
     center = np.full(n_joints, _ROD_CENTER)
     gyration = np.full(n_joints, _ROD_GYRATION)
     for (segment, side), joints in members.items():
-        own = np.zeros(n_joints, dtype=bool)
-        own[joints] = True
-        mass += heavy[segment, side] * _shares(np.where(own, lengths, 0.0), own)
-        whole = [joint for joint in joints if lengths[joint] > 0]
-        if len(whole) == 1:
+        is_member = np.zeros(n_joints, dtype=bool)
+        is_member[joints] = True
+        mass += segment_mass[segment, side] * _normalised(
+            np.where(is_member, lengths, 0.0), is_member
+        )
+        bones = [joint for joint in joints if lengths[joint] > 0]
+        if len(bones) == 1:
             _, centers, gyrations = _DE_LEVA[segment]
-            center[whole[0]] = np.mean([centers[column] for column in columns]) / 100
-            gyration[whole[0]] = np.mean([gyrations[column] for column in columns]) / 100
+            center[bones[0]] = np.mean([centers[column] for column in columns]) / 100
+            gyration[bones[0]] = np.mean([gyrations[column] for column in columns]) / 100
     return mass / mass.sum(), center, gyration
 
 
 def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
-    """Return the feet, left before right: the first joint of each, and its first toe."""
+    """Return the feet, left before right, each with its first joint and its first toe."""
     feet = []
     for ankle in known.joints("foot"):
         parent = int(skeleton.parents[ankle])
@@ -437,39 +440,32 @@ def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
 def _height(
     skeleton: Skeleton, hips: int, head: int | None, feet: tuple[Foot, ...]
 ) -> tuple[float, str]:
-    """Return the stature and what it was measured by."""
+    """Return the stature and how it was measured."""
     leg = float(np.mean([_path(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
     upper = _path(skeleton, hips, head) if head is not None else 0.0
     if leg > 0 and upper > 0:
-        return (leg + upper) / _BOTH, "legs and head"
+        return (leg + upper) / _LEGS_AND_HEAD, "legs and head"
     if leg > 0:
         return leg / _LEGS, "legs"
     if upper > 0:
-        return upper / _UPPER, "head"
+        return upper / _HEAD, "head"
     longest = _longest_path(skeleton)
     return (longest, "longest path") if longest > 0 else (1.0, "nothing")
 
 
 def _longest_path(skeleton: Skeleton) -> float:
-    """Return the longest way between two joints along the bones."""
+    """Return the length of the longest path between two joints along the bones."""
     reach = np.zeros(skeleton.n_joints)
     longest = 0.0
     for joint in range(skeleton.n_joints - 1, 0, -1):
         parent = skeleton.parents[joint]
-        way = float(np.linalg.norm(skeleton.offsets[joint])) + reach[joint]
-        longest = max(longest, reach[parent] + way)
-        reach[parent] = max(reach[parent], way)
+        length = float(np.linalg.norm(skeleton.offsets[joint])) + reach[joint]
+        longest = max(longest, reach[parent] + length)
+        reach[parent] = max(reach[parent], length)
     return longest
 
 
 def _path(skeleton: Skeleton, a: int, b: int) -> float:
-    """Return the length of the way from one joint to another along the bones."""
-    ways = []
-    for joint in (a, b):
-        way = []
-        while joint >= 0:
-            way.append(joint)
-            joint = int(skeleton.parents[joint])
-        ways.append(way)
-    between = set(ways[0]) ^ set(ways[1])
+    """Return the length of the path between two joints along the bones."""
+    between = {a, *skeleton.ancestors(a)} ^ {b, *skeleton.ancestors(b)}
     return float(np.linalg.norm(skeleton.offsets[sorted(between)], axis=1).sum())

@@ -1,4 +1,4 @@
-"""Motions as a mirror shows them: what the left did, the right does."""
+"""Mirror images of motions: left and right are exchanged."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,34 +16,35 @@ from mograft.motion.skeleton import EndSite, Skeleton
 
 __all__ = ["MirroredClips", "mirror", "partners"]
 
-_ALIKE = 0.05
-"""Skeleton heights by which a bone may differ from the mirror image of its partner."""
+_MAX_ASYMMETRY = 0.05
+"""Maximum distance of a bone from the mirror image of its partner, in skeleton heights."""
 
 _OPPOSITE = {"left": "right", "right": "left", "": ""}
 
 
 def partners(skeleton: Skeleton) -> IntArray:
-    """Return the joint on the other side of the body for each joint.
+    """Return the corresponding joint on the other side of the body for each joint.
 
     Parameters
     ----------
     skeleton : Skeleton
-        Human or animal.
+        A human or an animal.
 
     Returns
     -------
     ndarray of int, shape (n_joints,)
-        Joints in the middle are their own partners.
+        Index of the partner. A joint in the middle is its own partner.
 
     Raises
     ------
     ValueError
-        If a joint has none; names it.
+        If a joint has no partner; the message names it.
 
     Notes
     -----
-    Partners are the same part of the body on the other side, below partners, and the same in
-    the order of these: the first finger of the one hand goes with the first of the other.
+    Partners have the same body part on opposite sides, parents that are partners, and the same
+    rank among siblings of that part: the first finger of one hand belongs to the first finger of
+    the other.
 
     Examples
     --------
@@ -55,7 +56,7 @@ def partners(skeleton: Skeleton) -> IntArray:
     known = anatomy(skeleton)
     found = np.zeros(skeleton.n_joints, np.int64)
 
-    def like(parent: int, part: str, side: str) -> list[int]:
+    def matching_children(parent: int, part: str, side: str) -> list[int]:
         return [
             child
             for child in skeleton.children[parent]
@@ -66,43 +67,43 @@ def partners(skeleton: Skeleton) -> IntArray:
         if parent < 0:
             continue
         part, side = known.parts[joint], known.sides[joint]
-        here = like(parent, part, side)
-        there = like(int(found[parent]), part, _OPPOSITE[side])
-        if len(here) != len(there):
+        siblings = matching_children(parent, part, side)
+        counterparts = matching_children(int(found[parent]), part, _OPPOSITE[side])
+        if len(siblings) != len(counterparts):
             raise ValueError(
                 f"every joint must have a partner on the other side to be mirrored, "
                 f"{skeleton.names[joint]} has none"
             )
-        found[joint] = there[here.index(joint)]
+        found[joint] = counterparts[siblings.index(joint)]
     return found
 
 
 def mirror(motion: Motion) -> Motion:
-    """Return a motion as a mirror shows it.
+    """Return the mirror image of a motion.
 
     Parameters
     ----------
     motion : Motion
-        Of a skeleton whose joints have partners; see `partners`.
+        Motion of a skeleton in which every joint has a partner; see `partners`.
 
     Returns
     -------
     Motion
-        Of the same joint names and hierarchy; the bones are those of the other side. Its own
-        mirror image is the motion.
+        Motion with the same joint names and hierarchy. Each bone is the mirror image of its
+        partner. Mirroring twice returns the original motion.
 
     Raises
     ------
     ValueError
-        If a joint has no partner, or a bone is not the mirror image of its partner's; names
-        them.
+        If a joint has no partner or a bone is not the mirror image of its partner's bone. The
+        message names the joints.
 
     Notes
     -----
-    The mirror stands upright. With bones that are mirror images in the rest pose, a joint's
-    rotation (x, y, z, w) becomes (x, -y, -z, w) of its partner, x being the axis through the
-    mirror. Else the joints' own axes are not: a constant turn of each joint, found from where
-    its children are and from the motion's mean pose, puts them right.
+    The mirror plane is vertical. If the rest pose is symmetric, a rotation (x, y, z, w) becomes
+    (x, -y, -z, w) of the partner, where x is the axis normal to the mirror. Otherwise the local
+    axes differ by a constant rotation per joint, which is found from the offsets of the children
+    and the mean pose of the motion.
 
     Examples
     --------
@@ -112,18 +113,18 @@ def mirror(motion: Motion) -> Motion:
     True
     """
     check_type("motion", motion, Motion)
-    image = _Image.of(motion)
+    image = _Reflection.of(motion)
     skeleton, pair = motion.skeleton, image.pair
-    quats, places = np.empty_like(motion.rotations), np.empty_like(motion.positions)
-    quats[:, pair] = image.turns(motion.rotations)
-    places[:, pair] = image.places(motion.positions)
+    quats, positions = np.empty_like(motion.rotations), np.empty_like(motion.positions)
+    quats[:, pair] = image.mirror_rotations(motion.rotations)
+    positions[:, pair] = image.mirror_positions(motion.positions)
     offsets = np.empty_like(skeleton.offsets)
-    offsets[pair] = image.places(skeleton.offsets)
+    offsets[pair] = image.mirror_positions(skeleton.offsets)
     sites = tuple(
-        replace(site, parent=int(pair[site.parent]), offset=image.below(site))
+        replace(site, parent=int(pair[site.parent]), offset=image.mirror_end_site(site))
         for site in skeleton.end_sites
     )
-    own = Skeleton(
+    mirrored = Skeleton(
         skeleton.names,
         skeleton.parents,
         offsets,
@@ -132,9 +133,9 @@ def mirror(motion: Motion) -> Motion:
     )
     return replace(
         motion,
-        skeleton=own,
-        rotations=quats if image.is_plain else rotations.continuous_signs(quats),
-        positions=places,
+        skeleton=mirrored,
+        rotations=quats if image.is_symmetric else rotations.continuous_signs(quats),
+        positions=positions,
         channel_values=None,
         path=None,
         repairs=(),
@@ -142,111 +143,115 @@ def mirror(motion: Motion) -> Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class _Image:
-    """How joints look in a mirror.
+class _Reflection:
+    """Reflection of the joints of a skeleton.
 
-    `axis` goes through the mirror; `turn` (n_joints, 4) leads from the reflected axes of each
-    joint to its partner's own, `above` (n_joints, 4) does of its parent.
+    `axis` is normal to the mirror. `frame` (n_joints, 4) rotates the reflected local axes of each
+    joint to the local axes of its partner; `parent_frame` (n_joints, 4) is that of its parent.
     """
 
     pair: IntArray
     axis: int
-    turn: FloatArray
-    above: FloatArray
-    is_plain: bool
+    frame: FloatArray
+    parent_frame: FloatArray
+    is_symmetric: bool
 
     @classmethod
-    def of(cls, motion: Motion) -> "_Image":
+    def of(cls, motion: Motion) -> "_Reflection":
         skeleton = motion.skeleton
         pair = partners(skeleton)
-        alike = _ALIKE * mass_model(skeleton).height
+        tolerance = _MAX_ASYMMETRY * mass_model(skeleton).height
         level = [axis for axis in range(3) if axis != up_axis(motion)]
-        off = {axis: _missed(skeleton.offsets, pair, axis) for axis in level}
-        through = [axis for axis in level if (off[axis] <= alike).all()]
-        # Where the axes of joints are their own, any upright mirror does, and the image of the
-        # image needs the same one.
-        axis = min(through, key=lambda own: float(off[own].sum()), default=level[0])
-        is_plain = bool(through)
-        turn = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
-        if not is_plain:
-            turn = _own_axes(motion, pair, axis, alike)
-        above = turn[np.maximum(skeleton.parents, 0)]
-        above[skeleton.parents < 0] = rotations.IDENTITY
-        return cls(pair, axis, turn, above, is_plain)
+        asymmetry = {axis: _asymmetry(skeleton.offsets, pair, axis) for axis in level}
+        symmetric = [axis for axis in level if (asymmetry[axis] <= tolerance).all()]
+        # With local axes that are not mirrored, any vertical mirror is valid. Mirroring twice
+        # needs the same one.
+        axis = min(symmetric, key=lambda a: float(asymmetry[a].sum()), default=level[0])
+        is_symmetric = bool(symmetric)
+        frame = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
+        if not is_symmetric:
+            frame = _partner_frames(motion, pair, axis, tolerance)
+        parent_frame = frame[np.maximum(skeleton.parents, 0)]
+        parent_frame[skeleton.parents < 0] = rotations.IDENTITY
+        return cls(pair, axis, frame, parent_frame, is_symmetric)
 
-    def turns(self, quats: FloatArray) -> FloatArray:
-        """Return the partners' rotations; a rotation's axis turns the other way in a mirror."""
-        seen = _turned_back(quats, self.axis)
-        if self.is_plain:
-            return seen
-        back = rotations.inverse(self.above)
-        return rotations.multiply(rotations.multiply(back, seen), self.turn)
+    def mirror_rotations(self, quats: FloatArray) -> FloatArray:
+        """Return the local rotations of the partners."""
+        image = _reflected_rotations(quats, self.axis)
+        if self.is_symmetric:
+            return image
+        from_parent = rotations.inverse(self.parent_frame)
+        return rotations.multiply(rotations.multiply(from_parent, image), self.frame)
 
-    def places(self, places: FloatArray) -> FloatArray:
-        """Return the partners' translations from their parents."""
-        seen = _reflected(places, self.axis)
-        return seen if self.is_plain else rotations.rotate(rotations.inverse(self.above), seen)
+    def mirror_positions(self, positions: FloatArray) -> FloatArray:
+        """Return the local translations of the partners."""
+        image = _reflected(positions, self.axis)
+        if self.is_symmetric:
+            return image
+        return rotations.rotate(rotations.inverse(self.parent_frame), image)
 
-    def below(self, site: EndSite) -> FloatArray:
-        """Return the offset of an end site of a joint's partner."""
-        seen = _reflected(site.offset, self.axis)
-        if self.is_plain:
-            return seen
-        return rotations.rotate(rotations.inverse(self.turn[site.parent]), seen)
+    def mirror_end_site(self, site: EndSite) -> FloatArray:
+        """Return the offset of the corresponding end site of the partner."""
+        image = _reflected(site.offset, self.axis)
+        if self.is_symmetric:
+            return image
+        return rotations.rotate(rotations.inverse(self.frame[site.parent]), image)
 
 
 def _reflected(vectors: FloatArray, axis: int) -> FloatArray:
-    seen = vectors.copy()
-    seen[..., axis] = -seen[..., axis]
-    return seen
+    image = vectors.copy()
+    image[..., axis] = -image[..., axis]
+    return image
 
 
-def _missed(offsets: FloatArray, pair: IntArray, axis: int) -> FloatArray:
-    """Return by how much each bone but the root's is no mirror image of its partner's."""
-    off: FloatArray = np.linalg.norm(offsets[pair] - _reflected(offsets, axis), axis=1)
-    off[0] = 0.0
-    return off
+def _asymmetry(offsets: FloatArray, pair: IntArray, axis: int) -> FloatArray:
+    """Return the distance of each offset from the mirror image of its partner; 0 at the root."""
+    distance: FloatArray = np.linalg.norm(offsets[pair] - _reflected(offsets, axis), axis=1)
+    distance[0] = 0.0
+    return distance
 
 
-def _turned_back(quats: FloatArray, axis: int) -> FloatArray:
-    seen = quats.copy()
-    seen[..., :3] = -_reflected(quats[..., :3], axis)
-    return seen
+def _reflected_rotations(quats: FloatArray, axis: int) -> FloatArray:
+    image = quats.copy()
+    image[..., :3] = -_reflected(quats[..., :3], axis)
+    return image
 
 
-def _own_axes(motion: Motion, pair: IntArray, axis: int, alike: float) -> FloatArray:
-    """Return the turns that lead from joints' reflected axes to their partners' own.
+def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float) -> FloatArray:
+    """Return the rotations from reflected local axes of joints to the axes of their partners.
 
-    Axes lie along bones and across them: of all quarter turns and those made of them that lead
-    the partner's children to where the reflected ones are, the one that makes the mirror image
-    of the motion's mean pose most like it.
+    Local axes lie along and across bones, so the candidates are the 24 rotations of a cube. Of
+    those that map the offsets of the partner's children to the reflected offsets, the one whose
+    mirrored mean pose is closest to the mean pose is returned.
     """
     skeleton = motion.skeleton
-    seen = _reflected(skeleton.offsets, axis)
-    turn = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
+    reflected = _reflected(skeleton.offsets, axis)
+    frame = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
     hub = anatomy(skeleton).hips
-    turned = motion.world_transforms()[0][:: max(motion.n_frames // 200, 1)]
-    mean = _mean(rotations.multiply(rotations.inverse(turned[:, hub, None]), turned))
-    image = rotations.inverse(_turned_back(mean, axis))
+    world_rotations = motion.world_transforms()[0][:: max(motion.n_frames // 200, 1)]
+    to_hub = rotations.inverse(world_rotations[:, hub, None])
+    mean = _mean_rotation(rotations.multiply(to_hub, world_rotations))
+    image = rotations.inverse(_reflected_rotations(mean, axis))
     for joint in range(hub, skeleton.n_joints):
-        below = list(skeleton.children[joint])
-        led = rotations.rotate(_QUARTERS[:, None], skeleton.offsets[pair[below]][None])
-        missed = np.linalg.norm(led - seen[below], axis=2)
-        fits = (missed <= alike).all(axis=1)
+        children = list(skeleton.children[joint])
+        rotated = rotations.rotate(_CUBE_ROTATIONS[:, None], skeleton.offsets[pair[children]][None])
+        distance = np.linalg.norm(rotated - reflected[children], axis=2)
+        fits = (distance <= tolerance).all(axis=1)
         if not fits.any():
-            worst = below[int(missed[missed.max(axis=1).argmin()].argmax())]
+            worst = children[int(distance[distance.max(axis=1).argmin()].argmax())]
             raise ValueError(
-                "bones must be mirror images to be mirrored: those of "
-                f"{skeleton.names[worst]} and {skeleton.names[pair[worst]]} are not"
+                f"bones must be symmetric to be mirrored, got different offsets of "
+                f"{skeleton.names[worst]} and {skeleton.names[pair[worst]]}"
             )
-        like = _product(image[joint], turn[hub], mean[pair[joint]])
-        # The hub's own has nothing to be compared with: the least turn that fits best.
-        off = missed.sum(axis=1) if joint == hub else rotations.angle(_QUARTERS, like)
-        turn[joint] = _QUARTERS[int(np.where(fits, off, np.inf).argmin())]
-    return turn
+        expected = _product(image[joint], frame[hub], mean[pair[joint]])
+        # The hub has no reference pose: the first candidate of smallest distance is taken.
+        at_hub = joint == hub
+        cost = distance.sum(axis=1) if at_hub else rotations.angle(_CUBE_ROTATIONS, expected)
+        frame[joint] = _CUBE_ROTATIONS[int(np.where(fits, cost, np.inf).argmin())]
+    return frame
 
 
-def _quarters() -> FloatArray:
+def _cube_rotations() -> FloatArray:
     """Return the 24 rotations of a cube, the identity first."""
     axes = rotations.from_euler(np.indices((4, 4, 4)).reshape(3, -1).T * (np.pi / 2), "ZYX")
     found: list[FloatArray] = []
@@ -256,17 +261,17 @@ def _quarters() -> FloatArray:
     return np.array(found)
 
 
-_QUARTERS = _quarters()
+_CUBE_ROTATIONS = _cube_rotations()
 
 
-def _product(*turns: FloatArray) -> FloatArray:
-    whole = turns[0]
-    for turn in turns[1:]:
-        whole = rotations.multiply(whole, turn)
-    return whole
+def _product(*factors: FloatArray) -> FloatArray:
+    product = factors[0]
+    for factor in factors[1:]:
+        product = rotations.multiply(product, factor)
+    return product
 
 
-def _mean(quats: FloatArray) -> FloatArray:
+def _mean_rotation(quats: FloatArray) -> FloatArray:
     """Return the mean rotation of each joint: the largest eigenvector of Σ q qᵀ."""
     sums = np.einsum("fji,fjk->jik", quats, quats)
     mean: FloatArray = np.linalg.eigh(sums)[1][:, :, -1]
@@ -275,7 +280,7 @@ def _mean(quats: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class MirroredClips(Sequence[Motion]):
-    """Clips, and behind them their mirror images, each made when it is asked for."""
+    """Clips followed by their mirror images, which are computed on access."""
 
     clips: Sequence[Motion]
     names: tuple[str, ...]

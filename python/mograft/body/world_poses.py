@@ -1,6 +1,6 @@
-"""A body in some frames, as constraints and obstacles see it."""
+"""`Poses`: world poses of a body, for constraints and obstacles."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,14 +16,14 @@ __all__ = ["Poses"]
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """A body in some frames, as constraints see it.
+    """World poses of a body in some frames.
 
     Attributes
     ----------
     skeleton : Skeleton
-        Whose it is.
+        The skeleton.
     frames : ndarray of int, shape (n,)
-        Frames of the base motion; one may come several times, in different poses.
+        Frame of the base motion of each pose; a frame may occur several times.
     rotations : ndarray, shape (n, n_joints, 4)
         World rotations.
     positions : ndarray, shape (n, n_joints, 3)
@@ -31,11 +31,11 @@ class Poses:
     frame_time : float
         Seconds from one frame to the next.
     capsules : Capsules
-        The flesh.
+        Capsules around the bones.
     height : float
-        Stature in the file's unit.
+        Stature in the unit of the file.
     up : int
-        The axis that points up.
+        Index of the vertical axis.
     """
 
     skeleton: Skeleton
@@ -48,39 +48,34 @@ class Poses:
     up: int
 
     @classmethod
-    def from_motion(cls, motion: Motion, flesh: Capsules | None = None) -> "Poses":
-        """Return all frames of a motion.
+    def from_motion(cls, motion: Motion, shape: Capsules | None = None) -> "Poses":
+        """Return the world poses of all frames of a motion.
 
         Parameters
         ----------
         motion : Motion
             The motion.
-        flesh : Capsules, optional
-            Its capsules. Default: those of `capsules`.
+        shape : Capsules, optional
+            Capsules of the body. Default: `capsules` of the skeleton.
         """
         skeleton = motion.skeleton
+        world_rotations, positions = motion.world_transforms()
         return cls(
-            skeleton,
-            np.arange(motion.n_frames),
-            *motion.world_transforms(),
-            motion.frame_time,
-            capsules(skeleton) if flesh is None else flesh,
-            mass_model(skeleton).height,
-            up_axis(motion),
+            skeleton=skeleton,
+            frames=np.arange(motion.n_frames),
+            rotations=world_rotations,
+            positions=positions,
+            frame_time=motion.frame_time,
+            capsules=capsules(skeleton) if shape is None else shape,
+            height=mass_model(skeleton).height,
+            up=up_axis(motion),
         )
 
-    def with_poses(self, frames: IntArray, turned: FloatArray, placed: FloatArray) -> "Poses":
+    def with_poses(
+        self, frames: IntArray, world_rotations: FloatArray, positions: FloatArray
+    ) -> "Poses":
         """Return the same body in other poses."""
-        return Poses(
-            self.skeleton,
-            frames,
-            turned,
-            placed,
-            self.frame_time,
-            self.capsules,
-            self.height,
-            self.up,
-        )
+        return replace(self, frames=frames, rotations=world_rotations, positions=positions)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -91,5 +86,5 @@ class Poses:
         return self.capsules.ends(self.rotations, self.positions)
 
     def joint_positions(self, joint: str) -> FloatArray:
-        """Return where a joint is in the world, shape (n, 3)."""
+        """Return the world positions of a joint, shape (n, 3)."""
         return self.positions[:, self.skeleton.index(joint)]

@@ -229,7 +229,7 @@ class AvoidSelf(Constraint):
 
     def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         flesh = poses.capsules
-        pairs = flesh.meetings
+        pairs = flesh.self_collision_pairs
         if joints is not None:
             pairs = pairs[joints[flesh.joints[pairs[:, 0]]]]
         distance, which = clearance(
