@@ -209,7 +209,7 @@ def test_labels_follow_sigma_and_nothing_else_changes(library):
     assert wider.segments is library.segments
     back = wider.relabelled(library.config)
     np.testing.assert_array_equal(back.labels["lower"], library.labels["lower"])
-    with pytest.raises(ValueError, match="samples must be 10, as the library was built by; got 5"):
+    with pytest.raises(ValueError, match=r"samples must be 10, .* the library was built; got 5"):
         library.relabelled(replace(library.config, samples=5))
 
 

@@ -27,6 +27,7 @@ from mograft import (
     Motion,
     NotFrom,
     OnlyFrom,
+    Segments,
     Skeleton,
     SkeletonMismatchError,
     graft,
@@ -36,10 +37,12 @@ from mograft import (
 from mograft.cli import main
 from mograft.cli.files import select_clips
 from mograft.dancer import dance
+from mograft.library import generation, stored_clips
 from mograft.library import storage as store
 from mograft.library.discover import read_tags, relative_path
 from mograft.library.export import export_tables, library_tables
-from mograft.library.ingest import pack, unpack
+from mograft.library.packing import pack, unpack
+from mograft.library.stored_clips import RowRange
 from tests.strategies import motions
 
 WHOLE = dance(seed=5, strides=1).motion
@@ -193,13 +196,13 @@ def test_adding_equals_building_afresh(clips, stored, tmp_path, first):
 
 
 def test_only_what_is_new_or_changed_is_read(clips, tmp_path, monkeypatch):
-    from mograft.library import ingest as digest
+    from mograft.library import ingest
 
     folder = moved(clips, tmp_path / "part", NAMES[:3])
     library = Library.index(folder, tmp_path / "l")
     read = []
-    plain = digest.read_bvh
-    monkeypatch.setattr(digest, "read_bvh", lambda path: read.append(path) or plain(path))
+    plain = ingest.read_bvh
+    monkeypatch.setattr(ingest, "read_bvh", lambda path: read.append(path) or plain(path))
     library = library.add(moved(clips, folder, NAMES[:4]))
     assert [os.path.basename(path) for path in read] == ["a.bvh"]
     (folder / "c.bvh").write_bytes((clips / "d.bvh").read_bytes())
@@ -316,9 +319,9 @@ def test_tags_come_from_folders_and_tables(clips, stored, tmp_path):
 
 @pytest.mark.parametrize("kind", ["threads", "processes", "dask"])
 def test_the_executor_does_not_matter(clips, stored, tmp_path, monkeypatch, kind):
-    from mograft.library import ingest as digest
+    from mograft.library import ingest
 
-    monkeypatch.setattr(digest, "_BATCH", 1)  # so that five clips are several batches
+    monkeypatch.setattr(ingest, "_BATCH_CLIPS", 1)  # so that five clips are several batches
     if kind == "threads":
         with ThreadPoolExecutor(2) as pool:
             same(Library.index(clips, tmp_path / "l", executor=pool), stored)
@@ -389,12 +392,14 @@ def test_chunks_are_cut_alike_wherever_samples_are(stored, monkeypatch):
     """However the rows lie in files, the same chunks come out."""
     from mograft.analysis import embedding
 
-    monkeypatch.setattr(store, "CHUNK", 7)
+    monkeypatch.setattr(stored_clips, "CHUNK", 7)
     assert embedding.CHUNK > 7
     rows = [chunk.rows for chunk in stored.samples.chunks()]
     assert [len(own) for own in rows[:-1]] == [7] * (len(rows) - 1)
     whole = np.concatenate(rows)
-    split = replace(stored.samples, extents=((0, 5, 20), (0, 0, 3), (0, 40, 9)))
+    split = replace(
+        stored.samples, ranges=tuple(RowRange(0, *rows) for rows in ((5, 20), (0, 3), (40, 9)))
+    )
     got = np.concatenate([chunk.rows for chunk in split.chunks()])
     np.testing.assert_array_equal(got, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
 
@@ -487,7 +492,7 @@ def test_a_file_that_is_cut_or_gone_is_refused(small, data):
             path.unlink()
         else:
             path.write_bytes(whole[: data.draw(st.integers(0, len(whole) - 1))])
-        with pytest.raises(LibraryError, match=r"damaged|no mograft library"):
+        with pytest.raises(LibraryError, match=r"damaged|not a mograft library"):
             Library.open(small)
     finally:
         path.write_bytes(whole)
@@ -496,24 +501,24 @@ def test_a_file_that_is_cut_or_gone_is_refused(small, data):
 def test_what_is_no_library_of_ours_is_refused_with_what_to_do(small, tmp_path):
     with pytest.raises(FileNotFoundError):
         Library.open(tmp_path / "nothing")
-    with pytest.raises(LibraryError, match=r"no mograft library: .* mograft index CLIPS -o"):
+    with pytest.raises(LibraryError, match=r"not a mograft library: .* mograft index CLIPS -o"):
         Library.open(tmp_path)
     (tmp_path / "a.bvh").write_text("HIERARCHY")
-    with pytest.raises(LibraryError, match=r"a\.bvh is no mograft library: it is a file"):
+    with pytest.raises(LibraryError, match=r"a\.bvh is not a mograft library: it is a file"):
         Library.open(tmp_path / "a.bvh")
     shutil.copytree(small, tmp_path / "l")
     manifest = tmp_path / "l" / "manifest.json"
     document = json.loads(manifest.read_text())
     for change, message in (
-        ({"version": 99, "mograft": "7.0"}, "made by mograft 7.0.*upgrade"),
-        ({"format": "other"}, "of another format"),
+        ({"version": 99, "mograft": "7.0"}, "written by mograft 7.0.*upgrade"),
+        ({"format": "other"}, "another format"),
         ({"rate": 31.0}, "damaged: .*checksum.*--force"),
     ):
         manifest.write_text(json.dumps({**document, **change}))
         with pytest.raises(LibraryError, match=message):
             Library.open(tmp_path / "l")
     manifest.write_text("{")
-    with pytest.raises(LibraryError, match="no JSON"):
+    with pytest.raises(LibraryError, match="not valid JSON"):
         store.verify(tmp_path / "l")
 
 
@@ -538,7 +543,7 @@ def test_what_is_there_is_not_overwritten(clips, stored, tmp_path):
 
 def test_one_writes_at_a_time_and_many_read(clips, tmp_path):
     library = Library.index(clips / "c.bvh", tmp_path / "l")
-    with store.write_generation(tmp_path / "l", add=True):
+    with generation.write_generation(tmp_path / "l", add=True):
         with pytest.raises(LibraryError, match="another process is writing"):
             library.add(clips)
         same(Library.open(tmp_path / "l"), library)
@@ -583,14 +588,14 @@ def test_a_kill_leaves_the_old_library_or_the_new_one(clips, stored, tmp_path, w
         assert store.list_leftovers(place) == []
 
 
-@pytest.mark.parametrize("stage", ["write_array", "write_catalogue", "commit"])
+@pytest.mark.parametrize("stage", ["write_array", "write_clip_table", "commit"])
 def test_an_error_at_any_stage_leaves_what_was_there(clips, tmp_path, monkeypatch, stage):
     library = Library.index(clips / "c.bvh", tmp_path / "l")
 
     def fail(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store.GenerationWriter, stage, fail)
+    monkeypatch.setattr(generation.GenerationWriter, stage, fail)
     with pytest.raises(KeyboardInterrupt):
         library.add(clips)
     with pytest.raises(KeyboardInterrupt):
@@ -615,10 +620,10 @@ def test_a_full_disk_leaves_what_was_there_and_is_told_by_file(clips, tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert told.value.filename.startswith(str(tmp_path / "l"))
-    draft = store.GenerationWriter(tmp_path, tmp_path / "x", None, 9)
+    draft = generation.GenerationWriter(tmp_path, tmp_path / "x", None, 9)
     (tmp_path / "0009" / "catalog.sqlite").mkdir()
     with pytest.raises(LibraryError, match=r"catalog\.sqlite cannot be written"):
-        draft.write_catalogue([], [], {}, np.zeros((0, 4), np.int64), {})
+        draft.write_clip_table([], [], {}, Segments([], []), np.zeros(0, bool), {})
     shutil.rmtree(tmp_path / "0009")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
     assert store.list_leftovers(tmp_path / "l") == []

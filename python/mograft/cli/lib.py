@@ -95,7 +95,7 @@ def run_verify(options: argparse.Namespace) -> int:
 
 def _verify_sources(folder: Path) -> list[str]:
     """Return which source files of a library are missing or differ from the ones it read."""
-    from mograft.library.ingest import describe_source_file
+    from mograft.library.ingest import SourceFile
     from mograft.library.library import Library
 
     differences = []
@@ -104,7 +104,7 @@ def _verify_sources(folder: Path) -> list[str]:
         if source is None:
             continue
         try:
-            if describe_source_file(source.path).sha256 != source.sha256:
+            if SourceFile.from_path(source.path).sha256 != source.sha256:
                 differences.append(f"{source.path} has changed since the library read it")
         except OSError as error:
             differences.append(f"{source.path}: {error.strerror}")

@@ -1,1 +1,1 @@
-"""Libraries of segments: building, storing and opening them."""
+"""Libraries of segments: build, store, open and export them."""

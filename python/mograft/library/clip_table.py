@@ -1,59 +1,60 @@
-"""The catalogue of a library: clips, skeletons, segments and labels as tables of SQLite."""
+"""The SQLite database of a library: clips, skeletons, segments and labels."""
 
 import contextlib
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from mograft._util.arrays import IntArray
+from mograft._util.arrays import BoolArray, IntArray
+from mograft.analysis.segmentation import Segments
 from mograft.errors import LibraryError
 from mograft.library.discover import relative_path
-from mograft.library.ingest import ClipProperties, PackedContent, SourceFile
+from mograft.library.ingest import SourceFile
+from mograft.library.packing import PackedContent
+from mograft.library.spec import ClipProperties
 from mograft.motion.skeleton import EndSite, Skeleton
 
 __all__ = [
     "ClipInfo",
     "ClipLocation",
-    "read",
-    "read_skeleton",
-    "skeleton_fields",
-    "skeleton_of",
-    "skeleton_text",
-    "write",
+    "ClipTable",
+    "read_clip_table",
+    "skeleton_from_json",
+    "skeleton_to_json",
+    "write_clip_table",
 ]
 
 
 @dataclass(frozen=True)
 class ClipInfo:
-    """What a library knows of a clip besides its frames.
+    """The metadata of a clip.
 
     Attributes
     ----------
     name : str
-        Its name, which no other clip of the library has.
-    own_name : str
-        What it calls itself.
-    origin : Origin or None
-        The file that it was read from, and what that was like then.
-    rate : float
-        Frames per second of the clip itself; the library's clips all have the library's.
-    given_rate : float or None
-        That rate, if it was given because the file has a wrong one.
-    own_frames, n_frames : int
-        Its frames, and those at the library's rate.
+        Its name in the library; unique.
+    source_name : str
+        Its name in the source; may be empty.
+    source_file : SourceFile or None
+        The file from which it was read.
+    source_rate : float
+        Frames per second before resampling to the library's rate.
+    rate_override : float or None
+        `source_rate`, if it was given because the file has a wrong rate.
+    source_frames, n_frames : int
+        Number of frames before and after resampling.
     root, up : int
-        As in `Facts`.
+        As in `ClipProperties`.
     faults : tuple of str
-        What was found in it that makes some of its segments unfit to lend.
+        Messages of the faults because of which some of its segments are excluded as donors.
     tags : tuple of str
-        Words to choose clips by.
+        Words by which donors can be chosen.
     """
 
     name: str
@@ -69,23 +70,29 @@ class ClipInfo:
     tags: tuple[str, ...]
 
     def properties(self, skeleton: Skeleton) -> ClipProperties:
-        """Return what the clip says of itself."""
-        return ClipProperties(skeleton, self.source_rate, self.source_frames, self.root, self.up)
+        """Return the properties of the clip, given its skeleton."""
+        return ClipProperties(
+            skeleton=skeleton,
+            rate=self.source_rate,
+            n_frames=self.source_frames,
+            root=self.root,
+            up=self.up,
+        )
 
 
 class ClipLocation(NamedTuple):
-    """Where a stored clip is, and how to read it.
+    """Where a clip lies in the files of a library.
 
     Attributes
     ----------
     shard : int
-        Index of the files that hold it, in the order of the manifest.
-    at, size : int
-        Its first number in ``frames`` and how many there are.
-    row : int
-        Its first row in ``samples``.
-    kind, frame_time, repairs
-        As in `Stored`.
+        Index of its files, in the order of the manifest.
+    first_number, n_numbers : int
+        Its numbers in the ``frames`` file.
+    first_row : int
+        Its first row in the ``samples`` file.
+    content, frame_time, repairs
+        As in `PackedMotion`.
     skeleton : int
         Index of its skeleton.
     """
@@ -100,17 +107,29 @@ class ClipLocation(NamedTuple):
     skeleton: int
 
 
-@contextlib.contextmanager
-def _database(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open a new database; what goes wrong is told with its name."""
-    try:
-        with contextlib.closing(sqlite3.connect(path)) as base, base:
-            yield base
-    except sqlite3.Error as error:
-        raise LibraryError(f"{path} cannot be written: {error}") from error
+@dataclass(frozen=True)
+class ClipTable:
+    """The clips of a stored library.
+
+    Attributes
+    ----------
+    entries : tuple of ClipInfo
+        Metadata of the clips.
+    locations : tuple of ClipLocation
+        Locations of the clips.
+    skeletons : tuple of Skeleton
+        The skeletons that `ClipLocation.skeleton` counts.
+    refused : dict of str to str
+        Files that were left out, and the reasons.
+    """
+
+    entries: tuple[ClipInfo, ...]
+    locations: tuple[ClipLocation, ...]
+    skeletons: tuple[Skeleton, ...]
+    refused: Mapping[str, str]
 
 
-_TABLES = """
+_SCHEMA = """
 CREATE TABLE skeleton (id INTEGER PRIMARY KEY, json TEXT NOT NULL);
 CREATE TABLE clip (
     id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, own_name TEXT NOT NULL,
@@ -132,92 +151,118 @@ CREATE TABLE label (
     PRIMARY KEY (joint_group, cluster, segment)
 ) WITHOUT ROWID;
 """
-_COLUMNS = 23
 
 
-def _row(number: int, entry: ClipInfo, place: ClipLocation, folder: Path) -> tuple[Any, ...]:
-    source: tuple[Any, ...] = (None,) * 4
-    if entry.source_file is not None:
-        own = entry.source_file
-        source = (relative_path(own.path, folder).as_posix(), own.size, own.mtime_ns, own.sha256)
-    return (
-        number,
-        entry.name,
-        entry.source_name,
-        *source,
-        entry.source_rate,
-        entry.rate_override,
-        entry.source_frames,
-        entry.n_frames,
-        entry.root,
-        entry.up,
-        json.dumps(entry.faults),
-        json.dumps(entry.tags),
-        *place[:6],
-        json.dumps(place.repairs),
-        place.skeleton,
-    )
-
-
-def write(
+def write_clip_table(
     path: Path,
-    entries: Sequence[ClipInfo],
-    places: Sequence[ClipLocation],
-    skeletons: Sequence[str],
-    refused: Mapping[str, str],
-    segments: npt.NDArray[np.int64],
+    table: ClipTable,
+    segments: Segments,
+    is_donor: BoolArray,
     labels: Mapping[str, IntArray],
     folder: Path,
 ) -> None:
-    """Write what is known of clips, segments and labels, as tables.
+    """Write the database of a library.
 
     Parameters
     ----------
     path : Path
-        The database to make.
-    entries, places : sequence of Entry and of Place
+        The file to create.
+    table : ClipTable
         The clips.
-    skeletons : sequence of str
-        `skeleton_text` of those that places name, in the order of their indices.
-    refused : mapping of str to str
-        Files that were left out, and why.
-    segments : ndarray of int, shape (n_segments, 4)
-        Clip, start, stop and whether it is a donor.
+    segments : Segments
+        The segments.
+    is_donor : ndarray of bool, shape (n_segments,)
+        Whether each segment may be a donor.
     labels : mapping of str to ndarray of int, shape (n_segments,)
         The cluster of each segment, by joint group.
     folder : Path
-        The library: paths of files are written as seen from there.
+        The library: paths of source files are written relative to it.
 
     Raises
     ------
     LibraryError
-        If it cannot be written.
+        If the file cannot be written.
     """
-    with _database(path) as base:
-        base.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _TABLES)
-        base.executemany("INSERT INTO skeleton VALUES (?, ?)", list(enumerate(skeletons)))
-        base.executemany(
-            f"INSERT INTO clip VALUES ({', '.join('?' * _COLUMNS)})",
-            [
-                _row(number, entry, place, folder)
-                for number, (entry, place) in enumerate(zip(entries, places, strict=True))
-            ],
+    rows = zip(table.entries, table.locations, strict=True)
+    ends = (segments.clip, segments.start, segments.stop, is_donor.astype(np.int64))
+    with _create_database(path) as database:
+        database.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _SCHEMA)
+        database.executemany(
+            "INSERT INTO skeleton (id, json) VALUES (?, ?)",
+            [(i, json.dumps(skeleton_to_json(one))) for i, one in enumerate(table.skeletons)],
         )
-        base.executemany("INSERT INTO refused VALUES (?, ?)", list(refused.items()))
-        base.executemany(
-            "INSERT INTO segment VALUES (?, ?, ?, ?, ?)",
-            [(number, *row) for number, row in enumerate(segments.tolist())],
+        database.executemany(
+            _INSERT_CLIP, [_clip_row(i, *row, folder=folder) for i, row in enumerate(rows)]
         )
-        for group, own in labels.items():
-            order = np.argsort(own, kind="stable")
-            rows = zip(own[order].tolist(), order.tolist(), strict=True)
-            base.executemany("INSERT INTO label VALUES (?, ?, ?)", [(group, *row) for row in rows])
+        database.executemany(
+            "INSERT INTO refused (path, reason) VALUES (?, ?)", list(table.refused.items())
+        )
+        database.executemany(
+            "INSERT INTO segment (id, clip, start, stop, is_donor) VALUES (?, ?, ?, ?, ?)",
+            [(i, *row) for i, row in enumerate(np.stack(ends, axis=1).tolist())],
+        )
+        for group, clusters in labels.items():
+            order = np.argsort(clusters, kind="stable")
+            members = zip(clusters[order].tolist(), order.tolist(), strict=True)
+            database.executemany(
+                "INSERT INTO label (joint_group, cluster, segment) VALUES (?, ?, ?)",
+                [(group, *member) for member in members],
+            )
 
 
-def read(
-    path: Path,
-) -> tuple[tuple[ClipInfo, ...], tuple[ClipLocation, ...], tuple[Skeleton, ...], dict[str, str]]:
-    """Read what `write` wrote, segments and labels apart.
+_INSERT_CLIP = """
+INSERT INTO clip VALUES (
+    :id, :name, :own_name, :path, :bytes, :mtime_ns, :sha256,
+    :rate, :given_rate, :own_frames, :n_frames, :root, :up, :faults, :tags,
+    :shard, :first_number, :n_numbers, :first_row, :kind, :frame_time, :repairs, :skeleton
+)
+"""
+
+
+def _clip_row(
+    index: int, info: ClipInfo, location: ClipLocation, *, folder: Path
+) -> dict[str, Any]:
+    """Return the row of a clip, by column."""
+    file = info.source_file
+    return {
+        "id": index,
+        "name": info.name,
+        "own_name": info.source_name,
+        "path": None if file is None else relative_path(file.path, folder).as_posix(),
+        "bytes": None if file is None else file.size,
+        "mtime_ns": None if file is None else file.mtime_ns,
+        "sha256": None if file is None else file.sha256,
+        "rate": info.source_rate,
+        "given_rate": info.rate_override,
+        "own_frames": info.source_frames,
+        "n_frames": info.n_frames,
+        "root": info.root,
+        "up": info.up,
+        "faults": json.dumps(info.faults),
+        "tags": json.dumps(info.tags),
+        "shard": location.shard,
+        "first_number": location.first_number,
+        "n_numbers": location.n_numbers,
+        "first_row": location.first_row,
+        "kind": location.content,
+        "frame_time": location.frame_time,
+        "repairs": json.dumps(location.repairs),
+        "skeleton": location.skeleton,
+    }
+
+
+@contextlib.contextmanager
+def _create_database(path: Path) -> Iterator[sqlite3.Connection]:
+    """Create a database; errors name the file."""
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as database, database:
+            yield database
+    except sqlite3.Error as error:
+        raise LibraryError(f"{path} cannot be written: {error}") from error
+
+
+def read_clip_table(path: Path) -> ClipTable:
+    """Read the clips from the database of a library.
 
     Parameters
     ----------
@@ -226,44 +271,84 @@ def read(
 
     Returns
     -------
-    entries, places, skeletons : tuple of Entry, of Place and of Skeleton
-        The clips, files with their paths from here, and the skeletons that places name.
-    refused : dict of str to str
-        Files that were left out, and why.
+    ClipTable
+        With absolute paths of source files.
 
     Raises
     ------
     sqlite3.Error, KeyError, TypeError, ValueError
-        If it is damaged.
+        If the database is damaged.
     """
-    # As immutable: nothing is ever written beside it, and no lock is asked for.
+    # Immutable: SQLite takes no lock and writes no file beside the database.
     uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     folder = str(path.absolute().parent.parent)
-    entries, places = [], []
-    with contextlib.closing(sqlite3.connect(uri, uri=True)) as base:
-        for row in base.execute("SELECT * FROM clip ORDER BY id"):
-            origin = None
-            if row[3] is not None:
-                where = os.path.normpath(os.path.join(folder, row[3]))
-                origin = SourceFile(where, row[4], row[5], row[6])
-            facts = row[7], row[8], row[9], row[10], row[11], row[12]
-            words = _words(row[13]), _words(row[14])
-            entries.append(ClipInfo(row[1], row[2], origin, *facts, *words))
-            place = row[15], row[16], row[17], row[18], row[19], row[20]
-            places.append(ClipLocation(*place, _words(row[21]), row[22]))
-        skeletons = tuple(
-            read_skeleton(text) for (text,) in base.execute("SELECT json FROM skeleton ORDER BY id")
+    entries, locations = [], []
+    with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
+        for row in _select(database, "SELECT * FROM clip ORDER BY id"):
+            entries.append(_clip_info(row, folder))
+            locations.append(_clip_location(row))
+        skeletons = [
+            skeleton_from_json(json.loads(row["json"]))
+            for row in _select(database, "SELECT json FROM skeleton ORDER BY id")
+        ]
+        refused = {
+            row["path"]: row["reason"]
+            for row in _select(database, "SELECT path, reason FROM refused")
+        }
+    return ClipTable(tuple(entries), tuple(locations), tuple(skeletons), refused)
+
+
+def _select(database: sqlite3.Connection, query: str) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a query, each by column."""
+    rows = database.execute(query)
+    columns = [column[0] for column in rows.description]
+    for row in rows:
+        yield dict(zip(columns, row, strict=True))
+
+
+def _clip_info(row: Mapping[str, Any], folder: str) -> ClipInfo:
+    source_file = None
+    if row["path"] is not None:
+        source_file = SourceFile(
+            path=os.path.normpath(os.path.join(folder, row["path"])),
+            size=row["bytes"],
+            mtime_ns=row["mtime_ns"],
+            sha256=row["sha256"],
         )
-        refused = dict(base.execute("SELECT path, reason FROM refused"))
-    return tuple(entries), tuple(places), skeletons, refused
+    return ClipInfo(
+        name=row["name"],
+        source_name=row["own_name"],
+        source_file=source_file,
+        source_rate=row["rate"],
+        rate_override=row["given_rate"],
+        source_frames=row["own_frames"],
+        n_frames=row["n_frames"],
+        root=row["root"],
+        up=row["up"],
+        faults=_strings(row["faults"]),
+        tags=_strings(row["tags"]),
+    )
 
 
-def _words(text: str) -> tuple[str, ...]:
+def _clip_location(row: Mapping[str, Any]) -> ClipLocation:
+    return ClipLocation(
+        shard=row["shard"],
+        first_number=row["first_number"],
+        n_numbers=row["n_numbers"],
+        first_row=row["first_row"],
+        content=row["kind"],
+        frame_time=row["frame_time"],
+        repairs=_strings(row["repairs"]),
+        skeleton=row["skeleton"],
+    )
+
+
+def _strings(text: str) -> tuple[str, ...]:
     return () if text == "[]" else tuple(json.loads(text))
 
 
-def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
-    """Return a skeleton as JSON can hold it."""
+def skeleton_to_json(skeleton: Skeleton) -> dict[str, Any]:
+    """Return a skeleton as a JSON document."""
     return {
         "names": skeleton.names,
         "parents": skeleton.parents.tolist(),
@@ -276,17 +361,7 @@ def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
     }
 
 
-def skeleton_of(fields: Mapping[str, Any]) -> Skeleton:
-    """Return the skeleton that `skeleton_fields` made fields of."""
-    rest = {key: value for key, value in fields.items() if key != "end_sites"}
-    return Skeleton(**rest, end_sites=tuple(EndSite(*own) for own in fields["end_sites"]))
-
-
-def skeleton_text(skeleton: Skeleton) -> str:
-    """Return a skeleton as JSON."""
-    return json.dumps(skeleton_fields(skeleton))
-
-
-def read_skeleton(text: str) -> Skeleton:
-    """Return the skeleton that `skeleton_text` made a text of."""
-    return skeleton_of(json.loads(text))
+def skeleton_from_json(document: Mapping[str, Any]) -> Skeleton:
+    """Return the skeleton of a JSON document."""
+    fields = {key: value for key, value in document.items() if key != "end_sites"}
+    return Skeleton(**fields, end_sites=tuple(EndSite(*site) for site in document["end_sites"]))

@@ -1,4 +1,4 @@
-"""Which clips are meant: files found, named and tagged."""
+"""Find the clips of a library, name them, and look up their tags and frame rates."""
 
 import csv
 import glob
@@ -19,6 +19,7 @@ __all__ = [
     "find_clips",
     "matching_values",
     "read_tags",
+    "relative_path",
     "sort_by_path",
     "unique_names",
 ]
@@ -29,14 +30,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class FoundClip:
-    """A clip that was meant.
+    """A clip that a source stands for.
 
     Attributes
     ----------
     source : Motion or str
         The clip, or its file.
     folders : tuple of str
-        The folders between what was asked for and the file.
+        The folders between the source and the file.
     """
 
     source: Motion | str
@@ -44,7 +45,7 @@ class FoundClip:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What the clip may be called in a table: name, file name, way from what was asked for."""
+        """The clip's keys in a table: name, file name, path relative to the source."""
         if isinstance(self.source, Motion):
             return (self.source.name,)
         path = Path(self.source)
@@ -52,81 +53,75 @@ class FoundClip:
 
 
 def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
-    """Return the clips that are meant.
+    """Find the clips that sources stand for.
 
     Parameters
     ----------
     sources : Motion, path, folder or glob, or several
-        What is asked for.
+        A folder stands for all BVH files in it and in its subfolders.
 
     Returns
     -------
-    list of Found
-        In the order asked for; what a folder or a glob holds in order of name.
+    list of FoundClip
+        In the order of the sources; the files of a folder or glob in order of name.
 
     Raises
     ------
     FileNotFoundError
         If a folder or glob holds no BVH file.
     ValueError
-        If nothing is asked for.
+        If there is no source.
     """
-    several = [sources] if isinstance(sources, Motion | str | PathLike) else list(sources)
-    found: list[FoundClip] = []
+    several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
+    clips: list[FoundClip] = []
     for source in several:
-        if isinstance(source, Motion):
-            found.append(FoundClip(source))
-            continue
-        path = fspath(source)
-        if os.path.isdir(path):
-            found += _inside(path)
-            continue
-        matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
-        if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
-            raise FileNotFoundError(f"no file matches {path}")
-        if not matches and not os.path.lexists(path):
-            raise FileNotFoundError(2, "No such file or directory", path)
-        found += [FoundClip(match) for match in matches or [path]]
-    if not found:
+        clips += [FoundClip(source)] if isinstance(source, Motion) else _find_files(fspath(source))
+    if not clips:
         raise ValueError("sources must hold at least one clip, got none")
-    return found
+    return clips
 
 
-def _inside(folder: str) -> list[FoundClip]:
-    files = sorted(path for path in Path(folder).rglob("*") if path.suffix.lower() == ".bvh")
-    if not files:
-        raise FileNotFoundError(2, "no BVH file in this folder", folder)
-    return [FoundClip(str(path), path.relative_to(folder).parts[:-1]) for path in files]
+def _find_files(path: str) -> list[FoundClip]:
+    if os.path.isdir(path):
+        files = sorted(file for file in Path(path).rglob("*") if file.suffix.lower() == ".bvh")
+        if not files:
+            raise FileNotFoundError(2, "no BVH file in this folder", path)
+        return [FoundClip(str(file), file.relative_to(path).parts[:-1]) for file in files]
+    matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
+    if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
+        raise FileNotFoundError(f"no file matches {path}")
+    if not matches and not os.path.lexists(path):
+        raise FileNotFoundError(2, "No such file or directory", path)
+    return [FoundClip(match) for match in matches or [path]]
 
 
-def sort_by_path(found: Sequence[FoundClip], folder: Path) -> dict[tuple[str, ...], FoundClip]:
-    """Return files by their ways from a folder, in the order of these, each once.
+def sort_by_path(clips: Sequence[FoundClip], folder: Path) -> dict[tuple[str, ...], FoundClip]:
+    """Return each file once, by its path relative to a folder, sorted by these paths.
 
     Raises
     ------
     TypeError
-        If a motion is among them.
+        If a clip is a motion.
     """
-    ways = {}
-    for own in found:
-        if isinstance(own.source, Motion):
-            raise TypeError("sources must be files; a library of motions is built, then saved")
-        ways[relative_path(own.source, folder).parts] = own
-    return {way: ways[way] for way in sorted(ways)}
+    by_path = {}
+    for clip in clips:
+        if isinstance(clip.source, Motion):
+            raise TypeError(
+                "sources must be files, got a Motion: use Library.build and Library.save"
+            )
+        by_path[relative_path(clip.source, folder).parts] = clip
+    return {path: by_path[path] for path in sorted(by_path)}
 
 
 def relative_path(path: str, folder: Path) -> Path:
-    """Return the way from a folder to a file: what clips are ordered by.
-
-    It is relative, but for a file on another drive.
-    """
-    home, name = os.path.split(os.path.abspath(path))
-    return _way(home, os.path.abspath(folder)) / name
+    """Return the path of a file relative to a folder; absolute if it is on another drive."""
+    parent, name = os.path.split(os.path.abspath(path))
+    return _relative_folder(parent, os.path.abspath(folder)) / name
 
 
 @cache
-def _way(path: str, start: str) -> Path:
-    """Return the way from one folder to another; files by the thousand lie in few of them."""
+def _relative_folder(path: str, start: str) -> Path:
+    """Return the path from one folder to another; cached, as many files share few folders."""
     try:
         return Path(os.path.relpath(path, start))
     except ValueError:
@@ -134,42 +129,44 @@ def _way(path: str, start: str) -> Path:
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
-    """Give every clip a name of its own."""
+    """Make names distinct by appending ``~2`` and on; empty names become ``clip`` and an index."""
     taken: set[str] = set()
-    given = []
-    for index, own in enumerate(names):
-        name = plain = own or f"clip{index}"
+    distinct = []
+    for index, given in enumerate(names):
+        name = stem = given or f"clip{index}"
         count = 1
         while name in taken:
             count += 1
-            name = f"{plain}~{count}"
+            name = f"{stem}~{count}"
         taken.add(name)
-        given.append(name)
-    return given
+        distinct.append(name)
+    return distinct
 
 
-def matching_values(table: Mapping[str, T] | None, found: FoundClip) -> list[T]:
-    """Return what a table says of a clip.
+def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
+    """Return the values of a table whose keys match a clip.
 
     Parameters
     ----------
     table : mapping of str, optional
-        By name, file name or path, or globs of these.
-    found : Found
+        Values by name, file name or path of a clip, or by globs of these.
+    clip : FoundClip
         The clip.
 
     Returns
     -------
     list
-        All that fits, in the order of the table.
+        In the order of the table.
     """
     if not table:
         return []
-    keys = found.keys
-    globs = [key for key in table if glob.has_magic(key)]
-    wanted = {key for key in keys if key in table}
-    wanted |= {key for key in globs if any(fnmatchcase(own, key) for own in keys)}
-    return [table[key] for key in sorted(wanted, key=list(table).index)] if wanted else []
+    keys = clip.keys
+    return [
+        value
+        for pattern, value in table.items()
+        if pattern in keys
+        or (glob.has_magic(pattern) and any(fnmatchcase(key, pattern) for key in keys))
+    ]
 
 
 def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
@@ -178,28 +175,28 @@ def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
     Parameters
     ----------
     path : path
-        A file of rows: a clip's name, file name, path or a glob of these, then its tags. A
+        Each row holds a clip's name, file name, path or a glob of these, then its tags. A
         first row that begins with ``clip`` or ``file`` is a heading.
 
     Returns
     -------
     dict of str to tuple of str
-        For `Library.build` and `Library.index`.
+        The `tags` of `Library.build` and `Library.index`.
 
     Raises
     ------
     ValueError
-        If a row names a clip but no tag; with its line.
+        If a row holds a clip but no tag; the message gives the line.
     """
     table: dict[str, tuple[str, ...]] = {}
     with open(path, encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader(stream)
         for row in rows:
-            words = [word.strip() for word in row]
-            if not any(words) or (rows.line_num == 1 and words[0].lower() in ("clip", "file")):
+            cells = [cell.strip() for cell in row]
+            if not any(cells) or (rows.line_num == 1 and cells[0].lower() in ("clip", "file")):
                 continue
-            tags = tuple(word for word in words[1:] if word)
-            if not words[0] or not tags:
+            tags = tuple(cell for cell in cells[1:] if cell)
+            if not cells[0] or not tags:
                 raise ValueError(f"{path}:{rows.line_num}: must be a clip and its tags, got {row}")
-            table[words[0]] = (*table.get(words[0], ()), *tags)
+            table[cells[0]] = (*table.get(cells[0], ()), *tags)
     return table

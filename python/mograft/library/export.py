@@ -1,4 +1,4 @@
-"""The tables of a library, for tools that read Parquet, CSV or NPZ."""
+"""Export the tables of a library to Parquet, CSV or NPZ."""
 
 import contextlib
 import csv
@@ -21,7 +21,7 @@ Column = npt.NDArray[Any] | list[Any]
 
 
 def library_tables(library: Library) -> dict[str, dict[str, Column]]:
-    """Return what a library knows as tables.
+    """Return the contents of a library as tables.
 
     Parameters
     ----------
@@ -31,28 +31,28 @@ def library_tables(library: Library) -> dict[str, dict[str, Column]]:
     Returns
     -------
     dict of str to dict of str to column
-        ``clips``, ``segments`` (with a cluster ``label_GROUP`` for each joint group) and
-        ``points`` (with ``GROUP_0`` and on, the segment as a point). Row `i` of the two
-        latter is segment `i`; ``clip`` counts the rows of ``clips``.
+        ``clips``; ``segments``, with the cluster ``label_GROUP`` of each joint group; and
+        ``points``, with the coordinates ``GROUP_0`` and on of the segment. Row `i` of the two
+        latter is segment `i`; their column ``clip`` counts the rows of ``clips``.
     """
     segments = library.segments
     points: dict[str, Column] = {"segment": np.arange(len(segments))}
-    for group, own in library.embedding.items():
-        if own is not None:
-            for axis, column in enumerate(np.ascontiguousarray(own.points.T)):
+    for group, embedding in library.embedding.items():
+        if embedding is not None:
+            for axis, column in enumerate(np.ascontiguousarray(embedding.points.T)):
                 points[f"{group}_{axis}"] = column
     entries = library.entries
-    origins = [entry.source_file for entry in entries]
+    files = [info.source_file for info in entries]
     return {
         "clips": {
             "clip": np.arange(len(entries)),
-            "name": [entry.name for entry in entries],
-            "file": ["" if origin is None else origin.path for origin in origins],
-            "sha256": ["" if origin is None else origin.sha256 for origin in origins],
-            "frames": np.array([entry.n_frames for entry in entries], np.int64),
-            "own_rate": np.array([entry.source_rate for entry in entries], np.float64),
-            "tags": [" ".join(entry.tags) for entry in entries],
-            "faults": ["; ".join(entry.faults) for entry in entries],
+            "name": [info.name for info in entries],
+            "file": ["" if file is None else file.path for file in files],
+            "sha256": ["" if file is None else file.sha256 for file in files],
+            "frames": np.array([info.n_frames for info in entries], np.int64),
+            "own_rate": np.array([info.source_rate for info in entries], np.float64),
+            "tags": [" ".join(info.tags) for info in entries],
+            "faults": ["; ".join(info.faults) for info in entries],
         },
         "segments": {
             "segment": np.arange(len(segments)),
@@ -77,9 +77,10 @@ def export_tables(
     library : Library
         The library.
     path : path
-        For ``npz`` the file, else the folder of one file per table. What is there is replaced.
+        The file for ``npz``, else the folder for one file per table. Existing files are
+        replaced.
     kind : {"parquet", "csv", "npz"}
-        Parquet needs pyarrow, the extra ``parquet``. In the NPZ file the arrays are named
+        Parquet needs pyarrow, the extra ``parquet``. The arrays of an NPZ file are named
         ``TABLE/COLUMN``.
 
     Returns
@@ -90,32 +91,32 @@ def export_tables(
     Raises
     ------
     ModuleNotFoundError
-        If pyarrow is wanted and not installed; says how to install it.
+        If pyarrow is needed and not installed; the message says how to install it.
     ValueError
-        If there is no such kind.
+        If `kind` is another one.
     """
     if kind not in ("parquet", "csv", "npz"):
         raise ValueError(f"kind must be 'parquet', 'csv' or 'npz', got {kind!r}")
-    found = library_tables(library)
+    tables = library_tables(library)
     target = Path(path)
-    with _replacing(target) as draft:
+    with _replace_when_complete(target) as draft:
         if kind == "npz":
             arrays = {
                 f"{table}/{name}": np.asarray(column)
-                for table, columns in found.items()
+                for table, columns in tables.items()
                 for name, column in columns.items()
             }
             with draft.open("wb") as stream:
-                _save(stream, arrays)
+                _write_npz(stream, arrays)
             return [target]
         draft.mkdir()
         write = _write_parquet if kind == "parquet" else _write_csv
-        for name, columns in found.items():
+        for name, columns in tables.items():
             write(draft / f"{name}.{kind}", columns)
-    return [target / f"{name}.{kind}" for name in found]
+    return [target / f"{name}.{kind}" for name in tables]
 
 
-def _save(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+def _write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any]]) -> None:
     np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
@@ -123,8 +124,10 @@ def _write_csv(path: Path, columns: Mapping[str, Column]) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         rows = csv.writer(stream)
         rows.writerow(columns)
-        listed = [own if isinstance(own, list) else own.tolist() for own in columns.values()]
-        rows.writerows(zip(*listed, strict=True))
+        lists = [
+            column if isinstance(column, list) else column.tolist() for column in columns.values()
+        ]
+        rows.writerows(zip(*lists, strict=True))
 
 
 def _write_parquet(path: Path, columns: Mapping[str, Column]) -> None:
@@ -140,13 +143,13 @@ def _write_parquet(path: Path, columns: Mapping[str, Column]) -> None:
 
 
 @contextlib.contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
-    """Write to another name, which takes the target's when all is written."""
+def _replace_when_complete(target: Path) -> Iterator[Path]:
+    """Give a temporary file or folder whose contents replace the target's at the end."""
     draft = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
         yield draft
         if target.is_dir() and draft.is_dir():
-            # Only the tables are replaced: other files in the folder are not ours.
+            # Other files in the folder stay.
             for path in draft.iterdir():
                 os.replace(path, target / path.name)
         else:

@@ -1,27 +1,20 @@
-"""The making of libraries: clips digested, compared, labelled, and written to a folder."""
+"""Build a library in a folder, and add clips to it."""
 
 import os
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from pathlib import Path
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.analysis.channel_groups import HeldSamples
-from mograft.analysis.embedding import CHUNK, Embedding, Samples, embed, means_of, normalise
-from mograft.analysis.embedding import Source as SampleSource
-from mograft.analysis.segmentation import Segments
-from mograft.body.anatomy import feature_joints
+from mograft.analysis.embedding import CHUNK
 from mograft.body.groups import JointGroups
-from mograft.body.mass import mass_model
-from mograft.body.mirroring import MirroredClips
-from mograft.config import Config
-from mograft.errors import MograftError
-from mograft.library import storage as store
+from mograft.library.build import join_segments, name_clips
 from mograft.library.clip_table import ClipInfo, ClipLocation
+from mograft.library.clusters import cluster_groups, embed_groups, feature_joints_by_group
+from mograft.library.data import LibraryData
 from mograft.library.discover import (
     ClipSource,
     FoundClip,
@@ -29,588 +22,304 @@ from mograft.library.discover import (
     matching_values,
     relative_path,
     sort_by_path,
-    unique_names,
 )
-from mograft.library.ingest import (
-    ClipProperties,
-    IngestedClip,
-    IngestTask,
-    Keep,
-    LibrarySpec,
-    RefusedClip,
-    boundary_states,
-    choose_spec,
-    describe_source_file,
-    ingest,
-    ingest_all,
-    join_segments,
-    rates_match,
-    read_properties,
-)
-from mograft.library.library import (
-    Library,
-    Progress,
-    Tags,
-    cluster_groups,
-    feature_joints_by_group,
-    write_and_commit,
-)
-from mograft.motion.motion import Motion
+from mograft.library.folder import BoundaryParts, commit_library, load_library
+from mograft.library.generation import GenerationWriter, write_generation
+from mograft.library.ingest import IngestedClip, IngestTask, SourceFile
+from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
+from mograft.library.spec import LibrarySpec
+from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges
 
-__all__ = ["IngestRun", "build", "mirror_library", "write"]
-
-
-def build(
-    sources: ClipSource | Iterable[ClipSource],
-    groups: JointGroups | str,
-    config: Config | None,
-    rate: float | None,
-    frame_rates: Mapping[str, float] | None,
-    tags: Tags | None,
-    executor: Executor | None,
-    progress: Progress | None,
-) -> Library:
-    """See `Library.build`."""
-    found = find_clips(sources)
-    digesting = IngestRun.of(config, rate, executor, progress, strict=True)
-    slots = [_Slot.of((index, ()), own, frame_rates) for index, own in enumerate(found)]
-    taken: list[IngestedClip] = []
-    shelf: list[ClipInfo] = []
-
-    def take(slot: _Slot, own: IngestedClip) -> None:
-        taken.append(own)
-        shelf.append(slot.entered(own, tags))
-
-    def forget() -> None:
-        taken.clear()
-        shelf.clear()
-
-    terms = digesting.settled(slots, "motion", take, forget)
-    names = unique_names([own.name for own in taken])
-    skeleton = terms.skeleton
-    if isinstance(groups, str):
-        groups = JointGroups.preset(groups, skeleton)
-    entries = tuple(_called(own, name) for own, name in zip(shelf, names, strict=True))
-    _warn(entries, terms.rate)
-    clips = tuple(
-        own.clip if own.clip.name == name else replace(own.clip, name=name)
-        for own, name in zip(taken, names, strict=True)
-        if isinstance(own.clip, Motion)
-    )
-    segments = join_segments([(own.segments.start, own.segments.stop) for own in taken])
-    samples = Samples(
-        np.concatenate([own.samples for own in taken]), terms.config.samples, skeleton.n_joints
-    )
-    members = feature_joints_by_group(groups, skeleton)
-    embedding = _embedded(samples, groups, terms, digesting.tell)
-    labels, sigma = cluster_groups(embedding, len(segments), terms.config)
-    return Library(
-        clips,
-        groups,
-        terms.config,
-        segments,
-        np.concatenate([own.is_donor for own in taken]),
-        embedding,
-        labels,
-        sigma,
-        terms.root,
-        terms.up,
-        skeleton,
-        terms.rate,
-        entries,
-        {
-            group: {
-                key: np.concatenate([own.boundary_states[key][:, joints] for own in taken])
-                for key in taken[0].boundary_states
-            }
-            for group, joints in members.items()
-        },
-        samples,
-        {},
-    )
-
-
-def mirror_library(library: Library) -> Library:
-    """See `Library.mirrored`."""
-    n = len(library.entries)
-    names = unique_names(
-        [*(e.name for e in library.entries), *(f"{e.name}_mirrored" for e in library.entries)]
-    )
-    clips = MirroredClips(library.clips, tuple(names))
-    rows, ends = [chunk.packed() for chunk in library.samples.chunks()], []
-    for index in range(n):
-        clip, own = clips[n + index], library.segments.of_clip(index)
-        cut = Segments(library.segments.start[own], library.segments.stop[own])
-        sampled = normalise(
-            [clip],
-            cut,
-            library.config,
-            root=library.root,
-            up=library.up,
-            heights=[mass_model(clip.skeleton).height],
-        )
-        rows.append(sampled.packed())
-        ends.append(boundary_states(clip, cut))
-    samples = Samples(np.concatenate(rows), library.config.samples, library.skeleton.n_joints)
-    terms = LibrarySpec(library.skeleton, library.rate, library.root, library.up, library.config)
-    embedding = _embedded(samples, library.groups, terms, _say_nothing)
-    labels, sigma = cluster_groups(embedding, 2 * len(library.segments), library.config)
-    twice = replace(library.segments, clip=library.segments.clip + n)
-    return replace(
-        library,
-        clips=clips,
-        segments=Segments(
-            *(
-                np.concatenate([getattr(cut, part) for cut in (library.segments, twice)])
-                for part in ("start", "stop", "clip")
-            )
-        ),
-        is_donor=np.concatenate([library.is_donor, library.is_donor]),
-        embedding=embedding,
-        labels=labels,
-        sigma=sigma,
-        entries=tuple(
-            replace(e, name=name)
-            for e, name in zip(library.entries + library.entries, names, strict=True)
-        ),
-        boundary_states={
-            group: {
-                key: np.concatenate([known, *(own[key][:, joints] for own in ends)])
-                for key, known in library.boundary_states[group].items()
-            }
-            for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
-        },
-        samples=samples,
-        folder=None,
-    )
-
-
-def _say_nothing(*_: object) -> None:
-    pass
-
-
-def _never_mind() -> None:
-    pass
-
-
-Key = tuple[int, tuple[str, ...]]
+__all__ = ["add_to_folder", "index_folder"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Slot:
-    """A clip that is to be digested, and where it stands among the others.
-
-    It is either found anew or one of the generation before.
-    """
-
-    key: Key
-    found: FoundClip | None
-    given_rate: float | None
-    entry: ClipInfo | None = None
-
-    @classmethod
-    def of(cls, key: Key, found: FoundClip, frame_rates: Mapping[str, float] | None) -> "_Slot":
-        rates = matching_values(frame_rates, found)
-        if rates and not 0 < rates[-1] < float("inf"):
-            raise ValueError(f"frame_rates must be above 0 frames per second, got {rates[-1]}")
-        return cls(key, found, float(rates[-1]) if rates else None)
-
-    def task(self) -> IngestTask:
-        if self.found is None:
-            raise RuntimeError("clips of the generation before are read from there")
-        source = self.found.source
-        where = os.path.abspath(source) if isinstance(source, str) else source
-        return IngestTask(where, self.given_rate)
-
-    def entered(self, own: IngestedClip, tags: Tags | None) -> ClipInfo:
-        """Return what is known of the clip, now that it is digested; its name is not yet."""
-        if self.entry is not None:
-            return replace(self.entry, n_frames=own.n_frames, faults=own.faults)
-        words: list[str] = []
-        if self.found is not None:
-            words += self.found.folders
-            words += chain.from_iterable(matching_values(tags, self.found))
-        return _entry(own, self.given_rate, tuple(dict.fromkeys(words)))
-
-
-@dataclass(frozen=True, eq=False)
-class IngestRun:
-    """How clips are digested; collects what was refused."""
-
-    config: Config
-    rate: float | None
-    executor: Executor | None
-    tell: Progress
-    strict: bool
-    refused: dict[str, Exception]
-
-    @classmethod
-    def of(
-        cls,
-        config: Config | None,
-        rate: float | None,
-        executor: Executor | None,
-        progress: Progress | None,
-        *,
-        strict: bool,
-    ) -> "IngestRun":
-        """Begin, with nothing refused yet."""
-        own = Config() if config is None else config
-        return cls(own, rate, executor, progress or _say_nothing, strict, {})
-
-    def settled(
-        self,
-        slots: Sequence[_Slot],
-        keep: Keep,
-        take: Callable[[_Slot, IngestedClip], object],
-        forget: Callable[[], object] = _never_mind,
-    ) -> LibrarySpec:
-        """Digest clips by terms that are guessed; again, if they turn out to be others."""
-        tasks, terms = self._guess([slot.task() for slot in slots])
-        while True:
-            facts = self.once(slots, tasks, keep, take, terms)
-            settled = choose_spec(_in_order(facts), self.config, self.rate)
-            if settled.agrees(terms):
-                self.check_refused()
-                return terms
-            forget()
-            terms = settled
-
-    def once(
-        self,
-        slots: Sequence[_Slot],
-        tasks: Iterable[IngestTask],
-        keep: Keep,
-        take: Callable[[_Slot, IngestedClip], object],
-        terms: LibrarySpec,
-    ) -> list[tuple[Key, ClipProperties]]:
-        """Digest clips by some terms; return what they say of themselves."""
-        facts: list[tuple[Key, ClipProperties]] = []
-        self.refused.clear()
-        outcomes = ingest_all(tasks, terms, keep, self.executor)
-        for done, (slot, outcome) in enumerate(zip(slots, outcomes, strict=True)):
-            self.tell("reading", done + 1, len(slots))
-            if outcome.properties is not None:
-                facts.append((slot.key, outcome.properties))
-            if isinstance(outcome, IngestedClip):
-                take(slot, outcome)
-                continue
-            self.refused[outcome.name] = outcome.error
-            if outcome.properties is None and self.strict:
-                raise outcome.error
-        return facts
-
-    def check_refused(self) -> None:
-        """Raise the first refusal, where clips that do not fit are not left out."""
-        for error in self.refused.values():
-            if self.strict:
-                raise error
-
-    def reasons(self) -> dict[str, str]:
-        """Return the clips that were left out, and why."""
-        return {what: str(error) for what, error in self.refused.items()}
-
-    def _guess(self, tasks: list[IngestTask]) -> tuple[list[IngestTask], LibrarySpec]:
-        """Ask a few clips spread over all what the terms may be; each is read but once."""
-        spread = np.unique(np.linspace(0, len(tasks) - 1, 9).round().astype(int)).tolist()
-        facts: list[ClipProperties] = []
-        for index in [*spread, *range(len(tasks))]:
-            if facts and index not in spread:
-                break
-            try:
-                tasks[index], found = read_properties(tasks[index])
-            except (MograftError, OSError, ValueError):
-                continue  # it will be refused, with the others of its kind
-            facts.append(found)
-        if not facts:
-            refusal = ingest(tasks[0], None, "numbers")
-            if not isinstance(refusal, RefusedClip):
-                raise RuntimeError("a clip was read that could not be read")
-            if self.strict:
-                raise refusal.error
-            raise ValueError(f"no clip can be used: {refusal.error}") from refusal.error
-        return tasks, choose_spec(facts, self.config, self.rate)
-
-
-def _in_order(facts: Sequence[tuple[Key, ClipProperties]]) -> list[ClipProperties]:
-    """Return facts in the order of their clips."""
-    return [own for _, own in sorted(facts, key=lambda pair: pair[0])]
-
-
-def _entry(own: IngestedClip, given_rate: float | None, tags: tuple[str, ...]) -> ClipInfo:
-    return ClipInfo(
-        own.name,
-        own.name,
-        own.source_file,
-        own.properties.rate,
-        given_rate,
-        own.properties.n_frames,
-        own.n_frames,
-        own.properties.root,
-        own.properties.up,
-        own.faults,
-        tags,
-    )
-
-
-def _called(entry: ClipInfo, name: str) -> ClipInfo:
-    return entry if entry.name == name else replace(entry, name=name)
-
-
-_MOST_WARNINGS = 8
-
-
-def _warn(entries: Sequence[ClipInfo], rate: float) -> None:
-    """Warn of clips that were resampled and of those with faults."""
-    others = [entry.name for entry in entries if not rates_match(entry.source_rate, rate)]
-    if others:
-        more = len(others) - _MOST_WARNINGS
-        listed = ", ".join(others[:_MOST_WARNINGS]) + (f" and {more} more" if more > 0 else "")
-        warnings.warn(
-            f"resampled to {rate:.6g} fps, the rate of most frames: {listed}", stacklevel=4
-        )
-    faulty = [entry for entry in entries if entry.faults]
-    for entry in faulty[:_MOST_WARNINGS]:
-        more = len(entry.faults) - 3
-        rest = f"; and {more} more" if more > 0 else ""
-        warnings.warn(
-            f"{entry.name}: {'; '.join(entry.faults[:3])}{rest}. "
-            "These frames lend nothing to others",
-            stacklevel=4,
-        )
-    if len(faulty) > _MOST_WARNINGS:
-        warnings.warn(
-            f"faults in {len(faulty) - _MOST_WARNINGS} more clips; their frames lend nothing "
-            "to others either",
-            stacklevel=4,
-        )
-
-
-def _embedded(
-    samples: SampleSource, groups: JointGroups, terms: LibrarySpec, tell: Progress
-) -> dict[str, Embedding | None]:
-    members, held = groups.resolve(terms.skeleton), groups.divided_channels(terms.skeleton)
-    tell("comparing", 0, len(members))
-    means = means_of(samples, terms.skeleton.n_joints)
-    found = {}
-    for name, joints in members.items():
-        counted = feature_joints(terms.skeleton, joints)
-        if terms.root in joints:
-            counted = np.union1d(counted, [terms.root])
-        if terms.root in held[name]:
-            raise ValueError(
-                f"group {name!r}: {terms.skeleton.names[terms.root]} must be held whole: it "
-                "carries the body"
-            )
-        source, own = samples, means
-        if held[name]:
-            source = HeldSamples(samples, terms.skeleton, held[name])
-            own = means_of(source, terms.skeleton.n_joints)
-        found[name] = embed(source, counted, own, terms.config, root=terms.root, group=name)
-        tell("comparing", len(found), len(members))
-    return found
-
-
-# Libraries in folders.
-
-
-@dataclass(frozen=True, eq=False)
-class _Shelved:
+class _IndexedClip:
     """A clip of the generation that is written.
 
-    `row` is the first of its segments among those of the generation before, or among those
-    that were taken afresh.
+    Attributes
+    ----------
+    order : ClipOrder
+        Its position in the library.
+    info, location
+        Its metadata and its location.
+    start, stop : ndarray of int, shape (n_segments,)
+        Its segments.
+    is_donor : ndarray of bool, shape (n_segments,)
+        Whether each segment may be a donor.
+    is_new : bool
+        Whether the clip was ingested for this generation.
+    first_row : int
+        Its first segment among those of the new clips, or of the previous generation.
     """
 
-    key: Key
-    entry: ClipInfo
-    place: ClipLocation
+    order: ClipOrder
+    info: ClipInfo
+    location: ClipLocation
     start: IntArray
     stop: IntArray
     is_donor: BoolArray
-    row: int
-    is_fresh: bool
+    is_new: bool
+    first_row: int
 
     def __len__(self) -> int:
         return len(self.start)
 
 
-def write(
-    draft: store.GenerationWriter,
-    base: Library | None,
-    found: Sequence[FoundClip],
-    groups: JointGroups | str,
-    digesting: IngestRun,
-    frame_rates: Mapping[str, float] | None,
-    tags: Tags | None,
-) -> None:
-    """Write a library of files, and of what the generation before has of others."""
-    slots = [
-        _Slot.of((0, way), own, frame_rates)
-        for way, own in sort_by_path(found, draft.final).items()
-    ]
-    fresh: list[_Shelved] = []
+class _ClipWriter:
+    """Writes ingested clips to a generation."""
 
-    def take(slot: _Slot, own: IngestedClip) -> None:
-        place, entry = draft.take(own), slot.entered(own, tags)
-        ends = own.segments.start, own.segments.stop
-        fresh.append(
-            _Shelved(slot.key, entry, place, *ends, own.is_donor, place.first_row, is_fresh=True)
+    def __init__(self, writer: GenerationWriter, run: IngestRun) -> None:
+        self.clips: list[_IndexedClip] = []
+        self._writer, self._tags = writer, run.tags
+
+    def receive(self, pending: PendingClip, clip: IngestedClip) -> None:
+        location = self._writer.write_clip(clip)
+        self.clips.append(
+            _IndexedClip(
+                order=pending.order,
+                info=pending.updated_info(clip, self._tags),
+                location=location,
+                start=clip.segments.start,
+                stop=clip.segments.stop,
+                is_donor=clip.is_donor,
+                is_new=True,
+                first_row=location.first_row,
+            )
         )
 
-    def forget() -> None:
-        fresh.clear()
-        draft.restart()
+    def discard(self) -> None:
+        self.clips.clear()
+        self._writer.restart()
 
-    kept: list[_Shelved] = []
-    if base is None:
-        terms = digesting.settled(slots, "numbers", take, forget)
-    else:
-        there = {own.source_file.path: own for own in base.entries if own.source_file is not None}
-        slots = [slot for slot in slots if _is_new(slot, there)]
-        if not slots and not tags:
+
+def index_folder(
+    path: Path,
+    sources: ClipSource | Iterable[ClipSource],
+    groups: JointGroups | str,
+    run: IngestRun,
+    *,
+    force: bool,
+) -> None:
+    """Build a library in a folder; see `Library.index`."""
+    with write_generation(path, force=force) as writer:
+        pending = _pending_files(run, sources, writer.final)
+        receiver = _ClipWriter(writer, run)
+        spec = run.ingest_and_choose_spec(pending, receiver)
+        if isinstance(groups, str):
+            groups = JointGroups.preset(groups, spec.skeleton)
+        _complete(writer, run, spec, groups, receiver.clips, base=None)
+
+
+def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: IngestRun) -> None:
+    """Add clips to a library in a folder; see `Library.add`."""
+    with write_generation(path, add=True) as writer:
+        if writer.base is None:
+            raise RuntimeError("there is no previous generation")
+        # Another process may have added clips since the library was opened.
+        base = load_library(LibraryData, writer.base)
+        run = replace(run, config=base.config, rate=writer.base.manifest["given_rate"])
+        files = {info.source_file.path: info for info in base.entries if info.source_file}
+        pending = [
+            clip
+            for clip in _pending_files(run, sources, writer.final)
+            if _is_new_or_changed(clip, files)
+        ]
+        if not pending and not run.tags:
             return
-        kept = _kept(base, slots, tags)
-        terms = LibrarySpec(base.skeleton, base.rate, base.root, base.up, base.config)
-        draft.go_on()
-        facts = [(own.key, own.entry.properties(base.skeleton)) for own in kept]
-        new = digesting.once(slots, map(_Slot.task, slots), "numbers", take, terms)
-        facts += [(key, own) for key, own in new if own.same_hierarchy(base.skeleton)]
-        # A clip that is not what it was and does not fit any more is left out, unless no
-        # other is left.
-        settled = choose_spec(_in_order(facts), base.config, digesting.rate) if facts else terms
-        if not settled.agrees(terms) or draft.is_scattered([own.place for own in kept]):
-            # What clips have in common has changed: all are digested anew, the ones that are
-            # here from what is here.
-            forget()
-            terms = settled
-            slots = [
-                _Slot(own.key, None, own.entry.rate_override, own.entry) for own in kept
-            ] + slots
-            tasks = chain(_tasks_of(base, kept), map(_Slot.task, slots[len(kept) :]))
-            kept = []
-            digesting.once(slots, tasks, "numbers", take, terms)
-        digesting.check_refused()
-
-    if not kept and not fresh:
-        why = next(iter(digesting.reasons().values()))
-        raise ValueError(f"no clip can be used: {why}")
-    shelved = sorted([*kept, *fresh], key=lambda own: own.key)
-    names = unique_names([own.entry.source_name for own in shelved])
-    entries = tuple(_called(own.entry, name) for own, name in zip(shelved, names, strict=True))
-    segments = join_segments([(own.start, own.stop) for own in shelved])
-    places = [own.place for own in shelved]
-    extents = [(own.place.shard, own.place.first_row, len(own)) for own in shelved]
-    samples = draft.samples(extents, terms.config.samples, terms.skeleton.n_joints)
-    if isinstance(groups, str):
-        groups = JointGroups.preset(groups, terms.skeleton)
-    _warn(entries, terms.rate)
-    if base is not None and kept and not slots:  # nothing has changed but tags
-        embedding, labels, sigma = base.embedding, base.labels, base.sigma
-    else:
-        embedding = _embedded(samples, groups, terms, digesting.tell)
-        digesting.tell("clustering", 0, 1)
-        labels, sigma = cluster_groups(embedding, len(segments), terms.config)
-        digesting.tell("clustering", 1, 1)
-    refused = {**(base.refused if base is not None else {}), **digesting.reasons()}
-    library = Library(
-        (),
-        groups,
-        terms.config,
-        segments,
-        np.concatenate([own.is_donor for own in shelved]),
-        embedding,
-        labels,
-        sigma,
-        terms.root,
-        terms.up,
-        terms.skeleton,
-        terms.rate,
-        entries,
-        {},
-        samples,
-        refused,
-    )
-    digesting.tell("writing", 0, 1)
-    write_and_commit(
-        draft, library, places, _edge_pieces(draft, base, shelved, library), digesting.rate
-    )
-    digesting.tell("writing", 1, 1)
+        kept = _kept_clips(base, pending, run)
+        receiver = _ClipWriter(writer, run)
+        spec, clips = _ingest_additions(writer, run, base, kept, pending, receiver)
+        # Without new files, and unless all clips were ingested again, only tags have changed.
+        is_same = not pending and not receiver.clips
+        _complete(writer, run, spec, base.groups, clips, base=base, is_same=is_same)
 
 
-def _is_new(slot: _Slot, there: Mapping[str, ClipInfo]) -> bool:
-    """Tell whether a file is not in a library as it is now."""
-    path = os.path.abspath(str(slot.found.source)) if slot.found is not None else ""
-    entry = there.get(path)
-    if entry is None or entry.source_file is None:
+def _pending_files(
+    run: IngestRun, sources: ClipSource | Iterable[ClipSource], folder: Path
+) -> list[PendingClip]:
+    """Return the files that sources stand for, in the order of the library."""
+    by_path = sort_by_path(find_clips(sources), folder)
+    return [run.pending(ClipOrder(0, path), found) for path, found in by_path.items()]
+
+
+def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool:
+    """Return whether a file differs from the one that the library holds, by path."""
+    path = clip.task().source
+    info = files.get(path) if isinstance(path, str) else None
+    if info is None or info.source_file is None:
         return True
-    if slot.given_rate is not None and slot.given_rate != entry.rate_override:
+    if clip.rate_override is not None and clip.rate_override != info.rate_override:
         return True
+    known = info.source_file
     try:
-        now = os.stat(path)
-        if (now.st_size, now.st_mtime_ns) == (entry.source_file.size, entry.source_file.mtime_ns):
+        status = os.stat(known.path)
+        if (status.st_size, status.st_mtime_ns) == (known.size, known.mtime_ns):
             return False
-        return describe_source_file(path).sha256 != entry.source_file.sha256
+        return SourceFile.from_path(known.path).sha256 != known.sha256
     except OSError:
-        return True  # reading it will say why
+        return True  # ingest will raise the error
 
 
-def _kept(base: Library, slots: Sequence[_Slot], tags: Tags | None) -> list[_Shelved]:
-    """Return the clips of a library that no new ones take the place of."""
-    if base.folder is None or not isinstance(base.clips, store.StoredClips):
-        raise TypeError("the base must be a stored library")
-    anew = {slot.key for slot in slots}
-    bounds = np.searchsorted(base.segments.clip, np.arange(len(base.entries) + 1)).tolist()
+def _kept_clips(
+    base: LibraryData, pending: Sequence[PendingClip], run: IngestRun
+) -> list[_IndexedClip]:
+    """Return the clips of the previous generation that no pending clip replaces."""
+    if base.folder is None:
+        raise RuntimeError("the library must be stored")
+    replaced = {clip.order for clip in pending}
+    indices = np.arange(len(base.entries) + 1)
+    bounds = np.searchsorted(base.segments.clip, indices).tolist()
     kept = []
-    for index, (entry, place) in enumerate(zip(base.entries, base.clips.places, strict=True)):
-        key: Key = (1, (f"{index:09}",))
-        own = entry
-        if entry.source_file is not None:
-            key = (0, relative_path(entry.source_file.path, base.folder).parts)
-            words = dict.fromkeys(
-                chain(entry.tags, *matching_values(tags, FoundClip(entry.source_file.path)))
-            )
-            if len(words) > len(entry.tags):
-                own = replace(entry, tags=tuple(words))
-        if key in anew:
+    for index, (info, location) in enumerate(
+        zip(base.entries, _stored_clips(base).table.locations, strict=True)
+    ):
+        order = ClipOrder(1, (f"{index:09}",))
+        if info.source_file is not None:
+            path = info.source_file.path
+            order = ClipOrder(0, relative_path(path, base.folder).parts)
+            tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(path))))
+            if len(tags) > len(info.tags):
+                info = replace(info, tags=tuple(tags))
+        if order in replaced:
             continue
         rows = slice(bounds[index], bounds[index + 1])
-        ends = base.segments.start[rows], base.segments.stop[rows]
-        is_donor = base.is_donor[rows]
-        kept.append(_Shelved(key, own, place, *ends, is_donor, rows.start, is_fresh=False))
+        kept.append(
+            _IndexedClip(
+                order=order,
+                info=info,
+                location=location,
+                start=base.segments.start[rows],
+                stop=base.segments.stop[rows],
+                is_donor=base.is_donor[rows],
+                is_new=False,
+                first_row=rows.start,
+            )
+        )
     return kept
 
 
-def _tasks_of(base: Library, kept: Sequence[_Shelved]) -> Iterator[IngestTask]:
-    """Yield clips of a library to be digested anew, each read when it is its turn."""
-    if not isinstance(base.clips, store.StoredClips):
-        raise TypeError("the base must be a stored library")
-    at = {place: index for index, place in enumerate(base.clips.places)}
-    for own in kept:
-        clip = base.clips.original(at[own.place], as_read=True)
-        yield IngestTask(clip, own.entry.rate_override, own.entry.source_file)
+def _ingest_additions(
+    writer: GenerationWriter,
+    run: IngestRun,
+    base: LibraryData,
+    kept: Sequence[_IndexedClip],
+    pending: Sequence[PendingClip],
+    receiver: _ClipWriter,
+) -> tuple[LibrarySpec, list[_IndexedClip]]:
+    """Ingest pending clips, and the kept clips again if the library specification changes."""
+    writer.link_base_shards()
+    properties = [(clip.order, clip.info.properties(base.skeleton)) for clip in kept]
+    tasks = map(PendingClip.task, pending)
+    properties += [
+        (order, clip)
+        for order, clip in run.ingest_with_spec(pending, tasks, receiver, base.spec)
+        # A changed file that no longer fits is left out, unless no clip would remain.
+        if clip.has_hierarchy_of(base.skeleton)
+    ]
+    spec = run.choose_spec(properties) if properties else base.spec
+    if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):
+        run.raise_if_strict()
+        return base.spec, [*kept, *receiver.clips]
+    receiver.discard()
+    again = [PendingClip(clip.order, None, clip.info.rate_override, clip.info) for clip in kept]
+    all_tasks = chain(_stored_tasks(base, kept), map(PendingClip.task, pending))
+    run.ingest_with_spec([*again, *pending], all_tasks, receiver, spec)
+    run.raise_if_strict()
+    return spec, receiver.clips
 
 
-def _edge_pieces(
-    draft: store.GenerationWriter,
-    base: Library | None,
-    shelved: Sequence[_Shelved],
-    library: Library,
-) -> dict[str, dict[str, Iterator[FloatArray]]]:
-    """Return the edges of each group, a piece at a time, in the order of segments."""
-    runs = store.merge_ranges([(int(own.is_fresh), own.row, len(own)) for own in shelved])
+def _stored_tasks(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[IngestTask]:
+    """Yield tasks for clips of the previous generation; each is read when it is needed."""
+    clips = _stored_clips(base)
+    index_of = {location: index for index, location in enumerate(clips.table.locations)}
+    for clip in kept:
+        motion = clips.original(index_of[clip.location], as_read=True)
+        yield IngestTask(motion, clip.info.rate_override, clip.info.source_file)
 
-    def pieces(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
-        for is_fresh, first, n in runs:
+
+def _stored_clips(base: LibraryData) -> StoredClips:
+    if not isinstance(base.clips, StoredClips):
+        raise TypeError("the library must be stored")
+    return base.clips
+
+
+def _complete(
+    writer: GenerationWriter,
+    run: IngestRun,
+    spec: LibrarySpec,
+    groups: JointGroups,
+    clips: Sequence[_IndexedClip],
+    *,
+    base: LibraryData | None,
+    is_same: bool = False,
+) -> None:
+    """Compare the segments of all clips, and commit the generation.
+
+    `is_same` says that the segments are those of `base`, so that its clusters are valid.
+    """
+    if not clips:
+        raise ValueError(f"no clip can be used: {next(iter(run.reasons().values()))}")
+    clips = sorted(clips, key=lambda clip: clip.order)
+    entries = name_clips([clip.info for clip in clips])
+    segments = join_segments([(clip.start, clip.stop) for clip in clips])
+    ranges = [RowRange(clip.location.shard, clip.location.first_row, len(clip)) for clip in clips]
+    samples = writer.samples(ranges, run.config.samples, spec.skeleton.n_joints)
+    warn_of_clips(entries, spec.rate, stacklevel=4)
+    if base is not None and is_same:
+        embedding, labels, sigma = base.embedding, base.labels, base.sigma
+    else:
+        embedding = embed_groups(samples, groups, spec, run.config, run.report)
+        run.report("clustering", 0, 1)
+        labels, sigma = cluster_groups(embedding, len(segments), run.config)
+        run.report("clustering", 1, 1)
+    library = LibraryData(
+        clips=(),
+        entries=entries,
+        segments=segments,
+        is_donor=np.concatenate([clip.is_donor for clip in clips]),
+        groups=groups,
+        config=run.config,
+        spec=spec,
+        embedding=embedding,
+        labels=labels,
+        sigma=sigma,
+        boundary_states={},
+        samples=samples,
+        refused={**({} if base is None else base.refused), **run.reasons()},
+        folder=None,
+    )
+    run.report("writing", 0, 1)
+    states = _boundary_parts(writer, base, clips, library)
+    commit_library(writer, library, [clip.location for clip in clips], states, run.rate)
+    run.report("writing", 1, 1)
+
+
+def _boundary_parts(
+    writer: GenerationWriter,
+    base: LibraryData | None,
+    clips: Sequence[_IndexedClip],
+    library: LibraryData,
+) -> BoundaryParts:
+    """Return the boundary states of each group in parts, in the order of segments.
+
+    They come from the arrays of `base` (shard 0 below) and from the new clips (shard 1).
+    """
+    runs = merge_ranges(RowRange(int(clip.is_new), clip.first_row, len(clip)) for clip in clips)
+
+    def parts(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
+        for is_new, first, n in runs:
             for start in range(first, first + n, CHUNK):
                 stop = min(start + CHUNK, first + n)
-                if is_fresh:
-                    yield draft.fresh_edges(key, start, stop)[:, joints]
+                if is_new:
+                    yield writer.read_boundary_states(key, start, stop)[:, joints]
                 elif base is not None:
                     yield base.boundary_states[group][key][start:stop]
 
-    keys = tuple(draft.edge_keys() if base is None else next(iter(base.boundary_states.values())))
+    keys = (
+        writer.boundary_state_keys() if base is None else next(iter(base.boundary_states.values()))
+    )
     return {
-        group: {key: pieces(group, key, joints) for key in keys}
+        group: {key: parts(group, key, joints) for key in keys}
         for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
     }

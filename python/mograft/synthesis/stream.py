@@ -20,8 +20,10 @@ from mograft.body.contacts import find_legs
 from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
 from mograft.config import Config
-from mograft.library.ingest import boundary_states, rates_match
-from mograft.library.library import ClusterMembers, Library
+from mograft.library.clusters import ClusterMembers
+from mograft.library.ingest import boundary_states
+from mograft.library.library import Library
+from mograft.library.spec import rates_match
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, world_transforms
 from mograft.motion.resample import cubic
