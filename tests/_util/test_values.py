@@ -45,7 +45,7 @@ def values(library):
 
 @pytest.mark.parametrize("copied", COPIES, ids=["copy", "deepcopy", "pickle"])
 @pytest.mark.parametrize("kind", ["Motion", "Skeleton", "Segments", "Body", "Dance"])
-def test_copies_are_as_frozen_as_what_they_are_of(values, kind, copied):
+def test_value_copies_have_read_only_arrays(values, kind, copied):
     value = values[kind]
     before, after = dict(arrays(value)), dict(arrays(copied(value)))
     assert before
@@ -55,7 +55,7 @@ def test_copies_are_as_frozen_as_what_they_are_of(values, kind, copied):
         assert not array.flags.writeable, way
 
 
-def test_representations_are_short(library):
+def test_value_repr_is_short(library):
     candidates = library.candidates(17, "upper")
     assert repr(candidates) == (
         f"Candidates({len(candidates.allowed)} allowed, {len(candidates.refused)} refused, "
@@ -70,7 +70,7 @@ NUMBERS = st.sampled_from([np.float64, np.float32, np.float16, np.int64, np.uint
 
 
 @given(NUMBERS, st.integers(1, 200))
-def test_numpys_numbers_are_as_good_as_pythons(kind, number):
+def test_config_numpy_scalars_equal_python_numbers(kind, number):
     value = kind(number)
     given, plain = mg.Config(sigma_scale=value), mg.Config(sigma_scale=value.item())
     assert given == plain
@@ -79,7 +79,7 @@ def test_numpys_numbers_are_as_good_as_pythons(kind, number):
     assert repr(given) == repr(plain)
 
 
-def test_numpys_whole_numbers_count_and_seed(library):
+def test_graft_many_accepts_numpy_integers(library):
     plain = mg.graft(library, constraints=[mg.KeepOriginal(frames=(5, 9))], seed=7)
     own = mg.KeepOriginal(frames=(np.int64(5), np.uint8(9)))
     given = mg.graft(library, constraints=[own], seed=np.uint16(7))
@@ -92,7 +92,7 @@ def test_numpys_whole_numbers_count_and_seed(library):
 
 @pytest.mark.parametrize("value", [True, None, "x", np.nan, [1]])
 @pytest.mark.parametrize("name", ["sigma_scale", "samples", "keep_heading", "seam"])
-def test_a_wrong_value_of_a_parameter_is_refused_by_name(name, value):
+def test_config_invalid_value_raises_value_error_naming_field(name, value):
     if (name, value) == ("keep_heading", True):
         return
     with pytest.raises(ValueError, match=name):
@@ -117,12 +117,12 @@ def test_a_wrong_value_of_a_parameter_is_refused_by_name(name, value):
     ],
     ids=lambda own: getattr(own, "__name__", ""),
 )
-def test_another_kind_of_thing_is_refused_by_name(call, given, told):
+def test_public_functions_wrong_type_raises_type_error(call, given, told):
     with pytest.raises(TypeError, match=told):
         call(*given)
 
 
-def test_what_is_no_library_no_list_and_no_file_is_refused_by_name(library):
+def test_public_functions_invalid_collections_raise_type_error(library):
     motion = library.clips[0]
     with pytest.raises(TypeError, match="library must be a Library, got Motion"):
         mg.graft(motion)
@@ -151,7 +151,7 @@ def test_what_is_no_library_no_list_and_no_file_is_refused_by_name(library):
 
 
 @pytest.mark.parametrize("frames", [3, (1,), (5, 2), (0.5, 2), (-1, 2), "ab", None])
-def test_spans_are_two_frames_in_order(frames):
+def test_constraint_frames_must_be_ascending_pair(frames):
     if frames is None:
         assert mg.AvoidSelf(frames=None).frames is None
         return
@@ -162,18 +162,18 @@ def test_spans_are_two_frames_in_order(frames):
 
 
 @pytest.mark.parametrize("frame", [-1, 1.5, True, "1"])
-def test_a_frame_is_a_whole_number(frame):
+def test_constraint_frame_must_be_integer(frame):
     with pytest.raises(ValueError, match="frame must be a whole number from 0"):
         mg.Reach("LeftHand", (0, 0, 0), frame)
 
 
-def test_rows_of_different_lengths_are_no_points():
+def test_linkage_ragged_rows_raise_value_error():
     with pytest.raises(ValueError, match="points must be an array, got rows of different lengths"):
         mg.linkage([[1.0, 2.0], [3.0]])
 
 
 @pytest.mark.parametrize("rate", [1e9, 1e18, 1e300])
-def test_more_frames_than_memory_holds_are_refused_and_end_nothing(library, rate):
+def test_resample_excessive_rate_raises_value_error(library, rate):
     # A year of motion: what is wanted is beyond what any machine could address.
     motion = replace(library.clips[0], frame_time=3e4)
     with pytest.raises(ValueError, match=r"than memory holds|fewer than 2"):
@@ -181,7 +181,7 @@ def test_more_frames_than_memory_holds_are_refused_and_end_nothing(library, rate
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_places_and_margins_are_finite(library, value):
+def test_obstacle_non_finite_values_raise_value_error(library, value):
     for name in ("yaw", "delay"):
         with pytest.raises(ValueError, match=f"{name} must be finite, got {value}"):
             mg.Character(library.clips[0], **{name: value})

@@ -200,7 +200,7 @@ def scheme(name):
 
 
 @pytest.mark.parametrize("name", SCHEMES)
-def test_parts_of_known_schemes(name):
+def test_anatomy_known_naming_schemes_give_expected_parts(name):
     skeleton, parts, _ = scheme(name)
     found = anatomy(skeleton)
     got = dict(zip(skeleton.names, found.parts, strict=True))
@@ -209,13 +209,13 @@ def test_parts_of_known_schemes(name):
 
 
 @pytest.mark.parametrize("name", sorted(set(SCHEMES) - {"cmu asf"}))
-def test_sides_of_known_schemes(name):
+def test_anatomy_known_naming_schemes_give_expected_sides(name):
     skeleton, _, sides = scheme(name)
     got = dict(zip(skeleton.names, anatomy(skeleton).sides, strict=True))
     assert got == dict(zip(skeleton.names, sides, strict=True))
 
 
-def test_sides_run_together_with_words():
+def test_anatomy_side_joined_to_word_is_recognised():
     skeleton, _, _ = scheme("cmu asf")
     sides = dict(zip(skeleton.names, anatomy(skeleton).sides, strict=True))
     told = {name: side for name, side in sides.items() if side}
@@ -235,7 +235,7 @@ def test_sides_run_together_with_words():
     ],
     ids=["namespace", "path", "prefix", "suffix"],
 )
-def test_what_surrounds_a_name_does_not_matter(name, dress):
+def test_anatomy_ignores_namespace_prefix_and_suffix(name, dress):
     skeleton, parts, _ = scheme(name)
     other = anatomy(renamed(skeleton, lambda _, own: dress(own)))
     assert list(other.parts) == parts
@@ -246,7 +246,7 @@ def test_what_surrounds_a_name_does_not_matter(name, dress):
     "name", ["motionbuilder", "cmu", "bandai", "biovision", "biped", "makehuman", "games105"]
 )
 @pytest.mark.parametrize("case", [str.upper, str.lower, str.title])
-def test_case_does_not_matter(name, case):
+def test_anatomy_ignores_case(name, case):
     skeleton, parts, sides = scheme(name)
     other = anatomy(renamed(skeleton, lambda _, own: case(own)))
     assert list(other.parts) == parts
@@ -255,7 +255,7 @@ def test_case_does_not_matter(name, case):
 
 
 @pytest.mark.parametrize("name", ["motionbuilder", "biovision"])
-def test_swapping_left_and_right_swaps_sides(name):
+def test_anatomy_swapped_names_swap_sides(name):
     skeleton, _, sides = scheme(name)
     swapped = anatomy(
         renamed(
@@ -269,7 +269,7 @@ def test_swapping_left_and_right_swaps_sides(name):
     assert list(swapped.sides) == [{"left": "right", "right": "left", "": ""}[s] for s in sides]
 
 
-def test_without_names_symmetry_tells():
+def test_anatomy_unknown_names_use_symmetry():
     skeleton = human()
     by_names = anatomy(skeleton)
     by_structure = anatomy(renamed(skeleton, lambda joint, _: f"j{joint}"))
@@ -280,7 +280,7 @@ def test_without_names_symmetry_tells():
     assert by_structure.unmatched == tuple(range(skeleton.n_joints))
 
 
-def test_without_names_left_depends_on_where_the_feet_point():
+def test_anatomy_unknown_names_take_sides_from_foot_direction():
     nameless = renamed(human(), lambda joint, _: f"j{joint}")
     mirrored = nameless.with_offsets(nameless.offsets * [-1, 1, 1])
     swap = {"left": "right", "right": "left", "": ""}
@@ -288,7 +288,7 @@ def test_without_names_left_depends_on_where_the_feet_point():
 
 
 @given(st.integers(0, 2), st.integers(0, 2))
-def test_without_names_the_axes_do_not_matter(turns, more):
+def test_anatomy_unknown_names_ignore_orientation(turns, more):
     nameless = renamed(human(), lambda joint, _: f"j{joint}")
     cycled = np.roll(nameless.offsets, turns, axis=1)  # an even permutation is a rotation
     sites = [type(s)(s.parent, np.roll(s.offset, turns)) for s in nameless.end_sites]
@@ -298,7 +298,7 @@ def test_without_names_the_axes_do_not_matter(turns, more):
 
 
 @pytest.mark.parametrize("mirror", [1, -1])
-def test_names_of_one_limb_pair_are_enough_for_the_other(mirror):
+def test_anatomy_named_legs_or_arms_complete_the_other_pair(mirror):
     """Legs of unknown names beside known arms are found by symmetry, and sided by the arms."""
     words = {"Hip": "Pata", "Knee": "Jarrete", "Ankle": "Casco"}
     skeleton = renamed(
@@ -311,7 +311,7 @@ def test_names_of_one_limb_pair_are_enough_for_the_other(mirror):
     assert found.scheme == "structure"
 
 
-def test_without_names_long_collars_and_rolls_do_not_mislead():
+def test_anatomy_unknown_names_long_clavicles_and_roll_joints():
     skeleton, _ = written(
         "Hips {LeftUpLeg > LeftUpLegRoll > LeftLeg > LeftLegRoll > LeftFoot"
         " | RightUpLeg > RightUpLegRoll > RightLeg > RightLegRoll > RightFoot"
@@ -327,7 +327,7 @@ def test_without_names_long_collars_and_rolls_do_not_mislead():
     assert anatomy(nameless).parts == anatomy(skeleton).parts
 
 
-def test_short_pairs_are_no_limbs():
+def test_anatomy_short_mirrored_pairs_are_not_limbs():
     skeleton, _ = written("a {b | c | d}")
     body = human()
     shift = skeleton.n_joints
@@ -341,7 +341,7 @@ def test_short_pairs_are_no_limbs():
 
 
 @given(st.data())
-def test_the_order_of_joints_does_not_matter(data):
+def test_anatomy_ignores_joint_order(data):
     nameless = renamed(human(), lambda joint, _: f"j{joint}")
     named = [scheme(name)[0] for name in ("daz", "mass")]
     skeleton = data.draw(st.sampled_from([human(), nameless, *named]))
@@ -353,7 +353,7 @@ def test_the_order_of_joints_does_not_matter(data):
 
 
 @given(skeletons())
-def test_every_joint_has_a_part(skeleton):
+def test_anatomy_every_joint_has_a_part(skeleton):
     found = anatomy(skeleton)
     assert len(found.parts) == len(found.sides) == skeleton.n_joints
     assert set(found.parts) <= set(PARTS)
@@ -367,16 +367,16 @@ def test_every_joint_has_a_part(skeleton):
 
 
 @given(skeletons(names=st.text(max_size=12)))
-def test_any_name_is_some_joint(skeleton):
+def test_anatomy_arbitrary_names_do_not_fail(skeleton):
     assert len(anatomy(skeleton).parts) == skeleton.n_joints
 
 
-def test_numbers_alone_are_no_vertebrae():
+def test_anatomy_numbered_names_are_not_vertebrae():
     skeleton = renamed(human(), lambda joint, _: f"c{joint}")
     assert anatomy(skeleton).unmatched == tuple(range(skeleton.n_joints))
 
 
-def test_joints_of_a_part():
+def test_anatomy_joints_selects_parts_and_sides():
     found = anatomy(human())
     assert found.joints("shank", "foot", side="right") == [5, 6]
     assert found.joints("shank") == [2, 5]
@@ -384,7 +384,7 @@ def test_joints_of_a_part():
         found.joints("knee")
 
 
-def test_features_leave_out_what_is_small():
+def test_feature_joints_exclude_fingers_and_toes():
     skeleton, parts, _ = scheme("dfki")
     kept = feature_joints(skeleton, range(skeleton.n_joints))
     names = [skeleton.names[joint] for joint in kept]
@@ -393,7 +393,7 @@ def test_features_leave_out_what_is_small():
     assert len(parts) > len(names)
 
 
-def test_features_leave_out_markers_and_faces():
+def test_feature_joints_exclude_markers_and_face():
     skeleton, _, _ = scheme("mass")
     kept = feature_joints(skeleton, range(skeleton.n_joints))
     assert not [skeleton.names[j] for j in kept if skeleton.names[j].endswith("RIGMESH")]
@@ -402,7 +402,7 @@ def test_features_leave_out_markers_and_faces():
     assert [skeleton.names[j] for j in kept if anatomy(skeleton).parts[j] == "head"] == ["head"]
 
 
-def test_a_group_of_fingers_alone_keeps_them():
+def test_feature_joints_of_fingers_alone_keep_them():
     skeleton, parts, _ = scheme("motionbuilder")
     fingers = [joint for joint, part in enumerate(parts) if part == "finger"]
     assert feature_joints(skeleton, fingers).tolist() == fingers
@@ -410,7 +410,7 @@ def test_a_group_of_fingers_alone_keeps_them():
 
 @pytest.mark.skipif(not recorded(), reason=f"no recordings at {DATA}")
 @pytest.mark.parametrize("path", recorded(), ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_recordings_split_alike_with_and_without_names(path):
+def test_anatomy_recordings_agree_with_and_without_names(path):
     skeleton = read_hierarchy(path)
     lower = [
         [part in (*LEG, "pelvis", "other", "tail") for part in anatomy(named).parts]

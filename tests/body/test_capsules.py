@@ -50,7 +50,7 @@ def slow_clearance(ends, radii, others, other_radii, pairs):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, st.booleans())
-def test_distances_are_those_of_dense_points(seed, flat):
+def test_clearance_matches_dense_points(seed, flat):
     ends, radii, others, other_radii = bodies(seed, flat=flat)
     distance, which = clearance(ends, radii, others, other_radii)
     points = slow_clearance(ends, radii, others, other_radii, ALL_PAIRS)
@@ -65,7 +65,7 @@ def test_distances_are_those_of_dense_points(seed, flat):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
-def test_passing_over_far_pairs_changes_no_bit(seed):
+def test_clearance_with_distant_pairs_is_bit_identical(seed):
     ends, radii, others, other_radii = bodies(seed)
     distance, which = clearance(ends, radii, others, other_radii)
     single = np.array(
@@ -77,7 +77,7 @@ def test_passing_over_far_pairs_changes_no_bit(seed):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, st.sets(st.integers(0, 5)))
-def test_only_the_pairs_that_are_named_count(seed, some):
+def test_clearance_uses_only_given_pairs(seed, some):
     """Of the same pair in another frame nothing is left."""
     ends, radii, others, other_radii = bodies(seed)
     pairs = ALL_PAIRS[sorted(some)]
@@ -91,7 +91,7 @@ def test_only_the_pairs_that_are_named_count(seed, some):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, vectors((1,)))
-def test_distances_are_symmetric_and_move_with_both(seed, shift):
+def test_clearance_is_symmetric_and_rigid_invariant(seed, shift):
     ends, radii, others, other_radii = bodies(seed)
     distance, which = clearance(ends, radii, others, other_radii)
     back, backwards = clearance(others, other_radii, ends, radii)
@@ -103,7 +103,7 @@ def test_distances_are_symmetric_and_move_with_both(seed, shift):
     assert which.shape == backwards.shape == (4, 2)
 
 
-def test_each_frame_meets_the_one_that_is_named():
+def test_clearance_uses_given_frame_of_others():
     ends, radii, others, other_radii = bodies(3)
     at = np.array([2, 0, 1, 1])
     distance, _ = clearance(ends, radii, others, other_radii, at)
@@ -116,7 +116,7 @@ def test_each_frame_meets_the_one_that_is_named():
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, quaternions(()), vectors((), 0.5))
-def test_boxes_are_as_far_as_dense_points(seed, turn, center):
+def test_box_clearance_matches_dense_points(seed, turn, center):
     ends, radii, _, _ = bodies(seed)
     half = np.random.default_rng(seed).uniform(0.05, 0.8, 3)
     found = box_clearance(ends, radii, center, half, turn)
@@ -134,7 +134,7 @@ def test_boxes_are_as_far_as_dense_points(seed, turn, center):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, st.lists(st.integers(0, 4), max_size=4))
-def test_capsules_reach_from_their_joint_along_the_turned_bone(seed, joints):
+def test_capsule_ends_follow_joint_and_rotated_bone(seed, joints):
     rng = np.random.default_rng(seed)
     turned, placed = wander(rng, 6, 5), rng.normal(size=(6, 5, 3))
     bones, names = rng.normal(size=(len(joints), 3)), ("",) * len(joints)
@@ -148,7 +148,7 @@ def test_capsules_reach_from_their_joint_along_the_turned_bone(seed, joints):
         np.testing.assert_allclose(ends[:, at, 1], stop, atol=1e-14)
 
 
-def test_every_bone_of_the_dancer_has_flesh_where_it_is():
+def test_capsules_cover_every_bone_of_the_dancer():
     motion = dance(strides=1).motion
     flesh = capsules(motion.skeleton)
     turned, placed = motion.world_transforms()
@@ -167,14 +167,14 @@ def test_every_bone_of_the_dancer_has_flesh_where_it_is():
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
-def test_any_skeleton_has_capsules(seed):
+def test_capsules_arbitrary_skeleton_is_valid(seed):
     skeleton = skeletons(np.random.default_rng(seed), 6)
     flesh = capsules(skeleton)
     assert (flesh.radii > 0).all()
     assert len(set(flesh.joints.tolist())) == len(flesh)
 
 
-def test_fingers_are_within_the_hands():
+def test_capsules_hand_covers_fingers():
     names = ["Hips", "LeftUpLeg", "LeftArm", "LeftForeArm", "LeftHand", "LeftHandIndex1"]
     offsets = [[0, 0, 0], [9, -5, 0], [20, 50, 0], [30, 0, 0], [25, 0, 0], [9, 0, 0]]
     flesh = capsules(Skeleton(names, [-1, 0, 0, 2, 3, 4], offsets))
@@ -189,6 +189,6 @@ def test_fingers_are_within_the_hands():
         ({"head": -1.0}, "'head' must not be"),
     ],
 )
-def test_unknown_parts_and_negative_radii_are_refused(radii, message):
+def test_capsules_invalid_radii_raise_value_error(radii, message):
     with pytest.raises(ValueError, match=message):
         capsules(dance(strides=1).motion.skeleton, radii)

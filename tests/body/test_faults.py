@@ -61,12 +61,12 @@ dances = st.builds(dance, rates, units, st.floats(0.0, 6.0))
 
 
 @given(dances)
-def test_smooth_motion_has_no_fault(motion):
+def test_find_faults_smooth_motion_is_empty(motion):
     assert found(motion) == []
 
 
 @given(dances)
-def test_a_rest_pose_before_the_motion_is_found(motion):
+def test_find_faults_leading_rest_pose_is_first_frame(motion):
     values = motion.channel_values.copy()
     values[0] = 0.0
     assert found(of_values(motion.skeleton, values, motion.frame_time))[:1] == [
@@ -75,7 +75,7 @@ def test_a_rest_pose_before_the_motion_is_found(motion):
 
 
 @given(dances, st.floats(2.0, 3.5))
-def test_a_fast_start_is_no_rest_pose(motion, times):
+def test_find_faults_fast_start_is_not_first_frame(motion, times):
     placed = motion.positions.copy()
     steps = np.linalg.norm(np.diff(motion.world_positions(), axis=0), axis=-1).mean(axis=-1)
     placed[0, 0] -= np.sign(placed[1, 0] - placed[0, 0]) * times * np.median(steps) / np.sqrt(3.0)
@@ -83,7 +83,7 @@ def test_a_fast_start_is_no_rest_pose(motion, times):
 
 
 @given(dances, frames)
-def test_a_twitch_of_a_still_figure_is_no_leap(motion, frame):
+def test_find_faults_small_noise_of_still_figure_is_empty(motion, frame):
     still = np.zeros(N_FRAMES, dtype=int)
     placed = motion.positions[still].copy()
     height = np.ptp(motion.world_positions()[0], axis=0).max()
@@ -93,7 +93,7 @@ def test_a_twitch_of_a_still_figure_is_no_leap(motion, frame):
 
 
 @given(dances, frames, st.floats(0.3, 9.0))
-def test_a_leap_is_found_between_its_frames(motion, frame, way):
+def test_find_faults_jump_is_teleport_at_its_frames(motion, frame, way):
     placed = motion.positions.copy()
     placed[frame:, 0, 0] += way * np.ptp(motion.world_positions()[0], axis=0).max()
     leapt = replace(motion, positions=placed)
@@ -101,14 +101,14 @@ def test_a_leap_is_found_between_its_frames(motion, frame, way):
 
 
 @given(dances, frames, st.floats(0.3, 9.0))
-def test_a_frame_that_leaves_and_comes_back_is_found(motion, frame, way):
+def test_find_faults_single_displaced_frame_is_glitch(motion, frame, way):
     placed = motion.positions.copy()
     placed[frame, 0, 0] += way * np.ptp(motion.world_positions()[0], axis=0).max()
     assert found(replace(motion, positions=placed)) == [("glitch", (frame, frame), None)]
 
 
 @given(dances, frames, st.sampled_from([3, 4, 6]), st.floats(50.0, 179.0))
-def test_a_joint_that_leaves_and_comes_back_is_found(motion, frame, joint, degrees):
+def test_find_faults_single_rotated_joint_is_glitch(motion, frame, joint, degrees):
     turned = motion.rotations.copy()
     turned[frame, joint] = rotations.multiply(
         turned[frame, joint], rotations.from_axis_angle([1, 1, 0], np.radians(degrees))
@@ -117,7 +117,7 @@ def test_a_joint_that_leaves_and_comes_back_is_found(motion, frame, joint, degre
 
 
 @given(dances, frames, st.sampled_from([2, 4, 6]), st.floats(160.0, 178.0))
-def test_a_joint_that_flips_is_found(motion, frame, joint, degrees):
+def test_find_faults_large_rotation_step_is_flip(motion, frame, joint, degrees):
     turned = motion.rotations.copy()
     flip = rotations.from_axis_angle([1, 0, 0], np.radians(degrees))
     turned[frame:, joint] = rotations.multiply(turned[frame:, joint], flip)
@@ -125,7 +125,7 @@ def test_a_joint_that_flips_is_found(motion, frame, joint, degrees):
 
 
 @given(dances, frames)
-def test_frames_that_stand_still_are_found(motion, frame):
+def test_find_faults_identical_frames_are_frozen(motion, frame):
     still = max(int(np.ceil(0.26 / motion.frame_time)), 4)
     kept = np.concatenate([np.arange(frame), np.full(still, frame), np.arange(frame, N_FRAMES)])
     frozen = replace(
@@ -138,7 +138,7 @@ def test_frames_that_stand_still_are_found(motion, frame):
 
 
 @given(dances, frames, st.sampled_from([0, 3, 6]), st.sampled_from([-360.0, 360.0]))
-def test_a_curve_that_wraps_is_no_fault_of_the_motion(motion, frame, joint, turn):
+def test_find_faults_angle_jump_is_wrap(motion, frame, joint, turn):
     values = motion.channel_values.copy()
     values[frame:, motion.skeleton.channel_columns[joint][-1]] += turn
     wrapped = of_values(motion.skeleton, values, motion.frame_time)
@@ -153,18 +153,18 @@ def test_a_curve_that_wraps_is_no_fault_of_the_motion(motion, frame, joint, turn
         (1e-5, "a frame lasts 1e-05 s"),
     ],
 )
-def test_a_frame_time_that_is_another_number_is_found(frame_time, message):
+def test_find_faults_implausible_frame_time(frame_time, message):
     motion = replace(dance(), frame_time=frame_time)
     fault = mg.find_faults(motion)[0]
     assert (fault.kind, fault.frames, fault.message) == ("frame_time", (0, N_FRAMES - 1), message)
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3])
-def test_motions_of_few_frames_have_no_fault(n_frames):
+def test_find_faults_few_frames_are_accepted(n_frames):
     assert found(dance()[:n_frames]) == []
 
 
-def test_a_figure_of_one_point_has_no_height_to_leap():
+def test_find_faults_figure_without_height_is_accepted():
     skeleton = mg.Skeleton(("point",), np.array([-1]), np.zeros((1, 3)))
     placed = np.arange(30.0).reshape(10, 1, 3) ** 5
     still = np.tile(rotations.IDENTITY, (10, 1, 1))
@@ -172,14 +172,14 @@ def test_a_figure_of_one_point_has_no_height_to_leap():
 
 
 @given(clips())
-def test_no_motion_is_too_odd_to_look_at(clip):
+def test_find_faults_arbitrary_motion_does_not_fail(clip):
     motion = mg.read_bvh(io.BytesIO(written(clip, Dialect())))
     for fault in mg.find_faults(motion):
         assert fault.kind in KINDS
         assert 0 <= fault.frames[0] <= fault.frames[1] < motion.n_frames
 
 
-def test_places_beyond_all_measure_are_looked_at_without_a_warning():
+def test_find_faults_huge_positions_raise_no_warning():
     motion = dance()
     placed = motion.positions.copy()
     placed[20, 0], placed[21, 0] = 1.7e308, -1.7e308
@@ -203,7 +203,7 @@ def named(row):
 
 
 @pytest.mark.parametrize("row", recordings(), ids=named)
-def test_rest_poses_are_found_where_the_first_step_stands_out(row):
+def test_find_faults_recordings_report_known_rest_poses(row):
     if row is None:
         pytest.skip(f"no recordings in {DATA}")
     motion = mg.read_bvh(DATA / row["file"])
@@ -216,7 +216,7 @@ CLEAN = ("bandai", "dance_mass", "dance_carousel", "skel_animated", "skel_games"
 
 
 @pytest.mark.parametrize("row", recordings(*CLEAN), ids=named)
-def test_clean_recordings_have_no_fault_but_wraps(row):
+def test_find_faults_clean_recordings_have_only_wraps(row):
     if row is None:
         pytest.skip(f"no recordings in {DATA}")
     faults = mg.find_faults(mg.read_bvh(DATA / row["file"]))
@@ -224,7 +224,7 @@ def test_clean_recordings_have_no_fault_but_wraps(row):
 
 
 @pytest.mark.parametrize("name", ["paper_shape_A", "paper_shape_B"])
-def test_cuts_between_clips_are_found(name):
+def test_find_faults_concatenated_clips_report_cuts(name):
     folder = DATA / "paper_shape_57dof"
     if not folder.exists():
         pytest.skip(f"no recordings in {DATA}")

@@ -80,7 +80,7 @@ def clip_name(path):
     return f"{path.parent.name}/{path.stem}"
 
 
-def test_the_paper_counts_24_and_33_degrees_of_freedom():
+def test_preset_lower_upper_has_degrees_of_freedom_of_paper():
     skeleton = human()
     found = JointGroups.preset("lower_upper", skeleton).resolve(skeleton)
     assert {
@@ -89,7 +89,7 @@ def test_the_paper_counts_24_and_33_degrees_of_freedom():
     } == {"lower": 24, "upper": 33}
 
 
-def test_presets_of_a_human():
+def test_preset_of_human_has_expected_joints():
     skeleton = human()
     arm = ["Collar", "Shoulder", "Elbow", "Wrist"]
     left, right = [f"Left{part}" for part in arm], [f"Right{part}" for part in arm]
@@ -107,7 +107,7 @@ def test_presets_of_a_human():
 
 
 @given(skeletons(), st.sampled_from(sorted(PRESETS)))
-def test_presets_are_disjoint_and_cover_every_joint(skeleton, preset):
+def test_presets_are_disjoint_and_complete(skeleton, preset):
     try:
         groups = JointGroups.preset(preset, skeleton)
     except ValueError as error:
@@ -122,7 +122,7 @@ def test_presets_are_disjoint_and_cover_every_joint(skeleton, preset):
 
 
 @given(skeletons(names=st.text(st.characters(), max_size=6)), st.data())
-def test_groups_survive_a_file(skeleton, data):
+def test_groups_toml_round_trips(skeleton, data):
     kept = data.draw(st.lists(st.sampled_from(range(skeleton.n_joints)), min_size=1))
     text = st.text(st.characters(exclude_categories=["Cs"]), max_size=6)
     groups = JointGroups(
@@ -142,7 +142,7 @@ def _encodes(name):
     return not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
-def test_groups_survive_a_path(tmp_path):
+def test_groups_toml_file_round_trips(tmp_path):
     skeleton = renamed(human(), lambda _, own: f'{own} "ü" #\\')
     groups = JointGroups.preset("lower_torso_larm_rarm", skeleton)
     path = tmp_path / "groups.toml"
@@ -154,7 +154,7 @@ def test_groups_survive_a_path(tmp_path):
             assert joints.tolist() == groups.resolve(skeleton)[name].tolist()
 
 
-def test_presets_keep_joints_of_one_name_apart():
+def test_preset_duplicate_names_use_indices():
     skeleton = renamed(human(), lambda _, own: "Head" if own in ("Head", "LeftAnkle") else own)
     skeleton = Skeleton(skeleton.names, skeleton.parents, human().offsets)
     groups = JointGroups.preset("lower_torso_head_larm_rarm", skeleton)
@@ -165,12 +165,12 @@ def test_presets_keep_joints_of_one_name_apart():
     assert found["head"].tolist() == groups.resolve(skeleton)["head"].tolist()
 
 
-def test_unencodable_names_are_written_as_indices():
+def test_preset_unencodable_names_use_indices():
     skeleton = renamed(human(), lambda joint, own: own + ("\udc80" if joint == 3 else ""))
     assert JointGroups.preset("lower_upper", skeleton).to_toml().encode()
 
 
-def test_markers_go_with_their_parent():
+def test_preset_markers_belong_to_group_of_parent():
     skeleton, _ = written(
         "joint_Root {Prop | Hips {LeftUpLeg {LeftLeg | Sticker} | Spine {Gadget | Tail |"
         " LeftArm > Watch}}}"
@@ -183,7 +183,7 @@ def test_markers_go_with_their_parent():
     }
 
 
-def test_entries_are_names_globs_indices_and_subtrees():
+def test_groups_accept_names_globs_indices_and_subtrees():
     groups = JointGroups(
         {"feet": ["*Foot", 5], "lower": ["Hips", "LeftLeg"], "upper": [subtree("Sp?ne")]}
     )
@@ -199,13 +199,13 @@ def test_entries_are_names_globs_indices_and_subtrees():
     )
 
 
-def test_a_subtree_reaches_down_to_the_leaves():
+def test_subtree_includes_all_descendants():
     skeleton, _ = written("Hips {Spine > Neck {Head > Jaw | Arm > Hand} | Leg > Foot}")
     groups = JointGroups({"lower": ["Hips", subtree("Leg")], "upper": [subtree("Spine")]})
     assert groups.resolve(skeleton)["upper"].tolist() == [1, 2, 3, 4, 5, 6]
 
 
-def test_a_name_is_a_glob_only_if_no_joint_has_it():
+def test_groups_exact_name_precedes_glob():
     skeleton, _ = written("Hips {Arm[1] | Arm1 | Arm2}")
     groups = JointGroups({"lower": ["Hips", "Arm[1]"], "upper": ["Arm[0-9]"]})
     assert groups.resolve(skeleton)["lower"].tolist() == [0, 1]
@@ -235,12 +235,12 @@ def test_a_name_is_a_glob_only_if_no_joint_has_it():
         ({"lower": [subtree("Tail")], "upper": ["Spine"]}, "no joint is named 'Tail'"),
     ],
 )
-def test_resolve_names_the_culprit(groups, message):
+def test_resolve_invalid_entry_names_it(groups, message):
     with pytest.raises(ValueError, match=message):
         JointGroups(groups).resolve(small())
 
 
-def test_joints_of_one_name_are_told_apart_in_messages():
+def test_resolve_duplicate_names_show_index():
     skeleton, _ = written("Hips {Head | Head}")
     with pytest.raises(ValueError, match=r"got none for Head \(index 2\)"):
         JointGroups({"lower": ["Hips"], "upper": [1]}).resolve(skeleton)
@@ -260,12 +260,12 @@ def test_joints_of_one_name_are_told_apart_in_messages():
         (["a", "b"], "lower", TypeError, "groups must map names to joints"),
     ],
 )
-def test_groups_that_are_none_are_refused(groups, base, error, message):
+def test_groups_invalid_arguments_raise(groups, base, error, message):
     with pytest.raises(error, match=message):
         JointGroups(groups, base=base)
 
 
-def test_an_entry_may_be_a_numpy_integer_but_a_subtree_no_list():
+def test_groups_entry_types_are_checked():
     groups = JointGroups({"lower": np.array([0, 1]), "upper": [2]})
     assert groups.to_toml().count("    0,") == 1
     with pytest.raises(TypeError, match=r"joint must be a name or an index, got \['Spine'\]"):
@@ -287,12 +287,12 @@ def test_an_entry_may_be_a_numpy_integer_but_a_subtree_no_list():
         ('base = 3\n[groups]\nlower = ["b"]\nupper = ["c"]\n', "base must be one of.*got 3"),
     ],
 )
-def test_files_that_hold_no_groups_are_refused(text, message):
+def test_from_toml_invalid_text_raises_value_error(text, message):
     with pytest.raises(ValueError, match=message):
         JointGroups.from_toml(text)
 
 
-def test_errors_name_the_file(tmp_path):
+def test_from_toml_errors_name_the_file(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_bytes(b"\xff\n")
     with pytest.raises(ValueError, match=r"mine\.toml: not UTF-8"):
@@ -301,7 +301,7 @@ def test_errors_name_the_file(tmp_path):
         JointGroups.from_toml(tmp_path / "none.toml")
 
 
-def test_unknown_presets_are_refused():
+def test_preset_unknown_name_raises_value_error():
     with pytest.raises(ValueError, match=r"preset must be one of lower_upper.*got 'upper_lower'"):
         JointGroups.preset("upper_lower", human())
 
@@ -312,7 +312,7 @@ needs_recordings = pytest.mark.skipif(not recorded(), reason=f"no recordings at 
 @needs_recordings
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("path", recorded(), ids=clip_name)
-def test_recordings_have_all_presets_that_they_have_the_parts_for(path, preset):
+def test_preset_recordings_resolve_or_name_missing_parts(path, preset):
     skeleton = read_hierarchy(path)
     lacking = LACKING.get(clip_name(path), {}).get(preset)
     if lacking:
@@ -332,7 +332,7 @@ def test_recordings_have_all_presets_that_they_have_the_parts_for(path, preset):
 
 @needs_recordings
 @pytest.mark.parametrize("name", LOWER)
-def test_lower_groups_of_recordings_checked_by_hand(name):
+def test_preset_lower_group_of_recordings_matches_manual_labels(name):
     skeleton = read_hierarchy(Path(DATA, f"{name}.bvh"))
     found = JointGroups.preset("lower_upper", skeleton).resolve(skeleton)
     assert names_of(skeleton, found["lower"]) == LOWER[name].split()

@@ -46,14 +46,14 @@ def at_rest(skeleton, axes=(0, 1, 2)):
 
 
 @given(skeletons(), SEXES)
-def test_masses_sum_to_one(skeleton, sex):
+def test_mass_model_masses_sum_to_one(skeleton, sex):
     found = mass_model(skeleton, sex=sex)
     assert math.isclose(found.mass.sum(), 1.0, rel_tol=1e-12)
     assert (found.mass >= 0).all()
 
 
 @pytest.mark.parametrize("sex", ["mean", "female", "male"])
-def test_masses_of_a_human_are_de_levas(sex):
+def test_mass_model_human_has_de_leva_masses(sex):
     skeleton = human()
     found = mass_model(skeleton, sex=sex)
     assert found.model == "de Leva"
@@ -66,7 +66,7 @@ def test_masses_of_a_human_are_de_levas(sex):
     assert found.gyration[skeleton.index("RightHip")] == pytest.approx(gyration)
 
 
-def test_a_part_of_several_joints_shares_its_mass_by_length():
+def test_mass_model_part_mass_is_divided_by_bone_length():
     skeleton = human()
     found = mass_model(skeleton, sex="male")
     neck, head = skeleton.index("Neck"), skeleton.index("Head")
@@ -78,7 +78,7 @@ def test_a_part_of_several_joints_shares_its_mass_by_length():
     assert found.gyration[neck] == 0.289
 
 
-def test_mass_without_joints_goes_nearer_to_the_trunk():
+def test_mass_model_missing_part_adds_to_proximal_part():
     skeleton, _ = written(
         "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
         " | Chest {LeftShoulder > LeftElbow | RightArm}}",
@@ -91,7 +91,7 @@ def test_mass_without_joints_goes_nearer_to_the_trunk():
 
 
 @given(skeletons(), st.floats(1e-3, 1e3))
-def test_scale_changes_height_alone(skeleton, factor):
+def test_mass_model_scale_changes_only_height(skeleton, factor):
     assume(skeleton.offsets[1:].any())
     small, large = mass_model(skeleton), mass_model(scaled(skeleton, factor))
     assume(small.height_from != "nothing")
@@ -107,7 +107,7 @@ def test_scale_changes_height_alone(skeleton, factor):
 
 
 @given(st.data(), st.booleans())
-def test_the_order_of_joints_does_not_matter(data, with_names):
+def test_mass_model_ignores_joint_order(data, with_names):
     skeleton = human() if with_names else nameless(human())
     order = data.draw(orders(skeleton))
     shuffled = reordered(skeleton, order)
@@ -124,7 +124,7 @@ def test_the_order_of_joints_does_not_matter(data, with_names):
 
 
 @given(skeletons())
-def test_bones_without_length_have_no_inertia(skeleton):
+def test_moments_of_inertia_zero_length_bones_are_zero(skeleton):
     found = mass_model(skeleton)
     still = ~found.bone.any(axis=1)
     assert not found.inertia[still].any()
@@ -133,7 +133,7 @@ def test_bones_without_length_have_no_inertia(skeleton):
     assert (found.inertia >= 0).all()
 
 
-def test_what_stands_above_the_hips_weighs_and_turns_nothing():
+def test_mass_model_joints_above_hips_have_no_mass():
     skeleton, _ = written("joint_Root > Hips {LeftHip > LeftKnee | RightHip > RightKnee | Chest}")
     skeleton = skeleton.with_offsets(np.arange(21.0).reshape(7, 3))
     for kind in KINDS:
@@ -144,7 +144,7 @@ def test_what_stands_above_the_hips_weighs_and_turns_nothing():
     assert mass_model(skeleton).hips == 1
 
 
-def test_markers_and_faces_weigh_nothing():
+def test_mass_model_markers_and_face_have_no_mass():
     skeleton, _ = written(
         "Hips {LeftHip {LeftKnee > LeftAnkle | L_Femur_RIGMESH} | RightHip > RightKnee"
         " | Chest > Head {Jaw | LeftEye}}"
@@ -161,7 +161,7 @@ def test_markers_and_faces_weigh_nothing():
     )
 
 
-def test_own_inertia_follows_its_formula():
+def test_moments_of_inertia_own_matches_formula():
     skeleton = human()
     found = mass_model(skeleton, sex="male")
     knee = skeleton.index("LeftKnee")
@@ -171,7 +171,7 @@ def test_own_inertia_follows_its_formula():
     np.testing.assert_array_equal(moments_of_inertia(found, skeleton), found.inertia)
 
 
-def test_subtree_inertia_is_the_sum_over_point_masses():
+def test_moments_of_inertia_subtree_matches_point_masses():
     skeleton = human()
     found = mass_model(skeleton)
     moments = moments_of_inertia(found, skeleton, "subtree")
@@ -189,14 +189,14 @@ def test_subtree_inertia_is_the_sum_over_point_masses():
         assert moments[joint] == pytest.approx(total / found.height**2, rel=1e-9)
 
 
-def test_a_leaf_alone_has_one_inertia():
+def test_moments_of_inertia_leaf_own_equals_subtree():
     skeleton = human()
     moments = moments_of_inertia(mass_model(skeleton), skeleton, "subtree")
     leaf = skeleton.index("LeftWrist")
     assert moments[leaf] == pytest.approx(mass_model(skeleton).inertia[leaf], rel=1e-9)
 
 
-def test_trunk_bones_end_between_their_children_and_leaves_at_their_tips():
+def test_mass_model_bone_ends_of_trunk_and_leaves():
     skeleton = human()
     bone = dict(zip(skeleton.names, mass_model(skeleton).bone.tolist(), strict=True))
     assert bone["Chest"] == [0, pytest.approx(64 / 3), pytest.approx(2 / 3)]
@@ -204,7 +204,7 @@ def test_trunk_bones_end_between_their_children_and_leaves_at_their_tips():
     assert bone["LeftWrist"] == [17, 0, 0]
 
 
-def test_height_of_a_human():
+def test_mass_model_height_of_human():
     found = mass_model(human())
     leg, upper = 9 + 41 + math.hypot(40, 2), 22 + 24 + math.hypot(9, 2)
     assert found.height == pytest.approx((leg + upper) / 0.87)
@@ -228,14 +228,14 @@ def test_height_of_a_human():
         ("Hips", (5, 0, 0), 1, "nothing"),
     ],
 )
-def test_heights_of_less_than_a_human(text, offset, height, source):
+def test_mass_model_height_of_partial_skeletons(text, offset, height, source):
     skeleton, _ = written(text)
     found = mass_model(skeleton.with_offsets([offset] * skeleton.n_joints))
     assert found.height == pytest.approx(height)
     assert found.height_from == source
 
 
-def test_unknown_skeletons_weigh_as_rods():
+def test_mass_model_unknown_names_use_rods():
     skeleton, _ = written("a {b > c | d}")
     found = mass_model(skeleton.with_offsets([[0, 0, 0], [0, 3, 0], [0, 1, 0], [0, 0, 0]]))
     assert found.model == "rods"
@@ -246,7 +246,7 @@ def test_unknown_skeletons_weigh_as_rods():
     assert set(found.gyration) == {0.289}
 
 
-def test_animals_weigh_as_rods():
+def test_mass_model_animals_use_rods():
     skeleton, _ = written(
         "Pelvis {Tail1 > Tail2 | Femur_L > Tibia_L | Femur_R > Tibia_R | Spine > Head}"
     )
@@ -257,14 +257,14 @@ def test_animals_weigh_as_rods():
     )
 
 
-def test_bodies_cannot_be_changed():
+def test_mass_model_arrays_are_read_only():
     found = mass_model(human())
     for array in (found.mass, found.bone, found.center, found.gyration, found.inertia):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
 
 
-def test_options_are_checked():
+def test_mass_model_invalid_options_raise_value_error():
     with pytest.raises(ValueError, match="sex must be one of male, female, mean, got 'both'"):
         mass_model(human(), sex="both")
     with pytest.raises(ValueError, match="kind must be 'own', 'subtree' or 'unit', got 'all'"):
@@ -281,17 +281,17 @@ def test_options_are_checked():
     ],
     ids=["human", "nameless", "without feet"],
 )
-def test_up_is_where_the_hips_stand_above_the_feet(skeleton, axes):
+def test_up_axis_is_direction_from_feet_to_hips(skeleton, axes):
     assert up_axis(at_rest(skeleton, axes)) == axes.index(1)
 
 
-def test_up_is_y_where_nothing_tells():
+def test_up_axis_defaults_to_y():
     skeleton, _ = written("a > b")
     assert up_axis(at_rest(skeleton)) == 1
     assert up_axis(at_rest(human().with_offsets(np.zeros((18, 3))))) == 1
 
 
-def test_up_in_a_split_is_where_the_head_is():
+def test_up_axis_in_a_split_uses_the_head():
     skeleton = human()
     offsets = skeleton.offsets.copy()
     for name in ("LeftKnee", "LeftAnkle", "RightKnee", "RightAnkle"):
@@ -299,7 +299,7 @@ def test_up_in_a_split_is_where_the_head_is():
     assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
 
 
-def test_up_of_an_animal_is_not_where_its_head_is():
+def test_up_axis_of_animal_ignores_the_head():
     skeleton, _ = written(
         "Pelvis {Femur_L > Tibia_L > Tarsus_L | Femur_R > Tibia_R > Tarsus_R | Spine > Head}"
     )
@@ -308,7 +308,7 @@ def test_up_of_an_animal_is_not_where_its_head_is():
     assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
 
 
-def test_up_does_not_depend_on_where_the_body_stands():
+def test_up_axis_is_translation_invariant():
     motion = at_rest(human())
     moved = np.array(motion.positions)
     moved[:, 0] += [1e4, -1e3, 5e3]
@@ -317,7 +317,7 @@ def test_up_does_not_depend_on_where_the_body_stands():
 
 @pytest.mark.skipif(not recorded(), reason=f"no recordings at {DATA}")
 @pytest.mark.parametrize("path", recorded(), ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_bodies_of_recordings(path):
+def test_mass_model_recordings_have_plausible_values(path):
     skeleton = read_hierarchy(path)
     found = mass_model(skeleton)
     assert found.mass.sum() == pytest.approx(1)

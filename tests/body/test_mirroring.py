@@ -46,7 +46,7 @@ def with_axes(motion, turn):
 
 @settings(deadline=None)
 @given(SEEDS)
-def test_a_mirror_image_is_one(seed):
+def test_mirror_reflects_world_positions(seed):
     """Every joint is where the mirror shows its partner; and back again."""
     motion = person(seed, 12)
     gentle = rotations.exp(0.2 * rotations.log(motion.rotations))  # so that it is known what is up
@@ -65,7 +65,7 @@ def test_a_mirror_image_is_one(seed):
 @settings(deadline=None, max_examples=30)
 @given(SEEDS)
 @example(485600)  # its image once seemed to face another mirror
-def test_the_axes_of_joints_do_not_matter(seed):
+def test_mirror_ignores_local_axes(seed):
     """Quarter turns of every joint's axes: the image is that of the plain figure."""
     rng = np.random.default_rng(seed)
     motion = dance(seed=4, strides=1).motion[100:300]
@@ -86,12 +86,12 @@ def test_the_axes_of_joints_do_not_matter(seed):
 
 
 @given(SEEDS)
-def test_a_mirror_image_moves_as_much(seed):
+def test_mirror_keeps_kinetic_energy(seed):
     motion = person(seed, 12)
     np.testing.assert_allclose(kinetic_energy(mirror(motion)), kinetic_energy(motion), rtol=1e-9)
 
 
-def test_partners_are_of_the_other_side():
+def test_partners_are_on_opposite_sides():
     skeleton = human()
     pair, known = partners(skeleton), anatomy(skeleton)
     np.testing.assert_array_equal(pair[pair], np.arange(skeleton.n_joints))
@@ -108,7 +108,7 @@ ODD = ("face-poseunits", "rotation_first_root", "backflip")
 
 
 @pytest.mark.parametrize("path", recorded(), ids=lambda path: path.stem[:30])
-def test_recordings_are_mirrored_or_say_why_not(path):
+def test_mirror_recordings_succeed_or_name_the_joint(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         motion = read_bvh(path, strict=False)[:20]
@@ -136,7 +136,7 @@ def motion():
     return dance(seed=2, strides=1).motion
 
 
-def test_a_mirrored_library_has_every_segment_twice(motion):
+def test_mirrored_library_doubles_segments(motion):
     library = Library.build([motion[:300], motion[300:500]])
     twice = library.mirrored()
     n = len(library.segments)
@@ -153,7 +153,7 @@ def test_a_mirrored_library_has_every_segment_twice(motion):
         np.testing.assert_allclose(*gaps, atol=1e-3)
 
 
-def test_mirrored_donors_take_part(motion):
+def test_mirrored_library_donors_are_used(motion):
     library = Library.build(motion[:500], mirrored=True)
     new = graft(library, seed=1)
     clips = {s.clip for s in new.substitutions}
@@ -165,7 +165,7 @@ def test_mirrored_donors_take_part(motion):
     assert {s.clip for s in back.substitutions} <= {entry.name for entry in library.entries}
 
 
-def test_a_mirrored_library_can_be_kept(motion, tmp_path):
+def test_mirrored_library_saves_and_opens(motion, tmp_path):
     library = Library.build(motion[:200], mirrored=True)
     library.save(tmp_path / "twice.mograft")
     again = Library.open(tmp_path / "twice.mograft")
@@ -174,7 +174,7 @@ def test_a_mirrored_library_can_be_kept(motion, tmp_path):
     assert len(again.mirrored().segments) == 2 * len(library.segments)
 
 
-def test_what_has_no_partner_is_named():
+def test_mirror_asymmetric_skeleton_raises_value_error():
     names = {"RightWrist": "RightThumb1"}
     skeleton = renamed(human(), lambda _, old: names.get(old, old))
     motion = replace(person(1), skeleton=skeleton)

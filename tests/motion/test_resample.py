@@ -27,7 +27,7 @@ def half_turns(quats):
 
 @BOTH
 @given(track=rotation_tracks())
-def test_the_curve_passes_through_its_frames(way, track):
+def test_curve_at_frame_times_returns_frames(way, track):
     times, quats = track
     same_rotations(way(times, quats, times), quats)
     np.testing.assert_array_equal(way(times, quats, times[:1]), quats[:1])
@@ -35,14 +35,14 @@ def test_the_curve_passes_through_its_frames(way, track):
 
 @BOTH
 @given(track=rotation_tracks(), time=st.floats(-1, 9))
-def test_the_curve_stays_on_the_unit_sphere(way, track, time):
+def test_curve_quaternions_have_unit_norm(way, track, time):
     norms = np.linalg.norm(way(*track, [time]), axis=-1)
     np.testing.assert_allclose(norms, 1.0, atol=1e-14)
 
 
 @BOTH
 @given(track=rotation_tracks(), turn=quaternions(()), time=st.floats(0, 8))
-def test_turning_the_world_turns_the_curve(way, track, turn, time):
+def test_rotated_frames_give_rotated_curve(way, track, turn, time):
     times, quats = track
     assume(not half_turns(quats))  # a half turn has no shorter arc: either may be taken
     same_rotations(
@@ -54,14 +54,14 @@ def test_turning_the_world_turns_the_curve(way, track, turn, time):
 
 @BOTH
 @given(velocity=vectors((2,), size=1.5), time=st.floats(0, 1))
-def test_constant_velocity_is_reproduced(way, velocity, time):
+def test_constant_velocity_motion_is_reproduced(way, velocity, time):
     times = np.array([0.0, 0.1, 0.4, 0.5, 0.9, 1.0])
     quats = rotations.exp(velocity * times[:, None, None])
     same_rotations(way(times, quats, [time])[0], rotations.exp(velocity * time), 1e-12)
 
 
 @given(quaternions(()), quaternions(()), st.floats(0, 1))
-def test_slerp_is_the_same_from_either_end(a, b, t):
+def test_slerp_reversed_arguments_give_same_rotation(a, b, t):
     assume(abs(a @ b) > 1e-6)
     there = resample.slerp([0.0, 1.0], [[a], [b]], [t])
     back = resample.slerp([0.0, 1.0], [[b], [a]], [1.0 - t])
@@ -69,7 +69,7 @@ def test_slerp_is_the_same_from_either_end(a, b, t):
 
 
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=8), st.floats(0, 1))
-def test_about_one_axis_the_cubic_is_the_scalar_hermite_of_the_angle(angles, share):
+def test_cubic_about_one_axis_matches_scalar_hermite(angles, share):
     times = np.linspace(0.0, 1.0, len(angles))
     quats = rotations.from_axis_angle([0, 1, 0], angles)[:, None]
     places = np.zeros((len(angles), 1, 3))
@@ -79,7 +79,7 @@ def test_about_one_axis_the_cubic_is_the_scalar_hermite_of_the_angle(angles, sha
 
 
 @given(SEEDS, st.integers(3, 9), st.integers(2, 40))
-def test_segments_are_the_cubic_of_their_own_frames(seed, n_frames, count):
+def test_resample_segments_matches_cubic_of_segment_frames(seed, n_frames, count):
     quats = wander(np.random.default_rng(seed), n_frames + 4, 2)
     own = quats[2 : 2 + n_frames]
     whole = resample.resample_segments(quats, [2], [1 + n_frames], [count])
@@ -89,7 +89,7 @@ def test_segments_are_the_cubic_of_their_own_frames(seed, n_frames, count):
 
 
 @given(motions(min_frames=6), st.integers(1, 5))
-def test_as_many_frames_are_the_segment_and_whole_multiples_hold_every_frame(motion, times):
+def test_resample_segments_same_or_multiple_count_keeps_frames(motion, times):
     last = motion.n_frames - 1
     same = resample.resample_segments(motion.rotations, [0], [last], [last + 1])
     np.testing.assert_array_equal(same, motion.rotations)
@@ -102,7 +102,7 @@ def test_as_many_frames_are_the_segment_and_whole_multiples_hold_every_frame(mot
 
 
 @given(SEEDS)
-def test_many_segments_at_once_are_each_by_itself(seed):
+def test_resample_segments_many_equal_one_by_one(seed):
     rng = np.random.default_rng(seed)
     quats, places = wander(rng, 40, 3), rng.normal(size=(40, 3, 3))
     starts = rng.integers(0, 30, 7)
@@ -119,7 +119,7 @@ def test_many_segments_at_once_are_each_by_itself(seed):
 
 
 @given(motions(min_frames=4), st.floats(5, 200))
-def test_resampled_motion_lasts_as_long_and_keeps_its_ends(motion, rate):
+def test_motion_resample_keeps_duration_and_end_frames(motion, rate):
     other = motion.resample(rate)
     assert other.duration == pytest.approx(motion.duration, rel=1e-12)
     for end in (0, -1):
@@ -137,7 +137,7 @@ def test_resampled_motion_lasts_as_long_and_keeps_its_ends(motion, rate):
     ],
 )
 @BOTH
-def test_frames_that_are_no_motion_are_refused(way, times, message):
+def test_resample_invalid_frames_raise_value_error(way, times, message):
     still = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1, 1))
     with pytest.raises(ValueError, match=message):
         way(times, still, [0.0])
@@ -152,7 +152,7 @@ def test_frames_that_are_no_motion_are_refused(way, times, message):
         (([0], [1, 2], [3]), "stops must have shape"),
     ],
 )
-def test_segments_outside_their_clip_are_refused(bounds, message):
+def test_resample_segments_outside_clip_raise_value_error(bounds, message):
     still = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1))
     with pytest.raises(ValueError, match=message):
         resample.resample_segments(still, *bounds)

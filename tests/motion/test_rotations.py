@@ -14,20 +14,20 @@ ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
 
 @given(quaternions((5,)))
-def test_exp_undoes_log_and_the_log_is_the_shorter_way(q):
+def test_exp_inverts_log_and_log_is_shortest(q):
     logs = rotations.log(q)
     assert (np.linalg.norm(logs, axis=-1) <= np.pi + 1e-15).all()
     same_rotations(rotations.exp(logs), q, 1e-12)
 
 
 @given(quaternions((5,)))
-def test_q_and_minus_q_are_the_same_rotation(q):
+def test_log_and_angle_ignore_quaternion_sign(q):
     np.testing.assert_array_equal(rotations.log(q), rotations.log(-q))
     np.testing.assert_array_less(rotations.angle(q, -q), 1e-15)
 
 
 @given(quaternions((4,)), quaternions((4,)), vectors((4,)))
-def test_products_and_turns_are_scipys(a, b, v):
+def test_multiply_and_rotate_match_scipy(a, b, v):
     scipy_a, scipy_b = Rotation.from_quat(a), Rotation.from_quat(b)
     same_rotations(rotations.multiply(a, b), (scipy_a * scipy_b).as_quat(), 1e-14)
     np.testing.assert_allclose(rotations.rotate(a, v), scipy_a.apply(v), atol=1e-13)
@@ -42,7 +42,7 @@ def test_products_and_turns_are_scipys(a, b, v):
         [((), ()), ((3,), ()), ((), (2, 3)), ((4, 1), (3,)), ((2, 1, 3), (4, 1)), ((0,), (1,))]
     ),
 )
-def test_products_and_turns_broadcast_as_arrays_do(seed, shapes):
+def test_multiply_and_rotate_broadcast(seed, shapes):
     """Views that go backwards or skip rows too."""
     rng = np.random.default_rng(seed)
     a, b, v = (
@@ -57,7 +57,7 @@ def test_products_and_turns_broadcast_as_arrays_do(seed, shapes):
 
 
 @given(vectors((), size=1e-6))
-def test_angles_near_zero_are_exact(v):
+def test_angle_near_zero_is_accurate(v):
     q = rotations.exp(v)
     np.testing.assert_allclose(rotations.log(q), v, rtol=1e-12, atol=1e-300)
     near = rotations.angle(q, rotations.IDENTITY)
@@ -65,14 +65,14 @@ def test_angles_near_zero_are_exact(v):
 
 
 @given(vectors((3,), size=10.0), st.sampled_from(ORDERS))
-def test_euler_angles_are_scipys_and_give_the_rotation_back(angles, order):
+def test_to_euler_matches_scipy_and_round_trips(angles, order):
     q = rotations.from_euler(angles, order)
     same_rotations(q, Rotation.from_euler(order, angles).as_quat(), 1e-12)
     same_rotations(rotations.from_euler(rotations.to_euler(q, order), order), q, 1e-9)
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3), st.sampled_from((-0.5, 0.5)), st.sampled_from(ORDERS))
-def test_gimbal_lock_keeps_rotation_and_first_angle(first, last, side, order):
+def test_to_euler_gimbal_lock_keeps_rotation_and_first_angle(first, last, side, order):
     q = rotations.from_euler([[first, side * np.pi, last]], order)
     angles = rotations.to_euler(q, order, [first + 0.1, side * np.pi, 0.0])
     same_rotations(rotations.from_euler(angles, order), q, 1e-9)
@@ -80,7 +80,7 @@ def test_gimbal_lock_keeps_rotation_and_first_angle(first, last, side, order):
 
 
 @given(SEEDS, st.sampled_from(ORDERS))
-def test_euler_angles_have_no_jump_where_the_rotation_has_none(seed, order):
+def test_to_euler_continuous_rotation_gives_continuous_angles(seed, order):
     """Away from gimbal lock, where the outer angles may turn fast, no curve jumps."""
     q = wander(np.random.default_rng(seed), 60, 1, speed=0.05)[:, 0]
     angles = rotations.to_euler(q, order)
@@ -90,14 +90,14 @@ def test_euler_angles_have_no_jump_where_the_rotation_has_none(seed, order):
 
 
 @given(vectors((2,), size=1.0), st.sampled_from(("Z", "XY", "YZ", "")))
-def test_joints_with_fewer_axes_keep_their_angles(angles, order):
+def test_to_euler_fewer_axes_round_trips(angles, order):
     wanted = angles[:, : len(order)]
     q = rotations.from_euler(wanted, order)
     np.testing.assert_allclose(rotations.to_euler(q, order), wanted, atol=1e-9)
 
 
 @given(SEEDS)
-def test_continuous_rotations_do_not_jump_and_stay_the_same(seed):
+def test_continuous_signs_keeps_rotations_and_removes_jumps(seed):
     rng = np.random.default_rng(seed)
     q = wander(rng, 20, 2) * rng.choice([-1.0, 1.0], (20, 2, 1))
     smooth = rotations.continuous_signs(q)
@@ -107,14 +107,14 @@ def test_continuous_rotations_do_not_jump_and_stay_the_same(seed):
 
 
 @given(quaternions((6,)), st.sampled_from((0, 1, 2)))
-def test_the_rest_after_the_twist_turns_about_another_axis(q, axis):
+def test_twist_remaining_swing_has_perpendicular_axis(q, axis):
     swing = rotations.multiply(rotations.inverse(rotations.twist(q, axis)), q)
     is_defined = np.hypot(q[:, axis], q[:, 3]) > 1e-6
     np.testing.assert_allclose(swing[is_defined, axis], 0.0, atol=1e-9)
 
 
 @given(quaternions((3,)), quaternions((3,)), vectors((3,)), vectors((3,)))
-def test_the_cubic_meets_its_ends_and_velocities(start, end, leaving, reaching):
+def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reaching):
     def at(t):
         return rotations.hermite(start, end, leaving, reaching, np.full(3, t))
 
@@ -141,12 +141,12 @@ def test_the_cubic_meets_its_ends_and_velocities(start, end, leaving, reaching):
         ),
     ],
 )
-def test_what_is_no_rotation_is_refused_by_name(call, message):
+def test_rotations_invalid_argument_raises_value_error(call, message):
     with pytest.raises(ValueError, match=message):
         call()
 
 
-def test_words_are_no_rotations():
+def test_rotations_of_strings_raise_type_error():
     for other in (["a", "b", "c"], [1j, 0, 0], np.zeros(3, "timedelta64[s]")):
         with pytest.raises(TypeError, match="vectors must be real numbers"):
             rotations.exp(other)

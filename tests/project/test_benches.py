@@ -11,7 +11,7 @@ BENCHES = sorted((ROOT / "benches").glob("*.py"))
 
 
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
-def test_a_bench_finds_what_it_measures(path):
+def test_bench_imports_resolve(path):
     code = "import runpy, sys; sys.path.insert(0, 'benches'); runpy.run_path(sys.argv[1])"
     told = subprocess.run(
         [sys.executable, "-c", code, str(path)],

@@ -53,7 +53,7 @@ def run_python(text, names, page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
-def test_examples_run(page, tmp_path, monkeypatch):
+def test_documentation_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
     for indent, language, fenced in FENCE.findall(page.read_text(encoding="utf-8")):
@@ -72,7 +72,7 @@ def test_examples_run(page, tmp_path, monkeypatch):
         pyplot.close("all")
 
 
-def test_a_wrong_example_is_noticed():
+def test_documentation_wrong_example_fails():
     with pytest.raises(AssertionError):
         run_python(">>> 1 + 1\n3\n", {}, "x")
     with pytest.raises(AssertionError):
@@ -81,7 +81,7 @@ def test_a_wrong_example_is_noticed():
         run_console("$ rm -r x\n")
 
 
-def test_the_papers_table_names_what_there_is():
+def test_paper_table_names_existing_code():
     text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| ")][1:]
     assert len(rows) > 8
@@ -97,7 +97,7 @@ def test_the_papers_table_names_what_there_is():
             assert (ROOT / path).exists(), path
 
 
-def test_the_documentation_builds_without_a_warning(tmp_path):
+def test_documentation_builds_without_warnings(tmp_path):
     for module in ("sphinx", "furo", "myst_parser"):
         pytest.importorskip(module, reason=f"{module} is not installed")
     told = subprocess.run(
@@ -128,7 +128,7 @@ LINK = re.compile(r"\]\(([^)#:]+)\)")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
-def test_links_lead_to_what_there_is(page):
+def test_documentation_links_resolve(page):
     for target in LINK.findall(page.read_text(encoding="utf-8")):
         if "_made/" not in target:
             assert (page.parent / target).exists(), target

@@ -14,7 +14,7 @@ def run(code):
 
 
 @pytest.mark.parametrize("words", ["['--help']", "['--version']", "['graft', '--help']"])
-def test_help_is_answered_without_numpy(words):
+def test_help_does_not_import_numpy(words):
     code = f"""
 import sys
 from mograft.cli import main
@@ -29,7 +29,7 @@ print("heavy", *heavy)
     assert run(code)[-3:] == ["code", "0", "heavy"]
 
 
-def test_every_public_name_is_there_and_known_to_dir():
+def test_public_names_resolve_and_are_listed_by_dir():
     code = """
 import mograft
 names = list(mograft.__all__)
@@ -42,7 +42,7 @@ print(mograft.view.__name__, mograft.segment.__name__)
     assert sorted(set(mograft.__all__)) == sorted(mograft.__all__)
 
 
-def test_names_that_type_checkers_see_are_those_that_are_fetched():
+def test_type_checking_imports_match_lazy_table():
     # The imports under TYPE_CHECKING and the table of homes are the same list twice.
     import ast
     import inspect
@@ -60,12 +60,12 @@ def test_names_that_type_checkers_see_are_those_that_are_fetched():
     assert set(mograft.__all__) <= set(seen) | {"__version__"}
 
 
-def test_what_is_no_name_of_it_is_said():
+def test_unknown_attribute_raises_attribute_error():
     with pytest.raises(AttributeError, match="module 'mograft' has no attribute 'wings'"):
         _ = mograft.wings
 
 
-def test_a_reader_that_has_had_enough_is_no_error(tmp_path):
+def test_closed_output_pipe_ends_without_message(tmp_path):
     from mograft import write_bvh
     from mograft.dancer import dance
 
