@@ -108,6 +108,8 @@ def make_api() -> None:
         if inspect.isclass(value):
             is_error = issubclass(value, Exception)
             options = "" if is_error else ":members:\n"
+            if any(base.__name__ == "LibraryData" for base in value.__mro__):
+                options += "   :inherited-members:\n"
             kind = "Errors" if is_error else "Classes"
             directive = "autoexception" if is_error else "autoclass"
             parts[kind].append(

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ends_alone
 from mograft.analysis.embedding import Embedding, Samples
@@ -104,6 +106,19 @@ class LibraryData:
             sigma=self.sigma[base],
             **states,
         )
+
+    def find_clip(self, motion: Motion) -> int | None:
+        """Return the index of the first clip with the poses of a motion, or None."""
+        for index, info in enumerate(self.entries):
+            if info.n_frames != motion.n_frames:
+                continue
+            clip = self.clips[index]
+            if motion is clip or (
+                np.array_equal(motion.rotations, clip.rotations)
+                and np.array_equal(motion.positions, clip.positions)
+            ):
+                return index
+        return None
 
 
 def _check_group(group: str, groups: Mapping[str, object]) -> None:

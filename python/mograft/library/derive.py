@@ -3,16 +3,18 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
+from mograft._util.validate import check_type
 from mograft.analysis.channel_groups import samples_alone
 from mograft.analysis.embedding import Embedding, Samples, features, normalise
 from mograft.analysis.segmentation import Segments, segment
 from mograft.body.mass import mass_model
 from mograft.body.mirroring import MirroredClips
 from mograft.config import Config
+from mograft.errors import join_names
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import (
     cluster_groups,
@@ -27,9 +29,111 @@ from mograft.library.spec import ClipProperties, rates_match
 from mograft.library.stored_clips import ExtendedClips
 from mograft.motion.motion import Motion
 
-__all__ = ["append_clip", "append_mirror_images", "relabel"]
+__all__ = ["DerivableLibrary"]
 
 L = TypeVar("L", bound=LibraryData)
+
+
+class DerivableLibrary(LibraryData):
+    """A library from which other libraries are derived; base class of `mograft.Library`."""
+
+    def relabelled(self, config: Config) -> Self:
+        """Return the library clustered with, and with the options of, another configuration.
+
+        Parameters
+        ----------
+        config : Config
+            The configuration. Options of segmentation and embedding must be those with which
+            the library was built.
+
+        Returns
+        -------
+        Library
+            With labels for the configuration's `sigma` and `sigma_scale`.
+
+        Raises
+        ------
+        ValueError
+            If an option of segmentation or embedding differs; the message names it.
+        """
+        return _relabel(self, config)
+
+    def mirrored(self) -> Self:
+        """Return the library with the mirror images of all clips appended, clustered again.
+
+        This doubles the number of donors.
+
+        Returns
+        -------
+        Library
+            In memory. A mirror image has the name of its clip and ``_mirrored``.
+
+        Raises
+        ------
+        ValueError
+            If the skeleton's joints have no partners; see `mograft.mirror`.
+        """
+        return _append_mirror_images(self)
+
+    def resolve_base(self, base: Motion | str | None) -> tuple[Self, int]:
+        """Return the library with a base motion among its clips, and the index of the clip.
+
+        Parameters
+        ----------
+        base : Motion or str, optional
+            A motion, or the name of a clip. Default: the first clip.
+
+        Returns
+        -------
+        library
+            This library if the motion is one of its clips, else the result of `with_clip`.
+        index : int
+            The index of the clip.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            If the motion's hierarchy differs.
+        ValueError
+            If no clip has the name.
+        """
+        if base is None:
+            return self, 0
+        if isinstance(base, str):
+            names = [info.name for info in self.entries]
+            if base not in names:
+                raise ValueError(f"base must be a clip, one of {join_names(names)}; got {base!r}")
+            return self, names.index(base)
+        check_type("base", base, Motion)
+        self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
+        index = self.find_clip(base)
+        return (self.with_clip(base), len(self.entries)) if index is None else (self, index)
+
+    def with_clip(self, motion: Motion) -> Self:
+        """Return the library with one more clip, whose segments are excluded as donors.
+
+        Each new segment joins the cluster whose members are all within the greatest diameter
+        of it; of several the one with the nearest member. If there is none, the segment forms a
+        cluster by itself. Other segments, embeddings and clusters do not change.
+
+        Parameters
+        ----------
+        motion : Motion
+            A motion of the library's hierarchy. It is resampled, with a warning, if its frame
+            rate differs from the library's.
+
+        Returns
+        -------
+        Library
+            The last clip is the motion.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            If the hierarchy differs.
+        """
+        return _append_clip(self, motion)
+
 
 _BUILD_FIELDS = (
     "smoothing",
@@ -47,8 +151,8 @@ _BUILD_FIELDS = (
 """Fields of `Config` on which segments and embeddings depend."""
 
 
-def relabel(library: L, config: Config) -> L:
-    """Cluster a library again; see `Library.relabelled`."""
+def _relabel(library: L, config: Config) -> L:
+    """Cluster a library again."""
     for name in _BUILD_FIELDS:
         if getattr(config, name) != getattr(library.config, name):
             raise ValueError(
@@ -62,8 +166,8 @@ def relabel(library: L, config: Config) -> L:
     return replace(library, config=config, labels=labels, sigma=sigma)
 
 
-def append_mirror_images(library: L) -> L:
-    """Append the mirror images of all clips; see `Library.mirrored`."""
+def _append_mirror_images(library: L) -> L:
+    """Append the mirror images of all clips."""
     n = len(library.entries)
     names = [info.name for info in library.entries]
     names = unique_names([*names, *(f"{name}_mirrored" for name in names)])
@@ -100,8 +204,8 @@ def append_mirror_images(library: L) -> L:
     )
 
 
-def append_clip(library: L, motion: Motion) -> L:
-    """Append a clip whose segments are excluded as donors; see `Library.with_clip`."""
+def _append_clip(library: L, motion: Motion) -> L:
+    """Append a clip whose segments are excluded as donors."""
     name = motion.name or "the base"
     library.skeleton.check_same_hierarchy(motion.skeleton, name)
     if not rates_match(motion.rate, library.rate):

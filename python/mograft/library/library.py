@@ -1,4 +1,4 @@
-"""The class `Library`: build, store, open and query libraries of segments."""
+"""The class `Library`: build, store and open libraries of segments."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -7,22 +7,17 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
-import numpy as np
-
-from mograft._util.validate import check_type, is_integer
+from mograft._util.validate import is_integer
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.errors import join_names
 from mograft.library import storage
 from mograft.library.build import build_library
 from mograft.library.clusters import Progress
-from mograft.library.data import LibraryData
-from mograft.library.derive import append_clip, append_mirror_images, relabel
+from mograft.library.derive import DerivableLibrary
 from mograft.library.discover import ClipSource
 from mograft.library.folder import load_library, save_library
 from mograft.library.indexing import add_to_folder, index_folder
 from mograft.library.ingest_run import IngestOptions, IngestRun
-from mograft.motion.motion import Motion
 from mograft.search.candidates import Candidates
 
 if TYPE_CHECKING:
@@ -34,11 +29,10 @@ Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Library(LibraryData):
+class Library(DerivableLibrary):
     """Clips of one skeleton, cut into segments that are compared and clustered by joint group.
 
-    Create a library in memory with `Library.build`, in a folder with `Library.index`; open one
-    that is in a folder with `Library.open`.
+    Use `Library.build` in memory, `Library.index` in a folder, and `Library.open` to open it.
 
     Attributes
     ----------
@@ -64,9 +58,8 @@ class Library(LibraryData):
     sigma : dict of str to float
         For each group the greatest diameter of a cluster.
     boundary_states : dict of str to dict of str to ndarray
-        For each group the poses and velocities of its feature joints at the first and last
-        frame of the segments: the arrays ``first``, ``last``, ``first_velocity`` and
-        ``last_velocity`` of `SegmentPool`.
+        For each group the poses and velocities of its joints at the first and last frame of
+        the segments, as in `SegmentPool`.
     samples : Samples or StoredSamples
         The resampled segments from which features are computed.
     refused : dict of str to str
@@ -103,19 +96,14 @@ class Library(LibraryData):
             The true frames per second of clips whose file gives a wrong rate, by name,
             file name or glob of these.
         tags : mapping of str to iterable of str, optional
-            Words by which donors can be chosen, by name, file name or glob of these. The
-            folders between a source and a file are tags of its clip, too.
+            Words by which donors can be chosen, by name, file name or glob of these; the
+            folders between a source and a file are tags, too.
         executor : concurrent.futures.Executor, optional
             The workers that read, segment and sample clips: a pool of threads or of processes,
             or ``dask.distributed.Client.get_executor()``. Workers must have access to the
             files. The result does not depend on it. Default: the calling thread.
         progress : callable, optional
             Called with the name of a stage, the number of items done and of all items.
-
-        Returns
-        -------
-        Library
-            In memory.
 
         Raises
         ------
@@ -133,10 +121,6 @@ class Library(LibraryData):
         UserWarning
             If clips are resampled to the library's rate, have faults such as a T-pose in the
             first frame, or a group has nothing to compare.
-
-        See Also
-        --------
-        Library.index : Build in a folder, with memory that does not grow with the clips.
 
         Examples
         --------
@@ -161,7 +145,7 @@ class Library(LibraryData):
         force: bool = False,
         **options: Unpack[IngestOptions],
     ) -> "Library":
-        """Build a library in a folder, clip by clip.
+        """Build a library in a folder, with memory that does not grow with the clips.
 
         Parameters
         ----------
@@ -172,8 +156,8 @@ class Library(LibraryData):
         groups, config, rate, frame_rates, tags, executor, progress
             As for `build`.
         strict : bool
-            Whether a clip that cannot be read or does not fit is an error, as for `build`. By
-            default it is left out and listed in `refused`.
+            Whether a clip that cannot be read or does not fit is an error. By default it is
+            left out and listed in `refused`.
         force : bool
             Whether to replace an existing library.
 
@@ -192,7 +176,7 @@ class Library(LibraryData):
         ValueError
             If the groups do not fit the skeleton, or no clip can be used.
         BvhError, FileNotFoundError, SkeletonMismatchError
-            As for `build`; errors of single clips only with `strict`.
+            As for `build`; for single clips only with `strict`.
 
         Examples
         --------
@@ -236,10 +220,10 @@ class Library(LibraryData):
         Raises
         ------
         LibraryError
-            If the library is damaged, or another process is writing to it.
+            If the library is damaged.
         ValueError
             If the library is in memory.
-        BvhError, FileNotFoundError, SkeletonMismatchError
+        BvhError, FileNotFoundError, LibraryError, SkeletonMismatchError
             As for `index`.
 
         Notes
@@ -298,14 +282,12 @@ class Library(LibraryData):
         Returns
         -------
         Library
-            Arrays are mapped, so that only the parts that are used are read. The library stays
-            as it is when another process adds clips to the folder.
+            With mapped arrays, which do not change when another process adds clips.
 
         Raises
         ------
         LibraryError
-            If the library is damaged, foreign, or written by a newer version; the message says
-            what to do.
+            If the library is damaged, foreign, or written by a newer version.
         FileNotFoundError
             If the folder does not exist.
         """
@@ -323,13 +305,12 @@ class Library(LibraryData):
         group : str
             The group to replace.
         constraints : sequence of Constraint, optional
-            Constraints on a graft of the segment's clip. Donors that violate a hard constraint
-            when placed at the segment are refused.
+            Donors that violate a hard constraint when placed at the segment are refused.
 
         Returns
         -------
         Candidates
-            All members of the base segment's cluster, with their costs.
+            All members of the base segment's cluster, with costs.
 
         Raises
         ------
@@ -344,111 +325,8 @@ class Library(LibraryData):
         candidates = pool.judge(segment, pool.points, self.config)
         if not constraints:
             return candidates
-        from mograft.synthesis.search_problem import reasons  # layer exception: judged in place
+        from mograft.synthesis.search_problem import (
+            reasons,  # layer exception: checks donors in place
+        )
 
         return reasons(self, segment, group, candidates, constraints)
-
-    def relabelled(self, config: Config) -> "Library":
-        """Return the library clustered with, and with the options of, another configuration.
-
-        Parameters
-        ----------
-        config : Config
-            The configuration. Options of segmentation and embedding must be those with which
-            the library was built.
-
-        Returns
-        -------
-        Library
-            With labels for the configuration's `sigma` and `sigma_scale`.
-
-        Raises
-        ------
-        ValueError
-            If an option of segmentation or embedding differs; the message names it.
-        """
-        return relabel(self, config)
-
-    def mirrored(self) -> "Library":
-        """Return the library with the mirror images of all clips appended, clustered again.
-
-        This doubles the number of donors.
-
-        Returns
-        -------
-        Library
-            In memory. A mirror image has the name of its clip and ``_mirrored``.
-
-        Raises
-        ------
-        ValueError
-            If the skeleton's joints have no partners; see `mograft.mirror`.
-        """
-        return append_mirror_images(self)
-
-    def resolve_base(self, base: Motion | str | None) -> tuple["Library", int]:
-        """Return the library with a base motion among its clips, and the index of the clip.
-
-        Parameters
-        ----------
-        base : Motion or str, optional
-            A motion, or the name of a clip. Default: the first clip.
-
-        Returns
-        -------
-        library : Library
-            This library if the motion is one of its clips, else the result of `with_clip`.
-        index : int
-            The index of the clip.
-
-        Raises
-        ------
-        SkeletonMismatchError
-            If the motion's hierarchy differs.
-        ValueError
-            If no clip has the name.
-        """
-        if base is None:
-            return self, 0
-        if isinstance(base, str):
-            names = [info.name for info in self.entries]
-            if base not in names:
-                raise ValueError(f"base must be a clip, one of {join_names(names)}; got {base!r}")
-            return self, names.index(base)
-        check_type("base", base, Motion)
-        self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
-        for index, info in enumerate(self.entries):
-            if info.n_frames != base.n_frames:
-                continue
-            clip = self.clips[index]
-            if base is clip or (
-                np.array_equal(base.rotations, clip.rotations)
-                and np.array_equal(base.positions, clip.positions)
-            ):
-                return self, index
-        return self.with_clip(base), len(self.entries)
-
-    def with_clip(self, motion: Motion) -> "Library":
-        """Return the library with one more clip, whose segments are excluded as donors.
-
-        Each new segment joins the cluster whose members are all within the greatest diameter
-        of it; of several the one with the nearest member. If there is none, the segment forms a
-        cluster by itself. Other segments, embeddings and clusters do not change.
-
-        Parameters
-        ----------
-        motion : Motion
-            A motion of the library's hierarchy. It is resampled, with a warning, if its frame
-            rate differs from the library's.
-
-        Returns
-        -------
-        Library
-            The last clip is the motion.
-
-        Raises
-        ------
-        SkeletonMismatchError
-            If the hierarchy differs.
-        """
-        return append_clip(self, motion)
