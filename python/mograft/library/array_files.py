@@ -44,9 +44,9 @@ def map_array(path: Path) -> npt.NDArray[Any]:
 
     Notes
     -----
-    The header is matched by a regular expression: `numpy.lib.format` takes 10 to 25 times as
-    long for one of the 43 arrays of a library with three groups, and a damaged header makes it
-    raise errors of Python's tokenizer or warn of files written by Python 2.
+    A regular expression matches the header. `numpy.lib.format` takes 0.8 ms instead of 0.05 ms
+    for the 42 arrays of a library with three groups. For a damaged header it can raise errors
+    of Python's tokenizer and warn about files of Python 2.
     """
     with path.open("rb") as stream:
         header = _HEADER.fullmatch(stream.read(HEADER_BYTES))
@@ -84,7 +84,7 @@ class ArrayWriter:
         self._stream.write(bytes(HEADER_BYTES))
 
     def append(self, rows: npt.NDArray[Any]) -> None:
-        """Write rows behind those that are written."""
+        """Append rows."""
         self.n_rows += len(rows)
         with self._name_file_in_errors():
             self._stream.write(np.ascontiguousarray(rows, self._dtype).data)

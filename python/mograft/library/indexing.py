@@ -256,7 +256,7 @@ def _complete(
 ) -> None:
     """Compare the segments of all clips, and commit the generation.
 
-    `is_same` says that the segments are those of `base`, so that its clusters are valid.
+    If `is_same`, the segments are those of `base`, and its embeddings and clusters are reused.
     """
     if not clips:
         raise ValueError(f"no clip can be used: {next(iter(run.reasons().values()))}")

@@ -77,7 +77,7 @@ class PendingClip:
     order : ClipOrder
         Its position in the library.
     found : FoundClip or None
-        Where it was found; None for a clip of the previous generation.
+        The source of the clip; None for a clip of the previous generation.
     rate_override : float or None
         Frames per second, if the file gives a wrong rate.
     info : ClipInfo or None
@@ -90,7 +90,7 @@ class PendingClip:
     info: ClipInfo | None = None
 
     def task(self) -> IngestTask:
-        """Return the task that reads the clip from where it was found."""
+        """Return the task that reads the clip from its source."""
         if self.found is None:
             raise RuntimeError("a clip of the previous generation is read from its files")
         source = self.found.source

@@ -107,10 +107,8 @@ class Library(DerivableLibrary):
 
         Raises
         ------
-        BvhError
-            If a file is not a valid BVH file.
-        FileNotFoundError
-            If a path, folder or glob holds no file.
+        BvhError, FileNotFoundError
+            If a file is not a valid BVH file; if a path, folder or glob holds no file.
         SkeletonMismatchError
             If the clips differ in joint names or hierarchy.
         ValueError
@@ -228,8 +226,8 @@ class Library(DerivableLibrary):
 
         Notes
         -----
-        A file counts as unchanged if its size and modification time are the same, or else its
-        SHA-256. Clips whose files were removed stay in the library.
+        A file is unchanged if its size and modification time, or else its SHA-256, are the
+        same. Clips whose files were removed stay in the library.
         """
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it of all clips")

@@ -60,8 +60,8 @@ def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
     motion : Motion
         The motion.
     as_read : bool
-        Whether the motion is an unchanged result of `read_bvh`, so that its poses follow from
-        its channels. By default this is checked.
+        Whether the motion is an unchanged result of `read_bvh`: its poses then follow from its
+        channels. By default `pack` checks this.
 
     Returns
     -------

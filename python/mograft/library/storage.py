@@ -94,8 +94,7 @@ def read(folder: Path) -> StoredLibrary:
     Returns
     -------
     StoredLibrary
-        With every array mapped, so that it stays whole when another process writes the next
-        generation.
+        With every array mapped: it stays whole when another process writes the next generation.
 
     Raises
     ------
