@@ -1,43 +1,43 @@
-"""Seams: how pieces of clips that never met are made to meet (paper, 4.5).
+"""What a seam treatment is: the values that meet at seams, and the interface of a treatment.
 
-Every treatment but the paper's is a curve in continuous time: it is told at which moments it
-is wanted. It works on rotations and on translations alike: see `mograft.blend.value_spaces`.
+The paper's method is in section 4.5. A *piece* is a stretch of donor motion without a seam inside.
+Treatments are functions of continuous time, so that they can be evaluated between frames.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
 from mograft.blend.value_spaces import ValueSpace
 
 __all__ = [
     "PieceTimes",
     "SeamBoundaries",
-    "dead",
-    "displacement",
-    "inertial",
-    "offset",
+    "SeamTreatment",
+    "add_deltas",
+    "at_piece_ends",
+    "crossfade_after",
+    "crossfade_both_sides",
+    "no_crossfade",
 ]
-
-_LIVELY = 1.0
-"""Half-life in seconds, at most, of the speed that "dead" goes on with."""
-_FADING = 0.05
-"""And at least: that of a joint that moves away from where it must go."""
 
 
 @dataclass(frozen=True, eq=False)
 class PieceTimes:
-    """When, in a row of pieces, a motion is wanted.
+    """n points in time, each inside one piece of a sequence.
 
     Attributes
     ----------
     piece : ndarray of int, shape (n,)
-        The piece of each moment.
-    since : ndarray, shape (n,)
-        Seconds from the piece's start.
+        Index of the piece.
+    seconds : ndarray, shape (n,)
+        Seconds since the start of that piece.
     durations : ndarray, shape (n_pieces,)
-        Seconds that each piece lasts.
+        Duration of every piece in seconds.
     """
 
     piece: IntArray
@@ -46,20 +46,24 @@ class PieceTimes:
 
     @property
     def seconds_left(self) -> FloatArray:
-        """Seconds to the end of each moment's piece."""
+        """Seconds to the end of the piece, shape (n,)."""
         return self.durations[self.piece] - self.seconds
+
+    def windows(self, blend: float) -> FloatArray:
+        """Return the blend time of every piece: `blend`, at most the piece's duration."""
+        return np.minimum(blend, self.durations)
 
 
 @dataclass(frozen=True, eq=False)
 class SeamBoundaries:
-    """What meets at the seams between pieces, one row each.
+    """Values and velocities on both sides of the seams between successive pieces.
 
     Attributes
     ----------
     before, after : ndarray, shape (n_pieces - 1, n_joints, 4 or 3)
-        The last value of the piece before and the first of the piece after.
-    leaving, arriving : ndarray, shape (n_pieces - 1, n_joints, 3)
-        Their velocities there, per second; of rotations in the body's own frame.
+        The last value of the piece before the seam, and the first value of the piece after it.
+    velocity_before, velocity_after : ndarray, shape (n_pieces - 1, n_joints, 3)
+        The velocities of these values, per second; of rotations in the joint's own frame.
     """
 
     before: FloatArray
@@ -67,196 +71,147 @@ class SeamBoundaries:
     velocity_before: FloatArray
     velocity_after: FloatArray
 
-    def gaps(self, algebra: ValueSpace) -> FloatArray:
-        """Return the way across each seam; exactly 0 where the values are the same to the bit."""
-        ways = algebra.delta(self.before, self.after)
-        ways[(self.before == self.after).all(axis=-1)] = 0.0
-        return ways
+    def gaps(self, space: ValueSpace) -> FloatArray:
+        """Return the delta across every seam; exactly 0 where both values are equal."""
+        gaps = space.delta(self.before, self.after)
+        gaps[(self.before == self.after).all(axis=-1)] = 0.0
+        return gaps
 
 
-def displacement(
-    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries
-) -> FloatArray:
-    """Move both sides of a seam half way, the change fading evenly over the pieces.
+class SeamTreatment(ABC):
+    """How the motion beside a seam is changed so that the two pieces meet.
+
+    Implementations have no state. Each one is the object `TREATMENT` of its own module in
+    `mograft.blend.seam_treatments`.
+
+    Attributes
+    ----------
+    is_causal : bool
+        Whether the frames before a seam never change. `Stream` needs this.
+    is_velocity_continuous : bool
+        Whether `close` makes velocities continuous too, not only values.
+    spans_segments : bool
+        How far `close` reaches. True: over the whole of the two segments that meet, and every
+        boundary between segments is treated as a seam. False: `Config.seam_blend` seconds on the
+        treated sides of a seam, at most to the end of the piece.
+    """
+
+    is_causal: ClassVar[bool]
+    is_velocity_continuous: ClassVar[bool]
+    spans_segments: ClassVar[bool] = False
+
+    @abstractmethod
+    def close(
+        self,
+        space: ValueSpace,
+        values: FloatArray,
+        times: PieceTimes,
+        boundaries: SeamBoundaries,
+        blend: float,
+    ) -> FloatArray:
+        """Return the values with all gaps at seams closed.
+
+        Parameters
+        ----------
+        space : ValueSpace
+            `ROTATIONS` or `TRANSLATIONS`.
+        values : ndarray, shape (n, n_joints, 4 or 3)
+            The pieces' values at `times`.
+        times : PieceTimes
+            The n points in time.
+        boundaries : SeamBoundaries
+            The seams between the pieces.
+        blend : float
+            `Config.seam_blend`, in seconds.
+
+        Returns
+        -------
+        ndarray, shape of `values`
+            Values that are continuous at the seams. A value that needs no change is returned
+            bit for bit.
+        """
+
+    @abstractmethod
+    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the weight of the other side's root velocity before and after a seam.
+
+        Parameters
+        ----------
+        remaining : ndarray
+            Share of the blend time that remains: 1 at the seam, 0 where the blend ends.
+
+        Returns
+        -------
+        before, after : ndarray, shape of `remaining`
+            Weights before and after the seam, 0 where `remaining` is 0. Their sum is 1 at the
+            seam if the velocity is blended, else 0. See `crossfade_both_sides`,
+            `crossfade_after` and `no_crossfade`.
+        """
+
+    def smooth(
+        self,
+        space: ValueSpace,  # noqa: ARG002
+        values: FloatArray,
+        cut: Segments,  # noqa: ARG002
+        seams: IntArray,  # noqa: ARG002
+        window: int,  # noqa: ARG002
+    ) -> FloatArray:
+        """Return the closed values after a last pass over whole frames; unchanged by default.
+
+        Parameters
+        ----------
+        space : ValueSpace
+            `ROTATIONS` or `TRANSLATIONS`.
+        values : ndarray, shape (n_frames, n_joints, 4 or 3)
+            Values in all frames, seams closed.
+        cut : Segments
+            The base segments.
+        seams : ndarray of int
+            Indices of the segments that end with a seam.
+        window : int
+            `Config.seam_window`, in frames.
+        """
+        return values
+
+
+def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return weights that rise to ½ on either side of the seam, with a continuous slope."""
+    half = 0.25 * remaining * remaining * (3.0 - remaining)
+    return half, half
+
+
+def crossfade_after(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return weights 0 before the seam, and after it a cubic from 1 to 0 with flat ends."""
+    return np.zeros_like(remaining), remaining * remaining * (3.0 - 2.0 * remaining)
+
+
+def no_crossfade(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return weights 0: root velocities stay as captured and jump at the seam."""
+    return np.zeros_like(remaining), np.zeros_like(remaining)
+
+
+def at_piece_ends(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return a quantity of seams for the seam at each piece's start and at its end.
 
     Parameters
     ----------
-    algebra : Algebra
-        `ROTATIONS` for rotations, `TRANSLATIONS` for translations.
-    values : ndarray, shape (n, n_joints, 4 or 3)
-        What the pieces do at the moments.
-    at : PieceTimes
-        The moments.
-    ends : SeamBoundaries
-        What meets at the seams.
+    per_seam : ndarray, shape (n_pieces - 1, ...)
+        The quantity.
+    piece : ndarray of int, shape (n,)
+        Pieces.
 
     Returns
     -------
-    ndarray, shape of `values`
-        Without a gap at the seams; velocities may jump there. Where nothing is to be changed
-        the value is the same to the bit: so in all treatments.
-
-    Notes
-    -----
-    Displacement mapping, linear in the logarithm (paper, 4.5).
+    start, end : ndarray, shape (n, ...)
+        0 at the start of the first piece and at the end of the last, which have no seam.
     """
-    half = 0.5 * ends.gaps(algebra)
-    share = (at.seconds / at.durations[at.piece])[:, None, None]
-    first, last = _beside(half, at.piece)
-    return _moved(algebra, values, share * last - (1.0 - share) * first)
+    zero = np.zeros((1, *per_seam.shape[1:]))
+    return np.concatenate([zero, per_seam])[piece], np.concatenate([per_seam, zero])[piece]
 
 
-def offset(
-    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries, blend: float
-) -> FloatArray:
-    """Let both sides of a seam meet half way, in pose and in velocity.
-
-    Parameters
-    ----------
-    algebra, values, at, ends
-        As for `displacement`.
-    blend : float
-        Seconds on either side of a seam in which something changes, at most; never more than
-        the piece lasts.
-
-    Returns
-    -------
-    ndarray, shape of `values`
-        Without a jump in value or velocity, at the seams and where their influence ends.
-
-    Notes
-    -----
-    The offset is a cubic in the logarithm that starts as the seam demands and ends at 0 with
-    velocity 0. With both seams of a short piece in reach, the offsets add up; each is 0 with
-    its velocity at the other seam.
-    """
-    ways = ends.gaps(algebra)
-    leaving = algebra.transport(0.5 * ways, ends.velocity_before)
-    arriving = algebra.transport(-0.5 * ways, ends.velocity_after)
-    middle = 0.5 * (leaving + arriving)
-    before = algebra.delta_rate(0.5 * ways, middle - leaving)
-    after = algebra.delta_rate(-0.5 * ways, middle - arriving)
-    first, last = _beside(ways, at.piece)
-    first_velocity, last_velocity = _beside(after, at.piece)[0], _beside(before, at.piece)[1]
-    window = np.minimum(blend, at.durations)[at.piece]
-    # The end of a piece is seen backwards, from the seam into the piece.
-    offsets = _cubic(-0.5 * first, first_velocity, at.seconds, window)
-    offsets += _cubic(0.5 * last, -last_velocity, at.seconds_left, window)
-    return _moved(algebra, values, offsets)
-
-
-def inertial(
-    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries, blend: float
-) -> FloatArray:
-    """Leave the piece before a seam as it is, and let the one after start from there.
-
-    Parameters
-    ----------
-    algebra, values, at, ends, blend
-        As for `offset`.
-
-    Returns
-    -------
-    ndarray, shape of `values`
-        Without a jump in value or velocity, and with no look ahead: what was before a seam
-        never changes, as a motion that is being played demands.
-
-    Notes
-    -----
-    Inertialisation (Bollo, GDC 2018): the offset is the quintic with zero value, velocity and
-    acceleration at its end and zero acceleration at the seam; sooner over where it would
-    swing to the other side. Here it is one for the three components, so that they all meet.
-    """
-    ways = ends.gaps(algebra)
-    start = algebra.delta_rate(
-        -ways, ends.velocity_before - algebra.transport(-ways, ends.velocity_after)
-    )
-    none = np.zeros((1, *ways.shape[1:]))  # before the first piece there is no seam
-    value, velocity = np.concatenate([none, -ways]), np.concatenate([none, start])
-    window = np.minimum(blend, at.durations)[:, None]
-    towards = -(value * velocity).sum(axis=-1)
-    squared = (value * value).sum(axis=-1)
-    # Not at once, though, where a joint hardly has a way to go but comes at another speed.
-    swings = 5.0 * squared < window * towards
-    sooner = np.divide(5.0 * squared, towards, out=np.zeros_like(squared), where=swings)
-    window = np.where(swings, np.maximum(sooner, window / 3.0), window)
-    offsets = _quintic(value[at.piece], velocity[at.piece], at.seconds, window[at.piece])
-    return _moved(algebra, values, offsets)
-
-
-def dead(
-    algebra: ValueSpace, values: FloatArray, at: PieceTimes, ends: SeamBoundaries, blend: float
-) -> FloatArray:
-    """Let the piece before a seam go on, slowing down, and fade over to the one after.
-
-    Parameters
-    ----------
-    algebra, values, at, ends, blend
-        As for `offset`.
-
-    Returns
-    -------
-    ndarray, shape of `values`
-        Without a jump in value or velocity, and with no look ahead.
-
-    Notes
-    -----
-    Dead blending (Holden 2023). A joint's velocity halves the sooner the less it leads to
-    where the joint must go.
-    """
-    ways = ends.gaps(algebra)
-    velocity = ends.velocity_before
-    # How long the velocity would take to cover the way, axis by axis.
-    takes = ways / np.where(np.abs(velocity) < 1e-9, 1e-9, velocity)
-    decay = np.log(2.0) / np.clip(takes, _FADING, _LIVELY)
-    seam = at.piece - 1
-    window = np.minimum(blend, at.durations)[at.piece]
-    fading = (seam >= 0) & (at.seconds < window) if len(ways) else np.zeros(len(values), bool)
-    joined = values.copy()
-    seam, since = seam[fading], at.seconds[fading][:, None, None]
-    on = velocity[seam] / decay[seam] * -np.expm1(-decay[seam] * since)
-    going = algebra.add(ends.before[seam], on)
-    share = since / window[fading][:, None, None]
-    share = share * share * (3.0 - 2.0 * share)
-    own = values[fading]
-    met = algebra.add(going, share * algebra.delta(going, own))
-    same = (ways == 0.0).all(axis=-1) & (ends.velocity_before == ends.velocity_after).all(axis=-1)
-    joined[fading] = np.where(same[seam][..., None], own, met)
-    return joined
-
-
-def _beside(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return what belongs to the seam before and the one after each moment's piece, 0 at ends."""
-    none = np.zeros((1, *per_seam.shape[1:]))
-    return np.concatenate([none, per_seam])[piece], np.concatenate([per_seam, none])[piece]
-
-
-def _cubic(
-    value: FloatArray, velocity: FloatArray, time: FloatArray, window: FloatArray
-) -> FloatArray:
-    """Go from a value and velocity to none within a window, and stay there."""
-    u = np.minimum(time / window, 1.0)[:, None, None]
-    c = velocity * window[:, None, None]
-    # By (1 - u)², so that it is exactly 0 at the end.
-    fallen: FloatArray = (1.0 - u) ** 2 * (value * (1.0 + 2.0 * u) + c * u)
-    return fallen
-
-
-def _quintic(
-    value: FloatArray, velocity: FloatArray, time: FloatArray, window: FloatArray
-) -> FloatArray:
-    """As `_cubic`, with no acceleration at either end; a window for each joint."""
-    u = np.minimum(time[:, None] / window, 1.0)[..., None]
-    c = velocity * window[..., None]
-    fallen: FloatArray = (1.0 - u) ** 3 * (
-        value * (1.0 + u * (3.0 + 6.0 * u)) + c * u * (1.0 + 3.0 * u)
-    )
-    return fallen
-
-
-def _moved(algebra: ValueSpace, values: FloatArray, ways: FloatArray) -> FloatArray:
-    """Move values by ways; where there is none, leave every bit."""
-    x, y, z = np.moveaxis(ways == 0.0, -1, 0)
-    moved = algebra.add(values, ways)
-    np.copyto(moved, values, where=(x & y & z)[..., None])
-    return moved
+def add_deltas(space: ValueSpace, values: FloatArray, deltas: FloatArray) -> FloatArray:
+    """Return values plus deltas; where a delta is 0 the value is returned bit for bit."""
+    x, y, z = np.moveaxis(deltas == 0.0, -1, 0)
+    changed = space.add(values, deltas)
+    np.copyto(changed, values, where=(x & y & z)[..., None])
+    return changed

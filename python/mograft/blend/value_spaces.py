@@ -36,6 +36,14 @@ class ValueSpace(Protocol):
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
         """Return values at fractional frames of a track; on a frame, that frame exactly."""
 
+    def hermite(
+        self,
+        values: tuple[FloatArray, FloatArray],
+        velocities: tuple[FloatArray, FloatArray],
+        t: FloatArray,
+    ) -> FloatArray:
+        """Return cubics at t of [0, 1], given start and end values and velocities per unit of t."""
+
 
 class _Rotations:
     """Unit quaternions, xyzw; deltas are rotation vectors in the frame of the rotated joint."""
@@ -62,6 +70,19 @@ class _Rotations:
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
         return cubic(np.arange(len(values)), values, frames)
 
+    def hermite(
+        self,
+        values: tuple[FloatArray, FloatArray],
+        velocities: tuple[FloatArray, FloatArray],
+        t: FloatArray,
+    ) -> FloatArray:
+        shape = values[0].shape
+        start, end, leaving, reaching = (
+            own.reshape(-1, own.shape[-1]) for own in (*values, *velocities)
+        )
+        times = np.repeat(t, shape[1])
+        return rotations.hermite(start, end, leaving, reaching, times).reshape(shape)
+
 
 class _Translations:
     """Vectors; deltas are differences."""
@@ -80,6 +101,22 @@ class _Translations:
 
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
         return cubic_positions(np.arange(len(values)), values, frames)
+
+    def hermite(
+        self,
+        values: tuple[FloatArray, FloatArray],
+        velocities: tuple[FloatArray, FloatArray],
+        t: FloatArray,
+    ) -> FloatArray:
+        t = t[:, None, None]
+        s = 1.0 - t
+        curve: FloatArray = (
+            values[0] * (s * s * (1.0 + 2.0 * t))
+            + values[1] * (t * t * (1.0 + 2.0 * s))
+            + velocities[0] * (t * s * s)
+            - velocities[1] * (t * t * s)
+        )
+        return curve
 
 
 ROTATIONS: ValueSpace = _Rotations()
