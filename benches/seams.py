@@ -19,14 +19,16 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from mograft.blend.transplant import DonorTimeline, transplant
+from mograft.blend.donor_timeline import DonorTimeline
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.motion import rotations
 
 RATE = 30.0
-TREATMENTS = ("none", "offset", "paper", "displacement", "inertial", "dead")
+TREATMENTS = ("none", *SEAM_TREATMENTS.names)
 
 
 def read(path):
@@ -46,12 +48,6 @@ def derivatives(quats, rate):
     return [np.linalg.norm(values, axis=-1).mean() for values in (bends, jerks)]
 
 
-def raw(laid, track):
-    """The donors side by side, nothing done to their seams."""
-    segment, step = laid.frames()
-    return laid.unpack(segment, step, laid.sample(ROTATIONS, [track], segment, step))
-
-
 def measured(motion, seeds, blend):
     """Rows of numbers by treatment, means over seeds."""
     library = mg.Library.build(motion)
@@ -64,9 +60,10 @@ def measured(motion, seeds, blend):
         chosen = np.array([s.donor for s in mg.graft(library, seed=seed).substitutions])
         cut = library.segments
         donors = mg.Segments(cut.start[chosen], cut.stop[chosen], cut.clip[chosen])
-        laid = DonorTimeline(cut, donors, RATE)
-        bare = raw(laid, track)
-        ends = laid.ends(ROTATIONS, [track], np.flatnonzero(laid.true_seams([track])))
+        timeline = DonorTimeline(cut, donors, RATE)
+        bare = timeline.merge_frames(timeline.sample(ROTATIONS, [track], timeline.frame_times()))
+        seams = np.flatnonzero(timeline.find_seams([track]))
+        ends = timeline.boundaries(ROTATIONS, [track], seams)
         gaps.append(np.linalg.norm(ends.gaps(ROTATIONS), axis=-1).ravel())
         kinks.append(np.linalg.norm(ends.velocity_after - ends.velocity_before, axis=-1).ravel())
         for name in TREATMENTS:
@@ -74,7 +71,9 @@ def measured(motion, seeds, blend):
                 quats = bare
             else:
                 config = replace(library.config, seam=name, seam_blend=blend)
-                quats = transplant(motion, cut, donors, [motion], joints, config).rotations
+                quats = transplant(
+                    motion, cut, donors, [motion], GraftedGroup(joints), config
+                ).rotations
             off = rotations.angle(quats, bare)
             rows[name].append(
                 [

@@ -17,25 +17,35 @@ from mograft.analysis.channel_groups import (
     told,
 )
 from mograft.analysis.embedding import Samples
-from mograft.blend.seams import PieceTimes, SeamBoundaries, offset
-from mograft.blend.transplant import DonorTimeline, recombine, transplant
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.recombine import recombine
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.blend.value_spaces import TRANSLATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.blend.test_transplant import LENGTHS, SEAMS, clip, pick, tiles
-from tests.strategies import SEEDS, same_rotations, wander
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    same_rotations,
+    select_segments,
+    star_clip,
+    tile_segments,
+    wander,
+)
 
 AXES = st.sampled_from(["X", "Y", "Z", "ZX", "XY", "ZY"])
 
 
-@given(LENGTHS, SEEDS, AXES, st.sampled_from(SEAMS))
+@given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
 def test_only_the_channels_that_are_held_change(lengths, seed, axes, seam):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
-    donors = pick(cut, rng.integers(0, len(cut), len(cut)))
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
     held = {3: axes}
-    part = transplant(base, cut, donors, [base], np.array([1, 3]), Config(seam=seam), held=held)
+    group = GraftedGroup(np.array([1, 3]), held=held)
+    part = transplant(base, cut, donors, [base], group, Config(seam=seam))
     new = recombine(base, [part], "new")
     own = [
         column
@@ -53,39 +63,38 @@ def test_only_the_channels_that_are_held_change(lengths, seed, axes, seam):
     assert part.joints.tolist() == [1]
 
 
-@given(LENGTHS, SEEDS, AXES, st.sampled_from(SEAMS))
+@given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
 def test_its_own_channels_keep_every_bit(lengths, seed, axes, seam):
-    cut = tiles(lengths)
-    base = clip(np.random.default_rng(seed), cut)
+    cut = tile_segments(lengths)
+    base = star_clip(np.random.default_rng(seed), cut)
     joints = np.array([1, 3])
-    part = transplant(base, cut, cut, [base], joints, Config(seam=seam), held={3: axes})
+    group = GraftedGroup(joints, held={3: axes})
+    part = transplant(base, cut, cut, [base], group, Config(seam=seam))
     new = recombine(base, [part], "same")
     np.testing.assert_array_equal(new.rotations, base.rotations)
     np.testing.assert_array_equal(new.channel_numbers(), base.channel_values)
 
 
-@given(LENGTHS, SEEDS)
+@given(SEGMENT_LENGTHS, SEEDS)
 def test_a_channel_is_joined_as_a_number(lengths, seed):
     """As translations are, its angle being the number; where it does not pass a half turn."""
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
-    donors = pick(cut, rng.integers(0, len(cut), len(cut)))
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
     order = base.skeleton.rotation_order(3)
     angle = angles(base, 3)[:, order.index("Y")]
     if np.ptp(angle) > 3.0:
         return
-    part = transplant(base, cut, donors, [base], np.array([3]), Config(), held={3: "Y"})
+    group = GraftedGroup(np.array([3]), held={3: "Y"})
+    part = transplant(base, cut, donors, [base], group, Config())
     track = np.zeros((len(angle), 1, 3))
     track[:, 0, 0] = angle
-    laid = DonorTimeline(cut, donors, base.rate)
-    seams = np.flatnonzero(laid.true_seams([track]))
-    segment, step = laid.frames()
-    ends, moments = laid.ends(TRANSLATIONS, [track], seams), laid.pieces(seams, segment, step)
-    assert isinstance(ends, SeamBoundaries)
-    assert isinstance(moments, PieceTimes)
-    values = laid.sample(TRANSLATIONS, [track], segment, step)
-    plain = laid.unpack(segment, step, offset(TRANSLATIONS, values, moments, ends, 0.3))[:, 0, 0]
+    timeline = DonorTimeline(cut, donors, base.rate)
+    seams = timeline.find_seams([track])
+    layout = DonorLayout(timeline, [], [track], seams, Config())
+    times = timeline.frame_times()
+    plain = timeline.merge_frames(layout.close_at(TRANSLATIONS, times))[:, 0, 0]
     found = part.angles[3, "Y"]
     found = np.where(np.isnan(found), angle, found)
     np.testing.assert_allclose(np.sin((found - plain) / 2), 0.0, atol=1e-6)
@@ -94,8 +103,8 @@ def test_a_channel_is_joined_as_a_number(lengths, seed):
 @given(SEEDS, AXES, st.booleans())
 def test_of_samples_only_the_divided_joint_changes(seed, axes, is_single):
     rng = np.random.default_rng(seed)
-    cut = tiles([3, 4])
-    skeleton = clip(rng, cut).skeleton
+    cut = tile_segments([3, 4])
+    skeleton = star_clip(rng, cut).skeleton
     quats = wander(rng, 9 * 2, skeleton.n_joints).reshape(9, 2, skeleton.n_joints, 4)
     rows = np.concatenate([quats.reshape(9, -1), rng.normal(size=(9, 7))], axis=1)
     whole = Samples(rows.astype(np.float32) if is_single else rows, 2, skeleton.n_joints)
@@ -126,7 +135,7 @@ def test_what_is_held_alone_and_the_rest_make_the_whole(seed, order):
 
 
 def test_apart_and_told_are_inverse():
-    base = clip(np.random.default_rng(3), tiles(np.array([30])))
+    base = star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
     held = {2: "ZY", 3: "X"}
     found = told(apart(base, held), held)
     assert list(found) == [(2, "Z"), (2, "Y"), (3, "X")]

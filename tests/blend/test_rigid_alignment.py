@@ -65,7 +65,7 @@ def test_roots_are_where_forward_kinematics_puts_them_and_seen_from_their_parent
 def test_bodies_are_moved_as_a_whole(seed):
     rng = np.random.default_rng(seed)
     motion = dance(strides=1).motion[:6]
-    poses, root = mg.Poses.of(motion), RootTransforms.from_motion(motion, 0)
+    poses, root = mg.Poses.from_motion(motion), RootTransforms.from_motion(motion, 0)
     wanted = RootTransforms(rng.permutation(root.rotations), rng.normal(size=(6, 3)) * 100)
     goes = AlignmentTransform.from_roots(root, wanted, 1)
     moved = goes.apply_to_poses(poses)

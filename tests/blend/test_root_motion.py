@@ -8,21 +8,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config, Segments
+from mograft.blend.recombine import recombine
+from mograft.blend.rigid_alignment import RootTransforms
 from mograft.blend.root_motion import (
     blend_root_velocity,
     integrate_root,
     root_velocity_weights,
     yaw_rates,
 )
-from mograft.blend.transplant import recombine, transplant
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
-from tests.blend.test_transplant import LENGTHS, SEAMS, clip, pick, tiles
 from tests.oracles import pipeline as plain
-from tests.strategies import SEEDS, same_rotations
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    same_rotations,
+    select_segments,
+    star_clip,
+    tile_segments,
+)
 
-CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAMS])
+CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
 BLENDS = st.floats(0.02, 1.0)
-ROOT = np.array([0])
+ROOT = GraftedGroup(np.array([0]), root=0)
 
 
 def steps_of(rng, lengths, jumps=1.0):
@@ -32,10 +41,10 @@ def steps_of(rng, lengths, jumps=1.0):
     return base + 0.1 * np.cumsum(rng.normal(size=(n, 4)), axis=0) / np.sqrt(n)
 
 
-@given(LENGTHS, SEEDS, CONFIGS, BLENDS)
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS, BLENDS)
 def test_velocities_are_means_of_those_captured(lengths, seed, config, blend):
     rng = np.random.default_rng(seed)
-    cut, config = tiles(lengths), replace(config, seam_blend=blend)
+    cut, config = tile_segments(lengths), replace(config, seam_blend=blend)
     steps, seams = steps_of(rng, lengths), rng.random(len(lengths) - 1) < 0.7
     faded = blend_root_velocity(steps, cut, seams, config, 30.0)
     np.testing.assert_allclose(
@@ -59,7 +68,7 @@ def test_velocities_meet_half_way(before, after, seed):
     rng = np.random.default_rng(seed)
     steps = np.repeat(rng.normal(size=(2, 4)), [before, after], axis=0)
     faded = blend_root_velocity(
-        steps, tiles(np.array([before, after])), np.array([True]), Config(), 30.0
+        steps, tile_segments(np.array([before, after])), np.array([True]), Config(), 30.0
     )
     jump = np.abs(steps[before] - steps[before - 1])
     assert (np.abs(np.diff(faded, axis=0)) <= 1.5 / 8 * jump + 1e-12).all()
@@ -87,18 +96,18 @@ def root_speeds(motion, joint=0):
     return steps, np.abs(yaw_rates(quats, 1))
 
 
-@given(LENGTHS, SEEDS, st.sampled_from(("offset", "inertial", "dead")))
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(("offset", "inertial", "dead")))
 def test_the_root_goes_and_turns_no_faster_than_the_fastest_donor(lengths, seed, seam):
     """Whatever meets whatever."""
     rng = np.random.default_rng(seed)
-    cut, config = tiles(lengths), Config(seam=seam)
-    base = clip(rng, cut)
-    other = replace(clip(rng, cut), name="other")
+    cut, config = tile_segments(lengths), Config(seam=seam)
+    base = star_clip(rng, cut)
+    other = replace(star_clip(rng, cut), name="other")
     given_to = rng.permutation(len(cut))
-    cut = tiles(cut.lengths[given_to])
-    donors = pick(tiles(lengths), given_to)
+    cut = tile_segments(cut.lengths[given_to])
+    donors = select_segments(tile_segments(lengths), given_to)
     donors = Segments(donors.start, donors.stop, rng.integers(0, 2, len(cut)))
-    part = transplant(base, cut, donors, [base, other], ROOT, config, root=0)
+    part = transplant(base, cut, donors, [base, other], ROOT, config)
     new = recombine(base, [part], "new")
     most = np.zeros(2)
     for which, first, last in zip(donors.clip, donors.start, donors.stop, strict=True):
@@ -124,7 +133,9 @@ def test_the_root_is_led_as_it_is_told(seed, n):
         rotations.from_axis_angle(np.eye(3)[up], rng.uniform(-1, 1, n)), upright
     )
     heights = rng.normal(size=(n, 3))
-    quats, places = integrate_root(told, captured, (upright, placed), (joined, heights), up)
+    source, closed = RootTransforms(upright, placed), RootTransforms(joined, heights)
+    root = integrate_root(told, captured, source, closed, up)
+    quats, places = root.rotations, root.positions
     np.testing.assert_allclose(yaw_rates(quats, up), told[:, 3], atol=1e-9)
     np.testing.assert_array_equal(places[:, up], heights[:, up])
     steps = np.linalg.norm(level * np.diff(places, axis=0), axis=1)
@@ -143,9 +154,10 @@ def test_what_is_as_captured_stays_so_to_the_bit(seed, n):
     places = rng.normal(size=(n, 3))
     ways = np.diff(places, axis=0) * [1, 0, 1]
     captured = np.concatenate([ways, yaw_rates(quats, 1)[:, None]], axis=1)
-    new = integrate_root(captured, captured, (quats, places), (quats, places), 1)
-    np.testing.assert_array_equal(new[0], quats)
-    np.testing.assert_array_equal(new[1], places)
+    root = RootTransforms(quats, places)
+    new = integrate_root(captured, captured, root, root, 1)
+    np.testing.assert_array_equal(new.rotations, quats)
+    np.testing.assert_array_equal(new.positions, places)
 
 
 @given(SEEDS, st.integers(3, 40))
@@ -156,7 +168,8 @@ def test_leaning_otherwise_is_kept(seed, n):
     places = rng.normal(size=(n, 3))
     captured = np.zeros((n - 1, 4))
     captured[:, 3] = yaw_rates(quats, 1)
-    new, _ = integrate_root(captured, captured, (quats, places), (joined, places), 1)
+    source, closed = RootTransforms(quats, places), RootTransforms(joined, places)
+    new = integrate_root(captured, captured, source, closed, 1).rotations
     leans = [
         rotations.multiply(rotations.inverse(rotations.twist(own, 1)), own) for own in (new, joined)
     ]

@@ -10,17 +10,29 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from mograft import Config, Library, Segments, graft
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.recombine import recombine
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import TimeWarp, warping_path
-from mograft.blend.transplant import DonorTimeline, recombine, transplant
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
-from tests.blend.test_seams import jumps
-from tests.blend.test_transplant import JOINTS, LENGTHS, clip, pick, tiles
-from tests.strategies import SEEDS, same_rotations
+from tests.blend.continuity import jumps
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    same_rotations,
+    select_segments,
+    star_clip,
+    tile_segments,
+)
 
-GUIDES = np.array([0, 2])
+JOINTS = np.array([1, 3])
+BASE_JOINTS = np.array([0, 2])
+GROUP = GraftedGroup(JOINTS, base_joints=BASE_JOINTS)
+SMOOTH = [name for name in SEAM_TREATMENTS if SEAM_TREATMENTS.get(name).is_velocity_continuous]
 DTW = Config(alignment="dtw")
 
 
@@ -53,31 +65,31 @@ def test_no_path_is_shorter(gaps):
     assert gaps[rows, warping_path(gaps)].sum() == pytest.approx(best)
 
 
-@given(LENGTHS, SEEDS)
+@given(SEGMENT_LENGTHS, SEEDS)
 def test_a_segment_is_not_bent_to_itself(lengths, seed):
-    cut = tiles(lengths)
-    base = clip(np.random.default_rng(seed), cut)
-    warp = TimeWarp.of(base, cut, cut, [base], GUIDES)
-    assert not warp.is_bent.any()
-    part = transplant(base, cut, cut, [base], JOINTS, DTW, guides=GUIDES)
+    cut = tile_segments(lengths)
+    base = star_clip(np.random.default_rng(seed), cut)
+    warp = TimeWarp.by_dtw(base, cut, cut, [base], BASE_JOINTS)
+    assert not warp.is_warped.any()
+    part = transplant(base, cut, cut, [base], GROUP, DTW)
     np.testing.assert_array_equal(part.rotations, base.rotations[:, JOINTS])
 
 
-@given(LENGTHS, SEEDS)
+@given(SEGMENT_LENGTHS, SEEDS)
 def test_time_goes_on_and_keeps_its_ends(lengths, seed):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
-    donors = pick(cut, rng.integers(0, len(cut), len(cut)))
-    warp = TimeWarp.of(base, cut, donors, [base], GUIDES)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    warp = TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
     shares = np.linspace(0.0, 1.0, 201)
     for at in range(len(cut)):
-        over = warp.at(np.full(201, at), shares)
+        over = warp.donor_share(np.full(201, at), shares)
         assert over[0] == 0.0
         assert over[-1] == 1.0
         assert (np.diff(over) > 0).all()
         assert np.abs(over - shares).max() < 0.3
-        if not warp.is_bent[at]:
+        if not warp.is_warped[at]:
             np.testing.assert_allclose(over, shares, atol=1e-12)
 
 
@@ -86,15 +98,15 @@ def test_a_donor_that_does_the_same_at_another_time_does_it_at_the_same(seed, be
     """A clip and the same clip in bent time: the graft undoes the better part of it."""
     rng = np.random.default_rng(seed)
     n = 40
-    cut = tiles(np.array([n]))
-    base = clip(rng, cut)
+    cut = tile_segments(np.array([n]))
+    base = star_clip(rng, cut)
     shares = np.arange(n + 1) / n
     late = shares + bend * 0.15 * np.sin(np.pi * shares) ** 2
     quats = cubic(np.arange(n + 1), base.rotations, (late * n).clip(0, n))
     donor = recombine(base, [], "donor")
     donor = replace(donor, rotations=rotations.continuous_signs(quats), channel_values=None)
     even, bent = (
-        transplant(base, cut, cut, [donor], JOINTS, Config(alignment=own), guides=GUIDES)
+        transplant(base, cut, cut, [donor], GROUP, Config(alignment=own))
         for own in ("uniform", "dtw")
     )
     off = [rotations.angle(p.rotations, base.rotations[:, JOINTS]).mean() for p in (even, bent)]
@@ -104,31 +116,35 @@ def test_a_donor_that_does_the_same_at_another_time_does_it_at_the_same(seed, be
 
 
 @settings(deadline=None, max_examples=40)
-@given(LENGTHS, SEEDS, st.sampled_from(["offset", "inertial", "dead"]))
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(SMOOTH))
 def test_bent_pieces_meet_smoothly_too(lengths, seed, seam):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
-    donors = pick(cut, rng.integers(0, len(cut), len(cut)))
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
-    laid = DonorTimeline(cut, donors, 30.0, warp=TimeWarp.of(base, cut, donors, [base], GUIDES))
-    value, velocity = jumps(laid, ROTATIONS, [track], laid.true_seams([track]), Config(seam=seam))
+    timeline = DonorTimeline(
+        cut, donors, 30.0, warp=TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
+    )
+    seams = timeline.find_seams([track])
+    layout = DonorLayout(timeline, [track], [], seams, Config(seam=seam))
+    value, velocity = jumps(layout, ROTATIONS)
     assert value < 1e-9
     assert velocity < 1e-4
 
 
-def test_neighbours_of_which_one_is_bent_meet_at_a_seam():
+def test_neighbours_of_which_one_is_warped_meet_at_a_seam():
     """They are as long as the places they take, but one of them is not at its own pace."""
-    cut = tiles(np.array([20, 20, 20, 20]))
-    base = clip(np.random.default_rng(8), cut)
-    donors = pick(cut, np.array([2, 3, 2, 3]))
-    laid = DonorTimeline(cut, donors, 30.0)
+    cut = tile_segments(np.array([20, 20, 20, 20]))
+    base = star_clip(np.random.default_rng(8), cut)
+    donors = select_segments(cut, np.array([2, 3, 2, 3]))
+    timeline = DonorTimeline(cut, donors, 30.0)
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
-    even = TimeWarp.of(base, cut, donors, [base], np.zeros(0, np.int64))
-    bent = replace(even, is_bent=np.array([True, False, False, False]))
-    assert laid.true_seams([track]).tolist() == [False, True, False]
-    assert replace(laid, warp=even).true_seams([track]).tolist() == [False, True, False]
-    assert replace(laid, warp=bent).true_seams([track]).tolist() == [True, True, False]
+    even = TimeWarp.by_dtw(base, cut, donors, [base], np.zeros(0, np.int64))
+    bent = replace(even, is_warped=np.array([True, False, False, False]))
+    assert timeline.find_seams([track]).tolist() == [False, True, False]
+    assert replace(timeline, warp=even).find_seams([track]).tolist() == [False, True, False]
+    assert replace(timeline, warp=bent).find_seams([track]).tolist() == [True, True, False]
 
 
 def test_grafts_can_be_aligned():
@@ -143,13 +159,14 @@ def test_grafts_can_be_aligned():
     same_rotations(bent.motion.rotations[:1], even.motion.rotations[:1], 0.5)
 
 
-def test_without_guides_nothing_is_bent():
-    cut = tiles(np.array([9, 12]))
-    base = clip(np.random.default_rng(5), cut)
+def test_without_guides_nothing_is_warped():
+    cut = tile_segments(np.array([9, 12]))
+    base = star_clip(np.random.default_rng(5), cut)
     donors = Segments(cut.start[::-1], cut.stop[::-1])
-    even = transplant(base, cut, donors, [base], JOINTS, Config())
-    for guides in (None, np.zeros(0, np.int64)):
-        part = transplant(base, cut, donors, [base], JOINTS, DTW, guides=guides)
+    even = transplant(base, cut, donors, [base], GROUP, Config())
+    for joints in (None, np.zeros(0, np.int64)):
+        group = replace(GROUP, base_joints=joints)
+        part = transplant(base, cut, donors, [base], group, DTW)
         np.testing.assert_array_equal(part.rotations, even.rotations)
     with pytest.raises(ValueError, match=r"`alignment` must be one of .*'dtw'.*, got 'warp'"):
         Config(alignment="warp")

@@ -7,62 +7,38 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import Config, Motion, Segments, Skeleton
-from mograft.blend.transplant import recombine, transplant
+from mograft import Config
+from mograft.blend.recombine import recombine
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seam_treatments.paper import smoothing_windows
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
-from tests.hierarchies import human
 from tests.oracles import pipeline as plain
-from tests.strategies import SEEDS, same_rotations, wander
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    person,
+    same_rotations,
+    select_segments,
+    star_clip,
+    tile_segments,
+    wander,
+)
 
-SEAMS = ("offset", "paper", "displacement", "inertial", "dead")
-CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAMS])
+CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
 PLAIN = st.sampled_from([Config(seam=seam) for seam in ("offset", "paper", "displacement")])
 
 
-def star(n_joints):
-    """A root with limbs of one bone."""
-    offsets = np.arange(3.0 * n_joints).reshape(n_joints, 3)
-    return Skeleton([f"j{i}" for i in range(n_joints)], [-1] + [0] * (n_joints - 1), offsets)
-
-
-def clip(rng, cut, n_joints=4, moving=()):
-    """A clip as long as its segments, with file numbers; some joints also translate."""
-    skeleton = star(n_joints)
-    n_frames = int(cut.stop[-1]) + 1
-    quats = wander(rng, n_frames, n_joints)
-    places = np.tile(skeleton.offsets, (n_frames, 1, 1))
-    for joint in (0, *moving):
-        places[:, joint] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
-    channels = [
-        ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
-        if joint in (0, *moving)
-        else ("Zrotation", "Xrotation", "Yrotation")
-        for joint in range(n_joints)
-    ]
-    skeleton = replace(skeleton, channels=channels)
-    motion = Motion(skeleton, 1 / 30, rotations.continuous_signs(quats), places, name="clip")
-    return replace(motion, channel_values=motion.channel_numbers())
-
-
-def tiles(lengths):
-    stops = np.cumsum(lengths)
-    return Segments(stops - lengths, stops)
-
-
-LENGTHS = st.lists(st.integers(1, 15), min_size=1, max_size=8).map(np.array)
 JOINTS = np.array([1, 3])
+GROUP = GraftedGroup(JOINTS)
 
 
-def pick(cut, chosen):
-    return Segments(cut.start[chosen], cut.stop[chosen], cut.clip[chosen])
-
-
-@given(LENGTHS, SEEDS, CONFIGS)
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_a_part_put_back_in_its_place_changes_no_bit(lengths, seed, config):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut, moving=(3,))
-    part = transplant(base, cut, cut, [base], JOINTS, config)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut, moving=(3,))
+    part = transplant(base, cut, cut, [base], GROUP, config)
     new = recombine(base, [part], "same")
     np.testing.assert_array_equal(new.rotations, base.rotations)
     np.testing.assert_array_equal(new.positions, base.positions)
@@ -70,25 +46,25 @@ def test_a_part_put_back_in_its_place_changes_no_bit(lengths, seed, config):
     assert not len(part.seams)
 
 
-@given(LENGTHS, SEEDS, CONFIGS)
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_a_part_of_the_same_clip_under_another_name_changes_no_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
     twin = replace(cut, clip=np.ones(len(cut), int))
-    part = transplant(base, cut, twin, [base, base], JOINTS, config)
+    part = transplant(base, cut, twin, [base, base], GROUP, config)
     np.testing.assert_array_equal(
         recombine(base, [part], "twin").channel_numbers(), base.channel_values
     )
 
 
-@given(LENGTHS, SEEDS, CONFIGS)
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_other_joints_keep_every_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut, moving=(3,))
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut, moving=(3,))
     chosen = rng.integers(0, len(cut), len(cut))
-    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, config)
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, config)
     new = recombine(base, [part], "new")
     assert new.n_frames == base.n_frames
     others = [0, 2]
@@ -113,16 +89,16 @@ def test_other_joints_keep_every_number(lengths, seed, config):
         same_rotations(written, new.rotations[:, joint], 1e-9)
 
 
-@given(LENGTHS, SEEDS, CONFIGS)
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, seed, config):
     """Files hold angles that no derivation gives, such as whole turns: they stay."""
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
     turns = 360.0 * rng.integers(-2, 3, base.channel_values.shape)
     base = replace(base, channel_values=base.channel_values + turns)
     chosen = np.where(rng.random(len(cut)) < 0.7, np.arange(len(cut)), rng.integers(len(cut)))
-    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, config)
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, config)
     numbers = recombine(base, [part], "new").channel_numbers()
     for column, joint in enumerate(JOINTS):
         same = (part.rotations[:, column] == base.rotations[:, joint]).all(axis=-1)
@@ -130,15 +106,15 @@ def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, se
         np.testing.assert_array_equal(numbers[same][:, own], base.channel_values[same][:, own])
 
 
-@given(LENGTHS, SEEDS, st.integers(-3, 3))
+@given(SEGMENT_LENGTHS, SEEDS, st.integers(-3, 3))
 def test_new_angles_go_on_from_the_last_one_kept(lengths, seed, turns):
     """A curve that stands at whole turns from zero stays there: no jump where a graft begins."""
     rng = np.random.default_rng(seed)
-    cut = tiles(np.array([9, *lengths]))
-    base = clip(rng, cut)
+    cut = tile_segments(np.array([9, *lengths]))
+    base = star_clip(rng, cut)
     base = replace(base, channel_values=base.channel_values + 360.0 * turns)
     chosen = np.concatenate([[0], rng.integers(0, len(cut), len(lengths))])
-    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, Config())
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, Config())
     numbers = recombine(base, [part], "new").channel_numbers()
     for column, joint in enumerate(JOINTS):
         changed = (part.rotations[:, column] != base.rotations[:, joint]).any(axis=-1)
@@ -148,27 +124,27 @@ def test_new_angles_go_on_from_the_last_one_kept(lengths, seed, turns):
         assert (np.abs(steps) <= 180.0 + 1e-9).all()
 
 
-@given(LENGTHS, SEEDS, PLAIN)
+@given(SEGMENT_LENGTHS, SEEDS, PLAIN)
 def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
     chosen = rng.integers(0, len(cut), len(cut))
-    part = transplant(base, cut, pick(cut, chosen), [base], JOINTS, config)
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, config)
     bounds = np.array([0, *cut.stop])
     expected = plain.transplant(base.rotations[:, JOINTS], bounds, chosen, base.rate, config)
     # The plain offset differentiates numerically.
     same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
 
 
-@given(LENGTHS, SEEDS)
+@given(SEGMENT_LENGTHS, SEEDS)
 def test_displacement_closes_every_gap_half_way(lengths, seed):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut, moving=(1,))
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut, moving=(1,))
     chosen = rng.integers(0, len(cut), len(cut))
-    donors = pick(cut, chosen)
-    part = transplant(base, cut, donors, [base], JOINTS, Config(seam="displacement"))
+    donors = select_segments(cut, chosen)
+    part = transplant(base, cut, donors, [base], GROUP, Config(seam="displacement"))
     for i in np.flatnonzero(np.isin(cut.stop[:-1], part.seams)):
         before = base.rotations[donors.stop[i]][JOINTS]
         after = base.rotations[donors.start[i + 1]][JOINTS]
@@ -182,12 +158,12 @@ def test_displacement_closes_every_gap_half_way(lengths, seed):
 
 def kink(seed, before, after, fine, seam):
     """The greatest change of angular velocity from step to step, and the frames outside."""
-    cut = tiles(np.array([before, after, 7]) * fine)
-    base = clip(np.random.default_rng(seed), cut)
+    cut = tile_segments(np.array([before, after, 7]) * fine)
+    base = star_clip(np.random.default_rng(seed), cut)
     quats = wander(np.random.default_rng(seed), base.n_frames, 4, speed=0.3 / fine)
     base = replace(base, rotations=quats, channel_values=None)
     config = Config(seam=seam, seam_window=fine / 6)
-    part = transplant(base, cut, pick(cut, np.array([0, 2, 2])), [base], JOINTS, config)
+    part = transplant(base, cut, select_segments(cut, np.array([0, 2, 2])), [base], GROUP, config)
     own = part.rotations[: (before + after) * fine]
     steps = rotations.log(rotations.multiply(rotations.inverse(own[:-1]), own[1:]))
     return np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(), part
@@ -215,59 +191,62 @@ def test_outside_its_window_the_curve_is_left_as_it_was(before, after, seed):
 
 
 def test_no_window_leaves_its_half():
-    from mograft.blend.transplant import _windows
-
     for a in range(1, 16):
         for b in range(1, 16):
-            cut = tiles(np.array([a, b]))
-            left, right = _windows(cut, np.array([0]), 5)
+            cut = tile_segments(np.array([a, b]))
+            left, right = smoothing_windows(cut, np.array([0]), 5)
             if min(a, b) < 2:
                 assert not len(left)
             else:
                 assert a - a // 2 <= left[0] < a < right[0] <= a + b // 2
 
 
-@pytest.mark.parametrize("seam", SEAMS)
+@pytest.mark.parametrize("seam", SEAM_TREATMENTS.names)
 def test_a_seam_without_a_gap_is_no_bend(seam):
     """Segments that are alike but not neighbours: the poses meet, only velocities may not."""
-    cut = tiles(np.array([10, 10, 10]))
-    base = clip(np.random.default_rng(0), cut)
+    cut = tile_segments(np.array([10, 10, 10]))
+    base = star_clip(np.random.default_rng(0), cut)
     still = replace(base, rotations=np.tile(rotations.IDENTITY, (31, 4, 1)), channel_values=None)
     part = transplant(
-        still, cut, pick(cut, np.array([0, 2, 1])), [still], JOINTS, Config(seam=seam)
+        still, cut, select_segments(cut, np.array([0, 2, 1])), [still], GROUP, Config(seam=seam)
     )
     np.testing.assert_array_equal(part.rotations, still.rotations[:, JOINTS])
 
 
 def test_stretched_neighbours_keep_their_shared_pose():
-    cut = tiles(np.array([10, 10, 8, 8]))
-    base = clip(np.random.default_rng(1), cut)
+    cut = tile_segments(np.array([10, 10, 8, 8]))
+    base = star_clip(np.random.default_rng(1), cut)
     part = transplant(
-        base, cut, pick(cut, np.array([2, 3, 2, 3])), [base], JOINTS, Config(seam="displacement")
+        base,
+        cut,
+        select_segments(cut, np.array([2, 3, 2, 3])),
+        [base],
+        GROUP,
+        Config(seam="displacement"),
     )
     np.testing.assert_array_equal(part.rotations[10], base.rotations[28][JOINTS])
     assert part.gaps[0].max() == 0.0
 
 
-@given(LENGTHS, SEEDS)
+@given(SEGMENT_LENGTHS, SEEDS)
 def test_translations_travel_only_where_they_move(lengths, seed):
     rng = np.random.default_rng(seed)
-    cut = tiles(lengths)
-    base = clip(rng, cut)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
     grown = replace(
-        clip(rng, cut),
+        star_clip(rng, cut),
         skeleton=base.skeleton.with_offsets(base.skeleton.offsets * 2),
         positions=base.positions * 2,
     )
     donors = replace(cut, clip=np.ones(len(cut), int))
-    part = transplant(base, cut, donors, [base, grown], JOINTS, Config())
+    part = transplant(base, cut, donors, [base, grown], GROUP, Config())
     np.testing.assert_array_equal(part.positions, base.positions[:, JOINTS])
 
 
 def test_a_motion_without_file_numbers_has_none_after():
-    cut = tiles(np.array([5, 6]))
-    base = replace(clip(np.random.default_rng(1), cut), channel_values=None)
-    part = transplant(base, cut, pick(cut, np.array([1, 0])), [base], JOINTS, Config())
+    cut = tile_segments(np.array([5, 6]))
+    base = replace(star_clip(np.random.default_rng(1), cut), channel_values=None)
+    part = transplant(base, cut, select_segments(cut, np.array([1, 0])), [base], GROUP, Config())
     new = recombine(base, [part], "new")
     assert new.channel_values is None
     assert np.isfinite(new.channel_numbers()).all()
@@ -276,16 +255,7 @@ def test_a_motion_without_file_numbers_has_none_after():
         new.rotations[0] = 0
 
 
-def person(seed, n_frames=40):
-    """Someone who leans and turns at random."""
-    rng = np.random.default_rng(seed)
-    skeleton = human()
-    quats = wander(rng, n_frames, skeleton.n_joints, speed=0.2)
-    places = np.tile(skeleton.offsets, (n_frames, 1, 1))
-    return Motion(skeleton, 1 / 30, rotations.continuous_signs(quats), places, name=f"person{seed}")
-
-
-UPPER = np.arange(7, 18)  # the chest and all that hangs on it
+UPPER = GraftedGroup(np.arange(7, 18))  # the chest and all joints below it
 
 
 def leans(motion, joint):
@@ -298,7 +268,7 @@ def leans(motion, joint):
 @given(SEEDS, SEEDS)
 def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_heading(a, b):
     base, donor = person(a), person(b)
-    cut = tiles(np.array([39]))
+    cut = tile_segments(np.array([39]))
     part = transplant(base, cut, cut, [donor], UPPER, Config(torso="world"))
     new = recombine(base, [part], "new")
     hips, chest = 0, 7
@@ -310,7 +280,7 @@ def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_head
     np.testing.assert_array_equal(new.rotations[:, :7], base.rotations[:, :7])
     # To the pelvis it stands as in the donor's clip only where both lean alike.
     plain_part = transplant(base, cut, cut, [donor], UPPER, Config())
-    np.testing.assert_array_equal(plain_part.rotations, donor.rotations[:, UPPER])
+    np.testing.assert_array_equal(plain_part.rotations, donor.rotations[:, UPPER.joints])
 
 
 @given(SEEDS, SEEDS, st.floats(-3, 3))
@@ -319,34 +289,38 @@ def test_what_the_donor_faces_does_not_matter(a, b, yaw):
     turned = donor.rotations.copy()
     turned[:, 0] = rotations.multiply(rotations.from_axis_angle([0, 1, 0], yaw), turned[:, 0])
     other = replace(donor, rotations=turned)
-    cut = tiles(np.array([12, 27]))
+    cut = tile_segments(np.array([12, 27]))
     own, twin = (
         transplant(base, cut, cut, [one], UPPER, Config(torso="world")) for one in (donor, other)
     )
     same_rotations(own.rotations, twin.rotations, 1e-9)
 
 
-@given(LENGTHS, SEEDS, st.sampled_from([Config(seam=seam, torso="world") for seam in SEAMS]))
+@given(
+    SEGMENT_LENGTHS,
+    SEEDS,
+    st.sampled_from([Config(seam=seam, torso="world") for seam in SEAM_TREATMENTS.names]),
+)
 def test_its_own_trunk_keeps_every_bit_in_the_world_too(lengths, seed, config):
-    cut = tiles(lengths)
+    cut = tile_segments(lengths)
     base = person(seed, int(lengths.sum()) + 1)
     part = transplant(base, cut, cut, [base], UPPER, config)
-    np.testing.assert_array_equal(part.rotations, base.rotations[:, UPPER])
+    np.testing.assert_array_equal(part.rotations, base.rotations[:, UPPER.joints])
     # And where a donor takes one place alone, so it does far from it.
     if len(lengths) > 2:
         chosen = np.arange(len(lengths))
         chosen[0] = len(lengths) - 1
-        part = transplant(base, cut, pick(cut, chosen), [base], UPPER, config)
+        part = transplant(base, cut, select_segments(cut, chosen), [base], UPPER, config)
         np.testing.assert_allclose(np.linalg.norm(part.rotations, axis=-1), 1.0, atol=1e-12)
 
 
 def test_what_hangs_on_no_other_group_is_left():
     """Arms keep to the trunk that they hang on, and legs to the pelvis."""
     base, donor = person(1), person(2)
-    cut = tiles(np.array([39]))
+    cut = tile_segments(np.array([39]))
     for joints in (np.arange(1, 4), np.arange(8, 12), np.arange(18)):
         own, world = (
-            transplant(base, cut, cut, [donor], joints, Config(torso=torso), root=0)
+            transplant(base, cut, cut, [donor], GraftedGroup(joints, root=0), Config(torso=torso))
             for torso in ("pelvis", "world")
         )
         np.testing.assert_array_equal(own.rotations, world.rotations)

@@ -13,9 +13,8 @@ from mograft.body.mass import mass_model
 from mograft.body.mirroring import _Reflection, partners
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.blend.test_transplant import person
 from tests.hierarchies import human, recorded, renamed
-from tests.strategies import SEEDS, same_rotations
+from tests.strategies import SEEDS, person, same_rotations
 
 
 def reflected(places, axis):

@@ -9,7 +9,8 @@ import pybvh
 import pytest
 
 from mograft import JointGroups, Library, read_bvh
-from mograft.blend.transplant import recombine, transplant
+from mograft.blend.recombine import recombine
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.cli import main
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -63,8 +64,8 @@ def test_segments_grafted_onto_themselves_are_the_input(source):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         library = Library.build(clip)
-    own, joints = library.segments, library.joints("upper")
-    part = transplant(clip, own, own, library.clips, joints, library.config)
+    own, group = library.segments, GraftedGroup(library.joints("upper"))
+    part = transplant(clip, own, own, library.clips, group, library.config)
     same = recombine(clip, [part], "same")
     np.testing.assert_array_equal(same.channel_numbers(), clip.channel_values)
     np.testing.assert_array_equal(same.rotations, clip.rotations)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.analysis.segmentation import Cutter, extrema, gaussian
-from mograft.blend.transplant import sample_states, transplant
+from mograft.blend.donor_timeline import sample_states
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
@@ -218,7 +219,7 @@ def test_seams_are_those_of_two_segments_put_together(library, base, seam):
             moved,
             longer.segments[donors[two]],
             longer.clips,
-            joints,
+            GraftedGroup(joints),
             longer.config,
         )
         own = motion.rotations[cut.start[1] + 1 : stop + 1][:, joints]

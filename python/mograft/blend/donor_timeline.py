@@ -62,9 +62,7 @@ class RootAlignment:
         rotated = rotations.rotate(transforms.yaws, values[moves, column])
         values[moves, column] = rotated + transforms.translations
         if velocities is not None:
-            velocities[moves, column] = rotations.rotate(
-                transforms.yaws, velocities[moves, column]
-            )
+            velocities[moves, column] = rotations.rotate(transforms.yaws, velocities[moves, column])
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,9 +236,7 @@ class DonorLayout:
             self.config.seam_blend,
         )
 
-    def smoothed(
-        self, quats: FloatArray, positions: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def smoothed(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames after the treatment's last pass."""
         treatment = SEAM_TREATMENTS.get(self.config.seam)
         cut, window = self.timeline.cut, round(self.config.seam_window * self.timeline.rate)

@@ -12,7 +12,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.validate import check_type
 from mograft.analysis.segmentation import gaussian
-from mograft.blend.transplant import Part, recombine
+from mograft.blend.recombine import Part, recombine
 from mograft.body.contacts import (
     CONTACT_HEIGHT,
     SLIDING_SPEED,
@@ -389,8 +389,7 @@ def _shifted(motion: Motion, turned: FloatArray, shift: FloatArray) -> Part:
         shift = rotations.rotate(rotations.inverse(turned[:, parent]), shift)
     places = motion.positions[:, root] + shift
     quats = motion.rotations[:, root]
-    none = np.zeros(0, np.int64)
-    return Part(np.array([root]), quats[:, None], places[:, None], none, np.zeros((0, 1)))
+    return Part(np.array([root]), quats[:, None], places[:, None])
 
 
 def _bent(
@@ -406,7 +405,7 @@ def _bent(
     none = np.zeros(0, np.int64)
     moves = np.flatnonzero((ways != 0.0).any(axis=(1, 2)))
     if not len(moves):
-        return Part(none, np.zeros((0, 0, 4)), np.zeros((0, 0, 3)), none, np.zeros((0, 0)))
+        return Part(none, np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
     hinge = _hinges(turned, placed, limb)[moves]
     hip, knee, ankle = (placed[moves, joint] for joint in joints)
     wanted, aim = points[moves] + ways[moves], points[moves]
@@ -428,7 +427,7 @@ def _bent(
     quats = np.where(
         (ways != 0.0).any(axis=(1, 2))[:, None, None], quats, motion.rotations[:, joints]
     )
-    return Part(joints, quats, motion.positions[:, joints], none, np.zeros((0, 3)))
+    return Part(joints, quats, motion.positions[:, joints])
 
 
 def _chain(*turns: FloatArray) -> FloatArray:

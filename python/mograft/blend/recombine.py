@@ -112,16 +112,12 @@ def _replace_channels(
     changed = (new != given).any(axis=1)
     if not changed.any():
         return
-    turned = np.where(
-        changed[:, None], rotations.from_euler(new, order), base.rotations[:, joint]
-    )
+    turned = np.where(changed[:, None], rotations.from_euler(new, order), base.rotations[:, joint])
     quats[:, joint] = rotations.continuous_signs(turned)
     if values is None:
         return
-    for index, name in zip(
-        skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
-    ):
+    for index, name in zip(skeleton.channel_columns[joint], skeleton.channels[joint], strict=True):
         if name.endswith("rotation"):
-            axis = order.index(name[0])
-            is_kept = new[:, axis] == given[:, axis]
-            values[:, index] = np.where(is_kept, values[:, index], np.degrees(new[:, axis]))
+            angle = order.index(name[0])
+            is_kept = new[:, angle] == given[:, angle]
+            values[:, index] = np.where(is_kept, values[:, index], np.degrees(new[:, angle]))

@@ -86,9 +86,7 @@ class GraftedRoot:
         )
         return replace(layout, timeline=replace(timeline, alignment=alignment), seams=seams)
 
-    def integrate(
-        self, layout: DonorLayout, quats: FloatArray, positions: FloatArray
-    ) -> None:
+    def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:
         """Replace the root's closed rotations and positions, in place, by integrated ones."""
         timeline = layout.timeline
         times = timeline.frame_times()

@@ -8,7 +8,8 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.foot_planting import plant_feet
-from mograft.blend.transplant import recombine, transplant
+from mograft.blend.recombine import recombine
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.contacts import detect_contacts, find_legs, foot_heights
 from mograft.library.library import Library
 from mograft.motion import rotations
@@ -41,10 +42,8 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
     )
     if scenario.place is not None or scenario.turn:
         bare = _moved(bare, scenario, library.root, library.up)
-    everything = np.arange(first.n_joints)
-    part = transplant(
-        bare, cut, own, several, everything, library.config, root=library.root, up=library.up
-    )
+    group = GraftedGroup(np.arange(first.n_joints), library.root, library.up)
+    part = transplant(bare, cut, own, several, group, library.config)
     motion = recombine(bare, [part], bare.name)
     if library.config.feet != "never" and len(part.seams):
         sources = [scenario.segments] * len(find_legs(first.skeleton))

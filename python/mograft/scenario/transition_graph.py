@@ -9,8 +9,8 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import gaussian, kinetic_energy
+from mograft.blend.donor_timeline import sample_states
 from mograft.blend.root_motion import root_velocity_weights, yaw_rates
-from mograft.blend.transplant import sample_states
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import detect_contacts

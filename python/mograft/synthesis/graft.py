@@ -10,7 +10,8 @@ import numpy as np
 from mograft._util.arrays import IntArray, as_indices
 from mograft._util.validate import as_integer, check_type
 from mograft.blend.foot_planting import FeetReport, plant_feet
-from mograft.blend.transplant import Part, recombine, transplant
+from mograft.blend.recombine import Part, recombine
+from mograft.blend.transplant import transplant
 from mograft.body.contacts import detect_contacts, find_legs
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -392,18 +393,13 @@ class GraftPlan:
         seams: list[Seam] = []
         for group, donors in chosen.items():
             taken = library.segments[donors]
-            joints = library.joints(group)
             part = transplant(
                 self.base,
                 problem.base_segments,
                 taken,
                 library.clips,
-                joints,
+                problem.grafted_group(group),
                 library.config,
-                root=library.root,
-                up=library.up,
-                guides=problem.alignment_joints,
-                held=problem.held[group],
             )
             parts.append(part)
             substitutions += _substitutions(problem, group, donors)

@@ -20,8 +20,9 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import apart, told
 from mograft.analysis.segmentation import Segments
+from mograft.blend.recombine import Part, recombine
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
-from mograft.blend.transplant import Part, recombine, transplant
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.anatomy import feature_joints
 from mograft.body.world_poses import Poses
 from mograft.config import Config
@@ -523,15 +524,22 @@ class SearchProblem:
                 cut,
                 self.library.segments[np.concatenate(chosen)],
                 self.library.clips,
-                self.library.joints(group),
+                self.grafted_group(group),
                 self.library.config,
-                root=self.library.root,
-                up=self.library.up,
-                guides=self.alignment_joints,
-                held=self.held[group],
             )
             parts.append(part)
         return recombine(base, parts, "")
+
+    def grafted_group(self, group: str) -> GraftedGroup:
+        """Return a group as `transplant` takes it."""
+        library = self.library
+        return GraftedGroup(
+            joints=library.joints(group),
+            root=library.root,
+            up=library.up,
+            base_joints=self.alignment_joints,
+            held=self.held[group],
+        )
 
     def assembled(self, donors: DonorSequences) -> Motion:
         """Return the motion of some donors, its seams closed."""

@@ -11,8 +11,9 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.analysis.embedding import features, normalise
 from mograft.analysis.segmentation import Cutter, Segments, kinetic_energy
-from mograft.blend.seams import PieceTimes, SeamBoundaries, dead, inertial
-from mograft.blend.transplant import Part, recombine
+from mograft.blend.recombine import Part, recombine
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import PieceTimes, SeamBoundaries
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import capsules
@@ -483,7 +484,9 @@ class Stream:
         raw, arriving = given.values, given.arriving
         if past is None:
             return _Laid(given, raw, rate)
-        treatment = dead if self._config.seam == "dead" else inertial
+        treatment = SEAM_TREATMENTS.get(self._config.seam)
+        if not treatment.is_causal:
+            treatment = SEAM_TREATMENTS.get("inertial")
         steps = np.append(np.arange(n + 1), [n - _MOMENT, n - 2 * _MOMENT])
         piece = np.repeat(np.arange(1, len(raw) + 1), n + 3)
         # What a short segment has no time for goes on in the next: it meets what was laid.
@@ -493,7 +496,7 @@ class Stream:
         speed = np.broadcast_to(past.speed, arriving.shape)
         met = SeamBoundaries(before, raw[:, 0], speed, arriving)
         flat = raw.reshape(-1, *raw.shape[2:])
-        values = treatment(ROTATIONS, flat, moments, met, self._config.seam_blend)
+        values = treatment.close(ROTATIONS, flat, moments, met, self._config.seam_blend)
         return _Laid(given, values.reshape(raw.shape), rate)
 
     def _committed(
@@ -533,7 +536,7 @@ class Stream:
             ]
             joints = self._members[group]
             values, spots = laid[group].frames[0, new], base.positions[:, joints]
-            parts.append(Part(joints, values, spots, np.zeros(0, np.int64), np.zeros((0, 0))))
+            parts.append(Part(joints, values, spots))
             last = {key: ends[key][at : at + 1] for key in ("last", "last_velocity")}
             self._past[group] = _Past(laid[group].pose[0], laid[group].speed[0], **last)
         motion = recombine(base, parts, base.name)

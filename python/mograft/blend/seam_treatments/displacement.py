@@ -11,10 +11,10 @@ from mograft.blend.seams import (
 )
 from mograft.blend.value_spaces import ValueSpace
 
-__all__ = ["TREATMENT", "Displacement"]
+__all__ = ["TREATMENT"]
 
 
-class Displacement(SeamTreatment):
+class _Displacement(SeamTreatment):
     """Move both sides of a seam half way, by an amount that falls to 0 over the segment.
 
     Notes
@@ -43,4 +43,4 @@ class Displacement(SeamTreatment):
         return no_crossfade(remaining)
 
 
-TREATMENT = Displacement()
+TREATMENT = _Displacement()

@@ -59,9 +59,7 @@ def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArr
     towards_zero = -(value * velocity).sum(axis=-1)
     squared = (value * value).sum(axis=-1)
     overshoots = 5.0 * squared < window * towards_zero
-    shorter = np.divide(
-        5.0 * squared, towards_zero, out=np.zeros_like(squared), where=overshoots
-    )
+    shorter = np.divide(5.0 * squared, towards_zero, out=np.zeros_like(squared), where=overshoots)
     return np.where(overshoots, np.maximum(shorter, window / 3.0), window)
 
 

@@ -4,13 +4,14 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
-from mograft.blend.seam_treatments.displacement import Displacement
+from mograft.blend.seam_treatments import displacement
+from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, no_crossfade
 from mograft.blend.value_spaces import ValueSpace
 
 __all__ = ["TREATMENT", "smoothing_windows"]
 
 
-class _Paper(Displacement):
+class _Paper(SeamTreatment):
     """Displace the segments, then replace the frames near the seam by a cubic.
 
     Notes
@@ -20,6 +21,23 @@ class _Paper(Displacement):
     min(`Config.seam_window`, half of the shorter segment - 1 frame). Seams beside a segment of one
     interval are not smoothed.
     """
+
+    is_causal = False
+    is_velocity_continuous = False
+    spans_segments = True
+
+    def close(
+        self,
+        space: ValueSpace,
+        values: FloatArray,
+        times: PieceTimes,
+        boundaries: SeamBoundaries,
+        blend: float,
+    ) -> FloatArray:
+        return displacement.TREATMENT.close(space, values, times, boundaries, blend)
+
+    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return no_crossfade(remaining)
 
     def smooth(
         self, space: ValueSpace, values: FloatArray, cut: Segments, seams: IntArray, window: int
