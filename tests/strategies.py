@@ -13,6 +13,18 @@ from tests.hierarchies import human
 SEEDS = st.integers(0, 2**32 - 1)
 SEGMENT_LENGTHS = st.lists(st.integers(1, 15), min_size=1, max_size=8).map(np.array)
 
+HOSTILE_NAMES = [
+    "</script><script>document.title='owned'</script>",
+    "<img src=x onerror=\"document.title='owned'\">",
+    "a&b\"c'd`e${1}</title>",
+    "<!--<script>",
+    "</script <img src=x>",
+    "</script/x",
+    "\u2028\u2029\u202eevil\u0000\ud800",
+    "",
+]
+"""Names that break out of HTML, scripts or XML unless they are escaped."""
+
 
 def vectors(shape, size=3.0):
     """Vectors of three components, each up to `size`."""

@@ -33,7 +33,7 @@ from mograft.io.figure import unit_of
 from mograft.motion import rotations
 from tests import strategies as own
 from tests.clients import blender, gltf_validator
-from tests.viewing.test_scene_and_page import HOSTILE
+from tests.strategies import HOSTILE_NAMES
 
 COMPONENTS = {5126: "<f4", 5121: "u1", 5123: "<u2"}
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -289,7 +289,7 @@ def test_csv_is_a_table_of_where_joints_are(motion, tmp_path):
     np.testing.assert_allclose(table[:, 2:], world, rtol=1e-8, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", [*HOSTILE, "=HYPERLINK(1)", 'a,"b"\n', "-1+2", "@x"])
+@pytest.mark.parametrize("name", [*HOSTILE_NAMES, "=HYPERLINK(1)", 'a,"b"\n', "-1+2", "@x"])
 def test_names_in_exports_stay_names(motion, tmp_path, name):
     skeleton = replace(motion.skeleton, names=(name, name, *motion.skeleton.names[2:]))
     evil = replace(motion[:5], skeleton=skeleton, name=name)
@@ -365,7 +365,7 @@ def test_the_khronos_validator_finds_nothing_to_say(motion, tmp_path):
         "lone": Motion(lone, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]]),
         "many": Motion(many, 0.1, quats, np.tile(many.offsets, (3, 1, 1))),
         "far": replace(motion, positions=motion.positions + 1e5),
-        "hostile": replace(motion, name=HOSTILE[-2]),
+        "hostile": replace(motion, name=HOSTILE_NAMES[-2]),
     }
     for name, item in motions.items():
         write_glb(item, tmp_path / f"{name}.glb")

@@ -17,7 +17,7 @@ from mograft.motion import rotations
 from tests import strategies as own
 from tests.clients import blender
 from tests.io.test_formats import same_up_to_a_turn
-from tests.viewing.test_scene_and_page import HOSTILE
+from tests.strategies import HOSTILE_NAMES
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402
@@ -135,7 +135,7 @@ def test_the_validators_of_usd_find_nothing(motion, tmp_path):
             assert [error.GetMessage() for error in found] == [], path.name
 
 
-@pytest.mark.parametrize("name", [*HOSTILE, "Hips/Spine", "1st", "Hüfte", "엉덩이"])
+@pytest.mark.parametrize("name", [*HOSTILE_NAMES, "Hips/Spine", "1st", "Hüfte", "엉덩이"])
 def test_names_that_usd_has_no_signs_for_stay_readable(motion, tmp_path, name):
     names = (name,) * motion.n_joints
     evil = replace(motion[:3], skeleton=replace(motion.skeleton, names=names), name=name)

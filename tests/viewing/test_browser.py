@@ -10,7 +10,7 @@ from mograft import JointGroups, Library, graft, view
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.browser import PATIENCE, chromium, opened, until
-from tests.viewing.test_scene_and_page import HOSTILE
+from tests.strategies import HOSTILE_NAMES
 
 DASH = "\N{EN DASH}"
 
@@ -158,7 +158,7 @@ def test_keys_and_buttons_change_what_they_say(browser, path, new):
         assert not page.locator("dialog").is_visible()
 
 
-@pytest.mark.parametrize("name", [name for name in HOSTILE if name])
+@pytest.mark.parametrize("name", [name for name in HOSTILE_NAMES if name])
 def test_hostile_names_stay_text(browser, name, tmp_path):
     motion = dance(strides=1).motion[:40]
     groups = JointGroups({name: ["Hips", "*Leg", "*Foot"], "rest": list(range(7, 18))}, base=name)

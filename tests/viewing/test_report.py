@@ -13,7 +13,8 @@ from mograft.cli import main
 from mograft.dancer import dance
 from mograft.viewing.report import report_page
 from tests.browser import chromium, opened
-from tests.viewing.test_scene_and_page import HOSTILE, Tags, data_of
+from tests.strategies import HOSTILE_NAMES
+from tests.viewing.page_content import Tags, page_data
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def cells(page, heading):
 
 def test_each_graft_has_its_numbers(grafts):
     page = report_page(grafts)
-    for own, row in zip(grafts, cells(page, "What was made"), strict=True):
+    for own, row in zip(grafts, cells(page, "Motions"), strict=True):
         new = sum(not s.is_own for s in own.substitutions)
         gaps = np.degrees([seam.gap for seam in own.seams])
         assert row[0] == own.motion.name
@@ -45,17 +46,17 @@ def test_each_graft_has_its_numbers(grafts):
         assert row[5:7] == [f"{gaps.mean():.1f}°", f"{gaps.max():.1f}°"]
         assert own.report().splitlines()[1] in page.html
     assert page.title == "dance: 2 new motions"
-    assert len(data_of(page)["clips"]) == 3
+    assert len(page_data(page)["clips"]) == 3
 
 
 def test_balance_is_how_far_the_centre_of_mass_strays(grafts):
     own = grafts[0]
     gap = (center_of_mass(own.motion) - center_of_mass(own.base))[:, [0, 2]]
     stray = np.linalg.norm(gap, axis=1) / mass_model(own.base.skeleton).height
-    row = cells(report_page(grafts), "What was made")[0]
+    row = cells(report_page(grafts), "Motions")[0]
     assert row[7:] == [f"{100 * stray.mean():.1f} %", f"{100 * stray.max():.1f} %"]
     kept = replace(own, motion=own.base, seams=())
-    assert cells(report_page([kept]), "What was made")[0][5:] == ["none", "none", "0.0 %", "0.0 %"]
+    assert cells(report_page([kept]), "Motions")[0][5:] == ["none", "none", "0.0 %", "0.0 %"]
 
 
 def test_the_centre_of_mass_is_that_of_the_bones():
@@ -69,7 +70,7 @@ def test_the_centre_of_mass_is_that_of_the_bones():
 
 
 def test_why_there_are_not_more_donors(grafts, library):
-    (row,) = cells(report_page(grafts), "Why not more")
+    (row,) = cells(report_page(grafts), "Limits on donors")
     labels = library.labels["lower"]
     assert row[0] == "upper"
     alike = [(labels == own).sum() - 1 for own in labels]
@@ -89,7 +90,7 @@ def test_why_there_are_not_more_donors(grafts, library):
 def test_what_each_clip_lent_adds_up():
     takes = [own.motion for own in dance(seed=1, strides=1).takes(2)]
     new = graft(Library.build(takes), seed=1)
-    rows = cells(report_page([new]), "From what")
+    rows = cells(report_page([new]), "Clips")
     assert [row[0] for row in rows] == ["dance_1", "dance_2"]
     exchanged = sum(not s.is_own for s in new.substitutions)
     assert sum(int(row[3]) for row in rows) == exchanged > 0
@@ -98,11 +99,11 @@ def test_what_each_clip_lent_adds_up():
 def test_a_run_with_nothing_exchanged_is_told_as_well():
     library = Library.build(dance(strides=1).motion[:80], config=Config(sigma=1e-9))
     page = report_page([graft(library)])
-    assert cells(page, "What was made")[0][1].startswith("0 of")
+    assert cells(page, "Motions")[0][1].startswith("0 of")
     assert "had no candidate and were kept" in page.html
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", HOSTILE_NAMES)
 def test_names_in_reports_stay_text(name):
     motion = replace(dance(strides=1).motion[:200], name=name, path=Path(f"{name}.bvh"))
     page = report_page([graft(Library.build(motion))], [Path("javascript:alert(1)<b>.bvh")])
@@ -115,7 +116,7 @@ def test_names_in_reports_stay_text(name):
 
 
 def test_reports_of_nothing_are_refused(grafts):
-    with pytest.raises(ValueError, match="grafts must hold at least one"):
+    with pytest.raises(ValueError, match="grafts must contain at least one"):
         report_page([])
     with pytest.raises(ValueError, match="files must be given for 2 grafts, got 1"):
         report_page(grafts, [None])

@@ -4,9 +4,7 @@ import base64
 import hashlib
 import json
 import re
-import zlib
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -28,19 +26,11 @@ from mograft import (
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.motion import rotations
-from mograft.viewing.scene import Scene, quantised, unpacked
-from tests import strategies as own
-
-HOSTILE = [
-    "</script><script>document.title='owned'</script>",
-    "<img src=x onerror=\"document.title='owned'\">",
-    "a&b\"c'd`e${1}</title>",
-    "<!--<script>",
-    "</script <img src=x>",
-    "</script/x",
-    "\u2028\u2029\u202eevil\u0000\ud800",
-    "",
-]
+from mograft.viewing.encoding import encode_scene, quantize
+from mograft.viewing.scene import Scene
+from tests import strategies
+from tests.strategies import HOSTILE_NAMES
+from tests.viewing.page_content import Tags, clip_positions, dequantize, page_data
 
 
 @pytest.fixture(scope="module")
@@ -58,31 +48,7 @@ def new(library):
     return graft(library, seed=3)
 
 
-class Tags(HTMLParser):
-    def __init__(self, text):
-        super().__init__()
-        self.found = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.found.append((tag, dict(attrs)))
-
-
-def data_of(page):
-    text = re.search(r'id="mograft-data">(.*?)</script>', page.html, re.DOTALL)[1]
-    # Browsers end a script at "</script " too, which Python's parser does not.
-    assert not set("<>&") & set(text)
-    return json.loads(text)
-
-
-def places_of(clip):
-    path = zlib.decompress(base64.b64decode(clip["path"]))
-    pose = zlib.decompress(base64.b64decode(clip["pose"]))
-    way = np.frombuffer(path, "<f4").astype(float).reshape(-1, 3)
-    return unpacked(clip["unit"], way, pose)
-
-
-@given(own.motions(max_frames=30), st.floats(1e-3, 1e3))
+@given(strategies.motions(max_frames=30), st.floats(1e-3, 1e3))
 def test_the_page_holds_the_motion_to_half_a_unit(motion, size):
     grown = replace(
         motion,
@@ -91,8 +57,8 @@ def test_the_page_holds_the_motion_to_half_a_unit(motion, size):
     )
     drawn = grown.world_positions()
     height = max(float(np.ptp(grown.skeleton.rest_positions(), axis=0).max()), 1e-3)
-    unit, path, pose = quantised(drawn, 0, height)
-    got = unpacked(unit, path, pose)
+    unit, path, pose = quantize(drawn, 0, height)
+    got = dequantize(unit, path, pose)
     # Half a unit, and what float32 keeps of how far off the figure is.
     far = np.abs(drawn).max() * 2**-23
     assert np.abs(got - drawn).max() <= 0.5 * unit * (1 + 1e-9) + far
@@ -104,8 +70,8 @@ def test_the_page_holds_the_motion_to_half_a_unit(motion, size):
 def test_tracks_that_leap_from_end_to_end_survive(size):
     rng = np.random.default_rng(0)
     places = rng.choice([-1.0, 1.0], (50, 4, 3)) * size
-    unit, path, pose = quantised(places, 0, 1.0)
-    assert np.abs(unpacked(unit, path, pose) - places).max() <= 0.5 * unit + size * 2**-23
+    unit, path, pose = quantize(places, 0, 1.0)
+    assert np.abs(dequantize(unit, path, pose) - places).max() <= 0.5 * unit + size * 2**-23
 
 
 @pytest.mark.parametrize(
@@ -129,7 +95,9 @@ def test_figures_stand_upright_and_are_not_mirrored(motion, turn, up):
     world = turned.world_positions()
     feet_to_head = world[:, motion.skeleton.index("Head")] - world[:, 3]
     assert int(np.abs(feet_to_head.mean(axis=0)).argmax()) == up
-    got, plain = (places_of(data_of(view(m, show=False))["clips"][0]) for m in (turned, short))
+    got, plain = (
+        clip_positions(page_data(view(m, show=False))["clips"][0]) for m in (turned, short)
+    )
     # Heights agree, and so does the hand of the body: left of the way it faces is left.
     np.testing.assert_allclose(got[..., 1], plain[..., 1], atol=0.1)
 
@@ -145,9 +113,9 @@ def test_figures_stand_upright_and_are_not_mirrored(motion, turn, up):
 
 
 def test_end_sites_are_drawn_where_they_are(motion):
-    clip = data_of(view(motion[:20], show=False))["clips"][0]
+    clip = page_data(view(motion[:20], show=False))["clips"][0]
     turns, joints = motion[:20].world_transforms()
-    places = places_of(clip)
+    places = clip_positions(clip)
     assert clip["nodes"] == motion.n_joints + len(motion.skeleton.end_sites)
     for index, site in enumerate(motion.skeleton.end_sites):
         want = joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
@@ -165,19 +133,19 @@ def test_eyes_are_no_second_head(motion):
         end_sites=(EndSite(head, [0, 20, 0]), EndSite(18, [0, 0, 2])),
     )
     still = Motion(with_eyes, 0.1, [[[0, 0, 0, 1]] * 19], with_eyes.offsets[None])
-    width = data_of(view(still, show=False))["clips"][0]["width"]
+    width = page_data(view(still, show=False))["clips"][0]["width"]
     eye, crown, sight = width[18:]
     assert eye == sight < 1 < crown
     bare = replace(with_eyes, end_sites=(EndSite(18, [0, 0, 2]),))
     still = replace(still, skeleton=bare)
-    clip = data_of(view(still, show=False))["clips"][0]
+    clip = page_data(view(still, show=False))["clips"][0]
     assert clip["parents"][-1] == head
     assert clip["width"][-1] == crown
-    assert np.linalg.norm(np.diff(places_of(clip)[0, [head, -1]], axis=0)) > 1
+    assert np.linalg.norm(np.diff(clip_positions(clip)[0, [head, -1]], axis=0)) > 1
 
 
 def test_a_graft_is_shown_after_its_base_with_where_its_parts_come_from(motion, new):
-    data = data_of(view(motion, new, show=False))
+    data = page_data(view(motion, new, show=False))
     assert [clip["name"] for clip in data["clips"]] == ["dance", "dance_graft0"]
     base, grafted = data["clips"]
     assert [row["group"] for row in base["rows"]] == ["lower", "upper"]
@@ -206,7 +174,7 @@ def test_the_same_motion_is_shown_once_and_others_keep_names_of_their_own(motion
 
 
 def test_a_plain_motion_has_its_segments_and_its_parts_coloured(motion):
-    clip = data_of(view(motion, show=False))["clips"][0]
+    clip = page_data(view(motion, show=False))["clips"][0]
     assert clip["groups"] == ["lower", "torso", "larm", "rarm"]
     (row,) = clip["rows"]
     cut = segment(motion)
@@ -216,14 +184,14 @@ def test_a_plain_motion_has_its_segments_and_its_parts_coloured(motion):
     assert abs(np.corrcoef(clip["energy"], energy[: len(clip["energy"])])[0, 1]) > 0.8
     own_groups = JointGroups.preset("lower_upper", motion.skeleton)
     for groups in ("lower_upper", own_groups):
-        got = data_of(view(motion, groups=groups, show=False))["clips"][0]
+        got = page_data(view(motion, groups=groups, show=False))["clips"][0]
         assert got["groups"] == ["lower", "upper"]
 
 
 def test_what_is_no_body_and_what_does_not_move_is_shown_too():
     rod = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     still = Motion(rod, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
-    data = data_of(view(still, show=False))
+    data = page_data(view(still, show=False))
     assert data["clips"][0]["rows"] == []
     assert data["clips"][0]["groups"] == ["body"]
     assert data["clips"][0]["name"] == "motion"
@@ -232,17 +200,19 @@ def test_what_is_no_body_and_what_does_not_move_is_shown_too():
 def test_of_long_motions_not_every_frame_is_kept_and_the_page_says_so(motion):
     scene = Scene.of([motion])
     n_nodes = motion.n_joints + len(motion.skeleton.end_sites)
-    data = scene.as_dict(points=motion.n_frames * n_nodes // 3 + 1)
+    data = encode_scene(scene, max_positions=motion.n_frames * n_nodes // 3 + 1)
     clip = data["clips"][0]
     assert clip["step"] == 3
     assert clip["frames"] == motion.n_frames
     assert "every 3rd frame" in data["note"]
-    whole = scene.as_dict()["clips"][0]
-    np.testing.assert_allclose(places_of(clip), places_of(whole)[::3], atol=1.1 * whole["unit"])
-    assert scene.as_dict()["note"] == ""
+    whole = encode_scene(scene)["clips"][0]
+    np.testing.assert_allclose(
+        clip_positions(clip), clip_positions(whole)[::3], atol=1.1 * whole["unit"]
+    )
+    assert encode_scene(scene)["note"] == ""
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", HOSTILE_NAMES)
 def test_names_cannot_break_out_of_the_page(motion, name):
     skeleton = replace(motion.skeleton, names=(name, *motion.skeleton.names[1:]))
     evil = replace(motion[:30], skeleton=skeleton, name=name)
@@ -253,7 +223,7 @@ def test_names_cannot_break_out_of_the_page(motion, name):
     harmless = view(motion[:30], show=False)
     tags = [tag for tag, _ in Tags(page.html).found]
     assert tags == [tag for tag, _ in Tags(harmless.html).found]
-    assert data_of(page)["clips"][0]["name"] == (name or "motion")
+    assert page_data(page)["clips"][0]["name"] == (name or "motion")
     outer = Tags(page._repr_html_()).found
     assert [tag for tag, _ in outer] == ["iframe"]
     assert outer[0][1]["srcdoc"] == page.html
@@ -290,7 +260,7 @@ def test_pages_are_saved_whole_and_not_over_others(motion, tmp_path):
 def test_what_cannot_be_shown_is_named(motion):
     with pytest.raises(TypeError, match="items must be motions, grafts or libraries, got 3"):
         view(3, show=False)
-    with pytest.raises(ValueError, match="items must hold at least one motion"):
+    with pytest.raises(ValueError, match="items must contain at least one motion"):
         view(show=False)
     with pytest.raises(ValueError, match="preset must be one of"):
         view(motion, groups="wings", show=False)
@@ -315,10 +285,10 @@ def test_the_browser_is_opened_when_wanted(motion, monkeypatch, capsys):
 
 
 @settings(max_examples=15)
-@given(own.motions(min_joints=2))
+@given(strategies.motions(min_joints=2))
 def test_any_motion_makes_a_page_of_its_frames(motion):
-    clip = data_of(view(motion, show=False))["clips"][0]
-    assert places_of(clip).shape == (motion.n_frames, motion.n_joints, 3)
+    clip = page_data(view(motion, show=False))["clips"][0]
+    assert clip_positions(clip).shape == (motion.n_frames, motion.n_joints, 3)
     for row in clip["rows"]:
         assert row["start"][0] == 0
         assert row["stop"][-1] == motion.n_frames - 1

@@ -13,7 +13,7 @@ from mograft import EndSite, Motion, Skeleton, write_bvh, write_video
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.figure import PALETTE
-from tests.viewing.test_scene_and_page import HOSTILE
+from tests.strategies import HOSTILE_NAMES
 
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
 SIZE = (160, 120)
@@ -119,7 +119,7 @@ def test_the_same_motion_gives_the_same_bytes(motion, tmp_path, ending):
     assert made[0] == made[1]
 
 
-@pytest.mark.parametrize("name", [*HOSTILE, "엉덩이", "x" * 500])
+@pytest.mark.parametrize("name", [*HOSTILE_NAMES, "엉덩이", "x" * 500])
 def test_any_name_and_any_skeleton_can_be_filmed(tmp_path, name):
     lone = Skeleton([name], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     motion = Motion(lone, 0.1, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2, name=name)
@@ -141,7 +141,7 @@ def test_any_name_and_any_skeleton_can_be_filmed(tmp_path, name):
 def test_what_cannot_be_filmed_is_refused(motion, tmp_path, options, told):
     with pytest.raises(ValueError, match=told):
         write_video(motion, tmp_path / "m.gif", **options)
-    with pytest.raises(ValueError, match="motions must hold at least one"):
+    with pytest.raises(ValueError, match="motions must contain at least one"):
         write_video([], tmp_path / "m.gif")
     with pytest.raises(ValueError, match=r"path must end in \.mp4 or \.gif, got m\.avi"):
         write_video(motion, tmp_path / "m.avi")
@@ -167,7 +167,7 @@ def test_export_writes_films_and_names_the_extra_where_it_is_absent(
     words = ["export", str(tmp_path / "a.bvh"), str(tmp_path / "a.bvh"), "--size", "160x120", "-o"]
     options = ["--rate", "10", "--frames", "10-29", "--dark"]
     assert main([*words, str(tmp_path / "x.gif"), *options]) == 0
-    assert "160 by 120 pixels, 10 pictures a second" in capsys.readouterr().err
+    assert "160 by 120 pixels, 10 pictures per second" in capsys.readouterr().err
     assert len(frames_of(tmp_path / "x.gif")) == motion[10:30].resample(10).n_frames
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     monkeypatch.setenv("PATH", "")

@@ -44,7 +44,7 @@ from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft import Graft
-from mograft.viewing.page import Page, assembled, data
+from mograft.viewing.page import Page, assemble_page, embed_json
 
 __all__ = [
     "COLUMNS",
@@ -350,8 +350,8 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
         "unit": unit,
         "items": shown,
     }
-    text = f"{_part('label.html')}\n{data(values)}"
-    return assembled(title, text, "report", _part("label.css"), _part("label.js"))
+    text = f"{_part('label.html')}\n{embed_json(values)}"
+    return assemble_page(title, text, "report", _part("label.css"), _part("label.js"))
 
 
 def _standing(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:

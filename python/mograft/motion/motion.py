@@ -111,9 +111,9 @@ class Motion:
         return self.n_frames
 
     def _repr_html_(self) -> str:
-        from mograft.viewing.page import embedded  # layer exception: notebooks show a page
+        from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
 
-        return embedded(self)
+        return notebook_view(self)
 
     def __getitem__(self, frames: slice) -> "Motion":
         """Return a motion of some frames; a step multiplies the frame time."""

@@ -139,9 +139,9 @@ class Graft:
 
     def _repr_html_(self) -> str:
         # Pages stand at the end of the way of the data: only notebooks need them here.
-        from mograft.viewing.page import embedded  # layer exception: notebooks show a page
+        from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
 
-        return embedded(self)
+        return notebook_view(self)
 
     def report(self, *, each: bool = False) -> str:
         """Return in words what was exchanged, what was kept and why, and the seams.

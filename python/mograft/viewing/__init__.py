@@ -1,1 +1,1 @@
-"""Pages and films that show motions: the interactive viewer and the report around it."""
+"""HTML pages, reports and films of motions and grafts."""
