@@ -46,22 +46,16 @@ if TYPE_CHECKING:
     from mograft.motion.motion import Motion
     from mograft.motion.skeleton import EndSite, Skeleton
     from mograft.search.candidates import Candidate, Candidates
-    from mograft.search.constraints import (
-        Avoid,
-        AvoidSelf,
-        Constraint,
-        Custom,
-        Face,
+    from mograft.search.constraints import Constraint, Violation
+    from mograft.search.donor_constraints import (
         KeepOriginal,
-        KeepOut,
         MaxAngle,
         MaxStretch,
         NotFrom,
         OnlyFrom,
-        Reach,
-        Violation,
     )
     from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Sphere
+    from mograft.search.pose_constraints import Avoid, AvoidSelf, Custom, Face, KeepOut, Reach
     from mograft.synthesis.graft import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
     from mograft.synthesis.stream import Stream
     from mograft.viewing.page import Page, view
@@ -72,8 +66,9 @@ _HOMES = {
     "io.bvh": "BvhSummary read_bvh scan_bvh write_bvh",
     "analysis.clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
     "config": "Config",
-    "search.constraints": "Avoid AvoidSelf Constraint Custom Face KeepOriginal KeepOut MaxAngle "
-    "MaxStretch NotFrom OnlyFrom Reach Violation",
+    "search.constraints": "Constraint Violation",
+    "search.donor_constraints": "KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom",
+    "search.pose_constraints": "Avoid AvoidSelf Custom Face KeepOut Reach",
     "errors": "BvhError InsufficientDataError LibraryError MograftError SkeletonMismatchError",
     "body.faults": "Fault find_faults",
     "body.contacts": "foot_skate",

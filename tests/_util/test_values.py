@@ -155,9 +155,9 @@ def test_constraint_frames_must_be_ascending_pair(frames):
     if frames is None:
         assert mg.AvoidSelf(frames=None).frames is None
         return
-    with pytest.raises(ValueError, match="frames must be first and last, ascending"):
+    with pytest.raises(ValueError, match="frames must be a first and a last frame, ascending"):
         mg.AvoidSelf(frames=frames)
-    with pytest.raises(ValueError, match="clip_frames must be first and last, ascending"):
+    with pytest.raises(ValueError, match="clip_frames must be a first and a last frame, ascending"):
         mg.OnlyFrom("a", clip_frames=frames)
 
 

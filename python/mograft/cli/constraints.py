@@ -158,26 +158,28 @@ def read_constraints(options: argparse.Namespace) -> "list[Constraint]":
     """Return the constraints that the options describe."""
     import numpy as np
 
-    from mograft.search import constraints as kinds
+    from mograft.search import donor_constraints, pose_constraints
 
-    found: list[Constraint] = [kinds.Avoid(obstacle) for obstacle in _read_obstacles(options)]
+    found: list[Constraint] = [
+        pose_constraints.Avoid(obstacle) for obstacle in _read_obstacles(options)
+    ]
     if options.avoid_self:
-        found.append(kinds.AvoidSelf())
+        found.append(pose_constraints.AvoidSelf())
     for frame, joint, target, tolerance in options.reach:
-        found.append(kinds.Reach(joint, target, frame, tolerance))
+        found.append(pose_constraints.Reach(joint, target, frame, tolerance))
     for target, frames in options.face:
-        found.append(kinds.Face(target, frames=frames))
-    found += [kinds.KeepOriginal(frames=frames) for frames in options.keep]
+        found.append(pose_constraints.Face(target, frames=frames))
+    found += [donor_constraints.KeepOriginal(frames=frames) for frames in options.keep]
     for clips, tags, kind in (
-        (options.only_from, options.only_tagged, kinds.OnlyFrom),
-        (options.not_from, options.not_tagged, kinds.NotFrom),
+        (options.only_from, options.only_tagged, donor_constraints.OnlyFrom),
+        (options.not_from, options.not_tagged, donor_constraints.NotFrom),
     ):
         if clips is not None or tags is not None:
             found.append(kind(_words(clips), tags=_words(tags)))
     if options.max_stretch is not None:
-        found.append(kinds.MaxStretch(options.max_stretch))
+        found.append(donor_constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
-        found.append(kinds.MaxAngle(float(np.radians(options.max_angle))))
+        found.append(donor_constraints.MaxAngle(float(np.radians(options.max_angle))))
     return found
 
 

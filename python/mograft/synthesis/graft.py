@@ -19,7 +19,8 @@ from mograft.motion.skeleton import Skeleton
 from mograft.scenario.realize import donor_contacts, realize_scenario
 from mograft.scenario.walks import Scenario
 from mograft.search.candidates import DonorTrellis, choose, reachable
-from mograft.search.constraints import Constraint, MaxAngle, Violation, violations
+from mograft.search.constraints import Constraint, Violation, find_violations
+from mograft.search.donor_constraints import MaxAngle
 from mograft.search.viterbi import diverse, k_best, sample, viterbi
 from mograft.synthesis.root_tabu_search import tabu_search
 from mograft.synthesis.search_problem import DonorSequences, SearchProblem
@@ -429,7 +430,7 @@ class GraftPlan:
         if not problem.constraints:
             return []
         poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
-        found = violations(problem.constraints, poses)
+        found = find_violations(problem.constraints, poses)
         for constraint in problem.constraints:
             if not isinstance(constraint, MaxAngle):
                 continue
@@ -636,7 +637,7 @@ def repair(
 
     Examples
     --------
-    >>> from mograft.search.constraints import Avoid
+    >>> from mograft.search.pose_constraints import Avoid
     >>> from mograft.dancer import dance
     >>> from mograft.search.obstacles import Sphere
     >>> motion = dance(strides=1).motion

@@ -33,7 +33,9 @@ from mograft.motion.resample import resample_segment_positions
 from mograft.motion.resample import resample_segments as resampled
 from mograft.motion.skeleton import Skeleton
 from mograft.search.candidates import INFEASIBLE_PENALTY, Candidates, DonorTrellis, SegmentPool
-from mograft.search.constraints import AvoidSelf, Constraint, MaxAngle
+from mograft.search.constraints import Constraint
+from mograft.search.donor_constraints import MaxAngle
+from mograft.search.pose_constraints import AvoidSelf
 from mograft.search.viterbi import Trellis, k_best, viterbi
 
 __all__ = ["DonorSequences", "SearchProblem", "check_constraints", "driven_joints", "reasons"]
@@ -173,7 +175,7 @@ class SearchProblem:
         groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
         pools = {group: library.pool(group) for group in groups}
         constraints = [
-            replace(own, captured=own.depth(poses))
+            replace(own, captured=own.self_collision_depth(poses))
             if isinstance(own, AvoidSelf) and own.captured == 0
             else own
             for own in constraints
@@ -246,7 +248,7 @@ class SearchProblem:
         own, given = (library.segments[of] for of in (self.scenario[at], donors))
         costs, passes = np.zeros(len(donors)), np.ones(len(donors), bool)
         for constraint in self.constraints:
-            miss = constraint.misses(own, given, library.entries)
+            miss = constraint.donor_errors(own, given, library.entries)
             if constraint.frames is not None:
                 first, last = constraint.frames
                 holds = (self.base_segments.start[at] <= last) & (
@@ -795,10 +797,10 @@ def reasons(
         worst = np.maximum.reduceat(error, starts)
         span = constraint.frames
         if span is None or (cut.start[position] <= span[1] and cut.stop[position] >= span[0]):
-            worst = np.maximum(worst, constraint.misses(own, given, library.entries))
+            worst = np.maximum(worst, constraint.donor_errors(own, given, library.entries))
         for index in np.flatnonzero(worst > 1.0).tolist():
             name = type(constraint).__name__
-            said = constraint.tell(float(worst[index]), problem.poses.height)
+            said = constraint.describe_error(float(worst[index]), problem.poses.height)
             told[index].append(f"{name}: {said}")
     final = [
         replace(candidate, refused="; ".join(why))

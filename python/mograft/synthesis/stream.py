@@ -38,7 +38,9 @@ from mograft.search.candidates import (
     seam_costs,
     velocity_gaps,
 )
-from mograft.search.constraints import AvoidSelf, Clip, Constraint, MaxAngle, Violation, violations
+from mograft.search.constraints import Clip, Constraint, Violation, find_violations
+from mograft.search.donor_constraints import MaxAngle
+from mograft.search.pose_constraints import AvoidSelf
 from mograft.search.viterbi import Trellis, sample, viterbi
 from mograft.synthesis.graft import Substitution, grafted_groups
 from mograft.synthesis.search_problem import check_constraints, driven_joints
@@ -214,7 +216,7 @@ class Stream:
         rest = Motion(skeleton, 1.0, still, skeleton.offsets[None])
         check_constraints(wanted, Poses.from_motion(rest))
         for constraint in wanted:
-            constraint.misses(none, none, self._clips)
+            constraint.donor_errors(none, none, self._clips)
         self._constraints = tuple(wanted)
         angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
         config = self._library.config
@@ -356,7 +358,7 @@ class Stream:
             span = constraint.frames
             if span is not None and not (own.start[0] <= span[1] and own.stop[0] >= span[0]):
                 continue
-            miss = constraint.misses(every, given, self._clips)
+            miss = constraint.donor_errors(every, given, self._clips)
             if constraint.weight is None:
                 passes &= miss <= 1.0
             else:
@@ -398,7 +400,9 @@ class Stream:
             return posed
         poses = self._posed(place, place.local)
         return [
-            replace(c, captured=max(c.captured, c.depth(poses))) if isinstance(c, AvoidSelf) else c
+            replace(c, captured=max(c.captured, c.self_collision_depth(poses)))
+            if isinstance(c, AvoidSelf)
+            else c
             for c in posed
         ]
 
@@ -546,7 +550,7 @@ class Stream:
         self._signs = quats[-1]
         if poses is not None:
             fresh = poses.with_poses(poses.frames[new], poses.rotations[new], poses.positions[new])
-            missed += violations(place.posed, fresh)
+            missed += find_violations(place.posed, fresh)
         return Piece(
             replace(motion, rotations=quats),
             place.start,
