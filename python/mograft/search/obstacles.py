@@ -1,6 +1,6 @@
-"""Things in the world that a body can be near to: balls, poles, boxes, walls, somebody else.
+"""Obstacles: spheres, capsules, boxes, half-spaces and other characters.
 
-Places and sizes are in the file's unit.
+Positions and sizes are in the unit of the file.
 """
 
 from dataclasses import dataclass
@@ -23,23 +23,39 @@ Vector = tuple[float, float, float]
 
 
 class Obstacle(Protocol):
-    """Something that a body can be near to."""
+    """An object to which the distance of a body can be computed."""
 
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
-        """Return for each pose how far the nearest of some capsules is, and which that is."""
+    def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return the distance of the nearest of some capsules in each pose, and its index.
+
+        Parameters
+        ----------
+        poses : Poses
+            The poses of the body.
+        capsule_indices : ndarray of int
+            Indices of the capsules to test.
+
+        Returns
+        -------
+        distance : ndarray, shape (n,)
+            In the unit of the file; negative by the penetration depth, infinite without
+            capsules.
+        index : ndarray of int, shape (n,)
+            The nearest capsule; ties go to the first. -1 without capsules.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball.
+    """A sphere.
 
     Parameters
     ----------
     center : tuple of float
-        Its middle, in the file's unit.
+        Centre, in the unit of the file.
     radius : float
-        In the file's unit.
+        In the unit of the file.
 
     Examples
     --------
@@ -54,22 +70,22 @@ class Sphere:
         coerce_vector(self, "center")
         check_not_negative(self, "radius")
 
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+    def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
         ends = np.array([[[self.center, self.center]]], float)
-        return _nearest(poses, counted, ends, np.array([self.radius], float), None)
+        return _nearest(poses, capsule_indices, ends, np.array([self.radius], float), None)
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """A pole with round ends.
+    """A cylinder with hemispherical ends.
 
     Parameters
     ----------
     start, stop : tuple of float
-        The ends of its axis, in the file's unit.
+        Ends of the axis, in the unit of the file.
     radius : float
-        In the file's unit.
+        In the unit of the file.
 
     Examples
     --------
@@ -86,24 +102,24 @@ class Capsule:
         coerce_vector(self, "stop")
         check_not_negative(self, "radius")
 
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+    def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
         ends = np.array([[[self.start, self.stop]]], float)
-        return _nearest(poses, counted, ends, np.array([self.radius], float), None)
+        return _nearest(poses, capsule_indices, ends, np.array([self.radius], float), None)
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box, turned as one likes.
+    """A box of any orientation.
 
     Parameters
     ----------
     center : tuple of float
-        Its middle, in the file's unit.
+        Centre, in the unit of the file.
     half : tuple of float
-        Half of its length along each of its own axes.
+        Half its length along each of its axes.
     rotation : tuple of float
-        A unit quaternion, xyzw. Default: along the axes of the world.
+        Orientation as a unit quaternion, xyzw. Default: aligned with the world axes.
 
     Examples
     --------
@@ -120,32 +136,32 @@ class Box:
         coerce_vector(self, "half")
         if min(self.half) < 0:
             raise ValueError(f"half must not be negative, got {self.half}")
-        turn = as_floats("rotation", self.rotation, (4,))
-        if abs(np.linalg.norm(turn) - 1) > 1e-6:
+        quat = as_floats("rotation", self.rotation, (4,))
+        if abs(np.linalg.norm(quat) - 1) > 1e-6:
             raise ValueError(f"rotation must be a unit quaternion, got {self.rotation}")
 
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+    def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
-        apart = box_clearance(
-            poses.ends[:, counted],
-            poses.capsules.radii[counted],
+        distances = box_clearance(
+            poses.ends[:, capsule_indices],
+            poses.capsules.radii[capsule_indices],
             np.array(self.center, float),
             np.array(self.half, float),
             np.array(self.rotation, float),
         )
-        return _least(apart, counted)
+        return _minimum(distances, capsule_indices)
 
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """All that is behind a plane, such as a wall or the floor.
+    """The half-space behind a plane, such as a wall or the floor.
 
     Parameters
     ----------
     point : tuple of float
-        A point of the plane, in the file's unit.
+        A point of the plane, in the unit of the file.
     normal : tuple of float
-        Points to where the body may be; of any length.
+        Normal that points to the free side; of any length above 0.
 
     Examples
     --------
@@ -162,29 +178,32 @@ class HalfSpace:
         if not any(self.normal):
             raise ValueError("normal must not be zero")
 
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+    def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
         normal = np.array(self.normal, float) / np.linalg.norm(self.normal)
-        above = (poses.ends[:, counted] - np.array(self.point, float)) @ normal
-        return _least(above.min(axis=2) - poses.capsules.radii[counted], counted)
+        heights = (poses.ends[:, capsule_indices] - np.array(self.point, float)) @ normal
+        return _minimum(
+            heights.min(axis=2) - poses.capsules.radii[capsule_indices], capsule_indices
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Character:
-    """Somebody else who moves.
+    """Another moving character.
 
     Parameters
     ----------
     motion : Motion
-        What they do, on a skeleton of their own. Before and after it they stand still.
+        Motion of the character, on any skeleton. Before its first and after its last frame the
+        character keeps that pose.
     offset : tuple of float
-        Where they are moved to, in the file's unit.
+        Translation, in the unit of the file.
     yaw : float
-        By what angle they are turned about the upward axis of the world first, in radians.
+        Rotation about the vertical axis before the translation, in radians.
     delay : float
-        How many seconds after the base motion they begin.
+        Seconds after the start of the base motion at which the character starts.
     radius : float
-        Factor on the radii of their capsules.
+        Factor on the capsule radii of the character.
 
     Examples
     --------
@@ -207,32 +226,43 @@ class Character:
             check_finite(self, name)
 
     @cached_property
-    def _flesh(self) -> tuple[FloatArray, FloatArray]:
-        own = capsules(self.motion.skeleton)
-        ends = own.ends(*self.motion.world_transforms())
+    def _capsule_ends_and_radii(self) -> tuple[FloatArray, FloatArray]:
+        shape = capsules(self.motion.skeleton)
+        ends = shape.ends(*self.motion.world_transforms())
         axis = np.zeros(3)
         axis[up_axis(self.motion)] = 1.0
-        turn = np.broadcast_to(rotations.exp(self.yaw * axis), (*ends.shape[:-1], 4))
-        return rotations.rotate(turn, ends) + np.array(self.offset, float), own.radii * self.radius
+        quat = np.broadcast_to(rotations.exp(self.yaw * axis), (*ends.shape[:-1], 4))
+        moved = rotations.rotate(quat, ends) + np.array(self.offset, float)
+        return moved, shape.radii * self.radius
 
-    def distances(self, poses: Poses, counted: IntArray) -> tuple[FloatArray, IntArray]:
+    def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
-        ends, radii = self._flesh
+        ends, radii = self._capsule_ends_and_radii
         seconds = poses.frames * poses.frame_time - self.delay
         at = np.round(seconds / self.motion.frame_time).astype(np.int64)
-        return _nearest(poses, counted, ends, radii, at.clip(0, self.motion.n_frames - 1))
+        return _nearest(poses, capsule_indices, ends, radii, at.clip(0, self.motion.n_frames - 1))
 
 
 def _nearest(
-    poses: Poses, counted: IntArray, others: FloatArray, radii: FloatArray, at: IntArray | None
+    poses: Poses,
+    capsule_indices: IntArray,
+    others: FloatArray,
+    radii: FloatArray,
+    at: IntArray | None,
 ) -> tuple[FloatArray, IntArray]:
-    pairs = np.stack([np.repeat(counted, len(radii)), np.tile(np.arange(len(radii)), len(counted))])
+    pairs = np.stack(
+        [
+            np.repeat(capsule_indices, len(radii)),
+            np.tile(np.arange(len(radii)), len(capsule_indices)),
+        ]
+    )
     distance, which = clearance(poses.ends, poses.capsules.radii, others, radii, at, pairs.T)
     return distance, which[:, 0]
 
 
-def _least(apart: FloatArray, counted: IntArray) -> tuple[FloatArray, IntArray]:
-    if not len(counted):
-        return np.full(len(apart), np.inf), np.full(len(apart), -1)
-    nearest = apart.argmin(axis=1)
-    return apart[np.arange(len(apart)), nearest], counted[nearest]
+def _minimum(distances: FloatArray, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the smallest distance of each row and the index of its capsule."""
+    if not len(capsule_indices):
+        return np.full(len(distances), np.inf), np.full(len(distances), -1)
+    nearest = distances.argmin(axis=1)
+    return distances[np.arange(len(distances)), nearest], capsule_indices[nearest]
