@@ -109,8 +109,8 @@ def test_a_part_tells_where_it_comes_from_and_is_held_by_a_click(browser, path, 
     part = own[index]
     with opened(browser, path) as page:
         page.evaluate(f"mograft.seek({part.start + 1})")
-        told = page.evaluate(f"mograft.words(2, {index})")
-        assert f"taken from dance {part.donor_start}{DASH}{part.donor_stop}" in told
+        told = page.evaluate(f"mograft.describe(2, {index})")
+        assert f"donor dance {part.donor_start}{DASH}{part.donor_stop}" in told
         assert f"frames {part.start}{DASH}{part.stop}" in told
         box = page.locator("[data-part=rows]").bounding_box()
         first, last = page.evaluate("mograft.state.window")

@@ -168,7 +168,7 @@ def _cards(library: Library) -> str:
         ),
         (
             f"{total / n:.1f} \N{MULTIPLICATION SIGN}",
-            f"as many possible combinations as segments: {format_number(total)}",
+            f"as many combinations as segments ({format_number(total)} in all)",
         ),
     ]
     items = "".join(
