@@ -22,7 +22,7 @@ from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heigh
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.hierarchies import DANCES, DATA, recorded, recording
+from tests.hierarchies import DANCES, DATA, distinct_recordings, recording
 from tests.strategies import SEEDS
 
 
@@ -286,7 +286,7 @@ def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("path", recorded(), ids=lambda path: path.stem[:30])
+@pytest.mark.parametrize("path", distinct_recordings(), ids=lambda path: path.stem[:30])
 def test_feet_of_every_skeleton_stand(path):
     motion = read_bvh(path, strict=False)[:240]
     still, report = plant_feet(motion)

@@ -12,14 +12,14 @@ from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.body_parts import ARM, LEG, PARTS
 from tests.hierarchies import (
     DATA,
+    distinct_recordings,
     human,
     orders,
     read_hierarchy,
-    recorded,
-    renamed,
-    reordered,
+    skeleton_from_text,
     skeletons,
-    written,
+    with_names,
+    with_order,
 )
 
 LIMBS = {
@@ -188,7 +188,7 @@ def both_sides(text):
 
 def scheme(name):
     """Return the skeleton of a scheme with the part and the side of each joint."""
-    skeleton, notes = written(both_sides(SCHEMES[name].replace("| }", "}")))
+    skeleton, notes = skeleton_from_text(both_sides(SCHEMES[name].replace("| }", "}")))
     sides = []
     for own in skeleton.names:
         bare = own.split(":")[-1]
@@ -237,7 +237,7 @@ def test_anatomy_side_joined_to_word_is_recognised():
 )
 def test_anatomy_ignores_namespace_prefix_and_suffix(name, dress):
     skeleton, parts, _ = scheme(name)
-    other = anatomy(renamed(skeleton, lambda _, own: dress(own)))
+    other = anatomy(with_names(skeleton, lambda _, own: dress(own)))
     assert list(other.parts) == parts
     assert other.sides == anatomy(skeleton).sides
 
@@ -248,7 +248,7 @@ def test_anatomy_ignores_namespace_prefix_and_suffix(name, dress):
 @pytest.mark.parametrize("case", [str.upper, str.lower, str.title])
 def test_anatomy_ignores_case(name, case):
     skeleton, parts, sides = scheme(name)
-    other = anatomy(renamed(skeleton, lambda _, own: case(own)))
+    other = anatomy(with_names(skeleton, lambda _, own: case(own)))
     assert list(other.parts) == parts
     limbs = [joint for joint, part in enumerate(parts) if part in ARM + LEG]
     assert [other.sides[joint] for joint in limbs] == [sides[joint] for joint in limbs]
@@ -258,7 +258,7 @@ def test_anatomy_ignores_case(name, case):
 def test_anatomy_swapped_names_swap_sides(name):
     skeleton, _, sides = scheme(name)
     swapped = anatomy(
-        renamed(
+        with_names(
             skeleton,
             lambda _, own: re.sub(
                 "Left|Right", lambda m: {"Left": "Right", "Right": "Left"}[m[0]], own
@@ -272,7 +272,7 @@ def test_anatomy_swapped_names_swap_sides(name):
 def test_anatomy_unknown_names_use_symmetry():
     skeleton = human()
     by_names = anatomy(skeleton)
-    by_structure = anatomy(renamed(skeleton, lambda joint, _: f"j{joint}"))
+    by_structure = anatomy(with_names(skeleton, lambda joint, _: f"j{joint}"))
     assert by_structure.parts == by_names.parts
     assert by_structure.sides == by_names.sides
     assert by_structure.scheme == "structure"
@@ -281,7 +281,7 @@ def test_anatomy_unknown_names_use_symmetry():
 
 
 def test_anatomy_unknown_names_take_sides_from_foot_direction():
-    nameless = renamed(human(), lambda joint, _: f"j{joint}")
+    nameless = with_names(human(), lambda joint, _: f"j{joint}")
     mirrored = nameless.with_offsets(nameless.offsets * [-1, 1, 1])
     swap = {"left": "right", "right": "left", "": ""}
     assert anatomy(mirrored).sides == tuple(swap[side] for side in anatomy(nameless).sides)
@@ -289,7 +289,7 @@ def test_anatomy_unknown_names_take_sides_from_foot_direction():
 
 @given(st.integers(0, 2), st.integers(0, 2))
 def test_anatomy_unknown_names_ignore_orientation(turns, more):
-    nameless = renamed(human(), lambda joint, _: f"j{joint}")
+    nameless = with_names(human(), lambda joint, _: f"j{joint}")
     cycled = np.roll(nameless.offsets, turns, axis=1)  # an even permutation is a rotation
     sites = [type(s)(s.parent, np.roll(s.offset, turns)) for s in nameless.end_sites]
     turned = Skeleton(nameless.names, nameless.parents, cycled * (1 + more), end_sites=sites)
@@ -301,10 +301,10 @@ def test_anatomy_unknown_names_ignore_orientation(turns, more):
 def test_anatomy_named_legs_or_arms_complete_the_other_pair(mirror):
     """Legs of unknown names beside known arms are found by symmetry, and sided by the arms."""
     words = {"Hip": "Pata", "Knee": "Jarrete", "Ankle": "Casco"}
-    skeleton = renamed(
+    skeleton = with_names(
         human(), lambda j, own: next((f"{w}{j}" for k, w in words.items() if k in own[4:]), own)
     )
-    skeleton = renamed(skeleton, lambda _, own: "Pata16" if own == "RightHip" else own)
+    skeleton = with_names(skeleton, lambda _, own: "Pata16" if own == "RightHip" else own)
     found = anatomy(skeleton.with_offsets(skeleton.offsets * [mirror, 1, 1]))
     assert found.parts == anatomy(human()).parts
     assert found.sides == anatomy(human()).sides
@@ -312,7 +312,7 @@ def test_anatomy_named_legs_or_arms_complete_the_other_pair(mirror):
 
 
 def test_anatomy_unknown_names_long_clavicles_and_roll_joints():
-    skeleton, _ = written(
+    skeleton, _ = skeleton_from_text(
         "Hips {LeftUpLeg > LeftUpLegRoll > LeftLeg > LeftLegRoll > LeftFoot"
         " | RightUpLeg > RightUpLegRoll > RightLeg > RightLegRoll > RightFoot"
         " | Spine {Head | LeftShoulder > LeftArm > LeftForeArm > LeftHand"
@@ -323,12 +323,12 @@ def test_anatomy_unknown_names_long_clavicles_and_roll_joints():
     right = [(-x, y, z) for x, y, z in arm]
     places = [(0, 0, 0), (9, 0, 0), *leg, (-9, 0, 0), *leg, (0, 50, 0), (0, 9, 0), *arm, *right]
     skeleton = skeleton.with_offsets(places)
-    nameless = renamed(skeleton, lambda joint, _: f"j{joint}")
+    nameless = with_names(skeleton, lambda joint, _: f"j{joint}")
     assert anatomy(nameless).parts == anatomy(skeleton).parts
 
 
 def test_anatomy_short_mirrored_pairs_are_not_limbs():
-    skeleton, _ = written("a {b | c | d}")
+    skeleton, _ = skeleton_from_text("a {b | c | d}")
     body = human()
     shift = skeleton.n_joints
     joined = Skeleton(
@@ -342,11 +342,11 @@ def test_anatomy_short_mirrored_pairs_are_not_limbs():
 
 @given(st.data())
 def test_anatomy_ignores_joint_order(data):
-    nameless = renamed(human(), lambda joint, _: f"j{joint}")
+    nameless = with_names(human(), lambda joint, _: f"j{joint}")
     named = [scheme(name)[0] for name in ("daz", "mass")]
     skeleton = data.draw(st.sampled_from([human(), nameless, *named]))
     order = data.draw(orders(skeleton))
-    before, after = anatomy(skeleton), anatomy(reordered(skeleton, order))
+    before, after = anatomy(skeleton), anatomy(with_order(skeleton, order))
     assert after.parts == tuple(before.parts[joint] for joint in order)
     assert after.sides == tuple(before.sides[joint] for joint in order)
     assert order[after.hips] == before.hips
@@ -372,7 +372,7 @@ def test_anatomy_arbitrary_names_do_not_fail(skeleton):
 
 
 def test_anatomy_numbered_names_are_not_vertebrae():
-    skeleton = renamed(human(), lambda joint, _: f"c{joint}")
+    skeleton = with_names(human(), lambda joint, _: f"c{joint}")
     assert anatomy(skeleton).unmatched == tuple(range(skeleton.n_joints))
 
 
@@ -408,12 +408,14 @@ def test_feature_joints_of_fingers_alone_keep_them():
     assert feature_joints(skeleton, fingers).tolist() == fingers
 
 
-@pytest.mark.skipif(not recorded(), reason=f"no recordings at {DATA}")
-@pytest.mark.parametrize("path", recorded(), ids=lambda path: f"{path.parent.name}/{path.stem}")
+@pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
+@pytest.mark.parametrize(
+    "path", distinct_recordings(), ids=lambda path: f"{path.parent.name}/{path.stem}"
+)
 def test_anatomy_recordings_agree_with_and_without_names(path):
     skeleton = read_hierarchy(path)
     lower = [
         [part in (*LEG, "pelvis", "other", "tail") for part in anatomy(named).parts]
-        for named in (skeleton, renamed(skeleton, lambda joint, _: f"j{joint}"))
+        for named in (skeleton, with_names(skeleton, lambda joint, _: f"j{joint}"))
     ]
     assert lower[0] == lower[1] or skeleton.n_joints < 5

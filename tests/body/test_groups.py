@@ -12,12 +12,12 @@ from mograft.body.anatomy import anatomy
 from mograft.body.groups import PRESETS
 from tests.hierarchies import (
     DATA,
+    distinct_recordings,
     human,
     read_hierarchy,
-    recorded,
-    renamed,
+    skeleton_from_text,
     skeletons,
-    written,
+    with_names,
 )
 
 
@@ -26,7 +26,7 @@ def names_of(skeleton, joints):
 
 
 def small():
-    return written("Hips {Spine > Head | LeftLeg > LeftFoot | RightLeg}")[0]
+    return skeleton_from_text("Hips {Spine > Head | LeftLeg > LeftFoot | RightLeg}")[0]
 
 
 # What the whole lower group is, by hand; everything else is upper.
@@ -143,7 +143,7 @@ def _encodes(name):
 
 
 def test_groups_toml_file_round_trips(tmp_path):
-    skeleton = renamed(human(), lambda _, own: f'{own} "ü" #\\')
+    skeleton = with_names(human(), lambda _, own: f'{own} "ü" #\\')
     groups = JointGroups.preset("lower_torso_larm_rarm", skeleton)
     path = tmp_path / "groups.toml"
     path.write_text(groups.to_toml(), encoding="utf-8")
@@ -155,7 +155,7 @@ def test_groups_toml_file_round_trips(tmp_path):
 
 
 def test_preset_duplicate_names_use_indices():
-    skeleton = renamed(human(), lambda _, own: "Head" if own in ("Head", "LeftAnkle") else own)
+    skeleton = with_names(human(), lambda _, own: "Head" if own in ("Head", "LeftAnkle") else own)
     skeleton = Skeleton(skeleton.names, skeleton.parents, human().offsets)
     groups = JointGroups.preset("lower_torso_head_larm_rarm", skeleton)
     found = JointGroups.from_toml(groups.to_toml()).resolve(skeleton)
@@ -166,12 +166,12 @@ def test_preset_duplicate_names_use_indices():
 
 
 def test_preset_unencodable_names_use_indices():
-    skeleton = renamed(human(), lambda joint, own: own + ("\udc80" if joint == 3 else ""))
+    skeleton = with_names(human(), lambda joint, own: own + ("\udc80" if joint == 3 else ""))
     assert JointGroups.preset("lower_upper", skeleton).to_toml().encode()
 
 
 def test_preset_markers_belong_to_group_of_parent():
-    skeleton, _ = written(
+    skeleton, _ = skeleton_from_text(
         "joint_Root {Prop | Hips {LeftUpLeg {LeftLeg | Sticker} | Spine {Gadget | Tail |"
         " LeftArm > Watch}}}"
     )
@@ -200,13 +200,13 @@ def test_groups_accept_names_globs_indices_and_subtrees():
 
 
 def test_subtree_includes_all_descendants():
-    skeleton, _ = written("Hips {Spine > Neck {Head > Jaw | Arm > Hand} | Leg > Foot}")
+    skeleton, _ = skeleton_from_text("Hips {Spine > Neck {Head > Jaw | Arm > Hand} | Leg > Foot}")
     groups = JointGroups({"lower": ["Hips", subtree("Leg")], "upper": [subtree("Spine")]})
     assert groups.resolve(skeleton)["upper"].tolist() == [1, 2, 3, 4, 5, 6]
 
 
 def test_groups_exact_name_precedes_glob():
-    skeleton, _ = written("Hips {Arm[1] | Arm1 | Arm2}")
+    skeleton, _ = skeleton_from_text("Hips {Arm[1] | Arm1 | Arm2}")
     groups = JointGroups({"lower": ["Hips", "Arm[1]"], "upper": ["Arm[0-9]"]})
     assert groups.resolve(skeleton)["lower"].tolist() == [0, 1]
     assert groups.resolve(skeleton)["upper"].tolist() == [2, 3]
@@ -241,7 +241,7 @@ def test_resolve_invalid_entry_names_it(groups, message):
 
 
 def test_resolve_duplicate_names_show_index():
-    skeleton, _ = written("Hips {Head | Head}")
+    skeleton, _ = skeleton_from_text("Hips {Head | Head}")
     with pytest.raises(ValueError, match=r"got none for Head \(index 2\)"):
         JointGroups({"lower": ["Hips"], "upper": [1]}).resolve(skeleton)
 
@@ -306,12 +306,12 @@ def test_preset_unknown_name_raises_value_error():
         JointGroups.preset("upper_lower", human())
 
 
-needs_recordings = pytest.mark.skipif(not recorded(), reason=f"no recordings at {DATA}")
+needs_recordings = pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
 
 
 @needs_recordings
 @pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("path", recorded(), ids=clip_name)
+@pytest.mark.parametrize("path", distinct_recordings(), ids=clip_name)
 def test_preset_recordings_resolve_or_name_missing_parts(path, preset):
     skeleton = read_hierarchy(path)
     lacking = LACKING.get(clip_name(path), {}).get(preset)

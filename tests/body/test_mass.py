@@ -12,14 +12,14 @@ from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, moments_of_inertia, up_axis
 from tests.hierarchies import (
     DATA,
+    distinct_recordings,
     human,
     orders,
     read_hierarchy,
-    recorded,
-    renamed,
-    reordered,
+    skeleton_from_text,
     skeletons,
-    written,
+    with_names,
+    with_order,
 )
 
 SEXES = st.sampled_from(["mean", "female", "male"])
@@ -27,7 +27,7 @@ KINDS = ["own", "subtree", "unit"]
 
 
 def nameless(skeleton):
-    return renamed(skeleton, lambda joint, _: f"j{joint}")
+    return with_names(skeleton, lambda joint, _: f"j{joint}")
 
 
 def scaled(skeleton, factor):
@@ -79,7 +79,7 @@ def test_mass_model_part_mass_is_divided_by_bone_length():
 
 
 def test_mass_model_missing_part_adds_to_proximal_part():
-    skeleton, _ = written(
+    skeleton, _ = skeleton_from_text(
         "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
         " | Chest {LeftShoulder > LeftElbow | RightArm}}",
     )
@@ -110,7 +110,7 @@ def test_mass_model_scale_changes_only_height(skeleton, factor):
 def test_mass_model_ignores_joint_order(data, with_names):
     skeleton = human() if with_names else nameless(human())
     order = data.draw(orders(skeleton))
-    shuffled = reordered(skeleton, order)
+    shuffled = with_order(skeleton, order)
     before, after = mass_model(skeleton), mass_model(shuffled)
     assert math.isclose(after.height, before.height, rel_tol=1e-12)
     for name in ("mass", "bone", "center", "gyration", "inertia"):
@@ -134,7 +134,9 @@ def test_moments_of_inertia_zero_length_bones_are_zero(skeleton):
 
 
 def test_mass_model_joints_above_hips_have_no_mass():
-    skeleton, _ = written("joint_Root > Hips {LeftHip > LeftKnee | RightHip > RightKnee | Chest}")
+    skeleton, _ = skeleton_from_text(
+        "joint_Root > Hips {LeftHip > LeftKnee | RightHip > RightKnee | Chest}"
+    )
     skeleton = skeleton.with_offsets(np.arange(21.0).reshape(7, 3))
     for kind in KINDS:
         moments = moments_of_inertia(mass_model(skeleton), skeleton, kind)
@@ -145,7 +147,7 @@ def test_mass_model_joints_above_hips_have_no_mass():
 
 
 def test_mass_model_markers_and_face_have_no_mass():
-    skeleton, _ = written(
+    skeleton, _ = skeleton_from_text(
         "Hips {LeftHip {LeftKnee > LeftAnkle | L_Femur_RIGMESH} | RightHip > RightKnee"
         " | Chest > Head {Jaw | LeftEye}}"
     )
@@ -229,14 +231,14 @@ def test_mass_model_height_of_human():
     ],
 )
 def test_mass_model_height_of_partial_skeletons(text, offset, height, source):
-    skeleton, _ = written(text)
+    skeleton, _ = skeleton_from_text(text)
     found = mass_model(skeleton.with_offsets([offset] * skeleton.n_joints))
     assert found.height == pytest.approx(height)
     assert found.height_from == source
 
 
 def test_mass_model_unknown_names_use_rods():
-    skeleton, _ = written("a {b > c | d}")
+    skeleton, _ = skeleton_from_text("a {b > c | d}")
     found = mass_model(skeleton.with_offsets([[0, 0, 0], [0, 3, 0], [0, 1, 0], [0, 0, 0]]))
     assert found.model == "rods"
     assert found.unmatched == ("a", "b", "c", "d")
@@ -247,12 +249,12 @@ def test_mass_model_unknown_names_use_rods():
 
 
 def test_mass_model_animals_use_rods():
-    skeleton, _ = written(
+    skeleton, _ = skeleton_from_text(
         "Pelvis {Tail1 > Tail2 | Femur_L > Tibia_L | Femur_R > Tibia_R | Spine > Head}"
     )
     assert mass_model(skeleton).model == "rods"
     assert (
-        mass_model(renamed(skeleton, lambda _, own: own.replace("Tail", "Spine"))).model
+        mass_model(with_names(skeleton, lambda _, own: own.replace("Tail", "Spine"))).model
         == "de Leva"
     )
 
@@ -286,7 +288,7 @@ def test_up_axis_is_direction_from_feet_to_hips(skeleton, axes):
 
 
 def test_up_axis_defaults_to_y():
-    skeleton, _ = written("a > b")
+    skeleton, _ = skeleton_from_text("a > b")
     assert up_axis(at_rest(skeleton)) == 1
     assert up_axis(at_rest(human().with_offsets(np.zeros((18, 3))))) == 1
 
@@ -300,7 +302,7 @@ def test_up_axis_in_a_split_uses_the_head():
 
 
 def test_up_axis_of_animal_ignores_the_head():
-    skeleton, _ = written(
+    skeleton, _ = skeleton_from_text(
         "Pelvis {Femur_L > Tibia_L > Tarsus_L | Femur_R > Tibia_R > Tarsus_R | Spine > Head}"
     )
     leg = [(0, -10, 3), (0, -10, -3), (0, -8, 0)]
@@ -315,8 +317,10 @@ def test_up_axis_is_translation_invariant():
     assert up_axis(Motion(motion.skeleton, motion.frame_time, motion.rotations, moved)) == 1
 
 
-@pytest.mark.skipif(not recorded(), reason=f"no recordings at {DATA}")
-@pytest.mark.parametrize("path", recorded(), ids=lambda path: f"{path.parent.name}/{path.stem}")
+@pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
+@pytest.mark.parametrize(
+    "path", distinct_recordings(), ids=lambda path: f"{path.parent.name}/{path.stem}"
+)
 def test_mass_model_recordings_have_plausible_values(path):
     skeleton = read_hierarchy(path)
     found = mass_model(skeleton)

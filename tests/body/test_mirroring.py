@@ -13,7 +13,7 @@ from mograft.body.mass import mass_model
 from mograft.body.mirroring import _Reflection, partners
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.hierarchies import human, recorded, renamed
+from tests.hierarchies import distinct_recordings, human, with_names
 from tests.strategies import SEEDS, person, same_rotations
 
 
@@ -106,7 +106,7 @@ def test_partners_are_on_opposite_sides():
 ODD = ("face-poseunits", "rotation_first_root", "backflip")
 
 
-@pytest.mark.parametrize("path", recorded(), ids=lambda path: path.stem[:30])
+@pytest.mark.parametrize("path", distinct_recordings(), ids=lambda path: path.stem[:30])
 def test_mirror_recordings_succeed_or_name_the_joint(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -175,7 +175,7 @@ def test_mirrored_library_saves_and_opens(motion, tmp_path):
 
 def test_mirror_asymmetric_skeleton_raises_value_error():
     names = {"RightWrist": "RightThumb1"}
-    skeleton = renamed(human(), lambda _, old: names.get(old, old))
+    skeleton = with_names(human(), lambda _, old: names.get(old, old))
     motion = replace(person(1), skeleton=skeleton)
     with pytest.raises(ValueError, match=r"must have a partner .*, LeftWrist has none"):
         mirror(motion)

@@ -48,7 +48,7 @@ def donors_of(graft, group="upper"):
 
 
 def dense_depth(poses, center, radius):
-    """How deep a ball is in any capsule, by points along its axis."""
+    """Return the penetration depth of a sphere, by points along the capsule axes."""
     share = np.linspace(0, 1, 60)[:, None]
     starts, stops = poses.ends[:, :, 0], poses.ends[:, :, 1]
     points = starts[:, :, None] * (1 - share) + stops[:, :, None] * share
@@ -58,7 +58,7 @@ def dense_depth(poses, center, radius):
 
 @settings(max_examples=25, deadline=None)
 @given(vectors((), 100.0), st.floats(1.0, 60.0))
-def test_balls_poles_and_boxes_are_felt_where_they_are(poses, center, radius):
+def test_obstacle_distances_match_dense_points(poses, center, radius):
     center = center + np.array([0, 100, 0])
     expected = np.maximum(dense_depth(poses, center, radius), 0) / poses.height
     error, joint = mg.Avoid(mg.Sphere(tuple(center), radius)).errors(poses)
@@ -71,7 +71,7 @@ def test_balls_poles_and_boxes_are_felt_where_they_are(poses, center, radius):
     np.testing.assert_allclose(wide, deeper, rtol=1e-9)
 
 
-def test_half_spaces_and_boxes_agree_where_they_are_the_same(poses):
+def test_half_space_and_large_box_agree(poses):
     hip = poses.positions[0, 0]
     wall = mg.HalfSpace(tuple(hip), (0, 0, -2.0))
     block = mg.Box(tuple(hip + np.array([0, 0, 5000.0])), (9000, 9000, 5000))
@@ -84,7 +84,7 @@ def test_half_spaces_and_boxes_agree_where_they_are_the_same(poses):
     np.testing.assert_allclose(mg.Avoid(turned).errors(poses)[0], theirs, rtol=1e-6, atol=1e-4)
 
 
-def test_another_character_is_met_frame_by_frame(motion, poses):
+def test_character_distance_follows_its_motion(motion, poses):
     near = mg.Character(motion[:200], offset=(50.0, 0, 0))
     error, _ = mg.Avoid(near).errors(poses)
     flesh = poses.capsules
@@ -108,7 +108,7 @@ def test_another_character_is_met_frame_by_frame(motion, poses):
     np.testing.assert_allclose(turned, mg.Avoid(mg.Character(motion[:200])).errors(poses)[0])
 
 
-def test_reach_and_keep_out_measure_the_joint(poses):
+def test_reach_and_keep_out_measure_joint_positions(poses):
     place = poses.joint_positions(HAND)[40]
     aside = tuple(place + np.array([0.06 * poses.height, 0, 0]))
     error, joint = mg.Reach(HAND, aside, 40).errors(poses)
@@ -121,7 +121,7 @@ def test_reach_and_keep_out_measure_the_joint(poses):
     assert inside.errors(poses)[0][40] == pytest.approx(8.0)
 
 
-def test_the_head_looks_ahead_at_rest():
+def test_face_rest_pose_looks_forward():
     skeleton = dance(strides=1).motion.skeleton
     rest = mg.Motion(
         skeleton, 1 / 30, np.tile([0, 0, 0, 1.0], (2, skeleton.n_joints, 1)), [skeleton.offsets] * 2
@@ -134,7 +134,7 @@ def test_the_head_looks_ahead_at_rest():
         ) == pytest.approx(angle, abs=1e-6)
 
 
-def test_bodies_touch_themselves_no_deeper_than_captured(poses):
+def test_avoid_self_captured_motion_satisfies_it(poses):
     constraint = mg.AvoidSelf()
     depth = constraint.self_collision_depth(poses)
     captured = mg.AvoidSelf(captured=depth)
@@ -151,7 +151,7 @@ def test_bodies_touch_themselves_no_deeper_than_captured(poses):
 
 
 def scattered(poses, rng, frames=8):
-    """Some poses with limbs where they may well be in each other."""
+    """Return poses with displaced limbs that are likely to overlap."""
     rows = rng.choice(len(poses), frames)
     moved = poses.positions[rows] + rng.normal(size=(frames, poses.skeleton.n_joints, 3)) * 8.0
     return poses.with_poses(poses.frames[rows], poses.rotations[rows], moved)
@@ -159,7 +159,7 @@ def scattered(poses, rng, frames=8):
 
 @settings(max_examples=10, deadline=None)
 @given(SEEDS)
-def test_a_body_is_as_deep_in_itself_as_its_deepest_pair(poses, seed):
+def test_avoid_self_depth_is_that_of_deepest_pair(poses, seed):
     some = scattered(poses, np.random.default_rng(seed))
     flesh = some.capsules
     parts, sides = np.array(flesh.parts), np.array(flesh.sides)
@@ -179,7 +179,7 @@ def test_a_body_is_as_deep_in_itself_as_its_deepest_pair(poses, seed):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
-def test_errors_of_all_joints_are_the_worst_of_any(poses, seed):
+def test_constraint_errors_are_maximum_over_joints(poses, seed):
     rng = np.random.default_rng(seed)
     some, mask = scattered(poses, rng), rng.random(poses.skeleton.n_joints) < 0.5
     place = tuple(rng.normal(size=3) * 30 + np.array([0, 100, 0]))
@@ -195,7 +195,7 @@ def test_errors_of_all_joints_are_the_worst_of_any(poses, seed):
             assert joints[blamed[blamed >= 0]].all()
 
 
-def test_violations_are_runs_of_frames_with_the_worst_in_words(poses):
+def test_find_violations_reports_runs_with_worst_frame(poses):
     heights = poses.joint_positions(HAND)[:, 1]
     limit = float(np.median(heights))
     low = mg.KeepOut(HAND, mg.HalfSpace((0, limit, 0), (0, 1.0, 0)))
@@ -215,8 +215,8 @@ def test_violations_are_runs_of_frames_with_the_worst_in_words(poses):
 # What a graft does about them
 
 
-def test_candidates_are_posed_as_they_are_put_together(library):
-    """Without seams the posed candidate is the motion that is written."""
+def test_candidate_poses_match_assembled_motion(library):
+    """Without seams the candidate poses equal those of the assembled motion."""
     problem = problem_of(library, [])
     own = problem.scenario[:6]
     poses = problem.candidate_poses("upper", np.arange(6), own)
@@ -224,7 +224,7 @@ def test_candidates_are_posed_as_they_are_put_together(library):
     np.testing.assert_allclose(poses.positions, world[poses.frames], atol=1e-9)
 
 
-def test_misses_are_those_of_every_candidate_alone(library):
+def test_candidate_errors_match_single_evaluation(library):
     ball = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 40.0))
     soft = mg.Reach(HAND, (0.0, 150.0, 0.0), 50, weight=2.0)
     problem = problem_of(library, [ball, soft])
@@ -238,7 +238,7 @@ def test_misses_are_those_of_every_candidate_alone(library):
             assert prices[position][at] == pytest.approx(expected)
 
 
-def test_excess_of_a_stretch_is_that_of_the_whole(library):
+def test_excess_of_a_range_matches_whole_motion(library):
     problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
     row = problem.row("upper", {})
     rng = np.random.default_rng(0)
@@ -252,7 +252,7 @@ def test_excess_of_a_stretch_is_that_of_the_whole(library):
         np.testing.assert_allclose(some, whole[begin : end + 1], atol=1e-9)
 
 
-def test_choices_that_are_put_together_at_once_are_those_of_each_alone(library):
+def test_batch_assembly_matches_single_assembly(library):
     problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
     row = problem.row("upper", {})
     rng = np.random.default_rng(1)
@@ -263,7 +263,7 @@ def test_choices_that_are_put_together_at_once_are_those_of_each_alone(library):
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "nearest", "random"])
-def test_excluded_donors_are_never_used(library, choice):
+def test_donor_constraints_exclude_donors_for_every_choice(library, choice):
     chosen = replace(library, config=replace(library.config, choice=choice))
     segments = library.segments
     for constraint in (mg.NotFrom("second"), mg.OnlyFrom("second"), mg.MaxStretch(0.0)):
@@ -280,7 +280,7 @@ def test_excluded_donors_are_never_used(library, choice):
             assert not graft.violations
 
 
-def test_frames_of_clips_and_of_the_base_are_told_apart(library):
+def test_clip_frames_and_base_frames_are_independent(library):
     only = mg.OnlyFrom("second", clip_frames=(100, 400))
     graft = mg.graft(library, constraints=[only, mg.KeepOriginal(frames=(200, 500))])
     for s in graft.substitutions:
@@ -297,7 +297,7 @@ def test_frames_of_clips_and_of_the_base_are_told_apart(library):
             assert s.donor_stop < 100 or s.donor_start > 400
 
 
-def test_donors_that_lie_partly_in_forbidden_frames_are_refused():
+def test_not_from_partial_overlap_excludes_donor():
     own = mg.Segments([0] * 4, [10] * 4)
     donors = mg.Segments([10, 15, 25, 31], [20, 30, 35, 40], [1] * 4)
     clips = [SimpleNamespace(name="base", tags=()), SimpleNamespace(name="other", tags=("x", "y"))]
@@ -315,7 +315,7 @@ def test_donors_that_lie_partly_in_forbidden_frames_are_refused():
     st.sets(st.sampled_from("abc")),
     st.sets(st.integers(0, 5)),
 )
-def test_clips_are_meant_by_name_or_by_one_of_their_tags(tags, wanted, named):
+def test_only_from_selects_clips_by_name_or_tag(tags, wanted, named):
     clips = [SimpleNamespace(name=f"{i}", tags=tuple(own)) for i, own in enumerate(tags)]
     named = {i for i in named if i < len(clips)}
     wanted &= set().union(*tags)
@@ -331,7 +331,7 @@ def test_clips_are_meant_by_name_or_by_one_of_their_tags(tags, wanted, named):
     np.testing.assert_array_equal(only > 1, np.logical_not(meant))
 
 
-def test_seams_can_be_asked_to_be_narrower(library):
+def test_max_angle_limits_seam_angles(library):
     limit = np.radians(12)
     graft = mg.graft(library, constraints=[mg.MaxAngle(limit)])
     pool, donors = library.pool("upper"), donors_of(graft)
@@ -340,7 +340,7 @@ def test_seams_can_be_asked_to_be_narrower(library):
 
 
 def reachable_target(problem, rng):
-    """Where the hand comes with another segment's part in place of one."""
+    """Return a hand position that the donor of one segment reaches."""
     while True:
         position = int(rng.integers(len(problem.base_segments)))
         others = problem.candidates["upper"][position]
@@ -358,7 +358,7 @@ def reachable_target(problem, rng):
     return tuple(motion.world_positions()[frame, motion.skeleton.index(HAND)]), frame
 
 
-def test_hands_reach_where_other_segments_poses_are(library):
+def test_reach_reachable_target_is_met(library):
     problem, rng = problem_of(library, []), np.random.default_rng(5)
     met = 0
     for _ in range(10):
@@ -371,7 +371,7 @@ def test_hands_reach_where_other_segments_poses_are(library):
     assert met >= 9
 
 
-def test_what_cannot_be_reached_is_told_with_the_nearest_miss(library):
+def test_reach_unreachable_target_reports_smallest_violation(library):
     height = mg.Poses.from_motion(library.clips[0]).height
     graft = mg.graft(library, constraints=[mg.Reach(HAND, (0.0, 9 * height, 0.0), 100)])
     (violation,) = graft.violations
@@ -386,12 +386,12 @@ def test_what_cannot_be_reached_is_told_with_the_nearest_miss(library):
 
 
 def in_the_way(library):
-    """A ball where the hand is at frame 300, and nothing of the legs."""
+    """Return a sphere at the hand position of frame 300, away from the legs."""
     place = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
     return mg.Avoid(mg.Sphere(tuple(place + np.array([0.0, 6.0, 0.0])), 6.0), frames=(270, 330))
 
 
-def test_repair_changes_nothing_but_what_collides_and_its_neighbours(library):
+def test_repair_changes_only_violating_segments_and_neighbours(library):
     base = library.clips[0]
     avoid = in_the_way(library)
     before, _ = avoid.errors(mg.Poses.from_motion(base))
@@ -421,7 +421,7 @@ def test_repair_changes_nothing_but_what_collides_and_its_neighbours(library):
     np.testing.assert_array_equal(graft.motion.rotations[:, legs], base.rotations[:, legs])
 
 
-def test_grafts_keep_out_of_the_way_whatever_the_choice(library):
+def test_avoid_is_satisfied_for_every_choice(library):
     avoid = in_the_way(library)
     for choice in ("viterbi", "sample", "random"):
         chosen = replace(library, config=replace(library.config, choice=choice))
@@ -431,7 +431,7 @@ def test_grafts_keep_out_of_the_way_whatever_the_choice(library):
             assert after.max() <= 1.0
 
 
-def test_the_search_runs_again_only_about_what_is_missed(library):
+def test_repair_search_is_local(library):
     problem = problem_of(library, [in_the_way(library)])
     rows = {"upper": problem.row("upper", {})}
     rng = np.random.default_rng(3)
@@ -443,15 +443,15 @@ def test_the_search_runs_again_only_about_what_is_missed(library):
     assert after <= before
 
 
-def test_repair_of_what_is_right_is_the_captured_motion(library):
+def test_repair_without_violation_returns_captured_motion(library):
     graft = mg.repair(library, constraints=[mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0))])
     base = library.clips[0]
     np.testing.assert_array_equal(graft.motion.channel_numbers(), base.channel_numbers())
 
 
 @pytest.mark.parametrize("changes", [{"torso": "world"}, {"alignment": "dtw"}])
-def test_what_is_told_is_true_of_motions_put_together_in_other_ways(library, changes):
-    """Candidates are looked at as they are; what is told is of the finished motion all the same."""
+def test_violations_describe_the_finished_motion(library, changes):
+    """Candidates are judged without seams; violations describe the finished motion."""
     other = replace(library, config=replace(library.config, **changes))
     avoid = in_the_way(library)
     worst = []
@@ -469,7 +469,7 @@ def test_what_is_told_is_true_of_motions_put_together_in_other_ways(library, cha
     assert violation.error == pytest.approx(error.max())
 
 
-def test_soft_constraints_pull_and_are_never_violated(library):
+def test_soft_constraints_lower_error_without_violation(library):
     target = (60.0, 170.0, 30.0)
     soft = mg.Reach(HAND, target, 300, weight=5.0)
 
@@ -483,7 +483,7 @@ def test_soft_constraints_pull_and_are_never_violated(library):
     assert apart(pulled) <= apart(mg.graft(library))
 
 
-def test_ones_own_function_is_asked_for_every_pose(library):
+def test_custom_function_receives_every_pose(library):
     def low(poses):
         return np.where(poses.joint_positions(HAND)[:, 1] > 140.0, 3.0, 0.0)
 
@@ -496,7 +496,7 @@ def test_ones_own_function_is_asked_for_every_pose(library):
         mg.graft(library, constraints=[bad])
 
 
-def test_joints_below_a_grafted_group_count_for_it(motion):
+def test_errors_of_joints_below_a_group_belong_to_it(motion):
     library = mg.Library.build(motion, "lower_torso_larm_rarm")
     names = library.groups.names
     problem = problem_of(library, [], groups=[names[1]])
@@ -508,7 +508,7 @@ def test_joints_below_a_grafted_group_count_for_it(motion):
     assert hand in library.joints(owners[0])
 
 
-def test_candidates_say_what_they_miss_and_by_how_much(library):
+def test_candidates_refused_names_constraint_and_amount(library):
     place = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
     reach = mg.Reach(HAND, tuple(place), 300)
     segment = int((library.segments.stop[library.segments.of_clip(0)] < 300).sum())
@@ -526,7 +526,7 @@ def test_candidates_say_what_they_miss_and_by_how_much(library):
     assert len(judged.allowed) + len(judged.refused) == len(free.allowed) + len(free.refused)
 
 
-def test_the_report_gives_donor_cost_and_seams_of_every_exchange(library):
+def test_report_lists_every_substitution(library):
     graft = mg.graft(library)
     lines = graft.report(each=True).splitlines()
     pool, donors = library.pool("upper"), donors_of(graft)
@@ -563,7 +563,7 @@ def test_the_report_gives_donor_cost_and_seams_of_every_exchange(library):
         (lambda: mg.MaxAngle(0.1, weight=1.0), "MaxAngle accepts neither weight nor frames"),
     ],
 )
-def test_bad_constraints_are_refused_by_name(make, message):
+def test_constraint_invalid_arguments_raise(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 
@@ -578,6 +578,6 @@ def test_bad_constraints_are_refused_by_name(make, message):
         (mg.OnlyFrom(tags="happy"), ValueError, "tags exist on no clip; got 'happy'"),
     ],
 )
-def test_what_is_not_there_is_refused_before_the_search(library, constraint, error, message):
+def test_constraint_unknown_names_raise_before_search(library, constraint, error, message):
     with pytest.raises(error, match=message):
         mg.graft(library, constraints=[constraint])
