@@ -1,4 +1,4 @@
-"""``mograft doctor`` tells what works and what does not, and says so by its exit code."""
+"""`mograft doctor`: its checks and its exit code."""
 
 import json
 import tempfile
@@ -18,7 +18,7 @@ def checks(capsys, code):
     return {check["what"]: check for check in document["checks"]}
 
 
-def test_where_all_is_well(capsys):
+def test_doctor_complete_installation_returns_0(capsys):
     found = checks(capsys, 0)
     assert found["mograft"]["detail"] == mograft.__version__
     assert found["numpy"] == {
@@ -36,7 +36,7 @@ def test_where_all_is_well(capsys):
 @pytest.mark.parametrize(
     ("name", "state", "code"), [("numpy", "broken", 1), ("pybvh", "absent", 0)]
 )
-def test_what_is_not_installed(capsys, monkeypatch, name, state, code):
+def test_doctor_absent_package_state_and_exit_code(capsys, monkeypatch, name, state, code):
     real = metadata.version
 
     def version(package):
@@ -50,15 +50,15 @@ def test_what_is_not_installed(capsys, monkeypatch, name, state, code):
     assert f"pip install {name}" in found["detail"]
 
 
-def test_a_graft_that_fails_is_told(capsys, monkeypatch):
-    def broken(*_):
+def test_doctor_failing_graft_is_broken(capsys, monkeypatch):
+    def fail(*_):
         raise RuntimeError("no kernels")
 
-    monkeypatch.setattr("mograft.synthesis.graft.graft", broken)
+    monkeypatch.setattr("mograft.synthesis.graft.graft", fail)
     assert checks(capsys, 1)["a graft"]["detail"] == "RuntimeError: no kernels"
 
 
-def test_a_folder_that_cannot_be_written_is_told(capsys, monkeypatch, tmp_path):
+def test_doctor_folder_not_writable_is_broken(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "none"))
     found = checks(capsys, 1)["temporary files"]
     assert found["state"] == "broken"
