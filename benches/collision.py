@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 import mograft as mg
-from mograft.anatomy import anatomy
-from mograft.planning import Problem, take
+from mograft.body.anatomy import anatomy
+from mograft.synthesis.search_problem import SearchProblem
 
 RATE = 30.0
 DISTANCES = np.arange(0.25, 1.0, 0.05)
@@ -53,7 +53,7 @@ def worst_place(motion, problem):
     arms = anatomy(motion.skeleton).joints("upper_arm", "forearm", "hand", "finger")
     grafted = np.isin(np.arange(motion.n_joints), arms)
     some = slice(None, None, max(motion.n_frames // 400, 2))
-    thin = poses.at(poses.frames[some], poses.rotations[some], poses.positions[some])
+    thin = poses.with_poses(poses.frames[some], poses.rotations[some], poses.positions[some])
     found = []
     for other, distance, angles in copies(motion, poses):
         avoid = mg.Avoid(other)
@@ -75,14 +75,14 @@ def strip(path, base, graft, other, frames, flesh):
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    poses = mg.Poses.of(base)
+    poses = mg.Poses.from_motion(base)
     level = [axis for axis in range(3) if axis != poses.up]
     away = np.array(other.offset)[level] if np.any(np.array(other.offset)[level]) else [1.0, 0.0]
     across = np.array(away) / np.linalg.norm(away)
     figure, axes = plt.subplots(2, len(frames), figsize=(3.2 * len(frames), 7), squeeze=False)
     theirs, radii = other._flesh
     for row, (name, motion) in enumerate((("before", base), ("after", graft.motion))):
-        own = mg.Poses.of(motion)
+        own = mg.Poses.from_motion(motion)
         error, joint = mg.Avoid(other).errors(own)
         for axis, frame in zip(axes[row], frames, strict=True):
             for ends, widths, color in (
@@ -127,8 +127,8 @@ class Trial:
     def of(cls, motion):
         library = mg.Library.build(motion)
         scenario = library.segments.of_clip(0)
-        cut = take(library.segments, scenario)
-        problem = Problem.of(library, motion, scenario, cut, ["upper"], [])
+        cut = library.segments[scenario]
+        problem = SearchProblem.build(library, motion, scenario, cut, ["upper"], [])
         found = worst_place(motion, problem)
         if found is None:
             return None
@@ -136,7 +136,9 @@ class Trial:
         where = f"{distance:.2f} heights, {angle:.0f}°, turned {yaw:.0f}°"
         avoid = mg.Avoid(other)
         graft = mg.repair(library, constraints=[avoid])
-        before, after = (avoid.errors(mg.Poses.of(own))[0] for own in (motion, graft.motion))
+        before, after = (
+            avoid.errors(mg.Poses.from_motion(own))[0] for own in (motion, graft.motion)
+        )
         return cls(motion, library, avoid, where, graft, before, after)
 
     def draw(self, path):
@@ -146,7 +148,7 @@ class Trial:
             runs.reshape(-1, 2).tolist(), key=lambda own: -self.before[own[0] : own[1]].max()
         )
         frames = sorted(own[0] + int(self.before[own[0] : own[1]].argmax()) for own in runs[:4])
-        flesh = mg.Poses.of(self.motion).capsules
+        flesh = mg.Poses.from_motion(self.motion).capsules
         strip(path, self.motion, self.graft, self.avoid.obstacle, frames, flesh)
 
 

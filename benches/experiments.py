@@ -41,7 +41,7 @@ from mograft.evaluation.enrichment import (
 )
 from mograft.evaluation.estimate import rogan_gladen
 from mograft.evaluation.report import order_of
-from mograft.planning import Problem, take
+from mograft.synthesis.search_problem import SearchProblem
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30.0
@@ -96,14 +96,16 @@ def collided(motion):
     clip = motion[:LONGEST]
     library = mg.Library.build(clip)
     scenario = library.segments.of_clip(0)
-    problem = Problem.of(library, clip, scenario, take(library.segments, scenario), ["upper"], [])
+    problem = SearchProblem.build(
+        library, clip, scenario, library.segments[scenario], ["upper"], []
+    )
     found = worst_place(clip, problem)
     if found is None:
         return None
     avoid = mg.Avoid(found[1])
     before = avoid.errors(problem.poses)[0] > 1
     graft = mg.repair(library, constraints=[avoid])
-    after = avoid.errors(mg.Poses.of(graft.motion))[0] > 1
+    after = avoid.errors(mg.Poses.from_motion(graft.motion))[0] > 1
     touched = (graft.motion.rotations != clip.rotations).any(axis=(1, 2))
     return {
         "frames": len(clip),

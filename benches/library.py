@@ -157,7 +157,8 @@ def measure(files, jobs):
 
 def kill(files, times, seed=0):
     """Kill index and add at random moments; what is left must open and be whole."""
-    from mograft import Library, store
+    from mograft import Library
+    from mograft.library import storage as store
 
     chance = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:

@@ -23,10 +23,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from mograft import _core
-from mograft.anatomy import feature_joints
-from mograft.body import body, inertia, up_axis
-from mograft.digest import SPOILING
-from tests import plain
+from mograft.body.anatomy import feature_joints
+from mograft.body.mass import mass_model, moments_of_inertia, up_axis
+from mograft.library.ingest import DISQUALIFYING_FAULTS
+from tests.oracles import pipeline as plain
 
 CONFIG = mg.Config(choice="random", seam="paper")
 """The paper's own choice and seams: the plain version has no others."""
@@ -44,8 +44,8 @@ def slow(source, target, seed=0):
     """Graft with the plain version; joint groups, body model and faults are the package's."""
     motion = mg.read_bvh(source)
     groups = mg.JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
-    moments = inertia(body(motion.skeleton), motion.skeleton, CONFIG.inertia)
-    height, up = body(motion.skeleton).height, up_axis(motion)
+    moments = moments_of_inertia(mass_model(motion.skeleton), motion.skeleton, CONFIG.inertia)
+    height, up = mass_model(motion.skeleton).height, up_axis(motion)
 
     _, parents, offsets, channels, frame_time, values = plain.read_bvh(source)
     quats, places = plain.quaternions(channels, offsets, values)
@@ -62,7 +62,7 @@ def slow(source, target, seed=0):
         labels[name] = plain.cluster(points, plain.sigma(points, CONFIG))
     is_donor = np.ones(len(bounds) - 1, bool)
     for fault in mg.find_faults(motion):
-        if fault.kind in SPOILING:
+        if fault.kind in DISQUALIFYING_FAULTS:
             first, last = fault.frames
             is_donor[(bounds[:-1] <= last) & (bounds[1:] >= first)] = False
     found = plain.candidates(labels["lower"], np.diff(bounds), 1 / frame_time, CONFIG, is_donor)

@@ -19,14 +19,16 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from mograft import rotations
-from mograft.anatomy import anatomy, feature_joints
-from mograft.body import body, center_of_mass
-from mograft.seams import TURNS
-from mograft.transplant import _Laid, transplant
+from mograft.blend.donor_timeline import DonorTimeline
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.transplant import GraftedGroup, transplant
+from mograft.blend.value_spaces import ROTATIONS
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.mass import center_of_mass, mass_model
+from mograft.motion import rotations
 
 RATE = 30.0
-TREATMENTS = ("none", "offset", "paper", "displacement", "inertial", "dead")
+TREATMENTS = ("none", *SEAM_TREATMENTS.names)
 
 
 def read(path):
@@ -46,12 +48,6 @@ def derivatives(quats, rate):
     return [np.linalg.norm(values, axis=-1).mean() for values in (bends, jerks)]
 
 
-def raw(laid, track):
-    """The donors side by side, nothing done to their seams."""
-    segment, step = laid.frames()
-    return laid.unpack(segment, step, laid.sample(TURNS, [track], segment, step))
-
-
 def measured(motion, seeds, blend):
     """Rows of numbers by treatment, means over seeds."""
     library = mg.Library.build(motion)
@@ -64,17 +60,20 @@ def measured(motion, seeds, blend):
         chosen = np.array([s.donor for s in mg.graft(library, seed=seed).substitutions])
         cut = library.segments
         donors = mg.Segments(cut.start[chosen], cut.stop[chosen], cut.clip[chosen])
-        laid = _Laid(cut, donors, RATE)
-        bare = raw(laid, track)
-        ends = laid.ends(TURNS, [track], np.flatnonzero(laid.true_seams([track])))
-        gaps.append(np.linalg.norm(ends.ways(TURNS), axis=-1).ravel())
-        kinks.append(np.linalg.norm(ends.arriving - ends.leaving, axis=-1).ravel())
+        timeline = DonorTimeline(cut, donors, RATE)
+        bare = timeline.merge_frames(timeline.sample(ROTATIONS, [track], timeline.frame_times()))
+        seams = np.flatnonzero(timeline.find_seams([track]))
+        ends = timeline.boundaries(ROTATIONS, [track], seams)
+        gaps.append(np.linalg.norm(ends.gaps(ROTATIONS), axis=-1).ravel())
+        kinks.append(np.linalg.norm(ends.velocity_after - ends.velocity_before, axis=-1).ravel())
         for name in TREATMENTS:
             if name == "none":
                 quats = bare
             else:
                 config = replace(library.config, seam=name, seam_blend=blend)
-                quats = transplant(motion, cut, donors, [motion], joints, config).rotations
+                quats = transplant(
+                    motion, cut, donors, [motion], GraftedGroup(joints), config
+                ).rotations
             off = rotations.angle(quats, bare)
             rows[name].append(
                 [
@@ -119,7 +118,7 @@ def _hangs(parents, joint, above):
 
 def stance(motion, up):
     """How far the centre of mass is over the floor from the middle of the ankles, in heights."""
-    found = body(motion.skeleton)
+    found = mass_model(motion.skeleton)
     ankles = motion.world_positions()[:, [foot.ankle for foot in found.feet]].mean(axis=1)
     apart = np.delete(center_of_mass(motion) - ankles, up, axis=1)
     return np.linalg.norm(apart, axis=1).mean() / found.height
@@ -130,7 +129,7 @@ def kept_trunks(motion, seeds):
     hips, last = trunk(motion)
 
     def told(one, up):
-        turned = one.world()[0]
+        turned = one.world_transforms()[0]
         waist = rotations.multiply(rotations.inverse(turned[:, hips]), turned[:, last])
         numbers = [*derivatives(turned[:, [last]], RATE), *derivatives(waist[:, None], RATE)]
         return np.array([*numbers, stance(one, up)])

@@ -26,12 +26,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from benches.feet import on_the_upper_body
 from mograft import _core
-from mograft.capsules import clearance
+from mograft.body.capsules import clearance
 from mograft.dancer import dance
-from mograft.planning import Problem, take
-from mograft.search import Chain, viterbi
-from mograft.substitution import Pool, Row
-from tests import plain
+from mograft.search.candidates import DonorTrellis, SegmentPool
+from mograft.search.viterbi import Trellis, viterbi
+from mograft.synthesis.search_problem import SearchProblem
+from tests.oracles import pipeline as plain
 
 CONFIG = mg.Config()
 HANDS = ("LeftHand", "Hand_L", "LeftWrist", "lHand")
@@ -62,7 +62,7 @@ def make_pool(n, rng):
     cut = mg.Segments(stops - lengths, stops)
     points = rng.normal(size=(n, 10))
     ends = (quats[:-1], quats[1:], 30.0, speeds[:-1], speeds[1:], points, 5.0)
-    return Pool(cut, labels, np.ones(n, bool), *ends)
+    return SegmentPool(cut, labels, np.ones(n, bool), *ends)
 
 
 def speeds(repeats):
@@ -85,12 +85,12 @@ def speeds(repeats):
 
     alone = [rng.normal(size=30) for _ in range(900)]
     after = [rng.normal(size=(30, 30)) for _ in range(899)]
-    chain = Chain(tuple(alone), tuple(after))
+    chain = Trellis(tuple(alone), tuple(after))
     ours = median(lambda: viterbi(chain), repeats)
     line("Viterbi, 900 positions of 30", ours, median(lambda: plain.cheapest(alone, after), 3))
 
     lists = pools[0].candidate_lists(scenario[:900], CONFIG)
-    ours = median(lambda: Row.of(pools[0], scenario[:900], lists, CONFIG), repeats)
+    ours = median(lambda: DonorTrellis.build(pools[0], scenario[:900], lists, CONFIG), repeats)
 
     def seams():
         for left, right in pairwise(lists[:100]):
@@ -214,8 +214,8 @@ def reach(paths):
         library = mg.Library.build(opened(path))
         rng = np.random.default_rng(0)
         base, scenario = library.clips[0], library.segments.of_clip(0)
-        cut = take(library.segments, scenario)
-        problem = Problem.of(library, base, scenario, cut, ["upper"], [])
+        cut = library.segments[scenario]
+        problem = SearchProblem.build(library, base, scenario, cut, ["upper"], [])
         hand = next((name for name in HANDS if name in base.skeleton.names), None)
         counts = [len(own) for own in problem.candidates["upper"]]
         if hand is None or max(counts) < 2:
@@ -224,7 +224,7 @@ def reach(paths):
         met = 0
         for _ in range(20):
             at = int(rng.choice(np.flatnonzero(np.array(counts) > 1)))
-            donors = problem.own
+            donors = problem.captured_donors
             others = problem.candidates["upper"][at]
             donors["upper"][at] = rng.choice(others[others != scenario[at]])
             frame = int(rng.integers(cut.start[at], cut.stop[at] + 1))
@@ -243,20 +243,21 @@ def wanted(library, kind, count=20):
     rng = np.random.default_rng(0)
     loose = replace(library, config=replace(library.config, choice="random"))
     plain, *others = (
-        mg.Poses.of(graft.motion) for graft in (mg.graft(library), *mg.graft_many(loose, count=20))
+        mg.Poses.from_motion(graft.motion)
+        for graft in (mg.graft(library), *mg.graft_many(loose, count=20))
     )
     names, level = plain.skeleton.names, np.arange(3) != library.up
     hips = names[library.root]
     hand = next(name for name in HANDS if name in names)
-    start, found = plain.place(hips)[0] * level, []
+    start, found = plain.joint_positions(hips)[0] * level, []
     for _ in range(400):
         frame, one = int(rng.integers(len(plain))), others[rng.integers(len(others))]
-        spot = plain.place(hips)[frame] * level
+        spot = plain.joint_positions(hips)[frame] * level
         if len(found) == count or (spot == start).all():
             continue
         if kind == "Reach":
             joint = (hips, hand)[len(found) % 2]
-            demand = mg.Reach(joint, tuple(one.place(joint)[frame]), frame)
+            demand = mg.Reach(joint, tuple(one.joint_positions(joint)[frame]), frame)
         elif kind == "KeepOut":
             demand = mg.KeepOut(hips, mg.HalfSpace(tuple(spot), tuple(start - spot)))
         else:

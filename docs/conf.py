@@ -1,10 +1,9 @@
-"""How the documentation is built: ``sphinx-build -W docs docs/_build``.
+"""Sphinx configuration: ``sphinx-build -W docs docs/_build``.
 
-Pictures, the live viewer, the reference of the command line and that of the API are made at
-build time from the code itself, so that they cannot fall behind it.
+The build generates the pictures, the viewer page, and the references of the command line and of
+the API from the code.
 """
 
-import argparse
 import importlib
 import inspect
 import sys
@@ -18,10 +17,10 @@ from matplotlib import pyplot
 
 import mograft as mg
 from mograft import cli, plot
-from mograft.cli._settings import command_parsers
+from mograft.cli.parser import build_parsers
 from mograft.dancer import dance
-from mograft.scenario import walk
-from mograft.stream import joined
+from mograft.scenario.walks import walk
+from mograft.synthesis.stream import joined
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "benches"))
@@ -37,7 +36,7 @@ html_theme = "furo"
 html_title = f"mograft {release}"
 html_extra_path = ["_made/pages"]
 exclude_patterns = ["_build", "_made/pages"]
-# The n_joints of a shape is taken for a name, of which there are two.
+# Sphinx resolves the n_joints of a shape as a name, which is ambiguous.
 suppress_warnings = ["config.cache", "ref.python"]
 myst_heading_anchors = 3
 myst_enable_extensions = ["dollarmath"]
@@ -49,7 +48,7 @@ autodoc_class_signature = "separated"
 
 
 def make_pictures() -> None:
-    """Draw the pictures of the concepts and the page that they embed."""
+    """Draw the pictures and write the pages that the documentation embeds."""
     (MADE / "pages").mkdir(parents=True, exist_ok=True)
     motion = dance(seed=0, strides=2).motion
     library = mg.Library.build(motion)
@@ -60,7 +59,7 @@ def make_pictures() -> None:
         "graft": lambda: plot.strip(new.motion[:900], 10, groups="lower_upper"),
         "energy": lambda: plot.energy(motion[:300]),
         "timeline": lambda: plot.timeline(new, frames=(0, 300)),
-        "live": lambda: plot.strip(streamed(library)[300:1200], 10, groups="lower_upper"),
+        "live": lambda: plot.strip(stream_dance(library)[300:1200], 10, groups="lower_upper"),
         "minute": lambda: plot.strip(minute.motion, 20, groups="lower_upper"),
         "pca": lambda: plot.pca(library),
         "dendrogram": lambda: plot.dendrogram(library),
@@ -78,8 +77,8 @@ def make_pictures() -> None:
     mg.report_page([new]).save(MADE / "pages" / "report.html", force=True)
 
 
-def streamed(library: mg.Library) -> mg.Motion:
-    """Return what a stream makes of a dance that comes ten frames at a time."""
+def stream_dance(library: mg.Library) -> mg.Motion:
+    """Return the graft of a stream that receives ten frames at a time."""
     base = dance(seed=2, strides=1).motion
     stream = mg.Stream(library, seed=7)
     pieces = []
@@ -91,32 +90,26 @@ def streamed(library: mg.Library) -> mg.Motion:
 
 
 def make_command_line() -> None:
-    """Write the reference of the command line from its parser."""
-    parser = cli._parser()
-    lines = ["# Command line", "", "```text", parser.format_help().rstrip(), "```", ""]
-    lines += _told_of(parser, "mograft", 2)
+    """Write the reference of the command line from its parsers."""
+    lines = ["# Command line", ""]
+    for words, parser in build_parsers(cli.COMMANDS).items():
+        if words:
+            lines += [f"{'#' * (len(words) + 1)} {' '.join(('mograft', *words))}", ""]
+        lines += ["```text", parser.format_help().rstrip(), "```", ""]
     lines += ["## Exit codes", "", inspect.getdoc(cli).split("\n\n")[1], ""]
     (MADE / "cli.md").write_text("\n".join(lines), encoding="utf-8")
 
 
-def _told_of(parser: argparse.ArgumentParser, name: str, level: int) -> list[str]:
-    """Return the help of the commands below a parser, and of theirs."""
-    lines: list[str] = []
-    for word, command in command_parsers(parser).items():
-        own = f"{name} {word}"
-        lines += [f"{'#' * level} {own}", "", "```text", command.format_help().rstrip(), "```", ""]
-        lines += _told_of(command, own, level + 1)
-    return lines
-
-
 def make_api() -> None:
-    """Write a page that names all that is public."""
+    """Write a page with every public name."""
     parts: dict[str, list[str]] = {"Functions": [], "Classes": [], "Errors": []}
     for name in sorted(mg.__all__, key=str.lower):
         value = getattr(mg, name)
         if inspect.isclass(value):
             is_error = issubclass(value, Exception)
             options = "" if is_error else ":members:\n"
+            if any(base.__name__ == "LibraryData" for base in value.__mro__):
+                options += "   :inherited-members:\n"
             kind = "Errors" if is_error else "Classes"
             directive = "autoexception" if is_error else "autoclass"
             parts[kind].append(
@@ -124,18 +117,20 @@ def make_api() -> None:
             )
         elif inspect.isfunction(value):
             parts["Functions"].append(f"```{{eval-rst}}\n.. autofunction:: mograft.{name}\n```\n")
-    modules = [name for name in mg.__all__ if inspect.ismodule(getattr(mg, name))]
-    for module in (*modules, "capsules", "dancer"):
-        title, entries = _module(importlib.import_module(f"mograft.{module}"))
-        parts[title] = entries
+    modules = {name: getattr(mg, name) for name in mg.__all__}
+    modules = {name: value for name, value in modules.items() if inspect.ismodule(value)}
+    for name in ("body.capsules", "dancer"):
+        modules[name] = importlib.import_module(f"mograft.{name}")
+    for name, module in modules.items():
+        parts[f"mograft.{name}"] = _module_entries(module)
     lines = ["# API", ""]
     for title, entries in parts.items():
         lines += [f"## {title}", "", *entries]
     (MADE / "api.md").write_text("\n".join(lines), encoding="utf-8")
 
 
-def _module(module: ModuleType) -> tuple[str, list[str]]:
-    """Return the name of a module and the entries of its public names."""
+def _module_entries(module: ModuleType) -> list[str]:
+    """Return the summary of a module and the entries of its public names."""
     entries = [f"{inspect.getdoc(module).split(chr(10) * 2)[0]}\n"]
     for name in module.__all__:
         value = getattr(module, name)
@@ -144,14 +139,14 @@ def _module(module: ModuleType) -> tuple[str, list[str]]:
         elif inspect.isfunction(value) or inspect.isclass(value):
             directive = "autofunction" if inspect.isfunction(value) else "autoclass"
             entries.append(f"```{{eval-rst}}\n.. {directive}:: {module.__name__}.{name}\n```\n")
-    return module.__name__, entries
+    return entries
 
 
 def make_depth() -> None:
-    """Write a page that lists those that no other page does."""
+    """Write a page that lists the pages missing from the index."""
     listed = set((HERE / "index.md").read_text(encoding="utf-8").split())
     others = [p.stem for p in sorted(HERE.glob("*.md")) if p.stem not in {"index", *listed}]
-    lines = ["# In depth", "", "How single stages work, with what was measured.", ""]
+    lines = ["# In depth", "", "Further pages on single stages.", ""]
     if others:
         lines += ["```{toctree}", *(f"/{name}" for name in others), "```", ""]
     (MADE / "depth.md").write_text("\n".join(lines), encoding="utf-8")

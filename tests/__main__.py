@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from pathlib import Path
 
 from tests.fetch import fetch
 
@@ -19,6 +20,7 @@ CHECKS = (
     ("rust tests", ["cargo", "test", "--workspace", "--quiet"]),
     ("ruff format", [PYTHON, "-m", "ruff", "format", "--check"]),
     ("ruff", [PYTHON, "-m", "ruff", "check"]),
+    ("layers", [str(Path(PYTHON).with_name("lint-imports"))]),
     ("mypy", [PYTHON, "-m", "mypy"]),
     ("stubtest", [PYTHON, "-m", "mypy.stubtest", "mograft._core"]),
     ("pytest", [PYTHON, "-m", "pytest"]),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 import mograft as mg
-from mograft.skeleton import CHANNELS
+from mograft.motion.skeleton import CHANNELS
 from tests.strategies import quaternions
 
 WHITE = " \t\v\f"
@@ -75,7 +75,7 @@ def skeletons(draw, max_joints=6):
         if isinstance(item, mg.EndSite):
             ordered.append(item)
         else:
-            todo += reversed(skeleton.below[item])
+            todo += reversed(skeleton.children_and_sites[item])
     return mg.Skeleton(
         skeleton.names, skeleton.parents, skeleton.offsets, skeleton.channels, tuple(ordered)
     )
@@ -254,7 +254,7 @@ def written(clip, dialect):
         out.add(depth + 1, keyword("CHANNELS"), dialect.count.format(len(own)), *map(channel, own))
         if dialect.channels_first:
             offset(depth + 1, skeleton.offsets[item])
-        todo += [(below, depth + 1) for below in reversed(skeleton.below[item])]
+        todo += [(below, depth + 1) for below in reversed(skeleton.children_and_sites[item])]
     out.add(0, keyword("MOTION"))
     declared = len(values)
     # With rows that are no lines, the declared number is what holds them together.

@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 
 import mograft as mg
-from mograft import bvh
+from mograft.io import bvh
 
 # Of texts that once failed.
 SEEDS = (15934, 73354)

@@ -1,4 +1,4 @@
-"""Skeletons for tests: written in one line, or the hierarchy alone of a recording."""
+"""Skeletons for tests: from one line of text, or from the hierarchy of a recording."""
 
 import re
 from pathlib import Path
@@ -15,22 +15,22 @@ DANCES = (
     "dance_cmu60_salsa/60_01",
     "dance_cmu94_indian_30fps/94_01_1",
 )
-"""Dances of three sources."""
+"""Dance recordings of three sources."""
 
 
 def recording(name):
-    """Return a recording at no more than 60 fps, without a rest pose before it."""
+    """Return a recording at 60 fps or less, without a leading rest pose."""
     path = DATA / f"{name}.bvh"
     if not path.exists():
-        pytest.skip(f"the recording {name} is not here")
+        pytest.skip(f"the recording {name} is missing")
     motion = read_bvh(path)
     step = np.abs(np.diff(motion.positions[:3, motion.locomotion_root()], axis=0)).max(axis=-1)
     motion = motion[1:] if step[0] > 5 * max(step[1], 1e-9) else motion
     return motion.resample(30.0) if motion.rate > 60 else motion
 
 
-def written(text, offsets=None):
-    """Return a skeleton and what stands behind each name.
+def skeleton_from_text(text, offsets=None):
+    """Return a skeleton and the notes behind each name.
 
     ``Hips=pelvis {Spine=trunk > Head=head | LeftLeg=thigh left}``: ``>`` goes down, ``{ | }``
     branches.
@@ -54,16 +54,16 @@ def written(text, offsets=None):
     return Skeleton(names, parents, offsets), notes
 
 
-def renamed(skeleton, name):
-    """Return the skeleton with `name(joint index, old name)` for its names."""
+def with_names(skeleton, name):
+    """Return the skeleton with names `name(joint index, old name)`."""
     names = [name(joint, old) for joint, old in enumerate(skeleton.names)]
     return Skeleton(
         names, skeleton.parents, skeleton.offsets, skeleton.channels, skeleton.end_sites
     )
 
 
-def reordered(skeleton, order):
-    """Return the skeleton with its joints in another order, parents first."""
+def with_order(skeleton, order):
+    """Return the skeleton with another order of joints, parents first."""
     place = {old: new for new, old in enumerate(order)}
     parents = [place.get(int(skeleton.parents[old]), -1) for old in order]
     sites = tuple(
@@ -80,7 +80,7 @@ def reordered(skeleton, order):
 
 @st.composite
 def orders(draw, skeleton):
-    """Orders of the joints in which every parent stands before its children."""
+    """Orders of the joints in which every parent precedes its children."""
     free, order = [0], []
     while free:
         joint = free.pop(draw(st.integers(0, len(free) - 1)))
@@ -89,7 +89,7 @@ def orders(draw, skeleton):
     return order
 
 
-# One word of each kind and some that are none, with what may surround them.
+# One name of each kind, and some unknown names.
 WORDS = (
     "Hips Spine Neck Head LeftShoulder LeftArm RightArm LeftHand RightHandThumb1 LeftUpLeg"
     " RightUpLeg LeftLeg LeftHip RightKnee RightFoot LeftToe Tail End L5 T3 Bone j7 x"
@@ -99,7 +99,7 @@ KNOWN_NAMES = st.sampled_from(tuple(WORDS.split()))
 
 @st.composite
 def skeletons(draw, names=KNOWN_NAMES, max_joints=16):
-    """Any tree of joints with any names and offsets."""
+    """Random trees of joints with random names and offsets."""
     n_joints = draw(st.integers(1, max_joints))
     parents = [-1] + [draw(st.integers(0, joint - 1)) for joint in range(1, n_joints)]
     number = st.integers(-20, 20).map(float)
@@ -113,7 +113,7 @@ def skeletons(draw, names=KNOWN_NAMES, max_joints=16):
 
 def human():
     """The 18 joints of the Biovision skeleton, 57 degrees of freedom, 170 units high."""
-    skeleton, _ = written(
+    skeleton, _ = skeleton_from_text(
         "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
         " | Chest {LeftCollar > LeftShoulder > LeftElbow > LeftWrist"
         " | RightCollar > RightShoulder > RightElbow > RightWrist | Neck > Head}}"
@@ -145,7 +145,7 @@ def human():
 
 
 def read_hierarchy(path):
-    """Return the skeleton of a BVH file; for files that are known to be sound."""
+    """Return the skeleton of a valid BVH file, read independently of mograft."""
     names, parents, offsets, channels, sites, stack = [], [], [], [], [], []
     current = None
     for line in Path(path).read_text(encoding="utf-8", errors="replace").splitlines():
@@ -175,8 +175,8 @@ def read_hierarchy(path):
     return Skeleton(names, parents, offsets, channels, tuple(sites))
 
 
-def recorded():
-    """Return one file for each distinct hierarchy of the recordings, none if they are absent."""
+def distinct_recordings():
+    """Return one file per distinct hierarchy of the recordings; none if they are missing."""
     found = {}
     for path in sorted(DATA.glob("*/*.bvh")):
         skeleton = read_hierarchy(path)

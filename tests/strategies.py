@@ -1,12 +1,29 @@
 """Hypothesis strategies for rotations and motions."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mograft import Motion, Skeleton, rotations
+from mograft import Motion, Segments, Skeleton
+from mograft.motion import rotations
+from tests.hierarchies import human
 
 SEEDS = st.integers(0, 2**32 - 1)
+SEGMENT_LENGTHS = st.lists(st.integers(1, 15), min_size=1, max_size=8).map(np.array)
+
+HOSTILE_NAMES = [
+    "</script><script>document.title='owned'</script>",
+    "<img src=x onerror=\"document.title='owned'\">",
+    "a&b\"c'd`e${1}</title>",
+    "<!--<script>",
+    "</script <img src=x>",
+    "</script/x",
+    "\u2028\u2029\u202eevil\u0000\ud800",
+    "",
+]
+"""Names that break out of HTML, scripts or XML unless they are escaped."""
 
 
 def vectors(shape, size=3.0):
@@ -56,6 +73,53 @@ def motions(draw, min_frames=2, max_frames=120, min_joints=1, max_joints=6):
     places = np.tile(skeleton.offsets, (n_frames, 1, 1))
     places[:, 0] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
     return Motion(skeleton, 1 / 30, quats, places, name="wander")
+
+
+def tile_segments(lengths):
+    """Successive segments of given lengths that cover a clip."""
+    stops = np.cumsum(lengths)
+    return Segments(stops - lengths, stops)
+
+
+def select_segments(segments, indices):
+    """The segments of some indices, in their order."""
+    return Segments(segments.start[indices], segments.stop[indices], segments.clip[indices])
+
+
+def star_skeleton(n_joints):
+    """A root with limbs of one bone."""
+    offsets = np.arange(3.0 * n_joints).reshape(n_joints, 3)
+    return Skeleton([f"j{i}" for i in range(n_joints)], [-1] + [0] * (n_joints - 1), offsets)
+
+
+def star_clip(rng, segments, n_joints=4, moving=()):
+    """A clip as long as its segments, with channel values; the root and `moving` translate."""
+    skeleton = star_skeleton(n_joints)
+    n_frames = int(segments.stop[-1]) + 1
+    quats = wander(rng, n_frames, n_joints)
+    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    for joint in (0, *moving):
+        positions[:, joint] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
+    channels = [
+        ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
+        if joint in (0, *moving)
+        else ("Zrotation", "Xrotation", "Yrotation")
+        for joint in range(n_joints)
+    ]
+    skeleton = replace(skeleton, channels=channels)
+    quats = rotations.continuous_signs(quats)
+    motion = Motion(skeleton, 1 / 30, quats, positions, name="clip")
+    return replace(motion, channel_values=motion.channel_numbers())
+
+
+def person(seed, n_frames=40):
+    """A human who leans and turns at random."""
+    rng = np.random.default_rng(seed)
+    skeleton = human()
+    quats = wander(rng, n_frames, skeleton.n_joints, speed=0.2)
+    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    quats = rotations.continuous_signs(quats)
+    return Motion(skeleton, 1 / 30, quats, positions, name=f"person{seed}")
 
 
 def same_rotations(actual, desired, atol=1e-12):

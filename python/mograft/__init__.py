@@ -12,26 +12,23 @@ from mograft._core import VERSION as __version__  # noqa: TID251 - the crates ho
 # Names are fetched when they are first used: NumPy and what stands on it take longer to load
 # than `mograft --help` to answer.
 if TYPE_CHECKING:
-    from mograft import evaluation, plot, resample, rotations, scenario
-    from mograft.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
-    from mograft.clustering import CompleteLinkage, cut, linkage, linkage_condensed, threshold
-    from mograft.config import Config
-    from mograft.constraints import (
-        Avoid,
-        AvoidSelf,
-        Constraint,
-        Custom,
-        Face,
-        KeepOriginal,
-        KeepOut,
-        MaxAngle,
-        MaxStretch,
-        NotFrom,
-        OnlyFrom,
-        Reach,
-        Violation,
+    from mograft import evaluation, plot, scenario
+    from mograft.analysis.clustering import (
+        CompleteLinkage,
+        cut,
+        linkage,
+        linkage_condensed,
+        threshold,
     )
-    from mograft.contacts import foot_skate
+    from mograft.analysis.segmentation import Segments, kinetic_energy, segment
+    from mograft.blend.foot_planting import FeetReport, plant_feet
+    from mograft.body.contacts import foot_skate
+    from mograft.body.faults import Fault, find_faults
+    from mograft.body.group_entries import subtree
+    from mograft.body.groups import JointGroups
+    from mograft.body.mirroring import mirror
+    from mograft.body.world_poses import Poses
+    from mograft.config import Config
     from mograft.errors import (
         BvhError,
         InsufficientDataError,
@@ -39,50 +36,71 @@ if TYPE_CHECKING:
         MograftError,
         SkeletonMismatchError,
     )
-    from mograft.faults import Fault, find_faults
-    from mograft.footskate import FeetReport, plant_feet
-    from mograft.formats import read_npz, write_csv, write_glb, write_npz, write_usd
-    from mograft.grafting import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
-    from mograft.groups import JointGroups, subtree
-    from mograft.interop import from_pybvh, to_pybvh
-    from mograft.library import Library
-    from mograft.mirroring import mirror
-    from mograft.motion import Motion
-    from mograft.obstacles import Box, Capsule, Character, HalfSpace, Sphere
-    from mograft.poses import Poses
-    from mograft.segmentation import Segments, kinetic_energy, segment
-    from mograft.skeleton import EndSite, Skeleton
-    from mograft.stream import Stream
-    from mograft.substitution import Candidate, Candidates
-    from mograft.viewing import Page, report_page, view, write_video
+    from mograft.io.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
+    from mograft.io.glb import write_glb
+    from mograft.io.pybvh import from_pybvh, to_pybvh
+    from mograft.io.tables import read_npz, write_csv, write_npz
+    from mograft.io.usd import write_usd
+    from mograft.library.library import Library
+    from mograft.motion import resample, rotations
+    from mograft.motion.motion import Motion
+    from mograft.motion.skeleton import EndSite, Skeleton
+    from mograft.search.candidates import Candidate, Candidates
+    from mograft.search.constraints import Constraint, Violation
+    from mograft.search.donor_constraints import (
+        KeepOriginal,
+        MaxAngle,
+        MaxStretch,
+        NotFrom,
+        OnlyFrom,
+    )
+    from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Sphere
+    from mograft.search.pose_constraints import Avoid, AvoidSelf, Custom, Face, KeepOut, Reach
+    from mograft.synthesis.graft import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
+    from mograft.synthesis.stream import Stream
+    from mograft.viewing.page import Page, view
+    from mograft.viewing.report import report_page
+    from mograft.viewing.video import write_video
 
 _HOMES = {
-    "bvh": "BvhSummary read_bvh scan_bvh write_bvh",
-    "clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
+    "io.bvh": "BvhSummary read_bvh scan_bvh write_bvh",
+    "analysis.clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
     "config": "Config",
-    "constraints": "Avoid AvoidSelf Constraint Custom Face KeepOriginal KeepOut MaxAngle "
-    "MaxStretch NotFrom OnlyFrom Reach Violation",
+    "search.constraints": "Constraint Violation",
+    "search.donor_constraints": "KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom",
+    "search.pose_constraints": "Avoid AvoidSelf Custom Face KeepOut Reach",
     "errors": "BvhError InsufficientDataError LibraryError MograftError SkeletonMismatchError",
-    "faults": "Fault find_faults",
-    "contacts": "foot_skate",
-    "footskate": "FeetReport plant_feet",
-    "formats": "read_npz write_csv write_glb write_npz write_usd",
-    "grafting": "Graft Grafts Seam Substitution graft graft_many repair",
-    "groups": "JointGroups subtree",
-    "interop": "from_pybvh to_pybvh",
-    "library": "Library",
-    "mirroring": "mirror",
-    "motion": "Motion",
-    "obstacles": "Box Capsule Character HalfSpace Sphere",
-    "poses": "Poses",
-    "segmentation": "Segments kinetic_energy segment",
-    "skeleton": "EndSite Skeleton",
-    "stream": "Stream",
-    "substitution": "Candidate Candidates",
-    "viewing": "Page report_page view write_video",
+    "body.faults": "Fault find_faults",
+    "body.contacts": "foot_skate",
+    "blend.foot_planting": "FeetReport plant_feet",
+    "io.glb": "write_glb",
+    "io.tables": "read_npz write_csv write_npz",
+    "io.usd": "write_usd",
+    "synthesis.graft": "Graft Grafts Seam Substitution graft graft_many repair",
+    "body.group_entries": "subtree",
+    "body.groups": "JointGroups",
+    "io.pybvh": "from_pybvh to_pybvh",
+    "library.library": "Library",
+    "body.mirroring": "mirror",
+    "motion.motion": "Motion",
+    "search.obstacles": "Box Capsule Character HalfSpace Sphere",
+    "body.world_poses": "Poses",
+    "analysis.segmentation": "Segments kinetic_energy segment",
+    "motion.skeleton": "EndSite Skeleton",
+    "synthesis.stream": "Stream",
+    "search.candidates": "Candidate Candidates",
+    "viewing.page": "Page view",
+    "viewing.report": "report_page",
+    "viewing.video": "write_video",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
-_MODULES = ("evaluation", "plot", "resample", "rotations", "scenario")
+_MODULES = {
+    "evaluation": "mograft.evaluation",
+    "plot": "mograft.plot",
+    "resample": "mograft.motion.resample",
+    "rotations": "mograft.motion.rotations",
+    "scenario": "mograft.scenario",
+}
 
 __all__ = [
     "Avoid",
@@ -167,7 +185,7 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
         if name in _MODULES:
-            return importlib.import_module(f"mograft.{name}")
+            return importlib.import_module(_MODULES[name])
         if name not in _HOME_OF:
             raise AttributeError(f"module 'mograft' has no attribute {name!r}")
         value = getattr(importlib.import_module(f"mograft.{_HOME_OF[name]}"), name)

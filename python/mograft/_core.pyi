@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mograft._arrays import FloatArray, IntArray, Packed
+from mograft._util.arrays import FloatArray, IntArray, Packed
 
 __all__ = [
     "BUILD_PROFILE",

@@ -1,113 +1,147 @@
-"""Every number that can be chosen, with its unit and where it comes from."""
+"""`Config`: every adjustable parameter, with its unit and source."""
 
 import math
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
-from mograft._fields import plain
+from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.validate import python_scalar
 
 __all__ = ["Config"]
 
 FRAME = 1.0 / 30.0
-"""The paper counts in frames of, as its segment lengths show, 30 a second."""
+"""Seconds per frame of the paper's recordings: its segment lengths show 30 frames per second."""
+
+_NAMED_SIGMAS = ("rms", "literal")
+_MINIMUM_OF_INTEGER = {"samples": 2, "components": 1, "max_candidates": 1}
+_POSITIVE = (
+    "min_length",
+    "max_length",
+    "sigma_scale",
+    "max_stretch",
+    "max_angle",
+    "seam_blend",
+    "angle_scale",
+    "velocity_scale",
+    "temperature",
+)
+_NOT_NEGATIVE = (
+    "smoothing",
+    "rotation_floor",
+    "position_floor",
+    "length_floor",
+    "length_slack",
+    "seam_window",
+    "length_weight",
+    "distance_weight",
+    "novelty",
+    "diversity",
+)
 
 
 @dataclass(frozen=True)
 class Config:
-    """How motions are cut, compared, chosen and joined.
+    """Parameters of segmentation, clustering, donor choice and blending.
 
-    ``Config()`` holds robust defaults; `Config.paper` the paper to the letter where it is
-    explicit. Section numbers below are the paper's.
+    ``Config()`` holds robust defaults. `Config.paper` holds the parameters of the paper.
+    Section and equation numbers below are those of the paper.
 
     Parameters
     ----------
     smoothing : float
-        Standard deviation in seconds of the Gaussian that smooths the kinetic energy before
-        its extrema are taken (4.1.1); 0 for none.
+        Standard deviation, in seconds, of the Gaussian that smooths the kinetic energy before
+        its extrema are found (4.1.1). 0 disables smoothing.
     min_length, max_length : float
-        Shortest and longest segment in seconds. Shorter ones are merged, longer ones split.
+        Shortest and longest segment, in seconds. Shorter segments are merged, longer ones
+        split.
     omega : {"world", "local"}
-        Whether a link's angular velocity is relative to the world or to its parent (eq. 1).
+        Whether the angular velocity of a link is relative to the world or to its parent (eq. 1).
     inertia : {"own", "subtree", "unit"}
-        Whether a link's moment of inertia is its own, that of all that hangs on it, or 1.
+        Whether the moment of inertia of a link covers the link alone, the link and all links
+        below it, or is 1.
     samples : int
-        Frames that every segment is resampled to before it is compared (4.1.3).
+        Number of frames to which every segment is resampled before comparison (4.1.3).
     components : int
-        Principal components kept, at most (p* of 4.2).
+        Maximum number of principal components (p* of 4.2).
     keep_heading : bool
-        Whether the same step in another direction is another motion. The paper keeps the
-        root's rotation as it is; the default turns every segment to start facing one way.
+        Whether segments that differ only in heading count as different. If True, the root
+        rotation is compared as captured, as in the paper. If False, every segment is rotated
+        to the same initial heading first.
     rotation_floor, position_floor, length_floor : float
-        Least standard deviation that a feature is divided by: in radians, skeleton heights
-        and frames of 1/30 s. It keeps the jitter of joints that hardly move from counting as
-        much as motion; 0, as in the paper, for the bare correlation matrix (4.2).
+        Lower bounds of the standard deviation by which a feature is divided, in radians,
+        skeleton heights and frames of 1/30 s. They prevent the jitter of nearly static joints
+        from weighing as much as motion. 0 gives the correlation matrix of the paper (4.2).
     sigma : {"rms", "literal"} or float
-        Greatest diameter of a cluster (4.3): √(mean d²) or, as eq. 14 is printed, √(mean d),
-        where d is a segment's distance from the mean; or a number.
+        Maximum cluster diameter (4.3): √(mean d²), or √(mean d) as eq. 14 is printed, where d
+        is the distance of a segment from the mean; or a number.
     sigma_scale : float
-        Factor on a named `sigma`: smaller is more natural, larger is more varied.
+        Cluster diameter threshold as a multiple of a named `sigma`. Larger values give more
+        variety, smaller values more similarity.
     max_stretch : float
-        λ_f of eq. 19: by which part of its length a base segment may differ from a donor.
+        Maximum length difference between a base segment and a donor, as a share of the base
+        segment's length (λ_f of eq. 19).
     length_slack : float
-        Difference in seconds that is allowed whatever the length; 0 for eq. 19 alone, strictly.
+        Length difference, in seconds, that is accepted for any base segment. 0 applies eq. 19
+        alone, as a strict inequality.
     max_angle : float
-        Greatest mean joint angle, in radians, between the poses that meet at a seam (4.4).
+        Maximum seam angle, in radians: the mean joint angle between the two poses that meet at
+        a seam (4.4).
     choice : {"viterbi", "best", "sample", "nearest", "random"}
-        How donors are chosen among those that pass. "sample" draws with probability
-        exp(-cost / `temperature`), so that every seed gives another motion; "viterbi" takes
-        those of least cost in all, whatever the seed, and of several motions each pays for
-        what the ones before it took; "best" takes the several of least cost, which differ
-        little; "nearest" looks at nothing but how alike the base parts are; "random", the
-        paper's way, at nothing but the limits (4.4).
+        How donors are chosen among the candidates within the limits. "sample" draws donor
+        sequences with probability exp(-cost / `temperature`), so every seed gives another
+        motion. "viterbi" takes the donor sequence of minimum cost, for every seed; each further
+        motion pays `diversity` for donors of the previous ones. "best" takes the sequences of
+        the lowest costs, which differ little. "nearest" minimises the distance between base
+        parts alone. "random" draws uniformly within the limits, as in the paper (4.4).
     length_weight : float
-        Cost of a donor of no length; that of one is its weight times 1 - shorter / longer.
+        Weight of the relative length difference, 1 - shorter / longer, in the unary cost.
     distance_weight : float
-        Cost of a donor whose base part is as far from the base segment's as two of one
-        cluster can be.
+        Unary cost of a donor whose base part is one cluster diameter away from that of the base
+        segment.
     angle_scale : float
-        Mean joint angle at a seam, in radians, that costs 1, at most; the cost grows with its
-        square. Where motions hardly move it is twice what is typical of seams between members
-        of clusters.
+        Seam angle, in radians, of pairwise cost 1; the cost grows with the square. In a library
+        of low amplitude the scale is at most twice the mean seam angle between cluster members.
     velocity_scale : float
-        Mean difference of joint velocities at a seam, in radians per second, that costs 1;
-        else as `angle_scale`.
+        Mean difference of joint velocities at a seam, in radians per second, of pairwise cost 1;
+        bounded like `angle_scale`.
     novelty : float
-        What is gained by an exchange. At 0 the captured motion costs nothing and wins.
+        Reduction of the unary cost for every donor that is not the base segment itself. At 0
+        the captured motion has the lowest cost.
     temperature : float
-        Cost that makes a choice of "sample" less likely by the factor e: towards 0 it is
-        "viterbi", towards infinity every choice that passes is alike.
+        Cost difference that changes the probability of a "sample" by the factor e. Towards 0 it
+        approaches "viterbi", towards infinity a uniform draw.
     diversity : float
-        With "viterbi", what a donor costs more for every earlier motion that has it in the
-        same place.
+        Cost that "viterbi" adds to a donor for every previous motion that uses it at the same
+        position.
     max_candidates : int
-        Donors that are looked at in one place, at most: those of least cost. "random" looks
-        at all.
+        Maximum number of candidates per position: those of lowest unary cost. "random" keeps
+        all.
     seam : {"offset", "paper", "displacement", "inertial", "dead"}
-        How motions that meet at a seam are made one (4.5). "offset" bends both sides so that
-        they meet in pose and velocity; "displacement" spreads the gap in the pose over the
-        segments, "paper" also lays the frames about the seam anew, which takes detail away;
-        "inertial" and "dead" change only what comes after the seam: the first lets the gap
-        die down, the second fades over from what came before, going on.
+        Seam treatment (4.5). "offset" changes both sides so that pose and velocity are
+        continuous. "displacement" spreads the pose gap over both segments. "paper" does the
+        same and replaces the frames near the seam by a cubic, which removes detail. "inertial"
+        and "dead" change frames after the seam only: "inertial" decays the gap, "dead"
+        cross-fades from the extrapolated motion before the seam.
     seam_window : float
-        Seconds on either side of a seam within which "paper" lays its curve anew.
+        Half-width, in seconds, of the cubic of the "paper" treatment.
     seam_blend : float
-        Seconds beside a seam within which "offset", "inertial" and "dead" change frames.
+        Time on each side of a seam, in seconds, within which "offset", "inertial" and "dead"
+        change frames.
     alignment : {"uniform", "dtw"}
-        How a donor is brought to the length of the segment whose place it takes: stretched
-        evenly, or bent in time so that its own base part does what the segment's does when
-        that does it (dynamic time warping), wherever this brings them nearer by 5 %.
+        How the donor is fitted to the length of the base segment: at a constant rate, or by
+        dynamic time warping of the donor's base part onto that of the base segment. The warp is
+        used only if it reduces their distance by at least 5 %.
     torso : {"pelvis", "world"}
-        What a grafted trunk keeps where it is joined to a pelvis that leans otherwise: its angle
-        to the pelvis (the paper), or how it leans in the world (after Heck, Kovar and Gleicher
-        2006).
+        What a grafted trunk keeps on a pelvis of another orientation: its angle to the pelvis
+        (the paper), or its orientation in the world (Heck, Kovar and Gleicher 2006).
     feet : {"auto", "never"}
-        Whether feet are made to stand still where they should: "auto" wherever the base group
-        does not keep both the legs and the root; in all other grafts feet are as they were.
+        Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
+        the root; "never" leaves them.
 
     Raises
     ------
     ValueError
-        If a value is out of range; names the field.
+        If a value is out of range. The message names the field.
 
     Examples
     --------
@@ -153,65 +187,60 @@ class Config:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            plain(self, field.name)
-        for name, allowed in (
-            ("omega", ("world", "local")),
-            ("inertia", ("own", "subtree", "unit")),
-            ("choice", ("viterbi", "best", "sample", "nearest", "random")),
-            ("seam", ("offset", "paper", "displacement", "inertial", "dead")),
-            ("alignment", ("uniform", "dtw")),
-            ("torso", ("pelvis", "world")),
-            ("feet", ("auto", "never")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
-        for name, least in (("samples", 2), ("components", 1), ("max_candidates", 1)):
+            python_scalar(self, field.name)
+        for name, registry in CONFIG_OPTIONS.items():
+            registry.get(getattr(self, name))
+        for name, minimum in _MINIMUM_OF_INTEGER.items():
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
                 raise ValueError(
-                    f"{name} must be a whole number of at least {least}, got {value!r}"
+                    f"{name} must be a whole number of at least {minimum}, got {value!r}"
                 )
         if not isinstance(self.keep_heading, bool):
             raise ValueError(f"keep_heading must be True or False, got {self.keep_heading!r}")
-        named = ("rms", "literal")
-        above_zero = ["min_length", "max_length", "sigma_scale", "max_stretch", "max_angle"]
-        above_zero += ["seam_blend"]
-        if isinstance(self.sigma, str):
-            if self.sigma not in named:
-                raise ValueError(f"sigma must be one of {named} or a number, got {self.sigma!r}")
-        else:
-            above_zero.append("sigma")
-        not_negative = ["smoothing", "rotation_floor", "position_floor", "length_floor"]
-        not_negative += ["length_slack", "seam_window"]
-        above_zero += ["angle_scale", "velocity_scale", "temperature"]
-        not_negative += ["length_weight", "distance_weight", "novelty", "diversity"]
-        for name in above_zero + not_negative:
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ValueError(f"{name} must be a number, got {value!r}")
-            if name in above_zero and not value > 0:
-                raise ValueError(f"{name} must be above 0, got {value!r}")
-            if not value >= 0:
-                raise ValueError(f"{name} must not be negative, got {value!r}")
+        if self.sigma not in _NAMED_SIGMAS:
+            if isinstance(self.sigma, str):
+                raise ValueError(
+                    f"sigma must be one of {_NAMED_SIGMAS} or a number, got {self.sigma!r}"
+                )
+            self._check_number("sigma")
+        for name in _POSITIVE + _NOT_NEGATIVE:
+            self._check_number(name)
         if self.max_length < 2 * self.min_length:
             raise ValueError(
                 f"max_length must be at least twice min_length, {self.min_length:.4g} s, "
                 f"got {self.max_length:.4g}"
             )
 
+    def _check_number(self, name: str) -> None:
+        value = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{name} must be a number, got {value!r}")
+        if name not in _NOT_NEGATIVE and not value > 0:
+            raise ValueError(f"{name} must be above 0, got {value!r}")
+        if not value >= 0:
+            raise ValueError(f"{name} must not be negative, got {value!r}")
+
     @classmethod
     def paper(cls, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
-        """Return the paper's own parameters, literally where it is explicit.
+        """Return the parameters of the paper.
 
         Parameters
         ----------
         **changes
-            Fields that should differ.
+            Fields to set to other values.
 
         Returns
         -------
         Config
             The configuration.
+
+        Notes
+        -----
+        Results differ from the printed method in these points: the window of the seam curve
+        is clamped to half of a short segment and skipped where no frame remains; donors are
+        sampled by a curve through neighbouring frames of their clip; faulty clips are excluded
+        donors; eq. 19 counts intervals instead of frames; sigma bounds the diameter of a cluster.
         """
         literal = cls(
             min_length=FRAME,
@@ -230,20 +259,20 @@ class Config:
         return replace(literal, **changes)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields by name, as JSON can hold them: infinity is None."""
+        """Return the fields as a dict of JSON values; infinity becomes None."""
         return {name: None if value == math.inf else value for name, value in asdict(self).items()}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Config":
-        """Return the configuration that `as_dict` made `values` of.
+        """Return the configuration whose `as_dict` is `values`.
 
         Raises
         ------
         ValueError
-            If a name is no field, or a value is out of range.
+            If a name is not a field or a value is out of range.
         """
         unknown = set(values) - {field.name for field in fields(cls)}
         if unknown:
-            raise ValueError(f"no parameter is named {', '.join(sorted(unknown))}")
+            raise ValueError(f"unknown parameters: {', '.join(sorted(unknown))}")
         given: dict[str, Any] = {k: math.inf if v is None else v for k, v in values.items()}
         return cls(**given)

@@ -1,4 +1,4 @@
-"""What mograft raises."""
+"""Exceptions that mograft raises."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,20 +13,20 @@ __all__ = [
 
 
 class MograftError(Exception):
-    """Base of all errors that are mograft's own."""
+    """Base class of all exceptions of mograft."""
 
 
 class BvhError(MograftError, ValueError):
-    """A file that is no BVH motion, with the place where it stops being one.
+    """Invalid BVH file; the message starts with path, line and column.
 
     Parameters
     ----------
     message : str
-        What was expected and what came.
+        What was expected and what was found.
     path : str or Path
-        The file, or a name for what was read instead of one.
+        The file, or a name for the stream that was read.
     line, column : int, optional
-        Where it came, counted from 1.
+        Position of the error, counted from 1.
 
     Attributes
     ----------
@@ -49,23 +49,23 @@ class BvhError(MograftError, ValueError):
         self.message = message
 
     def __reduce__(self) -> tuple[type, tuple[str, str, int | None, int | None]]:
-        """Pickle by arguments, so that the error crosses process borders whole."""
+        """Pickle the constructor arguments, so that worker processes can return the error."""
         return type(self), (self.message, self.path, self.line, self.column)
 
 
 class SkeletonMismatchError(MograftError, ValueError):
-    """Motions of different skeletons where one is needed; names the joints that differ."""
+    """Motions have different skeletons; the message names the joints that differ."""
 
 
 class LibraryError(MograftError):
-    """A library on disk that is damaged, foreign or of another version."""
+    """Library folder that is damaged, of an unsupported version or not a library."""
 
 
 class InsufficientDataError(MograftError, ValueError):
-    """Data that cannot support a measure; says what is missing."""
+    """Too little data for a measure; the message names what is missing."""
 
 
-def listed(names: Sequence[str], most: int = 12) -> str:
-    """Return names as a message gives them: all of a few, of many the first."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def join_names(names: Sequence[str], maximum: int = 12) -> str:
+    """Return names joined by commas for a message, cut off after `maximum` names."""
+    more = f" and {len(names) - maximum} more" if len(names) > maximum else ""
+    return ", ".join(names[:maximum]) + more

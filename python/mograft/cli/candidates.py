@@ -1,102 +1,134 @@
-"""``mograft candidates``: who may lend a segment its part, and why the rest may not."""
+"""``mograft candidates``: the donors of a segment, and why other segments are refused."""
 
 import argparse
 import math
-from typing import Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import expanded, given, library_folder, print_json, progress, whole
-from mograft.cli._constraints import add_constraints, constraints
-from mograft.cli.graft import chosen_groups
-from mograft.errors import listed
+from mograft.cli.arguments import Command, ExclusiveArguments, option, switch
+from mograft.cli.configuration import load_library
+from mograft.cli.constraints import constraint_options, read_constraints
+from mograft.cli.options import FILES_OR_LIBRARY, GROUPS
+from mograft.cli.output import print_json
+from mograft.cli.values import non_negative_integer
+from mograft.errors import join_names
 
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "candidates", help="who may lend a segment its part, and why the rest may not"
-    )
-    parser.add_argument("files", nargs="+", metavar="FILE", help="BVH files, or a library")
-    parser.add_argument("--clip", metavar="NAME", help="the segment's clip; default: the first")
-    where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--segment", type=whole, metavar="N", help="its number in the clip, from 0")
-    where.add_argument("--frame", type=whole, metavar="N", help="or a frame that it holds")
-    parser.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
-    parser.add_argument("--group", metavar="GROUP", help="the group to graft; default: the first")
-    parser.add_argument("--json", action="store_true", help="all of it as a JSON document")
-    add_constraints(parser)
-    parser.set_defaults(run=run, usage=parser.error)
+if TYPE_CHECKING:
+    from mograft.library.library import Library
+    from mograft.search.candidates import Candidate, Candidates
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dataclasses import asdict
-
-    from mograft.library import Library
-
-    wanted = constraints(options)
-    folder = library_folder(options)
-    if folder is not None:
-        if given(options, "groups"):
-            options.usage("--groups is settled when a library is made")
-        library = Library.open(folder)
-    else:
-        options.groups = options.groups or "lower_upper"
-        with progress() as tell:
-            files = expanded(options.files)
-            library = Library.build(files, chosen_groups(options), progress=tell)
-    names = [entry.name for entry in library.entries]
-    if options.clip is not None and options.clip not in names:
-        raise ValueError(f"--clip must be one of {listed(names)}; got {options.clip!r}")
-    _, clip = library.holding(options.clip)
-    own = library.segments.of_clip(clip)
-    if options.segment is not None:
-        if options.segment >= len(own):
-            raise ValueError(f"--segment must be 0 to {len(own) - 1}, got {options.segment}")
-        segment = int(own[options.segment])
-    else:
-        stops = library.segments.stop[own]
-        if options.frame > stops[-1]:
-            raise ValueError(f"--frame must be 0 to {stops[-1]}, got {options.frame}")
-        segment = int(own[(stops < options.frame).sum()])
+    constraints = read_constraints(options)
+    library = load_library(options)
+    clip, number, segment = _find_segment(library, options)
     others = [name for name in library.groups.names if name != library.groups.base]
     group = options.group or others[0]
-    found = library.candidates(segment, group, wanted)
-    start, stop = int(library.segments.start[segment]), int(library.segments.stop[segment])
-
-    def row(candidate: Any) -> dict[str, Any]:  # noqa: ANN401 - a Candidate
-        plain = asdict(candidate)
-        plain["clip"] = names[candidate.clip]
-        return {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in plain.items()
-        }
-
+    found = library.candidates(segment, group, constraints)
+    name = library.entries[clip].name
+    frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
     if options.json:
         print_json(
             {
                 "schema": "mograft.candidates/1",
-                "clip": names[clip],
-                "segment": segment - int(own[0]),
-                "frames": [start, stop],
+                "clip": name,
+                "segment": number,
+                "frames": frames,
                 "group": group,
-                "allowed": [row(c) for c in found.allowed],
-                "refused": [row(c) for c in found.refused],
+                "allowed": [_as_dict(library, candidate) for candidate in found.allowed],
+                "refused": [_as_dict(library, candidate) for candidate in found.refused],
                 "of_other_clusters": found.elsewhere,
             }
         )
         return 0
-    print(f"{names[clip]}, frames {start} to {stop}: {group} of {len(found)} donors")
-    shown = (*found.allowed, *found.refused)
-    width = max((len(names[candidate.clip]) for candidate in shown), default=0)
-    for candidate in shown:
-        place = f"{names[candidate.clip]:{width}} {candidate.start:6}-{candidate.stop:<6}"
+    print(f"{name}, frames {frames[0]} to {frames[1]}: {group} of {len(found)} donors")
+    _print_table(library, found)
+    return 0
+
+
+def _find_segment(library: "Library", options: argparse.Namespace) -> tuple[int, int, int]:
+    """Return the clip, the segment's number in the clip, and its index in the library."""
+    names = [entry.name for entry in library.entries]
+    if options.clip is not None and options.clip not in names:
+        raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}")
+    _, clip = library.resolve_base(options.clip)
+    segments = library.segments.of_clip(clip)
+    number = options.segment
+    if number is None:
+        stops = library.segments.stop[segments]
+        if options.frame > stops[-1]:
+            raise ValueError(f"--frame must be 0 to {stops[-1]}, got {options.frame}")
+        number = int((stops < options.frame).sum())
+    if number >= len(segments):
+        raise ValueError(f"--segment must be 0 to {len(segments) - 1}, got {number}")
+    return clip, number, int(segments[number])
+
+
+def _as_dict(library: "Library", candidate: "Candidate") -> dict[str, Any]:
+    """Return a candidate as JSON can represent it: NaN is None."""
+    values = asdict(candidate) | {"clip": library.entries[candidate.clip].name}
+    return {
+        name: None if isinstance(value, float) and math.isnan(value) else value
+        for name, value in values.items()
+    }
+
+
+def _print_table(library: "Library", found: "Candidates") -> None:
+    candidates = (*found.allowed, *found.refused)
+    names = [library.entries[candidate.clip].name for candidate in candidates]
+    width = max((len(name) for name in names), default=0)
+    for name, candidate in zip(names, candidates, strict=True):
         seams = "/".join(
             f"{math.degrees(gap):.0f}°" for gap in (candidate.gap_before, candidate.gap_after)
         )
         mark = "-" if candidate.refused else "+"
         print(
-            f" {mark} {place} cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
+            f" {mark} {name:{width}} {candidate.start:6}-{candidate.stop:<6} "
+            f"cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
             f"seams {seams:8} {candidate.refused}".rstrip()
         )
-    print(f"   {found.elsewhere} segments are of other clusters")
-    return 0
+    print(f"   {found.elsewhere} segments are in other clusters")
+
+
+COMMAND = Command(
+    name="candidates",
+    help="list the donors of a segment, and why other segments are refused",
+    run=run,
+    arguments=(
+        FILES_OR_LIBRARY,
+        option(
+            "--clip",
+            is_setting=False,
+            metavar="NAME",
+            help="clip of the segment (default: the first)",
+        ),
+        ExclusiveArguments(
+            (
+                option(
+                    "--segment",
+                    is_setting=False,
+                    type=non_negative_integer,
+                    metavar="N",
+                    help="number of the segment in the clip, from 0",
+                ),
+                option(
+                    "--frame",
+                    is_setting=False,
+                    type=non_negative_integer,
+                    metavar="N",
+                    help="frame of the clip that the segment contains, from 0",
+                ),
+            )
+        ),
+        GROUPS,
+        option(
+            "--group",
+            is_setting=False,
+            metavar="GROUP",
+            help="group to exchange (default: the first except the base group)",
+        ),
+        switch("--json", is_setting=False, help="print all candidates as one JSON document"),
+        constraint_options(),
+    ),
+)

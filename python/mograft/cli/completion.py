@@ -1,23 +1,11 @@
-"""``mograft completion``: have a shell complete commands, options and files."""
+"""``mograft completion``: shell completion of commands, options and file names."""
 
 import argparse
-from typing import Any
 
-SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
-_PATHS = {"base", "file", "files", "groups", "library", "output", "tags"}
+from mograft.cli.arguments import Command, positional
+from mograft.cli.parser import build_parsers
 
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    completion = commands.add_parser(
-        "completion",
-        help="a script that has the shell complete commands, options and files",
-        description='Print a script for the shell to read. bash: eval "$(mograft completion '
-        'bash)" in ~/.bashrc; zsh: save it as _mograft in a folder of $fpath; fish: save it as '
-        "~/.config/fish/completions/mograft.fish. Needs the extra completion.",
-    )
-    completion.add_argument("shell", choices=SHELLS)
-    completion.set_defaults(run=run)
+_SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -28,19 +16,17 @@ def run(options: argparse.Namespace) -> int:
         raise ModuleNotFoundError(
             "completion needs shtab: pip install 'mograft[completion]'", name="shtab"
         ) from error
-    from mograft.cli import _parser
-
-    parser = _parser()
-    _name_files(parser, shtab.FILE)
-    print(shtab.complete(parser, options.shell))
+    parsers = build_parsers(options.commands, path_completion=shtab.FILE)
+    print(shtab.complete(parsers[()], options.shell))
     return 0
 
 
-def _name_files(parser: argparse.ArgumentParser, files: object) -> None:
-    """Tell which arguments are paths."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                _name_files(command, files)
-        elif action.dest in _PATHS and action.choices is None:
-            action.complete = files  # type: ignore[attr-defined] # read by shtab
+COMMAND = Command(
+    name="completion",
+    help="print a script for shell completion of commands, options and files",
+    description="Print a completion script for a shell. bash: eval "
+    '"$(mograft completion bash)" in ~/.bashrc; zsh: save it as _mograft in a folder of $fpath; '
+    "fish: save it as ~/.config/fish/completions/mograft.fish. Needs the extra completion.",
+    run=run,
+    arguments=(positional("shell", choices=_SHELLS, help="shell that reads the script"),),
+)

@@ -1,69 +1,88 @@
-"""``mograft config``: what is settled by the config file and the environment."""
+"""``mograft config``: the settings of the configuration file and the environment."""
 
 import argparse
 import json
 import os
 from pathlib import Path
-from typing import Any
 
-from mograft.cli._common import print_json
-from mograft.cli._settings import Setting, command_parsers, nearest, settable, settings
+from mograft.cli.arguments import Command, positional, switch
+from mograft.cli.options import JSON
+from mograft.cli.output import print_json
+from mograft.cli.settings import Setting, find_config_file, find_settings
 
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    config = commands.add_parser(
-        "config", help="what the config file and the environment settle for the commands"
-    )
-    actions = config.add_subparsers(title="actions", required=True, metavar="ACTION")
-    show = actions.add_parser(
-        "show",
-        help="all settings, as the file mograft.toml may hold them",
-        description="Print the settings of the commands, as a mograft.toml that says the same. "
-        "Settings come from mograft.toml in the working folder or the nearest one above it, "
-        "where [graft] speaks to one command and what stands before all tables to every one; "
-        "over it stand MOGRAFT_SEED and the like, then MOGRAFT_GRAFT_SEED; over these the "
-        "command line.",
-    )
-    show.add_argument("only", nargs="?", metavar="COMMAND", help="those of one command")
-    show.add_argument("--origin", action="store_true", help="tell where each value comes from")
-    show.add_argument("--json", action="store_true", help="as one JSON document, with the origins")
-    show.set_defaults(run=run, usage=show.error)
+Row = tuple[str, str, Setting]
+"""A command, the name of a setting, and its value."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Run ``config show``."""
-    from mograft.cli import _parser
-
-    everything = command_parsers(_parser())
-    if options.only is not None:
-        if options.only not in everything:
-            options.usage(f"COMMAND must be one of {', '.join(everything)}; got {options.only}")
-        everything = {options.only: everything[options.only]}
-    path = nearest(Path.cwd())
-    rows = []
-    for command, parser in everything.items():
-        found = settings(command, parser, environment=os.environ)
-        for action in settable(parser):
-            setting = found.get(action.dest, Setting(action.default, "default", action.default))
-            name = action.option_strings[-1].lstrip("-")
-            rows.append((command, name, setting))
+    path = find_config_file(Path.cwd())
+    rows = _collect(options)
     if options.json:
-        document = [
+        settings = [
             {"command": command, "name": name, "value": setting.plain, "origin": setting.origin}
             for command, name, setting in rows
         ]
         file = None if path is None else str(path)
-        print_json({"schema": "mograft.config/1", "file": file, "settings": document})
+        print_json({"schema": "mograft.config/1", "file": file, "settings": settings})
         return 0
-    lines = [f"# {path}" if path is not None else "# no mograft.toml here or above"]
-    above = None
+    print(f"# {path}" if path is not None else "# no mograft.toml in this folder or above")
+    last = None
     for command, name, setting in rows:
-        if command != above:
-            lines += ["", f"[{command}]"]
-        above = command
-        none = setting.plain is None
-        line = f"# {name} =" if none else f"{name} = {json.dumps(setting.plain)}"
-        lines.append(f"{line:32} # {setting.origin}" if options.origin else line)
-    print("\n".join(lines))
+        if command != last:
+            print(f"\n[{command}]")
+        last = command
+        line = f"# {name} =" if setting.plain is None else f"{name} = {_as_toml(setting.plain)}"
+        print(f"{line:32} # {setting.origin}" if options.origin else line)
     return 0
+
+
+def _collect(options: argparse.Namespace) -> list[Row]:
+    """Return the settings of all commands, or of the one that the options name."""
+    commands: dict[str, Command] = {command.name: command for command in options.commands}
+    selected = list(commands.values())
+    if options.only is not None:
+        if options.only not in commands:
+            options.usage_error(f"COMMAND must be one of {', '.join(commands)}; got {options.only}")
+        selected = [commands[options.only]]
+    rows: list[Row] = []
+    for command in selected:
+        found = find_settings(command, options.commands, environment=os.environ)
+        for argument in command.settings():
+            default = Setting(argument.default, "default", argument.default)
+            rows.append((command.name, argument.name, found.get(argument.dest, default)))
+    return rows
+
+
+def _as_toml(value: object) -> str:
+    """Return a value as TOML: its strings are those of JSON, and DEL is escaped as well."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+COMMAND = Command(
+    name="config",
+    help="print the settings of the configuration file and the environment",
+    has_settings=False,
+    actions=(
+        Command(
+            name="show",
+            help="print all settings as a mograft.toml",
+            description="Print the settings of the commands as a mograft.toml with the same "
+            "values. Settings come from mograft.toml in the working folder or the nearest folder "
+            "above it; a table such as [graft] applies to one command, keys before all tables to "
+            "every command. Environment variables override the file: first MOGRAFT_SEED and the "
+            "like, then MOGRAFT_GRAFT_SEED and the like. The command line overrides both.",
+            run=run,
+            arguments=(
+                positional(
+                    "only",
+                    nargs="?",
+                    metavar="COMMAND",
+                    help="command whose settings are printed (default: all)",
+                ),
+                switch("--origin", help="also print the source of each value"),
+                JSON,
+            ),
+        ),
+    ),
+)

@@ -5,154 +5,103 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import (
-    above_zero,
-    check_free,
-    expanded,
-    frames,
-    given,
-    only_frames,
-    print_json,
-    progress,
-    say,
-)
-from mograft.cli.graft import chosen_groups
+from mograft.cli.arguments import Command, option, positional, switch
+from mograft.cli.configuration import options_given, selected_groups
+from mograft.cli.files import check_writable, expand_folders, select_frames
+from mograft.cli.options import FORCE, JSON
+from mograft.cli.output import print_json, print_remark, show_progress
+from mograft.cli.values import frame_range, positive_number
 
 if TYPE_CHECKING:
-    from mograft.motion import Motion
+    from mograft.motion.motion import Motion
 
-FIGURES = (".glb", ".usd", ".usda", ".usdc")
-FILMS = (".mp4", ".gif")
-NUMBERS = (".npz", ".csv", ".bvh")
-SEVERAL = (".glb", *FILMS)
-ENDINGS = (*FIGURES, *FILMS, *NUMBERS)
-_USES = {
-    "scale": FIGURES,
-    "groups": (*FIGURES, *FILMS),
-    "size": FILMS,
-    "dark": FILMS,
-}
-
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    export = commands.add_parser(
-        "export",
-        help="write motions for other programs",
-        description="The ending of the file to write says how: a figure with its motion (.glb; "
-        ".usd, .usda or .usdc with the extra usd), a film (.mp4 or .gif, with the extra video), "
-        "or numbers (.npz, .csv, .bvh).",
-    )
-    export.add_argument(
-        "files",
-        nargs="+",
-        metavar="FILE",
-        help="BVH files; several, of one skeleton, for a .glb; several for a film",
-    )
-    export.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE", help="the file to write"
-    )
-    export.add_argument(
-        "--frames", type=frames, metavar="FIRST-LAST", help="only these; default: all"
-    )
-    export.add_argument("--rate", type=above_zero, metavar="FPS", help="resample to this rate")
-    export.add_argument(
-        "--scale",
-        type=_scale,
-        metavar="UNIT|X",
-        help="of a figure: the file's unit, m, cm, mm, inch or CMU, or metres in it; "
-        "default: what makes the figure as tall as a human",
-    )
-    export.add_argument(
-        "--groups",
-        metavar="NAME|FILE",
-        help="of a figure or film: joint groups to colour by",
-    )
-    export.add_argument(
-        "--size",
-        type=_size,
-        default="720x480",
-        metavar="WIDTHxHEIGHT",
-        help="of a film, in pixels (default 720x480)",
-    )
-    export.add_argument("--dark", action="store_true", help="of a film: light on dark")
-    export.add_argument("--json", action="store_true", help="tell as JSON what was written")
-    export.add_argument("--force", action="store_true", help="overwrite what is there")
-    export.set_defaults(run=run, usage=export.error)
+_FIGURES = (".glb", ".usd", ".usda", ".usdc")
+_FILMS = (".mp4", ".gif")
+_TABLES = (".npz", ".csv", ".bvh")
+_ENDINGS = (*_FIGURES, *_FILMS, *_TABLES)
+_ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
+_ENDINGS_OF_OPTION = {"scale": _FIGURES, "groups": (*_FIGURES, *_FILMS), "dark": _FILMS}
+_UNITS = ("m", "cm", "mm", "inch", "CMU")
 
 
 def _scale(text: str) -> float | str:
-    units = ("m", "cm", "mm", "inch", "CMU")
     try:
-        return text if text in units else above_zero(text)
+        return text if text in _UNITS else positive_number(text)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(
-            f"must be {', '.join(units)} or a number above 0, got {text}"
+            f"must be {', '.join(_UNITS)} or a number above 0, got {text}"
         ) from None
 
 
 def _size(text: str) -> tuple[int, int]:
-    wide, _, high = text.partition("x")
-    if not (wide.isdecimal() and high.isdecimal()):
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
         raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT, as 720x480, got {text}")
-    return int(wide), int(high)
+    return int(width), int(height)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     target: Path = options.output
     ending = target.suffix.lower()
-    files = expanded(options.files)
-    if ending == ".fbx":
-        options.usage("-o cannot be .fbx: write a .glb or .bvh and let Blender convert it")
-    if ending not in ENDINGS:
-        options.usage(f"-o must end in {', '.join(ENDINGS)}, got {target.name}")
-    if len(files) > 1 and ending not in SEVERAL:
-        options.usage(f"-o {target.name} holds one motion, got {len(files)} files")
-    for name in given(options, "scale", "groups", "dark"):
-        if ending not in _USES[name]:
-            options.usage(f"--{name} is for {', '.join(_USES[name])}; got {target.name}")
-    check_free([target], force=options.force)
-    from mograft.bvh import read_bvh
+    files = expand_folders(options.files)
+    _check_usage(options, ending, len(files))
+    check_writable([target], force=options.force)
+    from mograft.io.bvh import read_bvh
 
     if options.groups is not None:
-        options.groups = chosen_groups(options)
-    motions = [only_frames(read_bvh(name), options.frames) for name in files]
+        options.groups = selected_groups(options)
+    motions = [select_frames(read_bvh(name), options.frames) for name in files]
     target.parent.mkdir(parents=True, exist_ok=True)
-    told: dict[str, Any] = {"schema": "mograft.export/1", "file": str(target)}
-    if ending in FILMS:
-        told |= _write_film(motions, target, options)
+    document: dict[str, Any] = {"schema": "mograft.export/1", "file": str(target)}
+    if ending in _FILMS:
+        document |= _write_film(motions, target, options)
     else:
         if options.rate is not None:
             motions = [motion.resample(options.rate) for motion in motions]
-        told |= {"frames": [motion.n_frames for motion in motions], "rate": motions[0].rate}
-        if ending in FIGURES:
-            told |= _write_figure(motions, target, options)
+        document |= {"frames": [motion.n_frames for motion in motions], "rate": motions[0].rate}
+        if ending in _FIGURES:
+            document |= _write_figure(motions, target, options)
         else:
-            _write_numbers(motions[0], target)
-            told |= {"up": "as in the file", "unit": "of the file"}
-            say(f"{target.name}: unit and axes of {files[0]}")
+            _write_table(motions[0], target)
+            document |= {"up": "as in the file", "unit": "of the file"}
+            print_remark(f"{target.name}: unit and axes of {files[0]}")
     if options.json:
-        print_json(told)
+        print_json(document)
     else:
         print(target)
     return 0
 
 
+def _check_usage(options: argparse.Namespace, ending: str, n_files: int) -> None:
+    name = options.output.name
+    if ending == ".fbx":
+        options.usage_error("-o cannot be .fbx: write .glb or .bvh and convert it in Blender")
+    if ending not in _ENDINGS:
+        options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {name}")
+    if n_files > 1 and ending not in _ENDINGS_OF_SEVERAL:
+        options.usage_error(f"-o {name} can contain one motion, got {n_files} files")
+    for option_name in options_given(options, *_ENDINGS_OF_OPTION):
+        endings = _ENDINGS_OF_OPTION[option_name]
+        if ending not in endings:
+            options.usage_error(f"--{option_name} requires {', '.join(endings)}; got {name}")
+
+
 def _write_figure(
     motions: "Sequence[Motion]", target: Path, options: argparse.Namespace
 ) -> dict[str, Any]:
-    from mograft.formats import write_glb, write_usd
-    from mograft.formats.figure import UNITS
+    from mograft.io.figure import UNITS
+    from mograft.io.glb import write_glb
+    from mograft.io.usd import write_usd
 
     scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
     if target.suffix.lower() == ".glb":
-        used = write_glb(motions, target, scale=scale, groups=options.groups)
+        metres = write_glb(motions, target, scale=scale, groups=options.groups)
     else:
-        used = write_usd(motions[0], target, scale=scale, groups=options.groups)
-    guessed = "" if options.scale is not None else ", a guess from the figure's height"
-    say(f"{target.name}: metres, y up; 1 unit of the file is {used:g} m{guessed}")
-    return {"up": "y", "unit": "m", "metres_in_a_unit": used}
+        metres = write_usd(motions[0], target, scale=scale, groups=options.groups)
+    estimated = "" if options.scale is not None else " (estimated from the figure's height)"
+    print_remark(f"{target.name}: metres, y up; 1 unit of the file is {metres:g} m{estimated}")
+    return {"up": "y", "unit": "m", "metres_in_a_unit": metres}
 
 
 def _write_film(
@@ -160,7 +109,7 @@ def _write_film(
 ) -> dict[str, Any]:
     from mograft.viewing.video import write_video
 
-    with progress() as tell:
+    with show_progress() as progress:
         rate = write_video(
             motions,
             target,
@@ -168,16 +117,83 @@ def _write_film(
             size=options.size,
             groups=options.groups,
             dark=options.dark,
-            progress=tell,
+            progress=progress,
         )
-    wide, high = options.size
-    say(f"{target.name}: {wide} by {high} pixels, {rate:.6g} pictures a second")
-    return {"size": [wide, high], "rate": rate, "frames": [m.n_frames for m in motions]}
+    width, height = options.size
+    print_remark(f"{target.name}: {width} by {height} pixels, {rate:.6g} pictures per second")
+    return {"size": [width, height], "rate": rate, "frames": [m.n_frames for m in motions]}
 
 
-def _write_numbers(motion: "Motion", target: Path) -> None:
-    from mograft.bvh import write_bvh
-    from mograft.formats import write_csv, write_npz
+def _write_table(motion: "Motion", target: Path) -> None:
+    from mograft.io.bvh import write_bvh
+    from mograft.io.tables import write_csv, write_npz
 
     write = {".npz": write_npz, ".csv": write_csv, ".bvh": write_bvh}[target.suffix.lower()]
     write(motion, target)
+
+
+COMMAND = Command(
+    name="export",
+    help="write motions for other programs",
+    description="Write motions in the format that the ending of the output file selects: an "
+    "animated figure (.glb; .usd, .usda or .usdc with the extra usd), a film (.mp4 or .gif, with "
+    "the extra video), or channel values (.npz, .csv, .bvh).",
+    run=run,
+    arguments=(
+        positional(
+            "files",
+            is_path=True,
+            nargs="+",
+            metavar="FILE",
+            help="BVH files: one; several of one skeleton for a .glb; several for a film",
+        ),
+        option(
+            "-o",
+            "--output",
+            is_setting=False,
+            is_path=True,
+            type=Path,
+            required=True,
+            metavar="FILE",
+            help="file to write",
+        ),
+        option(
+            "--frames",
+            is_setting=False,
+            type=frame_range,
+            metavar="FIRST-LAST",
+            help="frames to write (default: all)",
+        ),
+        option(
+            "--rate",
+            type=positive_number,
+            metavar="FPS",
+            help="frame rate to resample to, in frames per second (default: that of the file, of "
+            "a film at most 60, of a GIF 20)",
+        ),
+        option(
+            "--scale",
+            type=_scale,
+            metavar="UNIT|X",
+            help=f"unit of the BVH file, for a figure: {', '.join(_UNITS)}, or a number of metres "
+            "(default: the unit that gives the figure human height)",
+        ),
+        option(
+            "--groups",
+            is_path=True,
+            metavar="NAME|FILE",
+            help="joint groups that set the colours of a figure or film: the name of a preset, "
+            "or a TOML file (default: trunk, arms and legs)",
+        ),
+        option(
+            "--size",
+            type=_size,
+            default="720x480",
+            metavar="WIDTHxHEIGHT",
+            help="size of a film in pixels (default: 720x480)",
+        ),
+        switch("--dark", help="draw a film in light colours on a dark background"),
+        JSON,
+        FORCE,
+    ),
+)

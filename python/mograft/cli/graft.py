@@ -1,365 +1,283 @@
-"""``mograft graft``: new motions on the legs of a captured one."""
+"""``mograft graft``: new motions on the base group of a captured one."""
 
 import argparse
 import os
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import (
-    ENDS,
-    PRESETS,
-    above_zero,
-    add_making,
-    at_least_one,
-    check_free,
-    expanded,
-    given,
-    library_folder,
-    print_json,
-    progress,
-    say,
-    write,
-    write_report,
-)
-from mograft.cli._constraints import add_constraints, constraints
-from mograft.errors import listed
+from mograft.cli.arguments import Command, option, switch
+from mograft.cli.configuration import load_library, options_given
+from mograft.cli.constraints import constraint_options, read_constraints
+from mograft.cli.files import GRAFT_ENDINGS, check_writable, expand_folders, library_folder
+from mograft.cli.options import FORCE, GROUPS, LIBRARY_OR_FILES, PRESET, SEED, config_option
+from mograft.cli.output import print_json, print_remark, write_graft, write_report
+from mograft.cli.scenario import SCENARIO_OPTIONS, check_scenario, read_scenario
+from mograft.cli.values import positive_integer, positive_number
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from mograft.library.library import Library
+    from mograft.motion.motion import Motion
+    from mograft.search.constraints import Constraint
+    from mograft.synthesis.graft import Graft
 
-    from mograft._arrays import IntArray
-    from mograft.config import Config
-    from mograft.grafting import Graft
-    from mograft.groups import JointGroups
-    from mograft.library import Library
-    from mograft.motion import Motion
-    from mograft.scenario import Scenario
+EXIT_UNSATISFIED = 4
+"""Exit code if no donor sequence satisfies the constraints."""
 
-UNMET = 4
-"""Exit code: no choice of donors meets the constraints."""
+_MAX_REPORTED = 20
+"""Grafts in a report page, which holds all of them in memory at once."""
 
-_REPORTED = 20
-"""Grafts that a report tells of: they are made anew for it and held together."""
-
-_WIDEST = 4.0
-"""Clusters of four times the spread of all segments hold them all: more changes nothing."""
+_MAX_SIGMA_SCALE = 4.0
+"""At four times the spread of all segments one cluster contains them all."""
 
 
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    graft = commands.add_parser("graft", help="make new motions on the legs of a captured one")
-    graft.add_argument(
-        "files",
-        nargs="+",
-        metavar="LIB|FILE",
-        help="a library, or BVH files: where donors come from",
-    )
-    graft.add_argument(
-        "--base", metavar="CLIP|FILE", help="whose base group is kept; default: the first"
-    )
-    graft.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
-    graft.add_argument("--swap", metavar="GROUP,...", help="groups to graft; default: all others")
-    graft.add_argument(
-        "-n", "--count", type=at_least_one, default=1, help="how many motions (default 1)"
-    )
-    graft.add_argument("-o", "--output", type=Path, required=True, help="folder, or a .bvh file")
-    graft.add_argument("--preset", choices=("default", "paper"))
-    graft.add_argument(
-        "--mirror", action="store_true", help="donors are also the mirror images of all clips"
-    )
-    graft.add_argument(
-        "--sigma-scale",
-        type=above_zero,
-        metavar="X",
-        help="how unlike the legs may be whose upper bodies are exchanged: smaller is more "
-        "natural, larger more varied. Default: 0.75, and as much more as COUNT motions need",
-    )
-    graft.add_argument(
-        "--choice",
-        choices=("viterbi", "best", "sample", "nearest", "random"),
-        help="how donors are chosen: those of least cost in all (of several motions each keeps "
-        "away from the others), the several of least cost, drawn by their cost (default), those "
-        "of most similar legs, or by chance as in the paper",
-    )
-    graft.add_argument(
-        "--temperature",
-        type=above_zero,
-        metavar="X",
-        help="with --choice sample: how much dearer than the cheapest a draw may be (default 1)",
-    )
-    graft.add_argument(
-        "--scenario",
-        default="original",
-        metavar="original|graph|N,...",
-        help="what the base group does: a clip as it is (default), a random walk from segment "
-        "to segment, or the segments of these numbers one after the other",
-    )
-    graft.add_argument(
-        "--duration", type=float, metavar="S", help="seconds of --scenario graph (default 60)"
-    )
-    graft.add_argument(
-        "--frames", type=int, metavar="N", help="of --scenario graph: exactly so many frames"
-    )
-    graft.add_argument(
-        "--path",
-        metavar="X,Z:X,Z:...",
-        help="of --scenario graph: along these corners on the floor, in the file's unit (X,Y "
-        "where z points up)",
-    )
-    graft.add_argument(
-        "--beats",
-        type=float,
-        metavar="BPM",
-        help="of --scenario graph: come to rest on every beat, so many a minute",
-    )
-    graft.add_argument(
-        "--among", metavar="CLIP,...", help="clips that --scenario graph walks through; globs do"
-    )
-    graft.add_argument(
-        "--seam",
-        choices=("offset", "paper", "displacement", "inertial", "dead"),
-        help="how motions that meet at a seam are made one; default: offset, or the preset's",
-    )
-    graft.add_argument(
-        "--alignment",
-        choices=("uniform", "dtw"),
-        help="how a donor gets its length: stretched evenly (default), or bent in time so that "
-        "its base part does what the segment's does",
-    )
-    graft.add_argument(
-        "--torso",
-        choices=("pelvis", "world"),
-        help="what a grafted trunk keeps: its angle to the pelvis (default), or how it leans",
-    )
-    graft.add_argument(
-        "--feet",
-        choices=("auto", "never"),
-        help="make feet stand still: auto where the base group does not keep legs and root",
-    )
-    graft.add_argument("--report", action="store_true", help="also write a page that shows them")
-    graft.add_argument("--json", action="store_true", help="the reports as one JSON document")
-    add_making(graft)
-    told = add_constraints(graft)
-    told.add_argument(
-        "--repair",
-        action="store_true",
-        help="keep the captured motion but where it does not meet the constraints",
-    )
-    told.add_argument(
-        "--best-effort",
-        action="store_true",
-        help="write the best that was found even where constraints are not met, and end with 0",
-    )
-    graft.set_defaults(run=run, usage=graft.error)
+@dataclass(frozen=True)
+class _Outputs:
+    """The files that the command writes."""
+
+    motions: list[Path]
+    page: Path
+
+    @classmethod
+    def of(cls, options: argparse.Namespace, stem: str) -> "_Outputs":
+        """Return one file, or numbered files in a folder, named after the base."""
+        folder: Path = options.output
+        if _is_single(options):
+            return cls([folder], folder.with_suffix(".html"))
+        motions = [folder / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+        return cls(motions, folder / "index.html")
+
+    def check(self, options: argparse.Namespace) -> None:
+        """Raise an OSError if one of the files cannot be written."""
+        files = [path.with_suffix(ending) for path in self.motions for ending in GRAFT_ENDINGS]
+        pages = [self.page] if options.report else []
+        check_writable([*files, *pages], force=options.force)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.grafting import graft_many, repair
-    from mograft.library import Library
-
+    _check_usage(options)
     folder = library_folder(options)
-    files = expanded(options.files) if folder is None else []
-    single = options.output.suffix.lower() == ".bvh"
-    if single and options.count != 1:
-        options.usage("-o must be a folder where -n is not 1")
-    library = None if folder is None else opened(folder, options)
-    first = files[0] if library is None else library.entries[0].name
-    stem = Path(options.base or first).stem
-    paths = (
-        [options.output]
-        if single
-        else [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
-    )
-    _check_scenario(options)
-    page = options.output.with_suffix(".html") if single else options.output / "index.html"
-    pages = [page] if options.report else []
-    check_free([*(p.with_suffix(e) for p in paths for e in ENDS), *pages], force=options.force)
-    if options.repair and options.count != 1:
-        options.usage("--repair makes one motion: -n must be 1")
-    wanted = constraints(options)
-    swap = None if options.swap is None else options.swap.split(",")
+    library = None if folder is None else load_library(options)
+    first = expand_folders(options.files)[0] if library is None else library.entries[0].name
+    outputs = _Outputs.of(options, Path(options.base or first).stem)
+    outputs.check(options)
+    constraints = read_constraints(options)
     if library is None:
-        options.groups = options.groups or "lower_upper"
-        with progress() as tell:
-            library = Library.build(
-                files, chosen_groups(options), chosen_config(options), progress=tell
-            )
-    if given(options, "temperature") and library.config.choice != "sample":
-        options.usage(f"--temperature is for --choice sample, got {library.config.choice}")
+        library = load_library(options)
+    if options_given(options, "temperature") and library.config.choice != "sample":
+        options.usage_error(f"--temperature requires --choice sample, got {library.config.choice}")
     if options.mirror:
         library = library.mirrored()
-    base = _base(library, options.base, folder)
-    many: dict[str, Any] = {"constraints": wanted, "swap": swap, "seed": options.seed}
-    many["scenario"] = _scenario(library, options)
-    grafts: Sequence[Graft]
-    if options.repair:
-        grafts = [repair(library, base, constraints=wanted, swap=swap)]
-    else:
-        grafts = graft_many(library, base, options.count, **many)
-    while len(grafts) < options.count and options.sigma_scale is None:
-        wider = library.config.sigma_scale * 4 / 3
-        if wider > _WIDEST or library.config.sigma not in ("rms", "literal"):
-            break
-        say(
-            f"only {len(grafts)} different motions at sigma_scale "
-            f"{library.config.sigma_scale:.3g}: trying {wider:.3g}, which is less strict"
-        )
-        library = library.relabelled(replace(library.config, sigma_scale=wider))
-        grafts = graft_many(library, base, options.count, **many)
-    if wanted:
+    base = _find_base(library, options.base, folder)
+    grafts = _make_grafts(library, base, constraints, options)
+    if constraints:
         grafts = list(grafts)
-        missed = [graft for graft in grafts if graft.violations]
-        for graft in missed:
-            for violation in graft.violations:
-                say(f"{graft.motion.name}: {violation.message}")
-        if missed and not options.best_effort:
-            say(
-                f"error: no choice of donors meets the constraints in {len(missed)} of "
-                f"{len(grafts)} motions; nothing is written without --best-effort"
-            )
-            return UNMET
-    paths[0].parent.mkdir(parents=True, exist_ok=True)
-    documents = []
-    for path, graft in zip(paths, grafts, strict=False):
-        write(graft, path)
-        documents.append({"file": str(path), **graft.as_dict()})
-        say(graft.report())
-        if not options.json:
-            print(path)
-    if len(documents) < options.count:
-        say(
-            f"warning: the donors allow only {len(documents)} different motions, "
-            f"not {options.count}; more clips or a larger --sigma-scale give more"
-        )
-    if options.report:
-        shown = [grafts[at] for at in range(min(len(grafts), _REPORTED))]
-        write_report(shown, paths[: len(shown)], page, show=False)
-        if not options.json:
-            print(page)
+        if _print_violations(grafts) and not options.best_effort:
+            return EXIT_UNSATISFIED
+    documents = _write_grafts(grafts, outputs, options)
     if options.json:
-        told = {"schema": "mograft.grafts/1", "grafts": documents}
-        print_json(told | ({"report": str(page)} if options.report else {}))
+        report = {"report": str(outputs.page)} if options.report else {}
+        print_json({"schema": "mograft.grafts/1", "grafts": documents} | report)
     return 0
 
 
-def opened(folder: Path, options: argparse.Namespace) -> "Library":
-    """Open a library; what it was made by is settled, but for how it is used."""
-    from mograft.library import Library
-
-    for name in given(options, "groups", "preset"):
-        options.usage(f"--{name} is settled when a library is made: mograft index --{name}")
-    library = Library.open(folder)
-    return library.relabelled(_changed(library.config, options))
+def _is_single(options: argparse.Namespace) -> bool:
+    is_file: bool = options.output.suffix.lower() == ".bvh"
+    return is_file
 
 
-def _base(library: "Library", name: str | None, folder: Path | None) -> "Motion | str | None":
-    """Return the clip that was read from a file or has a name, else the file's motion."""
+def _check_usage(options: argparse.Namespace) -> None:
+    if _is_single(options) and options.count != 1:
+        options.usage_error(f"-o must be a folder if -n is above 1, got {options.output}")
+    if options.repair and options.count != 1:
+        options.usage_error(f"-n must be 1 with --repair, got {options.count}")
+    check_scenario(options)
+
+
+def _find_base(library: "Library", name: str | None, folder: Path | None) -> "Motion | str | None":
+    """Return the name of the clip that ``--base`` selects, or the motion of its file."""
     if name is None:
         return None
-    from mograft.bvh import read_bvh
+    from mograft.io.bvh import read_bvh
 
     names = [entry.name for entry in library.entries]
     if folder is not None and name in names:
         return name
-    there = os.path.realpath(name)
+    path = os.path.realpath(name)
     for entry in library.entries:
-        if entry.origin is not None and os.path.realpath(entry.origin.path) == there:
+        if entry.source_file is not None and os.path.realpath(entry.source_file.path) == path:
             return entry.name
     if not Path(name).exists():
-        files = [Path(entry.origin.path).name for entry in library.entries if entry.origin]
+        files = [
+            Path(entry.source_file.path).name for entry in library.entries if entry.source_file
+        ]
         if len(files) == len(names) and files.count(name) == 1:
             return names[files.index(name)]
         if name in names:
             return name
         where = "" if folder is None else f" of {folder}"
         raise ValueError(
-            f"--base must be a clip{where}, one of {listed(names)}, or a file; got {name!r}"
+            f"--base must be a clip{where}, one of {join_names(names)}, or a file; got {name!r}"
         )
     return read_bvh(name)
 
 
-def _check_scenario(options: argparse.Namespace) -> None:
-    scenario: str = options.scenario
-    numbers = [word.strip() for word in scenario.split(",")]
-    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
-        options.usage(f"--scenario must be original, graph or numbers of segments; got {scenario}")
-    if scenario != "original" and options.base is not None:
-        options.usage("--base must not be given with --scenario, which is the base itself")
-    given = [name for name in _WALKS if getattr(options, name) is not None]
-    if scenario != "graph" and given:
-        options.usage(f"--{given[0]} is for --scenario graph")
-    lengths = [name for name in given if name in ("duration", "frames", "path")]
-    if len(lengths) > 1 or ("beats" in given and lengths not in ([], ["duration"])):
-        options.usage(f"--{lengths[-1]} must not be given with --{lengths[0]} or --beats")
-    for name, unit in (("duration", "seconds"), ("beats", "a minute")):
-        value = getattr(options, name)
-        if value is not None and not 0 < value < float("inf"):
-            options.usage(f"--{name} must be above 0 {unit}; got {value:g}")
-    if options.frames is not None and options.frames < 2:
-        options.usage(f"--frames must be at least 2; got {options.frames}")
-    if options.path is not None:
-        _corners(options)
+def _make_grafts(
+    library: "Library",
+    base: "Motion | str | None",
+    constraints: "Sequence[Constraint]",
+    options: argparse.Namespace,
+) -> "Sequence[Graft]":
+    """Return the grafts; larger clusters are used if the donors allow fewer than requested."""
+    from mograft.synthesis.graft import graft_many, repair
+
+    swap = None if options.swap is None else options.swap.split(",")
+    scenario = read_scenario(library, options)
+    if options.repair:
+        return [repair(library, base, constraints=constraints, swap=swap)]
+    keywords: dict[str, Any] = {"constraints": constraints, "swap": swap, "seed": options.seed}
+    keywords["scenario"] = scenario
+    grafts = graft_many(library, base, options.count, **keywords)
+    while len(grafts) < options.count and options.sigma_scale is None:
+        scale = library.config.sigma_scale * 4 / 3
+        if scale > _MAX_SIGMA_SCALE or library.config.sigma not in ("rms", "literal"):
+            break
+        print_remark(
+            f"only {len(grafts)} different motions with sigma_scale "
+            f"{library.config.sigma_scale:.3g}; trying {scale:.3g}, "
+            "which allows less similar donors"
+        )
+        library = library.relabelled(replace(library.config, sigma_scale=scale))
+        grafts = graft_many(library, base, options.count, **keywords)
+    return grafts
 
 
-_WALKS = ("duration", "frames", "path", "beats", "among")
+def _print_violations(grafts: "Sequence[Graft]") -> bool:
+    """Print the violations of the constraints; return whether there are any."""
+    violating = [graft for graft in grafts if graft.violations]
+    for graft in violating:
+        for violation in graft.violations:
+            print_remark(f"{graft.motion.name}: {violation.message}")
+    if violating:
+        print_remark(
+            f"error: no donor sequence satisfies the constraints in {len(violating)} of "
+            f"{len(grafts)} motions; --best-effort writes them all the same"
+        )
+    return bool(violating)
 
 
-def _corners(options: argparse.Namespace) -> list[list[float]]:
-    try:
-        corners = [[float(word) for word in own.split(",")] for own in options.path.split(":")]
-    except ValueError:
-        corners = []
-    if len(corners) < 2 or any(len(own) != 2 for own in corners):
-        options.usage(f"--path must be two corners or more, as 0,0:300,0; got {options.path}")
-    return corners
+def _write_grafts(
+    grafts: "Sequence[Graft]", outputs: _Outputs, options: argparse.Namespace
+) -> list[dict[str, Any]]:
+    """Write grafts, and their report if requested; return what ``--json`` prints of each."""
+    outputs.motions[0].parent.mkdir(parents=True, exist_ok=True)
+    documents = []
+    for path, graft in zip(outputs.motions, grafts, strict=False):
+        write_graft(graft, path)
+        documents.append({"file": str(path), **graft.as_dict()})
+        print_remark(graft.report())
+        if not options.json:
+            print(path)
+    if len(documents) < options.count:
+        print_remark(
+            f"warning: the donors allow only {len(documents)} different motions, "
+            f"not {options.count}; more clips or a larger --sigma-scale allow more"
+        )
+    if options.report:
+        reported = [grafts[index] for index in range(min(len(grafts), _MAX_REPORTED))]
+        write_report(reported, outputs.motions[: len(reported)], outputs.page, show=False)
+        if not options.json:
+            print(outputs.page)
+    return documents
 
 
-def _scenario(
-    library: "Library", options: argparse.Namespace
-) -> "Sequence[int] | IntArray | Scenario | None":
-    if options.scenario == "original":
-        return None
-    if options.scenario != "graph":
-        return [int(word) for word in options.scenario.split(",")]
-    import numpy as np
+_CONFIG_OPTIONS = (
+    switch("--mirror", help="use the mirror images of all clips as additional donors"),
+    option(
+        "--sigma-scale",
+        type=positive_number,
+        metavar="X",
+        help="cluster diameter threshold, as a multiple of sigma; larger gives more variety, "
+        "smaller more similarity (default: that of the configuration, 0.75 unless --preset or "
+        "the library sets another, increased in steps of one third until COUNT different motions "
+        "exist)",
+    ),
+    config_option("choice", "selection of donors", "sample, with --preset paper random"),
+    option(
+        "--temperature",
+        type=positive_number,
+        metavar="X",
+        help="cost difference that makes a draw of --choice sample less likely by the factor e "
+        "(default: 1)",
+    ),
+)
+_BLEND_OPTIONS = (
+    config_option("seam", "seam treatment", "offset, with --preset paper paper"),
+    config_option("alignment", "time alignment of donors", "uniform"),
+    config_option("torso", "orientation that an exchanged trunk keeps", "pelvis"),
+    config_option("feet", "foot planting", "auto, with --preset paper never"),
+)
 
-    from mograft.scenario import fill, follow, to_beats, transitions, walk
-
-    seed, duration = options.seed, options.duration or 60.0
-    graph = transitions(library, options.among and options.among.split(","))
-    if options.frames is not None:
-        return fill(library, options.frames, seed, graph=graph)
-    if options.path is not None:
-        return follow(library, _corners(options), graph=graph)
-    if options.beats is not None:
-        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
-        return to_beats(library, beats, seed, graph=graph)
-    return walk(library, duration, seed, graph=graph)
-
-
-def chosen_groups(options: argparse.Namespace) -> "JointGroups | str":
-    """Return the groups that ``--groups`` means."""
-    name: str = options.groups
-    if name in PRESETS:
-        return name
-    if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
-        options.usage(f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}")
-    from mograft.groups import JointGroups
-
-    return JointGroups.from_toml(Path(name))
-
-
-def chosen_config(options: argparse.Namespace) -> "Config":
-    """Return the configuration that ``--preset`` and the options of single fields mean."""
-    from mograft.config import Config
-
-    return _changed(Config.paper() if options.preset == "paper" else Config(), options)
-
-
-def _changed(config: "Config", options: argparse.Namespace) -> "Config":
-    """Return the configuration with those fields changed for which there are options."""
-    names = ("sigma_scale", "choice", "temperature", "seam", "alignment", "torso", "feet")
-    given = {name: getattr(options, name, None) for name in names}
-    return replace(config, **{name: value for name, value in given.items() if value is not None})
+COMMAND = Command(
+    name="graft",
+    help="create motions on the base group of a captured one",
+    description="Create motions that keep the base group of a captured motion, by default legs "
+    "and root, and exchange the other joint groups for those of similar segments.",
+    run=run,
+    arguments=(
+        LIBRARY_OR_FILES,
+        option(
+            "--base",
+            is_setting=False,
+            is_path=True,
+            metavar="CLIP|FILE",
+            help="motion that provides the base group (default: the first clip)",
+        ),
+        GROUPS,
+        option(
+            "--swap",
+            metavar="GROUP,...",
+            help="groups to exchange (default: all except the base group)",
+        ),
+        option(
+            "-n",
+            "--count",
+            is_setting=False,
+            type=positive_integer,
+            default=1,
+            help="number of motions (default: 1)",
+        ),
+        option(
+            "-o",
+            "--output",
+            is_setting=False,
+            is_path=True,
+            type=Path,
+            required=True,
+            help="folder for the motions, or for one motion a .bvh file",
+        ),
+        PRESET,
+        *_CONFIG_OPTIONS,
+        *SCENARIO_OPTIONS,
+        *_BLEND_OPTIONS,
+        switch("--report", help="also write an HTML page that describes the motions"),
+        switch("--json", is_setting=False, help="print the provenance as one JSON document"),
+        SEED,
+        FORCE,
+        constraint_options(
+            switch(
+                "--repair",
+                is_setting=False,
+                help="exchange only the segments that violate the constraints",
+            ),
+            switch(
+                "--best-effort",
+                help="write the motions with the smallest violation and return exit code 0 even "
+                "if no donor sequence satisfies the constraints",
+            ),
+        ),
+    ),
+)

@@ -1,33 +1,25 @@
-"""``mograft groups``: joint groups of a file, to edit and pass back."""
+"""``mograft groups``: the joint groups of a file as TOML, to edit and to pass to ``--groups``."""
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from mograft.cli._common import PRESETS, check_free, print_json, write_text
-
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    groups = commands.add_parser("groups", help="joint groups of a file, to edit and pass back")
-    groups.add_argument("file", metavar="FILE")
-    groups.add_argument("--preset", choices=PRESETS, default="lower_upper")
-    groups.add_argument("-o", "--output", type=Path, help="TOML file to write; default: stdout")
-    groups.add_argument("--force", action="store_true", help="overwrite what is there")
-    groups.add_argument("--json", action="store_true", help="as one JSON document")
-    groups.set_defaults(run=run)
+from mograft._util.atomic import write_text
+from mograft.cli.arguments import Command, option, positional
+from mograft.cli.files import check_writable
+from mograft.cli.options import FORCE, JSON, PRESETS
+from mograft.cli.output import print_json
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.bvh import read_bvh
-    from mograft.groups import JointGroups
+    from mograft.body.groups import JointGroups
+    from mograft.io.bvh import read_bvh
 
     skeleton = read_bvh(options.file).skeleton
     groups = JointGroups.preset(options.preset, skeleton)
     target: Path | None = options.output
     if target is not None:
-        check_free([target], force=options.force)
+        check_writable([target], force=options.force)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_text(target, groups.to_toml())
     if options.json:
@@ -44,3 +36,29 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(target)
     return 0
+
+
+COMMAND = Command(
+    name="groups",
+    help="print the joint groups of a file as TOML, to edit and to pass to --groups",
+    run=run,
+    arguments=(
+        positional("file", is_path=True, metavar="FILE", help="BVH file"),
+        option(
+            "--preset",
+            choices=PRESETS,
+            default="lower_upper",
+            help="preset of joint groups (default: lower_upper)",
+        ),
+        option(
+            "-o",
+            "--output",
+            is_setting=False,
+            is_path=True,
+            type=Path,
+            help="TOML file to write (default: stdout)",
+        ),
+        FORCE,
+        JSON,
+    ),
+)

@@ -2,122 +2,56 @@
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mograft.cli._common import (
-    above_zero,
-    at_least_one,
-    given,
-    left_out,
+from mograft.cli.arguments import Command, option, positional, repeated_option, switch
+from mograft.cli.configuration import options_given, selected_config, selected_groups
+from mograft.cli.lib import describe_library
+from mograft.cli.options import GROUPS, JSON, PRESET, SIGMA_SCALE
+from mograft.cli.output import (
+    describe_excluded_file,
     print_json,
-    progress,
-    say,
+    print_remark,
+    show_progress,
 )
-from mograft.cli.graft import chosen_config, chosen_groups
-from mograft.errors import listed
+from mograft.cli.values import positive_integer, positive_number
+from mograft.errors import join_names
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    index = commands.add_parser("index", help="make a library of many files, or add to one")
-    index.add_argument("files", nargs="+", metavar="FILE|DIR", help="BVH files and folders of them")
-    index.add_argument("-o", "--output", type=Path, required=True, metavar="LIB")
-    index.add_argument(
-        "--add", action="store_true", help="add to a library; only new and changed files are read"
-    )
-    index.add_argument(
-        "-j", "--jobs", type=at_least_one, default=1, metavar="N", help="processes (default 1)"
-    )
-    index.add_argument("--groups", metavar="NAME|FILE", help="default: lower_upper")
-    index.add_argument("--preset", choices=("default", "paper"))
-    index.add_argument("--sigma-scale", type=above_zero, metavar="X", help="see mograft graft")
-    index.add_argument(
-        "--rate",
-        type=above_zero,
-        metavar="FPS",
-        help="of the library; default: that of most frames",
-    )
-    index.add_argument(
-        "--true-rate",
-        action="append",
-        default=[],
-        metavar="CLIP=FPS",
-        help="a clip, or a glob of them, whose file gives a wrong rate; may be repeated",
-    )
-    index.add_argument(
-        "--tags", type=Path, metavar="CSV", help="rows of a clip and its tags; folders are tags too"
-    )
-    index.add_argument(
-        "--strict", action="store_true", help="refuse files that do not fit instead of leaving out"
-    )
-    index.add_argument("--force", action="store_true", help="replace the library that is there")
-    index.add_argument("--json", action="store_true", help="what came of it as a JSON document")
-    index.set_defaults(run=run, usage=index.error)
+    from mograft.library.library import Library
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    # Matrices are small here: the threads of NumPy's BLAS, in this process and in its workers,
-    # mostly wait for one another, for seconds where another program holds a processor. They are
-    # settled when NumPy is loaded.
+    # NumPy reads these when it is loaded. The matrices are small: BLAS threads in this process
+    # and in its workers would mostly wait for each other.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from mograft.library import Library
-    from mograft.sources import find, matching, read_table
+    from mograft.library.discover import read_tags
 
-    fixed = given(options, "groups", "preset", "sigma_scale", "rate", "force")
-    if options.add and fixed:
-        options.usage(f"--{fixed[0].replace('_', '-')} is settled when a library is made: no --add")
+    if options.add:
+        fixed = options_given(options, "groups", "preset", "sigma_scale", "rate", "force")
+        if fixed:
+            flag = f"--{fixed[0].replace('_', '-')}"
+            options.usage_error(
+                f"{flag} is fixed when a library is created; it cannot be combined with --add"
+            )
     rates = _true_rates(options)
-    tags = None if options.tags is None else read_table(options.tags)
-    if rates or tags:
-        table = {key: key for key in (*rates, *(tags or ()))}
-        used = {key for own in find(options.files) for key in matching(table, own)}
-        unused = [key for key in table if key not in used]
-        if unused:
-            say(f"warning: --true-rate or --tags name no clip of these files: {listed(unused)}")
-    with progress() as tell, _pool(options.jobs) as executor:
-        if options.add:
-            before = set(Library.open(options.output).refused)
-            library = Library.open(options.output).add(
-                options.files,
-                frame_rates=rates,
-                tags=tags,
-                strict=options.strict,
-                executor=executor,
-                progress=tell,
-            )
-        else:
-            before = set()
-            options.groups = options.groups or "lower_upper"
-            library = Library.index(
-                options.files,
-                options.output,
-                chosen_groups(options),
-                chosen_config(options),
-                rate=options.rate,
-                frame_rates=rates,
-                tags=tags,
-                strict=options.strict,
-                force=options.force,
-                executor=executor,
-                progress=tell,
-            )
-    refused = {path: why for path, why in library.refused.items() if path not in before}
-    for path, why in refused.items():
-        say(left_out(path, why))
+    tags = None if options.tags is None else read_tags(options.tags)
+    _warn_of_unused(options.files, rates, tags or {})
+    library, refused = _index(options, rates, tags)
+    for path, reason in refused.items():
+        print_remark(describe_excluded_file(path, reason))
     if options.json:
-        from mograft.cli.lib import described
-
-        print_json({"schema": "mograft.index/1", **described(library), "left_out": refused})
+        document = {"schema": "mograft.index/1", **describe_library(library), "left_out": refused}
+        print_json(document)
     else:
-        say(f"{library}")
+        print_remark(f"{library}")
         print(options.output)
     return 0
 
@@ -131,22 +65,143 @@ def _true_rates(options: argparse.Namespace) -> dict[str, float]:
         except ValueError:
             clip = ""
         if not clip or not 0 < rates[clip] < float("inf"):
-            options.usage(f"--true-rate must be CLIP=FPS, got {text}")
+            options.usage_error(f"--true-rate must be CLIP=FPS, got {text}")
     return rates
 
 
+def _warn_of_unused(
+    files: Sequence[str], rates: Mapping[str, float], tags: Mapping[str, object]
+) -> None:
+    """Print the patterns of ``--true-rate`` and ``--tags`` that match no clip."""
+    from mograft.library.discover import find_clips, matching_values
+
+    if not rates and not tags:
+        return
+    table = {key: key for key in (*rates, *tags)}
+    used = {key for source in find_clips(files) for key in matching_values(table, source)}
+    unused = [key for key in table if key not in used]
+    if unused:
+        print_remark(
+            f"warning: --true-rate or --tags match no clip of these files: {join_names(unused)}"
+        )
+
+
+def _index(
+    options: argparse.Namespace,
+    rates: Mapping[str, float],
+    tags: "Mapping[str, Sequence[str]] | None",
+) -> "tuple[Library, dict[str, str]]":
+    """Create the library or add to it; return it and the files that were refused this time."""
+    from mograft.library.library import Library
+
+    with show_progress() as progress, _workers(options.jobs) as executor:
+        if options.add:
+            before = set(Library.open(options.output).refused)
+            library = Library.open(options.output).add(
+                options.files,
+                frame_rates=rates,
+                tags=tags,
+                strict=options.strict,
+                executor=executor,
+                progress=progress,
+            )
+        else:
+            before = set()
+            library = Library.index(
+                options.files,
+                options.output,
+                selected_groups(options),
+                selected_config(options),
+                rate=options.rate,
+                frame_rates=rates,
+                tags=tags,
+                strict=options.strict,
+                force=options.force,
+                executor=executor,
+                progress=progress,
+            )
+    return library, {path: why for path, why in library.refused.items() if path not in before}
+
+
 @contextmanager
-def _pool(jobs: int) -> "Iterator[Executor | None]":
+def _workers(jobs: int) -> "Iterator[Executor | None]":
+    """Yield a pool of processes; None for one job."""
     if jobs == 1:
         yield None
         return
     # Spawned, not forked, as threads and open files do not survive a fork.
     import multiprocessing
 
-    from mograft.cli._pool import Pool
+    from mograft.cli.pool import Pool
 
     pool = Pool(jobs, mp_context=multiprocessing.get_context("spawn"))
     try:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+COMMAND = Command(
+    name="index",
+    help="create a library of many files, or add files to one",
+    run=run,
+    arguments=(
+        positional(
+            "files",
+            is_path=True,
+            nargs="+",
+            metavar="FILE|DIR",
+            help="BVH files, or folders of them",
+        ),
+        option(
+            "-o",
+            "--output",
+            is_setting=False,
+            is_path=True,
+            type=Path,
+            required=True,
+            metavar="LIB",
+            help="folder of the library",
+        ),
+        switch(
+            "--add",
+            is_setting=False,
+            help="add to an existing library; only new and changed files are read",
+        ),
+        option(
+            "-j",
+            "--jobs",
+            type=positive_integer,
+            default=1,
+            metavar="N",
+            help="number of processes (default: 1)",
+        ),
+        GROUPS,
+        PRESET,
+        SIGMA_SCALE,
+        option(
+            "--rate",
+            type=positive_number,
+            metavar="FPS",
+            help="frame rate of the library in frames per second (default: the rate of most "
+            "frames)",
+        ),
+        repeated_option(
+            "--true-rate",
+            metavar="CLIP=FPS",
+            help="frame rate of clips whose files state a wrong one; CLIP may be a glob; may be "
+            "repeated",
+        ),
+        option(
+            "--tags",
+            is_setting=False,
+            is_path=True,
+            type=Path,
+            metavar="CSV",
+            help="table of clips and their tags; names of folders are tags as well",
+        ),
+        switch("--strict", help="fail, instead of excluding the file, if a file cannot be used"),
+        switch("--force", is_setting=False, help="replace an existing library"),
+        JSON,
+    ),
+)

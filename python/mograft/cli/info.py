@@ -4,45 +4,40 @@ import argparse
 import os
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import expanded, print_json
+from mograft.cli.arguments import Command
+from mograft.cli.files import expand_folders
+from mograft.cli.options import BVH_FILES, JSON
+from mograft.cli.output import print_json
 
 if TYPE_CHECKING:
-    from mograft.bvh import BvhSummary
-    from mograft.motion import Motion
+    from mograft.io.bvh import BvhSummary
+    from mograft.motion.motion import Motion
 
-_LARGE = 1 << 28
-"""Files of more bytes are not held in memory to be described."""
-
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    info = commands.add_parser("info", help="joints, rate, length, groups and faults of files")
-    info.add_argument("files", nargs="+", metavar="FILE")
-    info.add_argument("--json", action="store_true", help="as one JSON document")
-    info.set_defaults(run=run)
+MAX_BYTES_IN_MEMORY = 1 << 28
+"""Larger files are scanned without a check for faults."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     documents = []
-    for name in expanded(options.files):
-        document = _describe(name)
+    for name in expand_folders(options.files):
+        document = _read(name)
         documents.append(document)
         if not options.json:
-            print(_description(document))
+            print(_describe(document))
     if options.json:
         print_json({"schema": "mograft.info/1", "files": documents})
     return 0
 
 
-def _describe(name: str) -> dict[str, Any]:
-    from mograft.bvh import read_bvh, scan_bvh
-    from mograft.faults import find_faults
-    from mograft.groups import JointGroups
+def _read(name: str) -> dict[str, Any]:
+    from mograft.body.faults import find_faults
+    from mograft.body.groups import JointGroups
+    from mograft.io.bvh import read_bvh, scan_bvh
 
     faults: list[str] | None = None
     summary: BvhSummary | Motion
-    if os.path.getsize(name) > _LARGE:
+    if os.path.getsize(name) > MAX_BYTES_IN_MEMORY:
         summary = scan_bvh(name)
     else:
         summary = motion = read_bvh(name)
@@ -50,7 +45,7 @@ def _describe(name: str) -> dict[str, Any]:
     skeleton = summary.skeleton
     try:
         members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
-        groups = {g: [skeleton.names[j] for j in own] for g, own in members.items()}
+        groups = {g: [skeleton.names[j] for j in joints] for g, joints in members.items()}
     except ValueError:
         groups = {}
     return {
@@ -67,7 +62,7 @@ def _describe(name: str) -> dict[str, Any]:
     }
 
 
-def _description(document: dict[str, Any]) -> str:
+def _describe(document: dict[str, Any]) -> str:
     lines = [
         f"{document['file']}",
         f"  {document['joints']} joints, {document['channels']} channels (DoF)",
@@ -76,10 +71,18 @@ def _description(document: dict[str, Any]) -> str:
     groups = document["groups"]
     lines += [f"  {group}: {' '.join(names)}" for group, names in groups.items()]
     if not groups:
-        lines.append("  no groups recognised: see mograft groups and --groups FILE")
+        lines.append("  no groups recognized: see mograft groups and --groups FILE")
     lines += [f"  repaired: {repair}" for repair in document["repairs"]]
     faults = document["faults"]
     if faults is None:
-        faults = ["a large file, read through but not looked at for faults: see mograft check"]
+        faults = ["faults were not checked as the file is large: see mograft check"]
     lines += [f"  warning: {fault}" for fault in faults]
     return "\n".join(lines)
+
+
+COMMAND = Command(
+    name="info",
+    help="print joints, frame rate, duration, joint groups and faults of files",
+    run=run,
+    arguments=(BVH_FILES, JSON),
+)

@@ -1,62 +1,38 @@
-"""``mograft lib``: what a library holds, whether it is whole, and its tables for others."""
+"""``mograft lib``: the contents, the integrity and the tables of a library."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft.cli._common import check_free, left_out, print_json, say
+from mograft.cli.arguments import Argument, Command, ExclusiveArguments, option, positional, switch
+from mograft.cli.files import check_writable
+from mograft.cli.options import FORCE, JSON
+from mograft.cli.output import describe_excluded_file, print_json, print_remark
 
 if TYPE_CHECKING:
-    from mograft.library import Library
-
-
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    lib = commands.add_parser("lib", help="look into a library, verify it, export its tables")
-    actions = lib.add_subparsers(title="actions", required=True, metavar="ACTION")
-    info = actions.add_parser("info", help="what it holds and by what it was made")
-    info.add_argument("library", type=Path, metavar="LIB")
-    info.add_argument("--clips", action="store_true", help="list the clips, too")
-    info.add_argument("--json", action="store_true", help="as one JSON document")
-    info.set_defaults(run=run_info)
-    verify = actions.add_parser("verify", help="compare every byte with what was written")
-    verify.add_argument("library", type=Path, metavar="LIB")
-    verify.add_argument(
-        "--sources", action="store_true", help="compare the files it was made of, too"
-    )
-    verify.add_argument("--json", action="store_true", help="as one JSON document")
-    verify.set_defaults(run=run_verify)
-    export = actions.add_parser("export", help="its tables, for DuckDB, Spark or pandas")
-    export.add_argument("library", type=Path, metavar="LIB")
-    kind = export.add_mutually_exclusive_group(required=True)
-    for name in ("parquet", "csv", "npz"):
-        kind.add_argument(f"--{name}", dest="kind", action="store_const", const=name)
-    export.add_argument("-o", "--output", type=Path, required=True, help="folder; npz: a file")
-    export.add_argument("--force", action="store_true", help="overwrite what is there")
-    export.add_argument("--json", action="store_true", help="tell as JSON what was written")
-    export.set_defaults(run=run_export)
+    from mograft.library.library import Library
 
 
 def run_info(options: argparse.Namespace) -> int:
     """Run ``lib info``."""
-    from mograft.library import Library
+    from mograft.library.library import Library
 
     library = Library.open(options.library)
-    document = described(library)
+    document = describe_library(library)
     if options.clips or options.json:
-        document["files"] = [_clip(library, index) for index in range(len(library.entries))]
+        document["files"] = [_describe_clip(library, i) for i in range(len(library.entries))]
     if options.json:
         print_json({"schema": "mograft.lib/1", **document})
         return 0
     print(f"{options.library}")
     print(f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps")
     print(f"  {document['segments']} segments")
-    for group, own in document["groups"].items():
-        print(f"  {group}: {own['clusters']} clusters of diameter {own['sigma']:.4g} at most")
+    for name, group in document["groups"].items():
+        print(f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most")
     if document["tags"]:
         print(f"  tags: {' '.join(document['tags'])}")
-    for path, why in document["left_out"].items():
-        print(f"  {left_out(path, why)}")
+    for path, reason in document["left_out"].items():
+        print(f"  {describe_excluded_file(path, reason)}")
     for clip in document.get("files", []):
         faults = f"; {'; '.join(clip['faults'])}" if clip["faults"] else ""
         tags = f" [{' '.join(clip['tags'])}]" if clip["tags"] else ""
@@ -64,8 +40,8 @@ def run_info(options: argparse.Namespace) -> int:
     return 0
 
 
-def described(library: "Library") -> dict[str, Any]:
-    """Return what a library holds, as JSON can hold it."""
+def describe_library(library: "Library") -> dict[str, Any]:
+    """Return the contents of a library as JSON can represent them."""
     return {
         "library": str(library.folder),
         "clips": len(library.entries),
@@ -87,14 +63,14 @@ def described(library: "Library") -> dict[str, Any]:
     }
 
 
-def _clip(library: "Library", index: int) -> dict[str, Any]:
+def _describe_clip(library: "Library", index: int) -> dict[str, Any]:
     entry = library.entries[index]
     return {
         "name": entry.name,
-        "file": None if entry.origin is None else entry.origin.path,
-        "sha256": None if entry.origin is None else entry.origin.sha256,
+        "file": None if entry.source_file is None else entry.source_file.path,
+        "sha256": None if entry.source_file is None else entry.source_file.sha256,
         "frames": entry.n_frames,
-        "own_rate": entry.rate,
+        "own_rate": entry.source_rate,
         "tags": list(entry.tags),
         "faults": list(entry.faults),
     }
@@ -102,42 +78,107 @@ def _clip(library: "Library", index: int) -> dict[str, Any]:
 
 def run_verify(options: argparse.Namespace) -> int:
     """Run ``lib verify``."""
-    from mograft import store
-    from mograft.digest import origin_of
-    from mograft.library import Library
+    from mograft.library import storage
 
-    wrong = store.verify(options.library)
-    if options.sources and not wrong:
-        for entry in Library.open(options.library).entries:
-            origin = entry.origin
-            if origin is None:
-                continue
-            try:
-                if origin_of(origin.path).sha256 != origin.sha256:
-                    wrong.append(f"{origin.path} has changed since it was read")
-            except OSError as error:
-                wrong.append(f"{origin.path}: {error.strerror}")
-    for name in store.leftovers(options.library):
-        say(f"{name} is left of an interrupted write; the next one removes it")
+    differences = storage.verify(options.library)
+    if options.sources and not differences:
+        differences = _verify_sources(options.library)
+    for name in storage.list_leftovers(options.library):
+        print_remark(f"{name} remains from an interrupted write; the next write removes it")
     if options.json:
         library = str(options.library)
-        print_json({"schema": "mograft.verify/1", "library": library, "wrong": wrong})
+        print_json({"schema": "mograft.verify/1", "library": library, "wrong": differences})
     else:
-        print("\n".join(wrong) if wrong else f"{options.library}: as it was written")
-    return 3 if wrong else 0
+        print("\n".join(differences) if differences else f"{options.library}: unchanged")
+    return 3 if differences else 0
+
+
+def _verify_sources(folder: Path) -> list[str]:
+    """Return which source files of a library are missing or differ from the ones it read."""
+    from mograft.library.ingest import SourceFile
+    from mograft.library.library import Library
+
+    differences = []
+    for entry in Library.open(folder).entries:
+        source = entry.source_file
+        if source is None:
+            continue
+        try:
+            if SourceFile.from_path(source.path).sha256 != source.sha256:
+                differences.append(f"{source.path} has changed since the library read it")
+        except OSError as error:
+            differences.append(f"{source.path}: {error.strerror}")
+    return differences
 
 
 def run_export(options: argparse.Namespace) -> int:
     """Run ``lib export``."""
-    from mograft.library import Library
-    from mograft.tables import export
+    from mograft.library.export import export_tables
+    from mograft.library.library import Library
 
     library = Library.open(options.library)
-    check_free([options.output], force=options.force)
+    check_writable([options.output], force=options.force)
     options.output.parent.mkdir(parents=True, exist_ok=True)
-    paths = [str(path) for path in export(library, options.output, options.kind)]
+    paths = [str(path) for path in export_tables(library, options.output, options.kind)]
     if options.json:
         print_json({"schema": "mograft.tables/1", "kind": options.kind, "files": paths})
     else:
         print("\n".join(paths))
     return 0
+
+
+def _table_format(name: str, help: str) -> Argument:  # noqa: A002 - as add_argument
+    keywords = {"dest": "kind", "action": "store_const", "const": name, "help": help}
+    return Argument(flags=(f"--{name}",), keywords=keywords)
+
+
+_LIBRARY = positional("library", is_path=True, type=Path, metavar="LIB", help="folder of a library")
+
+COMMAND = Command(
+    name="lib",
+    help="describe, verify or export a library",
+    actions=(
+        Command(
+            name="info",
+            help="print the contents and the configuration",
+            run=run_info,
+            arguments=(_LIBRARY, switch("--clips", help="also list the clips"), JSON),
+        ),
+        Command(
+            name="verify",
+            help="compare each file of the library with its checksum",
+            run=run_verify,
+            arguments=(
+                _LIBRARY,
+                switch("--sources", help="also compare the source files with their checksums"),
+                JSON,
+            ),
+        ),
+        Command(
+            name="export",
+            help="write the tables for DuckDB, Spark or pandas",
+            run=run_export,
+            arguments=(
+                _LIBRARY,
+                ExclusiveArguments(
+                    (
+                        _table_format("parquet", "Parquet files, with the extra parquet"),
+                        _table_format("csv", "CSV files"),
+                        _table_format("npz", "one NumPy archive"),
+                    )
+                ),
+                option(
+                    "-o",
+                    "--output",
+                    is_setting=False,
+                    is_path=True,
+                    type=Path,
+                    required=True,
+                    help="folder for the tables; with --npz a file",
+                ),
+                FORCE,
+                JSON,
+            ),
+        ),
+    ),
+)

@@ -1,77 +1,49 @@
-"""``mograft plot``: pictures of motions and of what was found in them."""
+"""``mograft plot``: pictures of motions and of their clusters."""
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mograft._files import replacing
-from mograft.cli._common import (
-    at_least_one,
-    check_free,
-    chosen_clips,
-    expanded,
-    frames,
-    given,
-    library_folder,
-    only_frames,
-    print_json,
+from mograft._util.atomic import atomic_path
+from mograft.cli.arguments import Command, option, positional, repeated_option, switch
+from mograft.cli.configuration import (
+    load_library,
+    options_given,
+    refuse_fixed_options,
+    selected_groups,
 )
-from mograft.cli.graft import chosen_groups
+from mograft.cli.files import (
+    check_writable,
+    expand_folders,
+    library_folder,
+    select_clips,
+    select_frames,
+)
+from mograft.cli.options import FILES_OR_LIBRARY, FORCE, JSON
+from mograft.cli.output import print_json
+from mograft.cli.values import frame_range, positive_integer
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from mograft.body.groups import JointGroups
+    from mograft.motion.motion import Motion
+
 KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters")
-ENDINGS = (".png", ".svg", ".pdf")
-_USES = {
+_ENDINGS = (".png", ".svg", ".pdf")
+_KINDS_OF_OPTION = {
     "frames": ("strip", "timeline", "energy"),
     "groups": ("strip", "timeline", "pca", "dendrogram", "clusters"),
     "group": ("pca", "dendrogram", "clusters"),
 }
 
 
-def add(commands: Any) -> None:  # noqa: ANN401 - argparse keeps the type to itself
-    """Add the command to the parser."""
-    plot = commands.add_parser("plot", help="pictures of motions and of their clusters")
-    plot.add_argument("kind", choices=KINDS)
-    plot.add_argument("files", nargs="+", metavar="FILE", help="BVH files, or a library")
-    plot.add_argument(
-        "--clip",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="clip of a library, as walk*, for a strip, energy curve or timeline; may be repeated",
-    )
-    plot.add_argument(
-        "-o", "--output", type=Path, required=True, help="a .png, .svg or .pdf to write"
-    )
-    plot.add_argument(
-        "--groups",
-        metavar="NAME|FILE",
-        help="joint groups; default: lower_upper, of a strip trunk, arms and legs",
-    )
-    plot.add_argument(
-        "--group",
-        metavar="NAME",
-        help="of points, a tree or sizes: the group to show; default: the base group",
-    )
-    plot.add_argument("--poses", type=at_least_one, default=12, help="of a strip (default 12)")
-    plot.add_argument(
-        "--frames", type=frames, metavar="FIRST-LAST", help="of a timeline, strip or energy curve"
-    )
-    plot.add_argument("--dark", action="store_true", help="light on dark")
-    plot.add_argument("--dpi", type=at_least_one, default=150, help="of a .png (default 150)")
-    plot.add_argument("--json", action="store_true", help="tell as JSON what was written")
-    plot.add_argument("--force", action="store_true", help="overwrite what is there")
-    plot.set_defaults(run=run, usage=plot.error)
-
-
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     target: Path = options.output
-    if target.suffix.lower() not in ENDINGS:
-        options.usage(f"-o must end in {', '.join(ENDINGS)}, got {target.name}")
-    check_free([target], force=options.force)
+    if target.suffix.lower() not in _ENDINGS:
+        options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+    check_writable([target], force=options.force)
     try:
         import matplotlib as mpl
     except ImportError as error:
@@ -81,13 +53,13 @@ def run(options: argparse.Namespace) -> int:
     from matplotlib import pyplot
 
     with mpl.rc_context(), pyplot.style.context("dark_background" if options.dark else "default"):
-        # The same input gives the same bytes: no date, and names of parts that do not change.
+        # Without a date and with constant element names, equal input gives equal bytes.
         mpl.rcParams["svg.hashsalt"] = "mograft"
         figure = _draw(options).get_figure(root=True)
-        assert figure is not None  # The axes were made with theirs.
+        assert figure is not None  # The axes were created with a figure.
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with replacing(target) as draft:
+            with atomic_path(target) as draft:
                 figure.savefig(draft, dpi=options.dpi, metadata=metadata)
         finally:
             pyplot.close("all")
@@ -100,41 +72,118 @@ def run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace) -> "Axes":
     from mograft import plot
-    from mograft.bvh import read_bvh
-    from mograft.library import Library
-    from mograft.viewing.scene import Scene
 
     folder = library_folder(options)
-    if folder is not None and given(options, "groups"):
-        options.usage("--groups is settled when a library is made")
-    if options.clip and (folder is None or options.kind in ("pca", "dendrogram", "clusters")):
-        options.usage("--clip chooses clips of a library for a strip, energy curve or timeline")
-    files = expanded(options.files) if folder is None else []
-    for name in given(options, *_USES):
-        if options.kind not in _USES[name]:
-            options.usage(f"--{name} is for {', '.join(_USES[name])}; got {options.kind}")
-    groups = None if options.groups is None else chosen_groups(options)
+    _check_usage(options, folder)
     if options.kind in ("strip", "energy"):
-        if folder is not None:
-            library = Library.open(folder)
-            motions = [library.clips[index] for index in chosen_clips(library, options.clip)]
-            groups = library.groups
-        else:
-            motions = [read_bvh(file) for file in files]
-        if len(motions) != 1:
-            raise ValueError(f"{options.kind} shows one motion, got {len(motions)}")
-        motion = only_frames(motions[0], options.frames)
+        motion, groups = _single_motion(options, folder)
         if options.kind == "energy":
             return plot.energy(motion)
         return plot.strip(motion, options.poses, groups=groups)
-    library = (
-        Library.build(files, groups or "lower_upper") if folder is None else Library.open(folder)
-    )
-    if folder is not None and options.kind == "timeline":
-        clips = Scene.of_clips(library, chosen_clips(library, options.clip))
-        return plot.timeline(clips, frames=options.frames)
+    library = load_library(options)
     if options.kind == "timeline":
-        return plot.timeline(library, frames=options.frames)
-    return {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}[
-        options.kind
-    ](library, options.group)
+        from mograft.viewing.scene import Scene
+
+        if folder is None:
+            return plot.timeline(library, frames=options.frames)
+        clips = Scene.of_clips(library, select_clips(library, options.clip))
+        return plot.timeline(clips, frames=options.frames)
+    draw = {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}
+    return draw[options.kind](library, options.group)
+
+
+def _check_usage(options: argparse.Namespace, folder: Path | None) -> None:
+    if folder is not None:
+        refuse_fixed_options(options, "groups")
+    if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
+        options.usage_error("--clip requires a library, and strip, timeline or energy")
+    for name in options_given(options, *_KINDS_OF_OPTION):
+        kinds = _KINDS_OF_OPTION[name]
+        if options.kind not in kinds:
+            options.usage_error(f"--{name} requires {', '.join(kinds)}; got {options.kind}")
+
+
+def _single_motion(
+    options: argparse.Namespace, folder: Path | None
+) -> "tuple[Motion, JointGroups | str | None]":
+    """Return the one motion that the options select, and the groups that set its colours."""
+    from mograft.io.bvh import read_bvh
+    from mograft.library.library import Library
+
+    groups: JointGroups | str | None
+    if folder is not None:
+        library = Library.open(folder)
+        motions = [library.clips[index] for index in select_clips(library, options.clip)]
+        groups = library.groups
+    else:
+        groups = None if options.groups is None else selected_groups(options)
+        motions = [read_bvh(file) for file in expand_folders(options.files)]
+    if len(motions) != 1:
+        raise ValueError(f"{options.kind} shows one motion, got {len(motions)}")
+    return select_frames(motions[0], options.frames), groups
+
+
+COMMAND = Command(
+    name="plot",
+    help="draw motions, or the clusters of their segments",
+    run=run,
+    arguments=(
+        positional(
+            "kind",
+            choices=KINDS,
+            help="poses of one motion, segments along time, kinetic energy, principal components, "
+            "linkage tree, or cluster sizes",
+        ),
+        FILES_OR_LIBRARY,
+        repeated_option(
+            "--clip",
+            metavar="NAME",
+            help="clips of a library for strip, energy or timeline, globs as walk* (default: "
+            "all); may be repeated",
+        ),
+        option(
+            "-o",
+            "--output",
+            is_setting=False,
+            is_path=True,
+            type=Path,
+            required=True,
+            help=".png, .svg or .pdf file to write",
+        ),
+        option(
+            "--groups",
+            is_path=True,
+            metavar="NAME|FILE",
+            help="joint groups: the name of a preset, or a TOML file (default: lower_upper; for "
+            "strip trunk, arms and legs)",
+        ),
+        option(
+            "--group",
+            is_setting=False,
+            metavar="NAME",
+            help="joint group of pca, dendrogram or clusters (default: the base group)",
+        ),
+        option(
+            "--poses",
+            type=positive_integer,
+            default=12,
+            help="number of poses of strip (default: 12)",
+        ),
+        option(
+            "--frames",
+            is_setting=False,
+            type=frame_range,
+            metavar="FIRST-LAST",
+            help="frames of strip, timeline or energy (default: all)",
+        ),
+        switch("--dark", help="draw in light colours on a dark background"),
+        option(
+            "--dpi",
+            type=positive_integer,
+            default=150,
+            help="resolution of a .png in dots per inch (default: 150)",
+        ),
+        JSON,
+        FORCE,
+    ),
+)

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import FloatArray, as_floats, frozen, restore
+from mograft._util.arrays import FloatArray, as_floats, make_read_only, restore
 from mograft.dancer.figure import INDEX, JOINTS, OFFSETS, skeleton
 from mograft.dancer.plan import (
     BoolArray,
@@ -31,7 +30,8 @@ from mograft.dancer.plan import (
 )
 from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
 from mograft.dancer.styles import ARM_PATTERNS, LEG_STYLES
-from mograft.motion import Motion
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
 
 __all__ = ["ARM_PATTERNS", "LEG_STYLES", "Dance", "dance"]
 
@@ -60,7 +60,7 @@ class Dance:
 
     def __post_init__(self) -> None:
         for array in (self.legs, self.arms, self.phase, self.stance):
-            frozen(array)
+            make_read_only(array)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         restore(self, state)
@@ -171,7 +171,7 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     stride = plan.stride(clock)
     frame_time = 1.0 / frames_per_second
     return Dance(
-        Motion(skeleton(), frame_time, rotations.continuous(quats), places, name="dance"),
+        Motion(skeleton(), frame_time, rotations.continuous_signs(quats), places, name="dance"),
         plan.legs[stride],
         plan.arms[stride],
         clock - stride,

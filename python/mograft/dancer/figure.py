@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mograft.skeleton import EndSite, Skeleton
+from mograft.motion.skeleton import EndSite, Skeleton
 
 Vector: TypeAlias = tuple[float, float, float]
 

@@ -6,8 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from mograft import rotations
-from mograft._arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft.dancer.figure import (
     ANKLE_BACK,
     ANKLE_HEIGHT,
@@ -21,6 +20,7 @@ from mograft.dancer.figure import (
     Y,
 )
 from mograft.dancer.styles import ARM_JITTER, ARM_PATTERNS, JITTER, LEG_STYLES, LegStyle
+from mograft.motion import rotations
 
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 StrArray: TypeAlias = npt.NDArray[np.str_]
@@ -170,8 +170,8 @@ def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:
     yaw = yaws[stride] + way * (yaws[stride + 1] - yaws[stride])
     heel_off, strike, lift = (plan.values[name][stride] for name in ("heel_off", "strike", "lift"))
     pitch = heel_off * _bump(u / (0.58 + push)) - strike * _bump((u - 0.6) / 0.4)
-    turned = rotations.about(Y, yaw)
-    rolled = rotations.about(X, np.radians(np.where(steps[stride], pitch, 0.0)))
+    turned = rotations.from_axis_angle(Y, yaw)
+    rolled = rotations.from_axis_angle(X, np.radians(np.where(steps[stride], pitch, 0.0)))
     pivot = np.zeros_like(sole)
     pivot[:, 1] = -ANKLE_HEIGHT
     pivot[:, 2] = TOE + (HEEL - TOE) * _ease((u - 0.4 - push) / 0.35)
@@ -193,7 +193,7 @@ def _plants(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatArray
     yaws = route.heading(middles)
     width = plan.faded("width", middles)
     beside = np.stack([out * width, np.zeros_like(width), np.full_like(width, -ANKLE_BACK)], -1)
-    plants = route.at(middles) + rotations.rotate(rotations.about(Y, yaws), beside)
+    plants = route.at(middles) + rotations.rotate(rotations.from_axis_angle(Y, yaws), beside)
     yaws = yaws + out * TOE_OUT
     for stride in range(plan.n_strides):
         # A foot that is nearly where it should be stays, rather than shuffle.
@@ -218,7 +218,7 @@ def make_pelvis(
 
     aside = np.zeros((len(clock), 3))
     aside[:, 0] = -plan.faded("sway", clock) * np.sin(beat)
-    places = route.at(clock) + rotations.rotate(rotations.about(Y, heading), aside)
+    places = route.at(clock) + rotations.rotate(rotations.from_axis_angle(Y, heading), aside)
     late = 2 * (beat - 2 * np.pi * plan.faded("lag", clock))
     wanted = plan.faded("height", clock) - plan.faded("bounce", clock) * np.cos(late)
     limits = []

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import FloatArray
+from mograft._util.arrays import FloatArray
 from mograft.dancer.figure import (
     ARM_REACH,
     FOREARM,
@@ -18,6 +17,7 @@ from mograft.dancer.figure import (
 )
 from mograft.dancer.plan import Foot, Plan, Route, fade, soft_minimum
 from mograft.dancer.styles import ARM_PATTERNS, ArmMove
+from mograft.motion import rotations
 
 
 def leg_pose(pelvis: FloatArray, places: FloatArray, foot: Foot, hip: FloatArray) -> FloatArray:
@@ -27,7 +27,7 @@ def leg_pose(pelvis: FloatArray, places: FloatArray, foot: Foot, hip: FloatArray
     yaw = rotations.twist(foot.quats, 1)
     knee = rotations.rotate(pelvis, Z) + rotations.rotate(yaw, Z)
     thigh, bend = _two_bones(reach, knee, (THIGH, SHANK), -Y, X)
-    shank = rotations.about(X, bend)
+    shank = rotations.from_axis_angle(X, bend)
     down = rotations.multiply(thigh, shank)
     return np.stack(
         [
@@ -73,10 +73,10 @@ def _two_bones(
     axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
     bend = np.pi - np.arccos((upper**2 + lower**2 - distance**2) / (2 * upper * lower))
     ahead = np.arccos((upper**2 + distance**2 - lower**2) / (2 * upper * distance))
-    along = rotations.between(rest, direction)
-    about = rotations.between(rotations.rotate(along, hinge), axis)
+    along = rotations.shortest_arc(rest, direction)
+    about = rotations.shortest_arc(rotations.rotate(along, hinge), axis)
     turned = rotations.multiply(about, along)
-    return rotations.multiply(turned, rotations.about(hinge, -ahead)), bend
+    return rotations.multiply(turned, rotations.from_axis_angle(hinge, -ahead)), bend
 
 
 def trunk_pose(plan: Plan, route: Route, clock: FloatArray, pelvis: FloatArray) -> FloatArray:
@@ -123,9 +123,9 @@ def arm_pose(plan: Plan, clock: FloatArray, spine: FloatArray, side: int) -> Flo
 
     quats = np.stack(
         [
-            rotations.about(Z, pose[:, 0]),
+            rotations.from_axis_angle(Z, pose[:, 0]),
             rotations.multiply(_ARM_HOME, rotations.exp(pose[:, 1:4])),
-            rotations.about(-Y, pose[:, 4]),
+            rotations.from_axis_angle(-Y, pose[:, 4]),
             rotations.exp(pose[:, 5:8]),
         ],
         axis=1,
@@ -148,7 +148,7 @@ def _move_pose(move: ArmMove, clock: FloatArray, size: FloatArray, spine: FloatA
         wrist = rotations.rotate(rotations.inverse(spine), wrist - OFFSETS[INDEX["Spine"]])
 
     shrug = np.radians(move.shrug) * (1 + 0.3 * wave)
-    shoulder = rotations.about(Z, shrug)
+    shoulder = rotations.from_axis_angle(Z, shrug)
     arm = OFFSETS[INDEX["LeftShoulder"]] + rotations.rotate(shoulder, OFFSETS[INDEX["LeftArm"]])
     reach = wrist - arm
     distance = np.linalg.norm(reach, axis=-1)
@@ -156,12 +156,12 @@ def _move_pose(move: ArmMove, clock: FloatArray, size: FloatArray, spine: FloatA
     reach = reach * (within / distance)[:, None]
     bones = (UPPER_ARM, FOREARM)
     upper, bend = _two_bones(reach, np.array(move.elbow), bones, X, -Y)
-    forearm = rotations.multiply(upper, rotations.about(-Y, bend))
+    forearm = rotations.multiply(upper, rotations.from_axis_angle(-Y, bend))
     hand = np.zeros_like(reach)
     if move.hand is not None:
         aim = np.array(move.hand) / np.linalg.norm(move.hand)
         hand = rotations.log(
-            rotations.between(X, rotations.rotate(rotations.inverse(forearm), aim))
+            rotations.shortest_arc(X, rotations.rotate(rotations.inverse(forearm), aim))
         )
     local = rotations.multiply(rotations.inverse(shoulder), upper)
     turn = rotations.log(rotations.multiply(rotations.inverse(_ARM_HOME), local))

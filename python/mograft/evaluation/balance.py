@@ -11,14 +11,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.body import body, center_of_mass
-from mograft.contacts import Ground
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.body.contacts import Ground
+from mograft.body.mass import center_of_mass, mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.motion import Motion
-from mograft.segmentation import Segments
+from mograft.motion.motion import Motion
 
 __all__ = [
     "PAPER_TABLE",
@@ -426,7 +426,7 @@ def _judged(
     apart = signed_distance(ground.polygons, ground.sizes, points[:, ground.axes]) / ground.height
     # A point or a line bears what is within a hair of it.
     apart = np.where(ground.sizes < 3, apart - _EDGE, apart)
-    known = body(motion.skeleton)
+    known = mass_model(motion.skeleton)
     distance = np.where(grounded, apart, np.nan)
     return Balance(kind, distance, grounded, known.model, known.unmatched)
 

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.contacts import contacts, legs
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.contacts import detect_contacts, find_legs
 from mograft.errors import InsufficientDataError
-from mograft.grafting import Graft, Grafts, Plan
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.planning import Donors
-from mograft.substitution import Pool, length_fits
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.search.candidates import SegmentPool, length_fits
+from mograft.synthesis.graft import Graft, GraftPlan, Grafts
+from mograft.synthesis.search_problem import DonorSequences
 
 __all__ = [
     "Analogy",
@@ -212,7 +212,7 @@ def methods(library: Library) -> tuple[Method, ...]:
         From chance to choice.
     """
     ways: list[Method] = [Random(), RandomLength()]
-    if legs(library.skeleton):
+    if find_legs(library.skeleton):
         ways.append(ContactPattern())
     if library.embedding[library.groups.base] is not None:
         ways.append(Nearest())
@@ -233,7 +233,7 @@ def contact_patterns(library: Library) -> BoolArray:
     Returns
     -------
     ndarray of bool, shape (n_segments, 10, n_legs)
-        Whether a foot stands, as `mograft.contacts.contacts` tells, at ten equal times.
+        Whether a foot stands, as `mograft.body.contacts.contacts` tells, at ten equal times.
 
     Raises
     ------
@@ -281,9 +281,9 @@ def contact_words(library: Library) -> list[str]:
 
 @lru_cache(maxsize=1)
 def _touching(library: Library) -> list[BoolArray]:
-    if not legs(library.skeleton):
+    if not find_legs(library.skeleton):
         raise InsufficientDataError("contact patterns need legs: none is known in the skeleton")
-    return [np.asarray(contacts(clip).any(axis=2), bool) for clip in library.clips]
+    return [np.asarray(detect_contacts(clip).any(axis=2), bool) for clip in library.clips]
 
 
 def grafts_by(
@@ -341,7 +341,7 @@ def donors_by(
     *,
     swap: Sequence[str] | None = None,
     seed: int = 0,
-) -> tuple[IntArray, list[Donors]]:
+) -> tuple[IntArray, list[DonorSequences]]:
     """Choose donors as `grafts_by` does, without making the motions.
 
     Parameters
@@ -367,10 +367,10 @@ def _planned(
     count: int,
     swap: Sequence[str] | None,
     seed: int,
-) -> tuple[Plan, list[Donors]]:
+) -> tuple[GraftPlan, list[DonorSequences]]:
     if method.changes:
         library = library.relabelled(replace(library.config, **dict(method.changes)))
-    plan = Plan.make(library, base, swap, ())
+    plan = GraftPlan.build(library, base, swap, ())
     problem = plan.problem
     allowed = method.candidates(problem.library, problem.scenario)
     plan = replace(plan, problem=replace(problem, candidates=dict.fromkeys(problem.pools, allowed)))
@@ -385,20 +385,20 @@ def _planned(
 
 
 def _drawn(
-    pool: Pool, allowed: Sequence[IntArray], limit: float, rng: np.random.Generator
+    pool: SegmentPool, allowed: Sequence[IntArray], limit: float, rng: np.random.Generator
 ) -> IntArray:
     """Draw donors one after the other, as the paper does."""
     chosen: list[int] = []
     for own in allowed:
         passing = own
         if chosen and limit < np.pi:
-            gaps: FloatArray = pool.gaps(np.array(chosen[-1:]), own)[0]
+            gaps: FloatArray = pool.seam_angles(np.array(chosen[-1:]), own)[0]
             passing = own[gaps <= limit] if (gaps <= limit).any() else own[[int(gaps.argmin())]]
         chosen.append(int(rng.choice(passing)))
     return np.array(chosen, np.int64)
 
 
-def _pool(library: Library) -> Pool:
+def _pool(library: Library) -> SegmentPool:
     grafted = next(name for name in library.groups.names if name != library.groups.base)
     return library.pool(grafted)
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from mograft._arrays import IntArray
-from mograft.clustering import cut, threshold
-from mograft.groups import PRESETS, JointGroups
-from mograft.library import Library
-from mograft.substitution import combinations
+from mograft._util.arrays import IntArray
+from mograft.analysis.clustering import cut, threshold
+from mograft.body.groups import PRESETS, JointGroups
+from mograft.library.library import Library
+from mograft.search.candidates import count_combinations
 
 __all__ = [
     "PAPER_TABLES",
@@ -232,7 +232,7 @@ def _counted(
     counts = []
     for k in groups:
         filtered = sum(own ** (k - 1) for own in choices)
-        counts.append(Count(k, combinations(labels, k), filtered, filtered - n))
+        counts.append(Count(k, count_combinations(labels, k), filtered, filtered - n))
     return Enrichment(
         n, len(sizes), int(sizes.max(initial=0)), sigma, scale, diameter, tuple(counts)
     )

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft._arrays import FloatArray, IntArray
-from mograft.segmentation import Segments
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
 
 __all__ = ["BLOCK", "Estimate", "blocks", "bootstrap", "mean", "rogan_gladen", "share"]
 

@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.anatomy import feature_joints
-from mograft.body import body
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.anatomy import feature_joints
+from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
 from mograft.evaluation.baselines import Method, donors_by, methods
 from mograft.evaluation.estimate import Estimate
-from mograft.library import Library
+from mograft.library.library import Library
+from mograft.motion import rotations
 
 __all__ = [
     "Compatibility",
@@ -227,8 +227,8 @@ def part_features(library: Library, group: str) -> FloatArray:
     hangs_on = max(int(skeleton.parents[tops[0]]), 0)
     rows: list[FloatArray] = []
     for index, clip in enumerate(library.clips):
-        known = body(clip.skeleton)
-        turns, places = clip.world()
+        known = mass_model(clip.skeleton)
+        turns, places = clip.world_transforms()
         ends = places[:, counted] + rotations.rotate(turns[:, counted], known.bone[counted])
         root = library.root if is_base else hangs_on
         local = (ends - places[:, root, None]) / known.height

@@ -20,10 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import BoolArray, FloatArray, IntArray
-from mograft.body import body
-from mograft.contacts import Ground
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.contacts import Ground
+from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import needed
@@ -41,10 +40,11 @@ from mograft.evaluation.naturalness import (
     _within,
     part_features,
 )
-from mograft.grafting import Graft
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.viewing.page import Page, assembled, data
+from mograft.library.library import Library
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.synthesis.graft import Graft
+from mograft.viewing.page import Page, assemble_page, embed_json
 
 __all__ = [
     "COLUMNS",
@@ -350,14 +350,14 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
         "unit": unit,
         "items": shown,
     }
-    text = f"{_part('label.html')}\n{data(values)}"
-    return assembled(title, text, "report", _part("label.css"), _part("label.js"))
+    text = f"{_part('label.html')}\n{embed_json(values)}"
+    return assemble_page(title, text, "report", _part("label.css"), _part("label.js"))
 
 
 def _standing(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
     """Return joints and ends in heights, y up from the floor, and where the hips face about y."""
     ground = Ground.of(base)
-    turns, joints = motion.world()
+    turns, joints = motion.world_transforms()
     ends = [
         joints[:, site.parent] + rotations.rotate(turns[:, site.parent], np.asarray(site.offset))
         for site in motion.skeleton.end_sites
@@ -370,7 +370,7 @@ def _standing(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
     signs = np.array([ground.up[up], ground.up[up], 1.0])
     y_up = nodes[..., order] * signs - [0.0, float(low), 0.0]
     ahead = facing(motion, ground)[:, order] * signs
-    return y_up / body(motion.skeleton).height, np.arctan2(ahead[:, 0], ahead[:, 2])
+    return y_up / mass_model(motion.skeleton).height, np.arctan2(ahead[:, 0], ahead[:, 2])
 
 
 @cache

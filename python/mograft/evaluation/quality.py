@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from mograft import rotations
-from mograft._arrays import FloatArray, IntArray
-from mograft.anatomy import anatomy, feature_joints
-from mograft.body import up_axis
-from mograft.contacts import Ground, legs, skate_on
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.contacts import Ground, find_legs, skating_share
+from mograft.body.mass import up_axis
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
-from mograft.grafting import Graft
-from mograft.motion import Motion
-from mograft.skeleton import Skeleton
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.synthesis.graft import Graft
 
 __all__ = [
     "Quality",
@@ -167,7 +167,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
         track = base.rotations[:, joints]
         before = angular_derivatives(track, base.rate)
         ground = Ground.of(base)
-        skates = skate_on(base, ground)
+        skates = skating_share(base, ground)
         swings = coordination(base)
         rows["diversity"].append(diversity([graft.motion for graft in own], joints))
         for graft in own:
@@ -178,8 +178,8 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
             after = angular_derivatives(graft.motion.rotations[:, joints], base.rate)
             for name, a, b in zip(("acceleration", "jerk"), after, before, strict=True):
                 rows[name].append(a / b if b > 0 else math.nan)
-            if legs(skeleton):
-                rows["foot_skate"].append(skate_on(graft.motion, ground) - skates)
+            if find_legs(skeleton):
+                rows["foot_skate"].append(skating_share(graft.motion, ground) - skates)
             covered, local = nearest_windows(source, _coarse(graft.motion, joints), step)
             rows["coverage"].append(covered)
             rows["local_diversity"].append(local)

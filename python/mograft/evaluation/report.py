@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.body import body
+from mograft.body.mass import mass_model
 from mograft.evaluation import plots
 from mograft.evaluation.balance import BalanceRow
 from mograft.evaluation.enrichment import PAPER_TABLES
 from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.naturalness import Compatibility
 from mograft.evaluation.suite import Evaluation
-from mograft.viewing.page import Page, assembled
-from mograft.viewing.report import STYLE, number, table
+from mograft.viewing.page import Page, assemble_page
+from mograft.viewing.report import REPORT_STYLE, format_number, html_table
 
 __all__ = ["evaluation_page", "order_of", "reading"]
 
@@ -146,7 +146,7 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     names = [entry.name for entry in library.entries]
     more = f" and {len(names) - 2} more" if len(names) > 2 else ""
     named = title or f"Evaluation of {', '.join(names[:2])}{more}"
-    known = body(library.skeleton)
+    known = mass_model(library.skeleton)
     lead = (
         f"{len(names)} clips, {sum(entry.n_frames for entry in library.entries)} frames at "
         f"{library.rate:.4g} a second, {len(library.segments)} segments. Seed "
@@ -183,7 +183,7 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
         f"<pre>{html.escape(json.dumps(dict(evaluation.parameters), indent=1))}</pre></details>",
         "</main>",
     ]
-    return assembled(named, "\n".join(parts), "report", STYLE + _MORE_STYLE, "")
+    return assemble_page(named, "\n".join(parts), "report", REPORT_STYLE + _MORE_STYLE, "")
 
 
 def _list(sentences: Sequence[str]) -> str:
@@ -211,7 +211,7 @@ def _natural(evaluation: Evaluation) -> list[str]:
             for own in found.scores
         ]
         head = [found.group, "κ", "κ, same segments", "accepted", "with a donor", "n"]
-        parts.append(table(head, rows))
+        parts.append(html_table(head, rows))
         parts.append(
             _note(
                 f"{found.segments} segments, {found.splits} times dealt into {found.folds} folds "
@@ -248,7 +248,7 @@ def _people(evaluation: Evaluation) -> list[str]:
     ]
     return [
         "<h2>Labels</h2>",
-        table(["way", "called natural", "corrected", "n"], rows),
+        html_table(["way", "called natural", "corrected", "n"], rows),
         _note(
             f"Learned from {people.learned} labels, tested on {people.tested}: right about "
             f"{people.accuracy.text(0, 100, ' %')}; of natural ones {people.sensitivity.text(2)}, "
@@ -292,7 +292,7 @@ def _balance(evaluation: Evaluation, model: str, unmatched: Sequence[str]) -> li
     head = ["way", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
     order = {(row.kind, row.rule, row.margin): at for at, row in enumerate(evaluation.balance)}
     rows = sorted(evaluation.balance, key=lambda row: order[row.kind, row.rule, row.margin])
-    parts.append(table(head, [row_of(row) for row in rows]))
+    parts.append(html_table(head, [row_of(row) for row in rows]))
     masses = (
         "de Leva's masses"
         if model == "de Leva"
@@ -335,7 +335,7 @@ def _quality(evaluation: Evaluation) -> list[str]:
     return [
         "<h2>Quality</h2>",
         plots.as_image(figure, "Measures of quality of each way"),
-        table(head, rows),
+        html_table(head, rows),
         _note(
             "Acceleration and jerk of the grafted joints as ratios to the recording's; foot skate "
             "less the recording's; coverage: share of the recordings' seconds that come near in "
@@ -359,10 +359,10 @@ def _counts(evaluation: Evaluation) -> list[str]:
                 ", ".join(f"{g} {n}" for g, n in evaluation.clusters.get(own.groups, {}).items())
                 or "no preset"
             ),
-            number(own.unfiltered),
+            format_number(own.unfiltered),
             f"{own.unfiltered / counted.segments:.1f}",
-            number(own.filtered),
-            number(own.new),
+            format_number(own.filtered),
+            format_number(own.new),
         ]
         for own in counted.counts
     ]
@@ -370,7 +370,7 @@ def _counts(evaluation: Evaluation) -> list[str]:
         k: [counts[k] / segments for _, segments, counts in PAPER_TABLES.values()]
         for k in (2, 3, 4, 5)
     }
-    parts = ["<h2>Enrichment</h2>", table(head, rows)]
+    parts = ["<h2>Enrichment</h2>", html_table(head, rows)]
     if evaluation.swept:
         figure = plots.draw_counts({"scales": evaluation.swept}, paper)
         parts.append(plots.as_image(figure, "Combinations by scale of the threshold"))

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from mograft._arrays import BoolArray
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.body import body
+from mograft._util.arrays import BoolArray
+from mograft.analysis.segmentation import Segments
+from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation.balance import (
     RULES,
@@ -32,9 +33,8 @@ from mograft.evaluation.enrichment import (
 from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.people import Judgement, Labels, judgement
 from mograft.evaluation.quality import Quality, quality
-from mograft.grafting import Graft
-from mograft.library import Library
-from mograft.segmentation import Segments
+from mograft.library.library import Library
+from mograft.synthesis.graft import Graft
 
 __all__ = ["TOPICS", "Evaluation", "evaluate"]
 
@@ -97,7 +97,7 @@ class Evaluation:
     def as_dict(self) -> dict[str, Any]:
         """Return all numbers, each with its sample size and interval, as JSON can hold them."""
         library = self.library
-        known = body(library.skeleton)
+        known = mass_model(library.skeleton)
         found: dict[str, Any] = {
             "schema": "mograft.evaluation/1",
             "mograft": VERSION,

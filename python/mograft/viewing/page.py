@@ -1,4 +1,4 @@
-"""One self-contained HTML page: no network, no file beside it, no script but its own."""
+"""Self-contained HTML pages: no network, no further files, no script except their own."""
 
 import base64
 import hashlib
@@ -14,30 +14,33 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from mograft._files import write_text
-from mograft.bvh import read_bvh
-from mograft.grafting import Graft
-from mograft.groups import JointGroups
-from mograft.library import Library
-from mograft.motion import Motion
-from mograft.viewing.scene import POINTS, Scene
+from mograft._util.atomic import write_text
+from mograft.body.groups import JointGroups
+from mograft.io.bvh import read_bvh
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.synthesis.graft import Graft
+from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
+from mograft.viewing.scene import Scene
 
-__all__ = ["Page", "embedded", "inline", "view"]
+__all__ = ["Page", "iframe_html", "notebook_view", "view"]
 
-_INLINE = 300_000
+_MAX_NOTEBOOK_POSITIONS = 300_000
+"""Node positions in the page of a notebook cell, which is saved with the notebook."""
+
 Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
 class Page:
-    """An HTML page that needs nothing but a browser.
+    """A self-contained HTML page.
 
     Attributes
     ----------
     title : str
-        Its title.
+        The title.
     html : str
-        The whole page.
+        The page.
     """
 
     title: str
@@ -47,17 +50,17 @@ class Page:
         return f"Page({self.title!r}, {len(self.html.encode()) / 1000:.0f} KB)"
 
     def _repr_html_(self) -> str:
-        return inline(self.html, self.title)
+        return iframe_html(self.html, self.title)
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> Path:
-        """Write the page to a file, whole or not at all.
+        """Write the page to a file; a failure leaves no partial file.
 
         Parameters
         ----------
         path : str or path
             The file.
         force : bool
-            Whether to overwrite one that is there.
+            Whether to overwrite an existing file.
 
         Returns
         -------
@@ -67,23 +70,23 @@ class Page:
         Raises
         ------
         FileExistsError
-            If the file is there and `force` is not given.
+            If the file exists and `force` is false.
         """
         target = Path(path)
         if target.exists() and not force:
-            raise FileExistsError(f"{target} is there already; force=True overwrites")
+            raise FileExistsError(f"{target} exists; force=True overwrites")
         write_text(target, self.html)
         return target
 
     def open(self) -> bool:
-        """Show the page in the browser, from a file in the folder for temporary ones.
+        """Open the page in the browser, from a temporary file.
 
         Returns
         -------
         bool
             Whether a browser was found.
         """
-        return open_file(self.save(temporary()))
+        return open_file(self.save(temporary_path()))
 
 
 def view(
@@ -97,27 +100,27 @@ def view(
     Parameters
     ----------
     *items : Motion, Graft, Library, Scene, or path of a BVH file
-        What to show. Each graft is shown after its base; each motion once.
+        What to show. A graft appears after its base, each motion once.
     groups : JointGroups or str, optional
-        The joint groups that plain motions are coloured by, or the name of a preset.
-        Default: those of the grafts and libraries, else trunk, arms and legs.
+        The joint groups that set the colours of motions, or the name of a preset. Default:
+        those of the grafts and libraries with the same skeleton, else trunk, arms and legs.
     title : str, optional
-        The page's title. Default: the names of what is shown.
+        Title of the page. Default: the names of the first three figures.
     show : bool, optional
-        Whether to open the browser. Default: where Python runs in a terminal; a notebook
-        shows the page inline when it is the value of a cell.
+        Whether to open the browser. Default: if Python runs in a terminal. A notebook shows the
+        page inline if it is the value of a cell.
 
     Returns
     -------
     Page
-        The page, which can be saved.
+        The page.
 
     Raises
     ------
     TypeError, ValueError
-        If there is nothing to show, an item is none of these, or the groups do not fit.
+        If there is no item, an item has another type, or the groups do not fit.
     BvhError
-        If a file is no BVH motion.
+        If a file is not valid BVH.
 
     Examples
     --------
@@ -126,38 +129,37 @@ def view(
     >>> page.html.startswith("<!doctype html>")
     True
     """
-    read = [read_bvh(item) if isinstance(item, str | os.PathLike) else item for item in items]
-    scene = Scene.of(read, groups)
-    named = title or " and ".join(figure.name for figure in scene.figures[:3])
-    page = document(scene, named)
-    if (_wants_browser() if show is None else show) and not page.open():
-        # The page is of use without a browser too: its owner may save it and carry it off.
-        print("mograft: no browser was found; save the page with .save(path)", file=sys.stderr)
+    loaded = [read_bvh(item) if isinstance(item, str | os.PathLike) else item for item in items]
+    scene = Scene.of(loaded, groups)
+    page_title = title or " and ".join(figure.name for figure in scene.figures[:3])
+    page = viewer_page(scene, page_title)
+    if (_is_terminal() if show is None else show) and not page.open():
+        print("mograft: no browser found; save the page with .save(path)", file=sys.stderr)
     return page
 
 
-def document(scene: Scene, title: str, points: int = POINTS) -> Page:
-    """Return the page of a scene alone.
+def viewer_page(scene: Scene, title: str, max_positions: int = MAX_NODE_POSITIONS) -> Page:
+    """Return a page that consists of the viewer.
 
     Parameters
     ----------
     scene : Scene
         What to show.
     title : str
-        The page's title.
-    points : int
-        How many places of nodes it may hold; of longer motions not every frame is kept.
+        Title of the page.
+    max_positions : int
+        Maximum number of node positions; of longer motions only every n-th frame is stored.
 
     Returns
     -------
     Page
         The page.
     """
-    return assembled(title, viewer(scene, points), "alone")
+    return assemble_page(title, viewer_html(scene, max_positions), "alone")
 
 
-def embedded(item: Motion | Graft) -> str:
-    """Return one thing as notebooks show it, long motions with fewer frames.
+def notebook_view(item: Motion | Graft) -> str:
+    """Return a motion or graft as notebooks show it, long motions with fewer frames.
 
     Parameters
     ----------
@@ -167,44 +169,49 @@ def embedded(item: Motion | Graft) -> str:
     Returns
     -------
     str
-        HTML, of a megabyte or two at most.
+        HTML of at most about two megabytes.
     """
     scene = Scene.of([item])
-    return inline(document(scene, scene.figures[0].name, _INLINE).html, scene.figures[0].name)
+    return iframe_html(
+        viewer_page(scene, scene.figures[0].name, _MAX_NOTEBOOK_POSITIONS).html,
+        scene.figures[0].name,
+    )
 
 
-def viewer(scene: Scene, points: int = POINTS) -> str:
-    """Return the part of a page that shows a scene; a page holds one at most."""
-    return f"{_part('viewer.html')}\n{data(scene.as_dict(points))}"
+def viewer_html(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> str:
+    """Return the viewer of a scene as HTML; a page can contain one viewer."""
+    return f"{_asset('viewer.html')}\n{embed_json(encode_scene(scene, max_positions))}"
 
 
-def assembled(title: str, body: str, kind: str, style: str = "", script: str | None = None) -> Page:
-    """Return a whole page that may run one script and nothing else.
+def assemble_page(
+    title: str, body: str, kind: str, style: str = "", script: str | None = None
+) -> Page:
+    """Return a page whose content security policy allows one script and one style sheet.
 
     Parameters
     ----------
     title : str
-        Its title, as plain text.
+        The title as plain text.
     body : str
-        Its content, with the viewer in it.
+        The content as HTML.
     kind : {"alone", "report"}
-        Whether the viewer fills the page.
+        ``"alone"`` if the viewer fills the page.
     style : str
-        More style.
+        Additional style sheet.
     script : str, optional
-        The script. Default: the viewer's.
+        The script. Default: that of the viewer.
 
     Returns
     -------
     Page
         The page.
     """
-    # A name in a file may hold half a pair of surrogates, which no page can.
+    # A name in a file may contain a lone surrogate, which UTF-8 cannot encode.
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
-    script = _part("viewer.js") if script is None else script
-    sheet = _part("viewer.css") + style
-    # Names in the page come from files: should one slip through as a tag after all, it finds
-    # that no script but this and no address at all is allowed.
+    script = _asset("viewer.js") if script is None else script
+    sheet = _asset("viewer.css") + style
+    # Second line of defence against names from files that contain HTML: the browser runs only
+    # this script and loads nothing.
     policy = (
         f"default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
         f"script-src '{_digest(script)}'; style-src '{_digest(sheet)}'"
@@ -221,22 +228,22 @@ def assembled(title: str, body: str, kind: str, style: str = "", script: str | N
     )
 
 
-def inline(page: str, title: str, height: int = 620) -> str:
-    """Return a page as an element of another one, as notebooks show it.
+def iframe_html(page: str, title: str, height: int = 620) -> str:
+    """Return a page as an ``iframe``, as notebooks show it.
 
     Parameters
     ----------
     page : str
-        The whole page.
+        The page.
     title : str
-        What it shows, for those who do not see it.
+        Description for screen readers.
     height : int
-        In pixels.
+        Height in pixels.
 
     Returns
     -------
     str
-        An ``iframe`` that holds the page and can reach nothing outside of it.
+        An ``iframe`` whose sandbox isolates the page from the notebook.
     """
     return (
         f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(page)}" '
@@ -245,24 +252,24 @@ def inline(page: str, title: str, height: int = 620) -> str:
     )
 
 
-def temporary() -> Path:
-    """Return where to put a page that nobody asked to keep."""
+def temporary_path() -> Path:
+    """Return the path of a page in a new temporary folder."""
     return Path(tempfile.mkdtemp(prefix="mograft-")) / "view.html"
 
 
 def open_file(path: Path) -> bool:
-    """Open a file in the browser; tell whether there is one."""
+    """Open a file in the browser; return whether a browser was found."""
     return webbrowser.open(path.resolve().as_uri())
 
 
-def _wants_browser() -> bool:
+def _is_terminal() -> bool:
     if "ipykernel" in sys.modules:
         return False
     return sys.stdout is not None and sys.stdout.isatty()
 
 
-def data(values: dict[str, Any]) -> str:
-    """Return values as JSON that no text in it can break out of."""
+def embed_json(values: dict[str, Any]) -> str:
+    """Return values as a JSON script element; no text in them can close the element."""
     text = json.dumps(values, separators=(",", ":"), ensure_ascii=True)
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
@@ -274,5 +281,5 @@ def _digest(text: str) -> str:
 
 
 @cache
-def _part(name: str) -> str:
+def _asset(name: str) -> str:
     return files("mograft.viewing").joinpath(name).read_text(encoding="utf-8").strip()

@@ -1,29 +1,29 @@
-"""The page that ends a run: what was made, from what, and how well it holds together."""
+"""The report page of grafts: motions, seams, donors and parameters."""
 
 import html
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 
-from mograft._arrays import FloatArray, IntArray
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft.body import body, center_of_mass
-from mograft.grafting import Graft
-from mograft.library import Library
-from mograft.substitution import combinations, length_fits
-from mograft.viewing.page import Page, assembled, viewer
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.mass import center_of_mass, mass_model
+from mograft.library.library import Library
+from mograft.search.candidates import count_combinations, length_fits
+from mograft.synthesis.graft import Graft
+from mograft.viewing.page import Page, assemble_page, viewer_html
 from mograft.viewing.scene import Scene
 
 __all__ = ["report_page"]
 
-_SHOWN = 4
-"""Grafts that the viewer shows at once: more are too small to be judged."""
+_MAX_SHOWN = 4
+"""Grafts in the viewer; more would be too small."""
 
-STYLE = """
+REPORT_STYLE = """
 .report main { max-width: 1180px; margin: 0 auto; padding: 20px 20px 60px; }
 .report h1 { font-size: 26px; line-height: 1.2; margin: 8px 0 4px; overflow-wrap: anywhere; }
 .report h2 { font-size: 18px; margin: 34px 0 8px; }
@@ -66,26 +66,26 @@ def report_page(
     files: Sequence[Path | None] = (),
     title: str | None = None,
 ) -> Page:
-    """Return a page that tells what grafts are made of, with the viewer in it.
+    """Return a page that describes grafts, with the viewer in it.
 
     Parameters
     ----------
     grafts : sequence of Graft
-        The grafts of one run: of one base and one library.
+        Grafts of one base and one library.
     files : sequence of Path or None, optional
-        The file of each graft, as the page should link to it: relative to where the page is.
+        The file of each graft, to which the page links, relative to the page.
     title : str, optional
-        The page's title. Default: the base's name and how many motions were made.
+        Title of the page. Default: the name of the base and the number of motions.
 
     Returns
     -------
     Page
-        The page; the viewer shows the base and the first four grafts.
+        The page. The viewer shows the base and the first four grafts.
 
     Raises
     ------
     ValueError
-        If there is no graft, or files are given for another number of grafts.
+        If there is no graft, or the number of files differs from that of the grafts.
 
     Examples
     --------
@@ -96,61 +96,59 @@ def report_page(
     'dance: 1 new motion'
     """
     if not grafts:
-        raise ValueError("grafts must hold at least one, got none")
+        raise ValueError("grafts must contain at least one graft, got none")
     if files and len(files) != len(grafts):
         raise ValueError(f"files must be given for {len(grafts)} grafts, got {len(files)}")
     first = grafts[0]
-    count = "1 new motion" if len(grafts) == 1 else f"{len(grafts)} new motions"
-    named = title or f"{first.base.name}: {count}"
-    links = list(files) or [None] * len(grafts)
     library = first.library
-    base = library.groups.base
-    *others, last = first.alternatives
-    swapped = f"{', '.join(others)} and {last} come" if others else f"{last} comes"
+    count = "1 new motion" if len(grafts) == 1 else f"{len(grafts)} new motions"
+    heading = title or f"{first.base.name}: {count}"
     lead = (
-        f"{count}: of {first.base.name} the group {base} is kept; {swapped} from elsewhere. "
-        f"Seed {first.seed}, mograft {VERSION}."
+        f"{count} on the base {first.base.name}. Captured group: {library.groups.base}; exchanged: "
+        f"{', '.join(first.alternatives)}. Seed {first.seed}, mograft {VERSION}."
     )
-    more = len(grafts) - _SHOWN
-    note = f"The viewer shows the first {_SHOWN} of {len(grafts)}. " if more > 0 else ""
-    body_text = "\n".join(
+    shown = ""
+    if len(grafts) > _MAX_SHOWN:
+        shown = f"The viewer shows the first {_MAX_SHOWN} of {len(grafts)} motions. "
+    summary = "\n".join(graft.report() for graft in grafts)
+    body_html = "\n".join(
         [
             "<main>",
-            f"<h1>{html.escape(named)}</h1>",
+            f"<h1>{html.escape(heading)}</h1>",
             f'<p class="lead">{html.escape(lead)}</p>',
-            viewer(Scene.of(grafts[:_SHOWN])),
-            f'<p class="note">{note}Hatched parts of the timeline were exchanged; point at one '
+            viewer_html(Scene.of(grafts[:_MAX_SHOWN])),
+            f'<p class="note">{shown}Hatched segments of the timeline are exchanged; point at one '
             "to see its donor.</p>",
             _cards(library),
-            "<h2>What was made</h2>",
-            _made(grafts, links),
-            f'<p class="note">{_MADE}</p>',
-            "<h2>Seams and choice</h2>",
+            "<h2>Motions</h2>",
+            _motion_table(grafts, list(files) or [None] * len(grafts)),
+            f'<p class="note">{_MOTION_NOTE}</p>',
+            "<h2>Seams and donors</h2>",
             _charts(grafts),
-            "<h2>Why not more</h2>",
-            _funnel(first),
-            f'<p class="note">{_WHY}</p>',
-            "<h2>From what</h2>",
-            _sources(grafts),
-            "<h2>In words</h2>",
-            f"<pre>{html.escape(chr(10).join(own.report() for own in grafts))}</pre>",
-            "<h2>By which parameters</h2>",
-            _parameters(library).replace('class="wide"', 'class="wide plain"'),
+            "<h2>Limits on donors</h2>",
+            _donor_table(first),
+            f'<p class="note">{_DONOR_NOTE}</p>',
+            "<h2>Clips</h2>",
+            _clip_table(grafts),
+            "<h2>Summary</h2>",
+            f"<pre>{html.escape(summary)}</pre>",
+            "<h2>Parameters</h2>",
+            _parameter_table(library).replace('class="wide"', 'class="wide plain"'),
             "</main>",
         ]
     )
-    return assembled(named, body_text, "report", STYLE)
+    return assemble_page(heading, body_html, "report", REPORT_STYLE)
 
 
-_MADE = (
-    "Gap: the mean angle between the joints of two poses that meet at a seam, before it is "
-    "closed. Balance: how far the centre of mass strays from where it is in the base, in "
-    "heights of the figure; legs that were captured under one upper body carry another."
+_MOTION_NOTE = (
+    "Seam angle: mean angle between the joints of the two poses that meet at a seam, before "
+    "blending. Balance shift: horizontal distance between the centres of mass of the motion and "
+    "of its base, in percent of the body height."
 )
-_WHY = (
-    "Donors that each segment has on average. Of those whose base group moves alike some are "
-    "too long or too short, or hold a fault; of those that fit some would leave a gap wider "
-    "than the limit at every neighbour they could have. Segments without a donor keep their own."
+_DONOR_NOTE = (
+    "Average number of donors per segment that satisfy each condition and those before it: same "
+    "cluster; similar duration and no recording fault; seam angle within the limit for at least "
+    "one pair of neighbours. A segment without donors keeps its captured motion."
 )
 
 
@@ -159,69 +157,69 @@ def _cards(library: Library) -> str:
     n = len(library.segments)
     frames = sum(entry.n_frames for entry in library.entries)
     seconds = (frames - len(library.entries)) / library.rate
-    whole = combinations(library.labels[base], len(library.groups.names))
+    total = count_combinations(library.labels[base], len(library.groups.names))
     cards = [
-        (number(len(library.entries)), "clip" if len(library.entries) == 1 else "clips"),
-        (number(frames), f"frames, {seconds:.0f} s"),
-        (number(n), "segments"),
+        (format_number(len(library.entries)), "clip" if len(library.entries) == 1 else "clips"),
+        (format_number(frames), f"frames, {seconds:.0f} s"),
+        (format_number(n), "segments"),
         *(
-            (number(int(labels.max()) + 1), f"clusters of {group}")
+            (format_number(int(labels.max()) + 1), f"clusters of {group}")
             for group, labels in library.labels.items()
         ),
         (
-            f"{whole / n:.1f} \N{MULTIPLICATION SIGN}",
-            f"{number(whole)} combinations of what was captured",
+            f"{total / n:.1f} \N{MULTIPLICATION SIGN}",
+            f"as many combinations as segments ({format_number(total)} in all)",
         ),
     ]
-    shown = "".join(
-        f"<div><b>{html.escape(value)}</b><span>{html.escape(what)}</span></div>"
-        for value, what in cards
+    items = "".join(
+        f"<div><b>{html.escape(value)}</b><span>{html.escape(label)}</span></div>"
+        for value, label in cards
     )
-    return f'<div class="cards">{shown}</div>'
+    return f'<div class="cards">{items}</div>'
 
 
-def _made(grafts: Sequence[Graft], links: Sequence[Path | None]) -> str:
-    head = ["motion", "parts exchanged", "kept", "no candidate", "seams"]
-    head += ["mean gap", "widest gap", "balance, mean", "balance, most"]
+def _motion_table(grafts: Sequence[Graft], links: Sequence[Path | None]) -> str:
+    head = ["motion", "segments exchanged", "segments kept", "without other donors", "seams"]
+    head += ["seam angle, mean", "seam angle, largest"]
+    head += ["balance shift, mean", "balance shift, largest"]
     rows = []
-    for own, link in zip(grafts, links, strict=True):
-        new = sum(not s.is_own for s in own.substitutions)
-        gaps = np.degrees([seam.gap for seam in own.seams])
-        stray = _stray(own)
+    for graft, link in zip(grafts, links, strict=True):
+        new = sum(not s.is_own for s in graft.substitutions)
+        angles = np.degrees([seam.gap for seam in graft.seams])
+        shift = _balance_shift(graft)
         rows.append(
             [
-                _link(own.motion.name, link),
-                f"{new} of {len(own.substitutions)}",
-                f"{len(own.substitutions) - new}",
-                f"{sum(int((counts == 0).sum()) for counts in own.alternatives.values())}",
-                f"{len(gaps)}",
-                f"{gaps.mean():.1f}°" if len(gaps) else "none",
-                f"{gaps.max():.1f}°" if len(gaps) else "none",
-                f"{100 * stray.mean():.1f} %",
-                f"{100 * stray.max():.1f} %",
+                _link(graft.motion.name, link),
+                f"{new} of {len(graft.substitutions)}",
+                f"{len(graft.substitutions) - new}",
+                f"{sum(int((counts == 0).sum()) for counts in graft.alternatives.values())}",
+                f"{len(angles)}",
+                f"{angles.mean():.1f}°" if len(angles) else "none",
+                f"{angles.max():.1f}°" if len(angles) else "none",
+                f"{100 * shift.mean():.1f} %",
+                f"{100 * shift.max():.1f} %",
             ]
         )
-    return table(head, rows)
+    return html_table(head, rows)
 
 
-def _stray(graft: Graft) -> FloatArray:
-    """Return how far the centre of mass is from the base's on the ground, in heights."""
-    gap = center_of_mass(graft.motion) - center_of_mass(graft.base)
-    gap[:, graft.library.up] = 0.0
-    stray: FloatArray = np.linalg.norm(gap, axis=1) / body(graft.base.skeleton).height
-    return stray
+def _balance_shift(graft: Graft) -> FloatArray:
+    """Return the horizontal distance of the centre of mass from that of the base, in heights."""
+    offset = center_of_mass(graft.motion) - center_of_mass(graft.base)
+    offset[:, graft.library.up] = 0.0
+    shift: FloatArray = np.linalg.norm(offset, axis=1) / mass_model(graft.base.skeleton).height
+    return shift
 
 
 def _charts(grafts: Sequence[Graft]) -> str:
     limit = float(np.degrees(grafts[0].library.config.max_angle))
-    gaps = np.degrees([seam.gap for own in grafts for seam in own.seams])
-    edges = np.linspace(0, max(limit * 4 / 3, float(gaps.max(initial=0.0)) + 1), 25)
-    counts = np.histogram(gaps, edges)[0]
+    angles = np.degrees([seam.gap for graft in grafts for seam in graft.seams])
+    edges = np.linspace(0, max(limit * 4 / 3, float(angles.max(initial=0.0)) + 1), 25)
     figures = [
         _bars(
-            counts,
+            np.histogram(angles, edges)[0],
             [f"{edge:.0f}°" for edge in edges],
-            f"Gaps at {len(gaps)} seams; the limit is {limit:.0f}°",
+            f"Seam angles of {len(angles)} seams; the limit is {limit:.0f}°",
             edges[:-1] >= limit - 1e-6,
         )
     ]
@@ -229,135 +227,126 @@ def _charts(grafts: Sequence[Graft]) -> str:
         top = min(int(counts.max(initial=0)) + 1, 24)
         tally = np.bincount(np.minimum(counts, top), minlength=top + 1)
         names = [str(k) for k in range(top)] + [f"{top}+", ""]
-        caption = f"Donors besides itself that each segment has for {group}"
+        caption = f"Number of segments by their number of other donors, for {group}"
         figures.append(_bars(tally, names, caption, np.arange(top + 1) == 0))
     return f'<div class="charts">{"".join(figures)}</div>'
 
 
-def _bars(counts: IntArray, names: Sequence[str], caption: str, over: object) -> str:
-    """Return a bar chart; bars of which `over` is true stand out."""
-    marked = np.asarray(over, bool)
-    wide, tall, left, foot = 420, 150, 34, 18
-    step = (wide - left - 14) / len(counts)
+def _bars(counts: IntArray, names: Sequence[str], caption: str, is_marked: BoolArray) -> str:
+    """Return a bar chart as SVG; marked bars have another colour."""
+    width, height, left, bottom = 420, 150, 34, 18
+    step = (width - left - 14) / len(counts)
+    line = height - bottom
     top = max(int(counts.max(initial=0)), 1)
     parts = []
     for index, count in enumerate(counts.tolist()):
-        height = (tall - foot - 12) * count / top
+        bar = (line - 12) * count / top
         parts.append(
-            f'<rect class="{"bar over" if marked[index] else "bar"}" '
-            f'x="{left + index * step + 0.5:.1f}" y="{tall - foot - height:.1f}" '
-            f'width="{step - 1:.1f}" height="{height:.1f}">'
+            f'<rect class="{"bar over" if is_marked[index] else "bar"}" '
+            f'x="{left + index * step + 0.5:.1f}" y="{line - bar:.1f}" '
+            f'width="{step - 1:.1f}" height="{bar:.1f}">'
             f"<title>{html.escape(names[index])}: {count}</title></rect>"
         )
         if index % max(1, len(counts) // 6) == 0:
             parts.append(
-                f'<text x="{left + index * step + 1:.1f}" y="{tall - 4}">'
+                f'<text x="{left + index * step + 1:.1f}" y="{height - 4}">'
                 f"{html.escape(names[index])}</text>"
             )
     parts.append(f'<text x="0" y="18">{top}</text>')
-    line = tall - foot
-    parts.append(f'<path class="axis" d="M{left} {line}H{wide}M{left} 12V{line}" fill="none"/>')
-    words = html.escape(caption)
+    parts.append(f'<path class="axis" d="M{left} {line}H{width}M{left} 12V{line}" fill="none"/>')
+    text = html.escape(caption)
     return (
-        f'<figure><svg class="chart" viewBox="0 0 {wide} {tall}" role="img" '
-        f'aria-label="{words}">{"".join(parts)}</svg><figcaption>{words}</figcaption></figure>'
+        f'<figure><svg class="chart" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-label="{text}">{"".join(parts)}</svg><figcaption>{text}</figcaption></figure>'
     )
 
 
-def _funnel(graft: Graft) -> str:
+def _donor_table(graft: Graft) -> str:
+    """Return a table of the donors that remain after each condition."""
     library = graft.library
     segments = library.segments
     labels = library.labels[library.groups.base]
-    own = np.array(
-        sorted({s.segment for s in graft.substitutions}),
-        dtype=np.int64,
-    )
-    alike = np.empty(len(own))
-    fitting = np.empty(len(own))
-    for at, segment in enumerate(own.tolist()):
-        mates = np.flatnonzero(labels == labels[segment])
+    base_segments = sorted({s.segment for s in graft.substitutions})
+    n_similar = np.empty(len(base_segments))
+    n_fitting = np.empty(len(base_segments))
+    for index, segment in enumerate(base_segments):
+        cluster = np.flatnonzero(labels == labels[segment])
         fits = length_fits(
-            segments.lengths[[segment]], segments.lengths[mates], library.rate, library.config
+            segments.lengths[[segment]], segments.lengths[cluster], library.rate, library.config
         )
-        alike[at] = len(mates) - 1
-        fitting[at] = (fits & library.is_donor[mates] & (mates != segment)).sum()
-    head = ["group", f"{library.groups.base} alike", "of fitting length", "within the gap limit"]
-    head += ["segments with none"]
+        n_similar[index] = len(cluster) - 1
+        n_fitting[index] = (fits & library.is_donor[cluster] & (cluster != segment)).sum()
+    head = ["group", f"same cluster of {library.groups.base}", "similar duration"]
+    head += ["seam angle within the limit", "segments without donors"]
     rows = [
         [
             html.escape(group),
-            f"{alike.mean():.1f}",
-            f"{fitting.mean():.1f}",
+            f"{n_similar.mean():.1f}",
+            f"{n_fitting.mean():.1f}",
             f"{counts.mean():.1f}",
             f"{int((counts == 0).sum())} of {len(counts)}",
         ]
         for group, counts in graft.alternatives.items()
     ]
-    return table(head, rows)
+    return html_table(head, rows)
 
 
-def _with_file(library: Library, clip: int) -> str:
+def _clip_label(library: Library, clip: int) -> str:
     name, file = library.entries[clip].name, library.file_name(clip)
     return name if file is None else f"{name} ({file})"
 
 
-def _sources(grafts: Sequence[Graft]) -> str:
+def _clip_table(grafts: Sequence[Graft]) -> str:
     library = grafts[0].library
-    parts: Counter[str] = Counter()
+    donors: Counter[str] = Counter()
     frames: Counter[str] = Counter()
-    for own in grafts:
-        for s in own.substitutions:
-            if not s.is_own:
-                parts[s.clip] += 1
-                frames[s.clip] += s.donor_stop - s.donor_start
+    for substitution in (s for graft in grafts for s in graft.substitutions if not s.is_own):
+        donors[substitution.clip] += 1
+        frames[substitution.clip] += substitution.donor_stop - substitution.donor_start
     rows = [
         [
-            html.escape(_with_file(library, index)),
-            number(entry.n_frames),
+            html.escape(_clip_label(library, index)),
+            format_number(entry.n_frames),
             f"{(entry.n_frames - 1) / library.rate:.1f} s",
-            number(parts[entry.name]),
-            number(frames[entry.name]),
+            format_number(donors[entry.name]),
+            format_number(frames[entry.name]),
         ]
         for index, entry in enumerate(library.entries)
     ]
-    return table(["clip", "frames", "length", "parts lent", "frames lent"], rows)
+    return html_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
 
 
-def _parameters(library: Library) -> str:
+def _parameter_table(library: Library) -> str:
     rows = [
-        [html.escape(name), html.escape("unlimited" if value is None else _plain(value))]
+        [html.escape(name), html.escape("unlimited" if value is None else _format(value))]
         for name, value in library.config.as_dict().items()
     ]
-    members: Mapping[str, IntArray] = library.groups.resolve(library.skeleton)
     names = library.skeleton.names
-    rows += [
-        [
-            html.escape(f"group {group}{' (kept)' if group == library.groups.base else ''}"),
-            html.escape(", ".join(names[joint] for joint in joints)),
-        ]
-        for group, joints in members.items()
-    ]
-    return table(["parameter", "value"], rows)
+    for group, joints in library.groups.resolve(library.skeleton).items():
+        label = f"group {group}{' (base)' if group == library.groups.base else ''}"
+        rows.append([html.escape(label), html.escape(", ".join(names[j] for j in joints))])
+    return html_table(["parameter", "value"], rows)
 
 
-def _plain(value: object) -> str:
+def _format(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def number(value: int) -> str:
+def format_number(value: int) -> str:
+    """Return an integer with thin spaces between groups of three digits."""
     return f"{value:,}".replace(",", "\N{THIN SPACE}")
 
 
 def _link(name: str, path: Path | None) -> str:
-    """Return a name, as a link if there is a file; a relative one is never taken for a scheme."""
+    """Return a name, as a link if there is a file; ``./`` prevents a name like a URL scheme."""
     if path is None:
         return html.escape(name)
     target = path.as_uri() if path.is_absolute() else "./" + quote(os.fsencode(path.as_posix()))
     return f'<a href="{html.escape(target)}">{html.escape(path.name)}</a>'
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table; the cells are HTML already, the head is not."""
+def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table; `rows` contain HTML, `head` contains plain text."""
     top = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in head)
     body_rows = "".join(
         "<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows

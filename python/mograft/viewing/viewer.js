@@ -1,5 +1,5 @@
-// The viewer: draws what the page's JSON holds. No library, no network; names come from files
-// and only ever enter the page as text.
+// The viewer: draws the scene in the page's JSON. It loads no library and uses no network. Names
+// come from files and enter the page as text only.
 "use strict";
 (() => {
   const root = document.getElementById("mograft");
@@ -41,12 +41,12 @@
     return new Uint8Array(await new Response(stream).arrayBuffer());
   }
 
-  // Tracks are stored as second differences in time, folded so that small ones of either sign
-  // are small numbers, all low bytes before all high bytes: that is what deflate packs best.
+  // Inverse of mograft.viewing.encoding.quantize: second differences in time, mapped to unsigned
+  // integers, all low bytes before all high bytes.
   function unpack(bytes, path, clip) {
     const { kept, nodes, unit } = clip;
     const count = kept * nodes * 3;
-    const places = new Float32Array(count);
+    const positions = new Float32Array(count);
     for (let track = 0; track < nodes * 3; track++) {
       let value = 0;
       let step = 0;
@@ -55,13 +55,13 @@
         const folded = bytes[at] | (bytes[count + at] << 8);
         step = ((step + ((folded >>> 1) ^ -(folded & 1))) << 16) >> 16;
         value = ((value + step) << 16) >> 16;
-        places[k * nodes * 3 + track] = value * unit + path[k * 3 + (track % 3)];
+        positions[k * nodes * 3 + track] = value * unit + path[k * 3 + (track % 3)];
       }
     }
-    return places;
+    return positions;
   }
 
-  // The way that the camera follows: the root's, without the sway of each step.
+  // The path of the camera: a moving average of the root, without the sway of single steps.
   function smooth(path, kept, radius) {
     const out = new Float32Array(path.length);
     for (let axis = 0; axis < 3; axis++) {
@@ -76,16 +76,16 @@
   }
 
   async function load(clip) {
-    const [pose, way] = await Promise.all([inflate(clip.pose), inflate(clip.path)]);
-    const path = new Float32Array(way.buffer, way.byteOffset, clip.kept * 3);
-    clip.places = unpack(pose, path, clip);
-    clip.way = smooth(path, clip.kept, Math.round(0.4 / (clip.dt * clip.step)));
+    const [pose, root] = await Promise.all([inflate(clip.pose), inflate(clip.path)]);
+    const path = new Float32Array(root.buffer, root.byteOffset, clip.kept * 3);
+    clip.positions = unpack(pose, path, clip);
+    clip.cameraPath = smooth(path, clip.kept, Math.round(0.4 / (clip.dt * clip.step)));
     clip.now = new Float32Array(clip.nodes * 3);
   }
 
-  const ownFrame = (clip, frame) => Math.min(Math.round((frame * first.dt) / clip.dt), clip.frames - 1);
+  const clipFrame = (clip, frame) => Math.min(Math.round((frame * first.dt) / clip.dt), clip.frames - 1);
 
-  // Where the nodes are in a frame; between the frames that were kept, on the line.
+  // Positions of the nodes in a frame, interpolated linearly between the stored frames.
   function pose(clip, frame, out) {
     const at = Math.min(frame / clip.step, clip.kept - 1);
     const low = Math.floor(at);
@@ -93,8 +93,8 @@
     const part = at - low;
     const size = clip.nodes * 3;
     for (let i = 0; i < size; i++) {
-      const a = clip.places[low * size + i];
-      out[i] = part ? a + part * (clip.places[high * size + i] - a) : a;
+      const a = clip.positions[low * size + i];
+      out[i] = part ? a + part * (clip.positions[high * size + i] - a) : a;
     }
     return out;
   }
@@ -162,13 +162,13 @@
     const cosYaw = Math.cos(state.yaw);
     const sinPitch = Math.sin(state.pitch);
     const cosPitch = Math.cos(state.pitch);
-    // A camera that does not follow stands where it was when it was told so.
-    const seen = state.follow ? frame : ownFrame(clip, state.stand);
+    // A camera that does not follow stays where it was when following was switched off.
+    const seen = state.follow ? frame : clipFrame(clip, state.stand);
     const k = Math.min(Math.round(seen / clip.step), clip.kept - 1) * 3;
-    const target = [clip.way[k], scene.floor + 0.5 * tall, clip.way[k + 2]];
+    const target = [clip.cameraPath[k], scene.floor + 0.5 * tall, clip.cameraPath[k + 2]];
     let distance = (state.follow ? 3.4 : 5) * tall;
     distance /= state.zoom;
-    // The figure takes two thirds of the height, and in narrow views most of the width.
+    // The figure fills two thirds of the height, and most of the width of a narrow view.
     const focus = 2.25 * Math.min(1.25 * width, height);
     const near = 0.05 * distance;
     const turn = (x, y, z) => {
@@ -187,7 +187,7 @@
       const scale = focus / Math.max(depth, near);
       return [middle[0] + x * scale, middle[1] - y * scale, scale];
     };
-    // A line that ends behind the camera is cut where it passes it.
+    // A line that ends behind the camera is clipped at the near plane.
     const line = (a, b) => {
       let p = turn(...a);
       let q = turn(...b);
@@ -212,7 +212,7 @@
     pen.strokeStyle = ink.line;
     pen.lineWidth = 1;
     for (let i = -reach; i <= reach; i++) {
-      // Lines fade with their distance, so that the floor has no edge.
+      // Lines fade with distance, so that the floor has no visible edge.
       for (let k = -reach; k < reach; k++) {
         const away = Math.hypot(i, k + 0.5) / reach;
         if (away >= 1) continue;
@@ -230,19 +230,19 @@
     const back = Math.round(1.5 / clip.dt);
     const step = Math.max(1, clip.step, Math.round(1 / 30 / clip.dt));
     const place = new Float32Array(clip.nodes * 3);
-    const ways = clip.tips.map(() => []);
+    const trails = clip.tips.map(() => []);
     for (let f = Math.max(0, frame - back); f <= frame; f += step) {
       pose(clip, f, place);
-      clip.tips.forEach((tip, i) => ways[i].push(view.point(place[tip * 3], place[tip * 3 + 1], place[tip * 3 + 2])));
+      clip.tips.forEach((tip, i) => trails[i].push(view.point(place[tip * 3], place[tip * 3 + 1], place[tip * 3 + 2])));
     }
     pen.lineWidth = 1.6;
-    ways.forEach((way, i) => {
+    trails.forEach((trail, i) => {
       pen.strokeStyle = groupColour(clip.groups[clip.group[clip.tips[i]]]);
-      for (let k = 1; k < way.length; k++) {
-        pen.globalAlpha = (0.75 * k) / way.length;
+      for (let k = 1; k < trail.length; k++) {
+        pen.globalAlpha = (0.75 * k) / trail.length;
         pen.beginPath();
-        pen.moveTo(way[k - 1][0], way[k - 1][1]);
-        pen.lineTo(way[k][0], way[k][1]);
+        pen.moveTo(trail[k - 1][0], trail[k - 1][1]);
+        pen.lineTo(trail[k][0], trail[k][1]);
         pen.stroke();
       }
     });
@@ -263,7 +263,7 @@
       if (state.floor) shadow.push([view.point(a[0], scene.floor, a[2]), view.point(b[0], scene.floor, b[2])]);
     }
     if (shadow.length) {
-      // One stroke, so that it is no darker where bones cross.
+      // One stroke for all bones: the shadow is not darker where they cross.
       pen.globalAlpha = 0.14 * alpha;
       pen.strokeStyle = ink.text;
       pen.lineWidth = Math.max(1.5, 0.026 * view.tall * shadow[0][0][2]);
@@ -275,12 +275,12 @@
       }
       pen.stroke();
     }
-    // What is farther is drawn first.
+    // Farther bones are drawn first.
     bones.sort((p, q) => p[0][2] + p[1][2] - q[0][2] - q[1][2]);
     for (const [from, to, node] of bones) {
       const wide = Math.max(1.5, 0.02 * view.tall * 0.5 * (from[2] + to[2]) * clip.width[node]);
       const colour = groupColour(clip.groups[clip.group[clip.parents[node]]]);
-      // A rim along the sides tells crossing limbs apart; none at the joints.
+      // A rim along the sides separates crossing limbs; the joints have none.
       for (const [width, style, cap] of [
         [wide + 3, ink.paper, "butt"],
         [wide, colour, "round"],
@@ -305,10 +305,10 @@
     const places = tiles();
     clips.forEach((clip, i) => {
       const tile = state.overlay ? places[0] : places[i];
-      const frame = ownFrame(clip, state.frame);
+      const frame = clipFrame(clip, state.frame);
       pose(clip, frame, clip.now);
       const leader = state.overlay ? first : clip;
-      const view = camera(leader, ownFrame(leader, state.frame), tile);
+      const view = camera(leader, clipFrame(leader, state.frame), tile);
       pen.save();
       pen.beginPath();
       pen.rect(...tile);
@@ -336,7 +336,7 @@
     }
   }
 
-  // ---- captions: what is seen, and whence it comes now --------------------------------
+  // ---- captions: the names of the figures and their donors in this frame ---------------
 
   const captions = clips.map((clip) => {
     const box = document.createElement("div");
@@ -363,13 +363,13 @@
 
   function writeCaptions() {
     clips.forEach((clip, i) => {
-      const frame = ownFrame(clip, state.frame);
-      const told = clip.rows
+      const frame = clipFrame(clip, state.frame);
+      const text = clip.rows
         .map((row) => [row, partAt(row, frame)])
         .filter(([row, at]) => at >= 0 && row.source[at] >= 0)
         .map(([row, at]) => `${row.group} ← ${scene.donors[row.source[at]]} ${row.first[at]}–${row.last[at]}`)
         .join(" · ");
-      if (told !== captions[i].text) captions[i].now.textContent = captions[i].text = told;
+      if (text !== captions[i].text) captions[i].now.textContent = captions[i].text = text;
     });
   }
 
@@ -380,16 +380,16 @@
   const ROW = 18;
   const GAP = 6;
   const offsets = lines.map((line, i) => {
-    const breaks = lines.slice(1, i + 1).filter((own, k) => own.clip !== lines[k].clip).length;
+    const breaks = lines.slice(1, i + 1).filter((next, k) => next.clip !== lines[k].clip).length;
     return i * ROW + breaks * GAP;
   });
   const rowsHeight = lines.length ? offsets[lines.length - 1] + ROW : 0;
   let gutter = 110;
-  let still = null; // The timeline without its cursor, drawn anew only when it changes.
+  let cachedRows = null; // Picture of the timeline without its cursor.
 
   const toX = (frame, wide) => gutter + ((frame - state.window[0]) / (state.window[1] - state.window[0] || 1)) * (wide - gutter - 8);
   const toFrame = (x, wide) => state.window[0] + ((x - gutter) / (wide - gutter - 8)) * (state.window[1] - state.window[0]);
-  const inMaster = (clip, frame) => (frame * clip.dt) / first.dt;
+  const toPageFrame = (clip, frame) => (frame * clip.dt) / first.dt;
 
   function fit(context, text, room) {
     if (context.measureText(text).width <= room) return text;
@@ -406,15 +406,15 @@
   function hatch(context) {
     const tile = document.createElement("canvas");
     tile.width = tile.height = 6 * size.ratio;
-    const own = tile.getContext("2d");
-    own.scale(size.ratio, size.ratio);
-    own.strokeStyle = ink.dark ? "rgba(255,255,255,.42)" : "rgba(0,0,0,.34)";
-    own.lineWidth = 1.2;
+    const brush = tile.getContext("2d");
+    brush.scale(size.ratio, size.ratio);
+    brush.strokeStyle = ink.dark ? "rgba(255,255,255,.42)" : "rgba(0,0,0,.34)";
+    brush.lineWidth = 1.2;
     for (const shift of [-6, 0, 6]) {
-      own.moveTo(shift, 6);
-      own.lineTo(shift + 6, 0);
+      brush.moveTo(shift, 6);
+      brush.lineTo(shift + 6, 0);
     }
-    own.stroke();
+    brush.stroke();
     const pattern = context.createPattern(tile, "repeat");
     pattern.setTransform(new DOMMatrix().scale(1 / size.ratio));
     return pattern;
@@ -423,60 +423,60 @@
   function drawRows() {
     const wide = rows.clientWidth;
     const { ratio } = size;
-    if (!still) {
-      still = document.createElement("canvas");
-      still.width = rows.width;
-      still.height = rows.height;
-      const own = still.getContext("2d");
-      own.scale(ratio, ratio);
-      own.font = "11px system-ui, sans-serif";
-      own.textBaseline = "middle";
-      const stripes = hatch(own);
+    if (!cachedRows) {
+      cachedRows = document.createElement("canvas");
+      cachedRows.width = rows.width;
+      cachedRows.height = rows.height;
+      const brush = cachedRows.getContext("2d");
+      brush.scale(ratio, ratio);
+      brush.font = "11px system-ui, sans-serif";
+      brush.textBaseline = "middle";
+      const stripes = hatch(brush);
       lines.forEach((line, i) => {
         const top = offsets[i];
-        own.fillStyle = groupColour(line.row.group);
-        own.fillRect(0, top + 3, 4, ROW - 6);
-        own.fillStyle = ink.text;
+        brush.fillStyle = groupColour(line.row.group);
+        brush.fillRect(0, top + 3, 4, ROW - 6);
+        brush.fillStyle = ink.text;
         const group = clips.length > 1 ? ` · ${line.row.group}` : "";
-        const room = gutter - 16 - own.measureText(group).width;
-        own.fillText(clips.length > 1 ? fit(own, line.clip.name, room) + group : fit(own, line.row.group, room), 9, top + ROW / 2);
-        own.save();
-        own.beginPath();
-        own.rect(gutter, top, wide - gutter - 8, ROW);
-        own.clip();
+        const room = gutter - 16 - brush.measureText(group).width;
+        brush.fillText(clips.length > 1 ? fit(brush, line.clip.name, room) + group : fit(brush, line.row.group, room), 9, top + ROW / 2);
+        brush.save();
+        brush.beginPath();
+        brush.rect(gutter, top, wide - gutter - 8, ROW);
+        brush.clip();
         const { start, stop, cluster, source } = line.row;
         for (let part = 0; part < start.length; part++) {
-          const a = toX(inMaster(line.clip, start[part]), wide);
-          const b = toX(inMaster(line.clip, stop[part]), wide);
+          const a = toX(toPageFrame(line.clip, start[part]), wide);
+          const b = toX(toPageFrame(line.clip, stop[part]), wide);
           if (b < gutter || a > wide) continue;
           const width = Math.max(b - a - (b - a > 4 ? 1.5 : 0.3), 0.5);
-          own.fillStyle = clusterColour(cluster[part]);
-          own.fillRect(a, top + 1.5, width, ROW - 3);
+          brush.fillStyle = clusterColour(cluster[part]);
+          brush.fillRect(a, top + 1.5, width, ROW - 3);
           if (source[part] >= 0) {
-            own.fillStyle = b - a > 3 ? stripes : "rgba(0,0,0,.2)";
-            own.fillRect(a, top + 1.5, width, ROW - 3);
+            brush.fillStyle = b - a > 3 ? stripes : "rgba(0,0,0,.2)";
+            brush.fillRect(a, top + 1.5, width, ROW - 3);
           }
           const number = `${cluster[part]}`;
           if (cluster[part] >= 0 && b - a > 7 * number.length + 6) {
             const middle = a + width / 2;
-            const room = own.measureText(number).width + 5;
+            const room = brush.measureText(number).width + 5;
             if (source[part] >= 0) {
-              own.fillStyle = clusterColour(cluster[part]);
-              own.fillRect(middle - room / 2, top + 3, room, ROW - 6);
+              brush.fillStyle = clusterColour(cluster[part]);
+              brush.fillRect(middle - room / 2, top + 3, room, ROW - 6);
             }
-            own.fillStyle = ink.dark ? "#fff" : "#111";
-            own.textAlign = "center";
-            own.fillText(number, middle, top + ROW / 2 + 0.5);
-            own.textAlign = "left";
+            brush.fillStyle = ink.dark ? "#fff" : "#111";
+            brush.textAlign = "center";
+            brush.fillText(number, middle, top + ROW / 2 + 0.5);
+            brush.textAlign = "left";
           }
         }
-        own.restore();
+        brush.restore();
       });
     }
     const context = rows.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, rows.width, rows.height);
-    if (rows.width && rows.height) context.drawImage(still, 0, 0);
+    if (rows.width && rows.height) context.drawImage(cachedRows, 0, 0);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     for (const [part, strong] of [
       [state.hovered, false],
@@ -488,10 +488,10 @@
   }
 
   function outline(context, { line, part }, wide, strong) {
-    const frame = (own, from, to, dashed) => {
-      const top = offsets[lines.indexOf(own)];
-      const a = Math.max(toX(inMaster(own.clip, from), wide), gutter);
-      const b = Math.min(toX(inMaster(own.clip, to), wide), wide - 8);
+    const frame = (target, from, to, dashed) => {
+      const top = offsets[lines.indexOf(target)];
+      const a = Math.max(toX(toPageFrame(target.clip, from), wide), gutter);
+      const b = Math.min(toX(toPageFrame(target.clip, to), wide), wide - 8);
       if (b <= a) return;
       context.strokeStyle = ink.text;
       context.lineWidth = strong ? 2 : 1.2;
@@ -503,7 +503,7 @@
     frame(line, row.start[part], row.stop[part], false);
     if (row.source[part] < 0) return;
     const donor = scene.donors[row.source[part]];
-    const home = lines.find((own) => own.clip.name === donor && own.row.group === row.group);
+    const home = lines.find((other) => other.clip.name === donor && other.row.group === row.group);
     if (home) frame(home, row.first[part], row.last[part], true);
   }
 
@@ -528,7 +528,7 @@
     context.fillRect(gutter, 2, wide - gutter - 8, tall - 4);
     const [a, b] = state.window.map(toPlace);
     const curve = first.energy;
-    const last = inMaster(first, first.frames - 1);
+    const last = toPageFrame(first, first.frames - 1);
     if (curve.length > 1) {
       context.beginPath();
       context.moveTo(toPlace(0), tall - 3);
@@ -547,34 +547,35 @@
     cursor(context, toPlace(state.frame), tall);
   }
 
-  // ---- words about a part -------------------------------------------------------------
+  // ---- description of a segment -------------------------------------------------------
 
   const degrees = (value) => `${value.toFixed(1)}°`;
-  function words({ line, part }) {
+  function describe({ line, part }) {
     const { row, clip } = line;
-    const told = [`${clip.name}, ${row.group}`, `segment ${part}`, `frames ${row.start[part]}–${row.stop[part]}`];
-    if (row.cluster[part] >= 0) told.push(`cluster ${row.cluster[part]}`);
+    const items = [`${clip.name}, ${row.group}`, `segment ${part}`, `frames ${row.start[part]}–${row.stop[part]}`];
+    if (row.cluster[part] >= 0) items.push(`cluster ${row.cluster[part]}`);
     if (row.source[part] >= 0) {
       const stretch = row.stretch[part];
-      const changed = Math.abs(stretch) < 0.0005 ? "same length" : `${stretch > 0 ? "+" : "−"}${(100 * Math.abs(stretch)).toFixed(1)} % in length`;
-      told.push(`taken from ${scene.donors[row.source[part]]} ${row.first[part]}–${row.last[part]}, ${changed}`);
+      const percent = `${stretch > 0 ? "+" : "−"}${(100 * Math.abs(stretch)).toFixed(1)} %`;
+      const duration = Math.abs(stretch) < 0.0005 ? "same duration" : `duration ${percent}`;
+      items.push(`donor ${scene.donors[row.source[part]]} ${row.first[part]}–${row.last[part]}, ${duration}`);
     } else if (row.grafted) {
-      told.push(row.others[part] === 0 ? "kept: no other candidate" : "its own");
+      items.push(row.others[part] === 0 ? "captured: no other donor" : "captured");
     }
     const seams = [];
     if (row.before[part] !== null) seams.push(`${degrees(row.before[part])} before`);
     if (row.after[part] !== null) seams.push(`${degrees(row.after[part])} after`);
-    if (seams.length) told.push(`seam ${seams.join(", ")}`);
-    if (row.others[part] !== null && row.others[part] > 0) told.push(`${row.others[part]} other candidates`);
-    return told.join(" · ");
+    if (seams.length) items.push(`seam angle ${seams.join(", ")}`);
+    if (row.others[part] !== null && row.others[part] > 0) items.push(`${row.others[part]} other donors`);
+    return items.join(" · ");
   }
 
   function writeDetail() {
     const part = state.hovered || state.pinned;
     const idle = lines.length
-      ? "Point at a part of the timeline to see what it is; click to hold it."
+      ? "Point at a segment of the timeline to see its donor; click to select it."
       : "";
-    const text = part ? words(part) : idle;
+    const text = part ? describe(part) : idle;
     const detail = find("detail");
     if (detail.textContent !== text) detail.textContent = text;
     detail.classList.toggle("idle", !part);
@@ -602,14 +603,14 @@
         }
         record.addEventListener("click", () => {
           state.pinned = { line, part };
-          seek(inMaster(clip, row.start[part]));
+          seek(toPageFrame(clip, row.start[part]));
         });
         body.append(record);
       }
     }
   }
 
-  // ---- drawing, when something changed ------------------------------------------------
+  // ---- drawing after a change ---------------------------------------------------------
 
   let asked = false;
   function draw() {
@@ -648,7 +649,7 @@
     const length = Math.max(Math.min(span, nFrames - 1), Math.min(20, nFrames - 1));
     const from = Math.max(0, Math.min(start, nFrames - 1 - length));
     state.window = [from, from + length];
-    still = null;
+    cachedRows = null;
     redraw();
   }
   function zoomTime(factor, around) {
@@ -668,8 +669,8 @@
       let next = state.frame + whole;
       const { pinned } = state;
       if (state.loop && pinned) {
-        const from = Math.round(inMaster(pinned.line.clip, pinned.line.row.start[pinned.part]));
-        const to = Math.round(inMaster(pinned.line.clip, pinned.line.row.stop[pinned.part]));
+        const from = Math.round(toPageFrame(pinned.line.clip, pinned.line.row.start[pinned.part]));
+        const to = Math.round(toPageFrame(pinned.line.clip, pinned.line.row.stop[pinned.part]));
         if (next > to || next < from) next = from;
       } else if (next > nFrames - 1) next = 0;
       seek(next);
@@ -689,7 +690,7 @@
   function cut(direction) {
     const cuts = new Set([0, nFrames - 1]);
     const line = state.pinned ? state.pinned.line : lines[0];
-    if (line) for (const frame of line.row.start) cuts.add(Math.round(inMaster(line.clip, frame)));
+    if (line) for (const frame of line.row.start) cuts.add(Math.round(toPageFrame(line.clip, frame)));
     const sorted = [...cuts].sort((a, b) => a - b);
     const next = direction > 0 ? sorted.find((f) => f > state.frame) : sorted.findLast((f) => f < state.frame);
     if (next !== undefined) seek(next);
@@ -712,12 +713,12 @@
       canvas.width = Math.round(canvas.clientWidth * ratio);
       canvas.height = Math.round(canvas.clientHeight * ratio);
     }
-    still = null;
+    cachedRows = null;
     placeCaptions();
     draw();
   }
 
-  // ---- hands on -----------------------------------------------------------------------
+  // ---- pointer and keyboard -----------------------------------------------------------
 
   const fingers = new Map();
   let spread = 0;
@@ -747,7 +748,7 @@
   stage.addEventListener(
     "wheel",
     (event) => {
-      // In a page that scrolls the wheel is the reader's until the viewer is in use.
+      // In a page that scrolls, the wheel zooms only while the viewer has the focus.
       if (!alone && !root.contains(document.activeElement)) return;
       event.preventDefault();
       zoom(Math.exp(-event.deltaY * 0.0012));
@@ -826,7 +827,7 @@
   find("speed").addEventListener("change", (event) => (state.speed = Number(event.target.value)));
   find("frame").addEventListener("change", (event) => {
     seek(Number(event.target.value) || 0);
-    event.target.blur(); // The keys are the player's again.
+    event.target.blur(); // The keys control the player again.
   });
   for (const name of ["overlay", "follow", "trails", "floor", "loop"]) {
     find(name).addEventListener("click", () => toggle(name));
@@ -838,7 +839,7 @@
     document.documentElement.dataset.theme = ink.dark ? "light" : "dark";
     readTheme();
     legend();
-    still = null;
+    cachedRows = null;
     redraw();
   });
   find("help").addEventListener("click", () => find("keys").showModal());
@@ -869,10 +870,10 @@
   };
   (alone ? document : root).addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || find("keys").open) return;
-    const typed = event.target.closest("input, select, summary");
-    const pressed = event.key === " " && event.target.closest("button");
+    const isTyping = event.target.closest("input, select, summary");
+    const isButton = event.key === " " && event.target.closest("button");
     const act = keys[event.key];
-    if (!act || typed || pressed) return;
+    if (!act || isTyping || isButton) return;
     event.preventDefault();
     act(event);
   });
@@ -891,11 +892,11 @@
     }
   }
 
-  // ---- begin --------------------------------------------------------------------------
+  // ---- start --------------------------------------------------------------------------
 
   async function begin() {
     if (typeof DecompressionStream === "undefined") {
-      throw new Error("this browser is too old: it cannot unpack the motion (DecompressionStream, 2023)");
+      throw new Error("the browser must support DecompressionStream (2023)");
     }
     await Promise.all(clips.map(load));
     readTheme();
@@ -909,10 +910,10 @@
     find("overlay").hidden = clips.length < 2;
     find("loop").hidden = find("parts").hidden = !lines.length;
     rows.hidden = !lines.length;
-    const told = clips.map((clip) => clip.name).join(" and ");
-    stage.setAttribute("aria-label", `Moving figures: ${told}. Space plays, arrow keys step.`);
+    const names = clips.map((clip) => clip.name).join(" and ");
+    stage.setAttribute("aria-label", `Moving figures: ${names}. Space plays, arrow keys step.`);
     find("note").textContent = scene.note;
-    // Parts too narrow to point at: begin nearer.
+    // If segments are too narrow to point at, only a part of the timeline is visible at first.
     const most = Math.max(0, ...lines.map((line) => line.row.start.length));
     state.follow = scene.follow;
     find("follow").setAttribute("aria-pressed", state.follow);
@@ -923,12 +924,12 @@
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       readTheme();
       legend();
-      still = null;
+      cachedRows = null;
       redraw();
     });
     draw();
     root.dataset.ready = "1";
-    // For those who drive the page from outside: tests, and other scripts in a page.
+    // Interface for scripts: tests, and other scripts in the page.
     window.mograft = {
       frames: nFrames,
       seek: (frame) => {
@@ -937,7 +938,7 @@
       },
       frame: () => state.frame,
       pose: (clip, frame) => Array.from(pose(clips[clip], frame, new Float32Array(clips[clip].nodes * 3))),
-      words: (row, part) => words({ line: lines[row], part }),
+      describe: (row, part) => describe({ line: lines[row], part }),
       state,
     };
   }

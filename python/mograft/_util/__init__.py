@@ -1,0 +1,1 @@
+"""Shared helpers: arrays, argument checks, atomic file writes, reproducible linear algebra."""

@@ -1,0 +1,164 @@
+"""Conversion of array arguments: dtype, shape, finiteness and unit norm are checked here."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
+Packed: TypeAlias = npt.NDArray[np.float32]
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+Shape: TypeAlias = tuple[int | str, ...]
+
+
+def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+    """Return `value` as a finite, C-contiguous float64 array of the given shape.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for error messages.
+    value : array_like
+        The value. It is copied only if it has another dtype or memory order.
+    shape : tuple of int or str, optional
+        Expected length of each axis; a string names an axis of any length. Default: any shape.
+
+    Returns
+    -------
+    ndarray
+        The array.
+
+    Raises
+    ------
+    TypeError
+        If the value is not an array of real numbers.
+    ValueError
+        If the shape differs from the expected one or an element is not finite.
+    """
+    array = _as_array(name, value, shape)
+    finite = np.isfinite(array)
+    if not finite.all():
+        place = tuple(int(i) for i in np.argwhere(~finite)[0])
+        raise ValueError(f"{name} must be finite, got {array[place]} at {list(place)}")
+    return array
+
+
+def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+    """Return `value` as an array of unit quaternions, scalar last.
+
+    Parameters
+    ----------
+    name, value, shape
+        As for `as_floats`; `shape` excludes the axis of the four components.
+
+    Returns
+    -------
+    ndarray, shape (*shape, 4)
+        The quaternions.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `as_floats`, and if a norm differs from 1 by more than 1e-6.
+    """
+    quats = _as_array(name, value, None if shape is None else (*shape, 4))
+    if quats.shape[-1:] != (4,):
+        as_floats(name, quats)
+        raise ValueError(f"{name} must have shape (..., 4), got {quats.shape}")
+    # A norm within 1e-6 of 1 has a square within 2e-6 of 1. Non-finite values fail the test.
+    unit = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
+    if not unit.all():
+        as_floats(name, quats)
+        place = tuple(int(i) for i in np.argwhere(~unit)[0])
+        norm = np.linalg.norm(quats[place])
+        raise ValueError(f"{name} must be unit quaternions, got norm {norm:.6g} at {list(place)}")
+    return quats
+
+
+def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+    """Return `value` as an array of vectors of three components.
+
+    Parameters
+    ----------
+    name, value, shape
+        As for `as_floats`; `shape` excludes the axis of the three components.
+
+    Returns
+    -------
+    ndarray, shape (*shape, 3)
+        The vectors.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `as_floats`.
+    """
+    vectors = as_floats(name, value, None if shape is None else (*shape, 3))
+    if vectors.shape[-1:] != (3,):
+        raise ValueError(f"{name} must have shape (..., 3), got {vectors.shape}")
+    return vectors
+
+
+def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> IntArray:
+    """Return `value` as a C-contiguous int64 array of the given shape.
+
+    Parameters
+    ----------
+    name, value, shape
+        As for `as_floats`.
+
+    Returns
+    -------
+    ndarray
+        The array.
+
+    Raises
+    ------
+    TypeError
+        If the value is not an array of whole numbers.
+    ValueError
+        If the shape differs.
+    """
+    array = np.asarray(value, order="C")
+    if array.size and array.dtype.kind not in "iu":
+        raise TypeError(f"{name} must be whole numbers, got {array.dtype}")
+    indices = array.astype(np.int64, copy=False)
+    _check_shape(name, indices.shape, shape)
+    return indices
+
+
+def restore(owner: object, state: dict[str, Any]) -> None:
+    """Set the fields of an unpickled or copied value and make its arrays read-only."""
+    for value in state.values():
+        if isinstance(value, np.ndarray):
+            make_read_only(value)
+    owner.__dict__.update(state)
+
+
+def make_read_only(array: npt.NDArray[np.generic]) -> None:
+    """Make an array read-only."""
+    array.flags.writeable = False
+
+
+def _as_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> FloatArray:
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name} must be an array, got rows of different lengths") from None
+    if array.size and array.dtype.kind not in "fiu":
+        raise TypeError(f"{name} must be real numbers, got {array.dtype}")
+    floats = np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
+    _check_shape(name, floats.shape, shape)
+    return floats
+
+
+def _check_shape(name: str, got: tuple[int, ...], shape: Shape | None) -> None:
+    if shape is None:
+        return
+    agree = len(got) == len(shape) and all(
+        isinstance(want, str) or want == length for want, length in zip(shape, got, strict=True)
+    )
+    if not agree:
+        wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
+        raise ValueError(f"{name} must have shape ({wanted}), got {got}")

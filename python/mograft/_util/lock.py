@@ -1,0 +1,58 @@
+"""Exclusive locks between processes, from the standard library of each platform."""
+
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+__all__ = ["exclusive_lock"]
+
+
+@contextmanager
+def exclusive_lock(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, which is created if it does not exist.
+
+    The operating system releases the lock when the process ends, for whatever reason.
+
+    Parameters
+    ----------
+    path : Path
+        The lock file. It stays empty and is not removed.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process, or another call in this process, holds the lock.
+    OSError
+        If the platform or the file system has no locks.
+
+    Notes
+    -----
+    POSIX: ``flock``. Windows: ``LockFile`` on the first byte, through `msvcrt.locking`.
+    """
+    with path.open("ab") as stream:
+        _acquire(stream, path)
+        yield
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _acquire(stream: IO[bytes], path: Path) -> None:
+        os.lseek(stream.fileno(), 0, os.SEEK_SET)
+        try:
+            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError(errno.EAGAIN, "is locked", str(path)) from error
+
+else:
+
+    def _acquire(stream: IO[bytes], path: Path) -> None:
+        try:
+            import fcntl
+        except ModuleNotFoundError as error:
+            raise OSError(errno.ENOLCK, "this platform has no file locks", str(path)) from error
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,148 @@
+"""Registries of strategies: the values that a parameter accepts, and the object behind each.
+
+This module imports neither NumPy nor other modules of the package, so that the command line can
+list the accepted values without loading them. The modules that implement the strategies attach
+their objects with `Registry.implemented_by`.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Generic, TypeVar
+
+__all__ = ["CONFIG_OPTIONS", "Registry"]
+
+T = TypeVar("T")
+S = TypeVar("S")
+
+
+@dataclass(frozen=True, eq=False)
+class Registry(Generic[T]):
+    """The accepted values of one parameter, in the order in which they are documented.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter, for messages.
+    entries : mapping of str to object
+        The object of each accepted value.
+
+    Examples
+    --------
+    >>> fruits = Registry("fruit", {"apple": 3, "pear": 5})
+    >>> fruits.get("pear"), fruits.names
+    (5, ('apple', 'pear'))
+    >>> fruits.get("aple")
+    Traceback (most recent call last):
+    ...
+    ValueError: `fruit` must be one of 'apple', 'pear', got 'aple'; did you mean 'apple'?
+    """
+
+    parameter: str
+    entries: Mapping[str, T]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "entries", MappingProxyType(dict(self.entries)))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The accepted values."""
+        return tuple(self.entries)
+
+    def get(self, name: object) -> T:
+        """Return the object of an accepted value.
+
+        Raises
+        ------
+        ValueError
+            If `name` is not an accepted value; lists the accepted values.
+        """
+        if isinstance(name, str) and name in self.entries:
+            return self.entries[name]
+        from difflib import get_close_matches  # only for the message: 20 ms
+
+        close = get_close_matches(name, self.entries, n=1) if isinstance(name, str) else []
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        accepted = ", ".join(map(repr, self.entries))
+        raise ValueError(f"`{self.parameter}` must be one of {accepted}, got {name!r}{hint}")
+
+    def implemented_by(self, implementations: Mapping[str, S]) -> "Registry[S]":
+        """Return a registry with the same accepted values and other objects.
+
+        Parameters
+        ----------
+        implementations : mapping of str to object
+            One object for every accepted value, in any order.
+
+        Raises
+        ------
+        ValueError
+            If the names differ from the accepted values.
+        """
+        if set(implementations) != set(self.entries):
+            raise ValueError(
+                f"`{self.parameter}` needs implementations of {', '.join(self.entries)}, "
+                f"got {', '.join(implementations)}"
+            )
+        return Registry(self.parameter, {name: implementations[name] for name in self.entries})
+
+
+def _described(parameter: str, **descriptions: str) -> tuple[str, Registry[str]]:
+    return parameter, Registry(parameter, descriptions)
+
+
+CONFIG_OPTIONS: Mapping[str, Registry[str]] = MappingProxyType(
+    dict(
+        (
+            _described(
+                "omega",
+                world="angular velocities relative to the world",
+                local="angular velocities relative to the parent joint",
+            ),
+            _described(
+                "inertia",
+                own="moment of inertia of the link alone",
+                subtree="moment of inertia of the link and of all links below it",
+                unit="moment of inertia 1 for every link",
+            ),
+            _described(
+                "choice",
+                viterbi="minimum total cost; each further motion pays for repeated donors",
+                best="the motions of the lowest total costs",
+                sample="drawn with probability exp(-cost / temperature)",
+                nearest="most similar base segments; seams only have to satisfy the limit",
+                random="uniform among the donors within the limits, as in the paper",
+            ),
+            _described(
+                "seam",
+                offset="a decaying offset on both sides; continuous pose and velocity",
+                paper="displacement over the segments, then a cubic through the seam window",
+                displacement="the pose gap spread over both segments",
+                inertial="a decaying offset after the seam only",
+                dead="a cross-fade after the seam from the extrapolated motion before it",
+            ),
+            _described(
+                "alignment",
+                uniform="donors stretched at a constant rate",
+                dtw="donors stretched by dynamic time warping of the base parts",
+            ),
+            _described(
+                "torso",
+                pelvis="a grafted trunk keeps its angle to the pelvis",
+                world="a grafted trunk keeps its orientation in the world",
+            ),
+            _described(
+                "feet",
+                auto="feet planted unless the base group holds both legs and root",
+                never="feet left as the graft places them",
+            ),
+        )
+    )
+)
+"""For every parameter of `Config` that selects by name: the accepted values, each described."""

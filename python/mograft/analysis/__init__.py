@@ -1,0 +1,1 @@
+"""Segmentation, embedding, clustering and channel groups."""

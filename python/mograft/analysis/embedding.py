@@ -1,0 +1,401 @@
+"""One vector per segment and joint group: resampled, aligned, reduced (paper, 4.1.3 and 4.2)."""
+
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Protocol
+
+import numpy as np
+
+from mograft import _core
+from mograft._util.arrays import FloatArray, IntArray, Packed
+from mograft._util.linalg import product
+from mograft.analysis.principal_components import MIN_DEVIATION, Spread, pca
+from mograft.analysis.segmentation import Segments
+from mograft.config import FRAME, Config
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.resample import resample_segment_positions, resample_segments
+
+__all__ = [
+    "Embedding",
+    "Samples",
+    "Source",
+    "embed",
+    "features",
+    "means_of",
+    "normalise",
+]
+
+CHUNK = 1024
+"""Number of segments in memory at a time. Sums run chunk by chunk in the order of segments, so
+their last bits depend on this number only."""
+
+_CACHE_BYTES = 1 << 27
+"""Bytes of features that are kept between the two passes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Segments resampled to equal length, without position and, by default, without heading.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (n_segments, 4·samples·joints + 3·samples + 1)
+        One row per segment, in single precision as stored or in double as computed: local
+        rotations, sample by sample, of the locomotion root in the world; the root's
+        displacement from the previous sample in skeleton heights, 0 at the first; the length
+        before resampling in frames of 1/30 s.
+    n_samples, n_joints : int
+        Number of samples per segment and of joints.
+    """
+
+    rows: Packed | FloatArray
+    n_samples: int
+    n_joints: int
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def rotations(self) -> Packed | FloatArray:
+        """The rotations, a view of shape (n_segments, n_samples, n_joints, 4)."""
+        end = 4 * self.n_samples * self.n_joints
+        return self.rows[:, :end].reshape(len(self), self.n_samples, self.n_joints, 4)
+
+    @property
+    def rest(self) -> Packed | FloatArray:
+        """Displacements of the root and the length, shape (n_segments, 3·samples + 1)."""
+        return self.rows[:, 4 * self.n_samples * self.n_joints :]
+
+    def packed(self) -> Packed:
+        """Return the rows in single precision, as libraries store them."""
+        return self.rows.astype(np.float32, copy=False)
+
+    def chunks(self) -> "Iterator[Samples]":
+        """Yield `CHUNK` segments at a time."""
+        for start in range(0, len(self), CHUNK):
+            yield replace(self, rows=self.rows[start : start + CHUNK])
+
+
+class Source(Protocol):
+    """Samples of segments, in memory or in files."""
+
+    def __len__(self) -> int:
+        """Return the number of segments."""
+        ...
+
+    def chunks(self) -> Iterator[Samples]:
+        """Yield `CHUNK` segments at a time."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Embedding:
+    """Segments of one joint group as points; similar motions are close.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_segments, n_components)
+        Principal component scores.
+    joints : ndarray of int
+        The joints whose rotations are features.
+    has_root : bool
+        Whether the root's rotation, without heading, and its displacements are features.
+    reference : ndarray, shape (n_joints, 4)
+        Mean rotation of each joint; features are rotation vectors relative to it.
+    mean, scale : ndarray, shape (n_features,)
+        A feature is standardised by subtracting its mean and dividing by its scale, which is
+        infinite for dropped features.
+    components : ndarray, shape (n_features, n_components)
+        Loadings in columns, orthonormal and rounded to multiples of 2^-20. In each column the
+        entry of largest absolute value is positive; ties go to the first.
+    variances : ndarray
+        Variance along all principal components, descending.
+    """
+
+    points: FloatArray
+    joints: IntArray
+    has_root: bool
+    reference: FloatArray
+    mean: FloatArray
+    scale: FloatArray
+    components: FloatArray
+    variances: FloatArray
+
+    def __repr__(self) -> str:
+        n, axes = self.points.shape
+        part = self.variances[:axes].sum() / max(self.variances.sum(), np.finfo(float).tiny)
+        return f"Embedding({n} points of {axes} axes, {part:.0%} of the variance)"
+
+    def project(self, matrix: FloatArray) -> FloatArray:
+        """Return the points of feature vectors.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (n, n_features)
+            Feature vectors.
+
+        Returns
+        -------
+        ndarray, shape (n, n_components)
+            Scores of the standardised features, which are rounded to multiples of 2^-20. The
+            bits of a row depend neither on the other rows nor on the number of BLAS threads.
+        """
+        return product((matrix - self.mean) / self.scale, self.components)
+
+
+def normalise(
+    clips: Sequence[Motion],
+    cut: Segments,
+    config: Config,
+    *,
+    root: int,
+    up: int,
+    heights: Sequence[float],
+) -> Samples:
+    """Resample all segments to the same number of frames; remove position and heading.
+
+    Parameters
+    ----------
+    clips : sequence of Motion
+        Clips of one hierarchy.
+    cut : Segments
+        The segments of the clips, in the order of the clips.
+    config : Config
+        `samples` and `keep_heading` apply.
+    root : int
+        The locomotion root: the joint that moves the body through the world.
+    up : int
+        The vertical axis: 0, 1 or 2.
+    heights : sequence of float
+        Skeleton height of each clip in the unit of its file.
+
+    Returns
+    -------
+    Samples
+        The segments in the order of `cut`.
+    """
+    m = config.samples
+    rows = []
+    for index, clip in enumerate(clips):
+        indices = cut.of_clip(index)
+        n = len(indices)
+        bounds = (cut.start[indices], cut.stop[indices], np.full(n, m))
+        sampled = resample_segments(clip.rotations, *bounds).reshape(n, m, clip.n_joints, 4)
+        if root == 0:
+            root_rotations, track = sampled[:, :, 0], clip.positions[:, :1]
+        else:
+            world_rotations, world_positions = clip.world_transforms()
+            root_track = world_rotations[:, root : root + 1]
+            root_rotations = resample_segments(root_track, *bounds).reshape(n, m, 4)
+            track = world_positions[:, root : root + 1]
+        steps = np.zeros((n, m, 3))
+        positions = resample_segment_positions(track, *bounds).reshape(n, m, 3) / heights[index]
+        steps[:, 1:] = np.diff(positions, axis=1)
+        if not config.keep_heading:
+            turn = rotations.inverse(_headings(root_rotations[:, 0], up))[:, None]
+            root_rotations = rotations.multiply(turn, root_rotations)
+            steps = rotations.rotate(turn, steps)
+        sampled[:, :, root] = root_rotations
+        lengths = cut.lengths[indices] * clip.frame_time / FRAME
+        parts = [sampled.reshape(n, -1), steps.reshape(n, -1), lengths[:, None]]
+        rows.append(np.concatenate(parts, axis=1))
+    return Samples(np.concatenate(rows), m, clips[0].n_joints)
+
+
+def _headings(first: FloatArray, up: int) -> FloatArray:
+    """Return the rotation about up in each segment's first pose, shape (n_segments, 4).
+
+    It is undefined if that pose is half a turn about a horizontal axis from the rest pose;
+    the heading of the previous segment is used then.
+    """
+    parts = first[:, [up, 3]]
+    is_undefined = np.hypot(*parts.T) < 1e-6
+    sources = np.where(is_undefined, 0, np.arange(len(first)))
+    headings: FloatArray = rotations.twist(first, up)[np.maximum.accumulate(sources)]
+    return headings
+
+
+def features(
+    samples: Samples, joints: IntArray, reference: FloatArray, *, has_root: bool
+) -> FloatArray:
+    """Return the feature vectors of one joint group.
+
+    Parameters
+    ----------
+    samples : Samples
+        The normalised segments.
+    joints : ndarray of int
+        The joints of the group.
+    reference : ndarray, shape (len(joints), 4)
+        For each joint the rotation to which its rotation vectors are relative.
+    has_root : bool
+        Whether to add the displacements of the root.
+
+    Returns
+    -------
+    ndarray, shape (n_segments, 3·joints·samples [+ 3·samples] + 1)
+        For each joint and sample a rotation vector in radians, then the displacements of the
+        root in skeleton heights, then the length in frames of 1/30 s.
+    """
+    return _core.features(
+        samples.rows,
+        (samples.n_samples, samples.n_joints),
+        joints,
+        reference,
+        (3 * samples.n_samples if has_root else 0) + 1,
+        os.cpu_count() or 1,
+    )
+
+
+def moments(samples: Samples) -> FloatArray:
+    """Return Σ q qᵀ of each joint, the input of `mean_rotations`.
+
+    Parameters
+    ----------
+    samples : Samples
+        The normalised segments.
+
+    Returns
+    -------
+    ndarray, shape (n_joints, 4, 4)
+        The moments of a union of disjoint sets are the sum of the sets' moments.
+    """
+    return _core.moments(samples.rows, (samples.n_samples, samples.n_joints))
+
+
+def mean_rotations(summed: FloatArray) -> FloatArray:
+    """Return the mean rotation of each joint.
+
+    Parameters
+    ----------
+    summed : ndarray, shape (n_joints, 4, 4)
+        The result of `moments`.
+
+    Returns
+    -------
+    ndarray, shape (n_joints, 4)
+        For each joint the unit quaternion with the largest Σ (q·mean)² and w ≥ 0. The signs
+        of the quaternions have no effect (Markley et al. 2007).
+    """
+    means = np.linalg.eigh(summed)[1][..., -1]
+    signed: FloatArray = np.where(means[:, 3:] < 0, -means, means)
+    return signed
+
+
+def means_of(samples: Source, n_joints: int) -> FloatArray:
+    """Return the mean rotation of each joint in all segments, shape (n_joints, 4)."""
+    summed = np.zeros((n_joints, 4, 4))
+    for part in samples.chunks():
+        summed += moments(part)
+    return mean_rotations(summed)
+
+
+def embed(
+    samples: Source,
+    joints: IntArray,
+    means: FloatArray,
+    config: Config,
+    *,
+    root: int,
+    group: str,
+) -> Embedding | None:
+    """Embed the segments of one joint group.
+
+    Parameters
+    ----------
+    samples : Source
+        The normalised segments. They are read twice, chunk by chunk.
+    joints : ndarray of int
+        The joints of the group whose rotations are features.
+    means : ndarray, shape (n_joints, 4)
+        The mean rotation of each joint of the skeleton.
+    config : Config
+        `components`, the floors and `keep_heading` apply.
+    root : int
+        The locomotion root: the joint that moves the body through the world.
+    group : str
+        Name of the group, for warnings.
+
+    Returns
+    -------
+    Embedding or None
+        None, with a warning, if there are fewer than three segments or all are alike.
+    """
+    n, n_joints = len(samples), len(joints)
+    has_root = bool((joints == root).any())
+    reference = means[joints]
+    if has_root and not config.keep_heading:
+        reference[joints == root] = rotations.IDENTITY
+
+    cache: list[FloatArray] = []
+
+    def matrices() -> Iterator[FloatArray]:
+        yield from cache
+        n_cached = len(cache)
+        if n_cached * CHUNK >= n:
+            return
+        for number, part in enumerate(islice(samples.chunks(), n_cached, None), n_cached):
+            matrix = features(part, joints, reference, has_root=has_root)
+            # The first chunks that fit are kept; the second pass recomputes the others.
+            if number == len(cache) and 8 * matrix.size * (number + 1) <= _CACHE_BYTES:
+                cache.append(matrix)
+            yield matrix
+
+    n_rotations = 3 * config.samples * n_joints
+    half_turns = _HalfTurnCounter(n_rotations)
+    spread = Spread.of(map(half_turns.count, matrices()))
+    half_turns.warn(group)
+    # The last feature, the length, cannot tell segments apart alone: a clip at rest is cut
+    # into equal parts.
+    if n < 3 or (spread.deviation[:-1] < MIN_DEVIATION).all():
+        few = f"{n} segment{'s are' if n > 1 else ' is'} too few to compare"
+        reason = few if n < 3 else f"all {n} segments are alike"
+        message = f"group {group}: {reason}; each segment forms its own cluster"
+        warnings.warn(message, stacklevel=2)
+        return None
+    floors = np.full(len(spread.mean), config.rotation_floor)
+    floors[n_rotations:-1] = config.position_floor
+    floors[-1] = config.length_floor
+    scale, components, variances = pca(spread, config.components, floors)
+    embedding = Embedding(
+        points=np.empty((0, components.shape[1])),
+        joints=joints,
+        has_root=has_root,
+        reference=reference,
+        mean=spread.mean,
+        scale=scale,
+        components=components,
+        variances=variances,
+    )
+    points = np.concatenate([embedding.project(matrix) for matrix in matrices()])
+    return replace(embedding, points=points)
+
+
+class _HalfTurnCounter:
+    """Count rotation vectors near the discontinuity, half a turn from the mean."""
+
+    def __init__(self, n_rotations: int) -> None:
+        self._n_rotations = n_rotations
+        self._n_near = self._n_total = 0
+
+    def count(self, matrix: FloatArray) -> FloatArray:
+        """Count those of a chunk, and return the chunk."""
+        vectors = matrix[:, : self._n_rotations].reshape(len(matrix), -1, 3)
+        squared = np.einsum("nvi,nvi->nv", vectors, vectors)
+        self._n_near += int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))
+        self._n_total += squared.size
+        return matrix
+
+    def warn(self, group: str) -> None:
+        """Warn if they are more than 0.1 % of all."""
+        share = self._n_near / max(self._n_total, 1)
+        if share > 0.001:
+            warnings.warn(
+                f"group {group}: {share:.1%} of its poses are nearly a half turn from the mean; "
+                "similar segments may fall into different clusters",
+                stacklevel=3,
+            )

@@ -1,0 +1,111 @@
+"""Principal components of the correlation matrix (paper, 4.2)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft._util.linalg import eigenvectors
+
+__all__ = ["MIN_DEVIATION", "Spread", "pca"]
+
+MIN_DEVIATION = 1e-6
+"""Features with a smaller standard deviation are dropped. Samples are stored in single
+precision, which rounds rotations by 6e-8."""
+
+_MIN_VARIANCE_RATIO = 1e-6
+"""Components with a smaller share of the largest variance are dropped. Their scores are below a
+thousandth of the first component's, and the rounding of the samples decides their axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Mean and scatter matrix of rows.
+
+    Attributes
+    ----------
+    n : int
+        Number of rows.
+    mean : ndarray, shape (n_features,)
+        Mean of the rows.
+    scatter : ndarray, shape (n_features, n_features)
+        Σ (row - mean)(row - mean)ᵀ. The bits of its diagonal do not depend on the number of
+        BLAS threads; the last bits of the other entries do.
+    """
+
+    n: int
+    mean: FloatArray
+    scatter: FloatArray
+
+    @classmethod
+    def of(cls, chunks: Iterable[FloatArray]) -> "Spread":
+        """Compute mean and scatter from chunks of rows, at least one, in their order.
+
+        Notes
+        -----
+        Each chunk is centred on its own mean before it is squared, and the chunks are merged
+        by the formula of Chan, Golub and LeVeque. Hence nothing cancels, and the scatter of a
+        constant feature is zero up to rounding.
+        """
+        n, mean, scatter = 0, np.zeros(0), np.zeros((0, 0))
+        for rows in chunks:
+            chunk_mean = rows.mean(axis=0)
+            centred = rows - chunk_mean
+            within = centred.T @ centred
+            # NumPy's own sum, without BLAS: scales derive from it.
+            np.fill_diagonal(within, np.einsum("ij,ij->j", centred, centred))
+            if not n:
+                n, mean, scatter = len(rows), chunk_mean, within
+                continue
+            shift, total = chunk_mean - mean, n + len(rows)
+            scatter += within
+            scatter += np.outer(shift, shift) * (n * len(rows) / total)
+            mean = mean + shift * (len(rows) / total)
+            n = total
+        return cls(n, mean, scatter)
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Standard deviation of each feature, with n - 1; 0 for a single row."""
+        deviation: FloatArray = np.sqrt(np.diag(self.scatter) / max(self.n - 1, 1))
+        return deviation
+
+
+def pca(
+    spread: Spread, n_components: int, floors: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Compute the principal components of standardised features (correlation matrix).
+
+    Parameters
+    ----------
+    spread : Spread
+        Mean and scatter matrix of the features of all segments.
+    n_components : int
+        Maximum number of components; fewer are returned if the rank is smaller.
+    floors : ndarray, shape (n_features,)
+        Minimum scale of each feature. Features with a standard deviation below 1e-6 are
+        dropped.
+
+    Returns
+    -------
+    scale : ndarray, shape (n_features,)
+        The standard deviation or its floor; infinite for dropped features.
+    components : ndarray, shape (n_features, n_components)
+        Loadings in columns by descending variance, orthonormal and rounded to multiples of
+        2^-20. In each column the entry of largest absolute value is positive; ties go to the
+        first. Components with less than 1e-6 of the largest variance are dropped.
+    variances : ndarray, shape (n_features,)
+        Variance along every principal component, descending.
+
+    Notes
+    -----
+    Equations 7 to 11 of the paper, by `numpy.linalg.eigh`.
+    """
+    deviation = spread.deviation
+    scale = np.where(deviation < MIN_DEVIATION, np.inf, np.maximum(deviation, floors))
+    correlation = spread.scatter / (spread.n - 1) / scale / scale[:, None]
+    variances, components = eigenvectors(correlation, min(n_components, spread.n - 1))
+    variances = np.maximum(variances, 0.0)
+    rank = int((variances > _MIN_VARIANCE_RATIO * variances[0]).sum())
+    return scale, components[:, :rank], variances

@@ -1,0 +1,1 @@
+"""Placing donor parts on a base motion: transplant, seams, root motion, feet."""

@@ -1,0 +1,318 @@
+"""Donor segments in the places of base segments: their values at any time, and their seams."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.blend.rigid_alignment import AlignmentTransform
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import PieceTimes, SeamBoundaries
+from mograft.blend.time_warp import TimeWarp
+from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
+from mograft.config import Config
+from mograft.motion import rotations
+
+__all__ = ["DonorLayout", "DonorTimeline", "RootAlignment", "SegmentTimes", "sample_states"]
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentTimes:
+    """n points in time, each inside a base segment.
+
+    Attributes
+    ----------
+    segment : ndarray of int, shape (n,)
+        Index of the segment.
+    frames : ndarray, shape (n,)
+        Frames since the segment's start; fractions are allowed.
+    """
+
+    segment: IntArray
+    frames: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class RootAlignment:
+    """The alignment transform of every donor segment, and the root's columns among its tracks."""
+
+    transforms: AlignmentTransform
+    rotation_column: int
+    position_column: int
+
+    def apply(
+        self,
+        space: ValueSpace,
+        values: FloatArray,
+        segment: IntArray,
+        velocities: FloatArray | None = None,
+    ) -> None:
+        """Transform the root's values and velocities in place; identities change no bit."""
+        transforms = self.transforms[segment]
+        moves = (transforms.yaws != rotations.IDENTITY).any(axis=1)
+        moves |= (transforms.translations != 0.0).any(axis=1)
+        transforms = transforms[moves]
+        if space is ROTATIONS:  # angular velocities are in the body's frame: no change
+            column = self.rotation_column
+            values[moves, column] = rotations.multiply(transforms.yaws, values[moves, column])
+            return
+        column = self.position_column
+        rotated = rotations.rotate(transforms.yaws, values[moves, column])
+        values[moves, column] = rotated + transforms.translations
+        if velocities is not None:
+            velocities[moves, column] = rotations.rotate(transforms.yaws, velocities[moves, column])
+
+
+@dataclass(frozen=True, eq=False)
+class DonorTimeline:
+    """One donor segment for every base segment, stretched to its length.
+
+    Attributes
+    ----------
+    cut : Segments
+        The base segments, in order of time.
+    donors : Segments
+        The donor of each.
+    rate : float
+        Frames per second.
+    warp : TimeWarp, optional
+        Default: donors are stretched at a constant rate.
+    alignment : RootAlignment, optional
+        Default: values are used as captured.
+    """
+
+    cut: Segments
+    donors: Segments
+    rate: float
+    warp: TimeWarp | None = None
+    alignment: RootAlignment | None = None
+
+    def frame_times(self) -> SegmentTimes:
+        """Return the times of all frames; a frame that two segments share occurs twice."""
+        counts = self.cut.lengths + 1
+        segment = np.repeat(np.arange(len(counts)), counts)
+        frames = np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]
+        return SegmentTimes(segment, frames.astype(np.float64))
+
+    def merge_frames(self, values: FloatArray) -> FloatArray:
+        """Return one row per frame of rows at `frame_times`; shared frames have the later one."""
+        times = self.frame_times()
+        frames = np.empty((self.cut.stop[-1] + 1, *values.shape[1:]))
+        frames[self.cut.start[times.segment] + times.frames.astype(np.int64)] = values
+        return frames
+
+    def sample(
+        self, space: ValueSpace, tracks: Sequence[FloatArray], times: SegmentTimes
+    ) -> FloatArray:
+        """Return the donors' values at times; at a donor's frame, that frame bit for bit.
+
+        Parameters
+        ----------
+        space : ValueSpace
+            `ROTATIONS` or `TRANSLATIONS`.
+        tracks : sequence of ndarray, shape (n_frames, n_joints, 4 or 3)
+            The values of each clip.
+        times : SegmentTimes
+            n points in time.
+
+        Returns
+        -------
+        ndarray, shape (n, n_joints, 4 or 3)
+            The values, interpolated by cubics that continue beyond the donor in its clip.
+        """
+        donors, segment = self.donors, times.segment
+        # In this order divisions without remainder are exact.
+        elapsed = times.frames * donors.lengths[segment] / self.cut.lengths[segment]
+        if self.warp is not None:
+            share = self.warp.donor_share(segment, times.frames / self.cut.lengths[segment])
+            is_warped = self.warp.is_warped[segment]
+            elapsed = np.where(is_warped, share * donors.lengths[segment], elapsed)
+        clip = donors.clip[segment]
+        values = np.empty((len(segment), *tracks[0].shape[1:]))
+        for index in np.unique(clip):
+            rows = np.flatnonzero(clip == index)
+            frames = donors.start[segment[rows]] + elapsed[rows]
+            values[rows] = space.interpolate(np.ascontiguousarray(tracks[index]), frames)
+        if self.alignment is not None:
+            self.alignment.apply(space, values, segment)
+        return values
+
+    def boundaries(
+        self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
+    ) -> SeamBoundaries:
+        """Return the values and velocities where the segments `seams` end and their next start."""
+        donors = self.donors
+        speed = np.tile((self.rate * donors.lengths / self.cut.lengths)[:, None], (1, 2))
+        if self.warp is not None:
+            speed *= np.where(self.warp.is_warped[:, None], self.warp.slopes[:, [0, -1]], 1.0)
+        speed = speed[..., None, None]
+        before, velocity_before = sample_states(
+            space, tracks, donors.clip[seams], donors.stop[seams]
+        )
+        after, velocity_after = sample_states(
+            space, tracks, donors.clip[seams + 1], donors.start[seams + 1]
+        )
+        if self.alignment is not None:
+            self.alignment.apply(space, before, seams, velocity_before)
+            self.alignment.apply(space, after, seams + 1, velocity_after)
+        return SeamBoundaries(
+            before, after, velocity_before * speed[seams, 1], velocity_after * speed[seams + 1, 0]
+        )
+
+    def piece_times(self, seams: IntArray, times: SegmentTimes) -> PieceTimes:
+        """Return times relative to the pieces that the segments `seams` end."""
+        first = np.concatenate([[0], seams + 1])
+        last = np.append(seams, len(self.cut) - 1)
+        piece = np.searchsorted(seams, times.segment)
+        frames = self.cut.start[times.segment] - self.cut.start[first[piece]] + times.frames
+        durations = (self.cut.stop[last] - self.cut.start[first]) / self.rate
+        return PieceTimes(piece, frames / self.rate, durations)
+
+    def find_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
+        """Return between which segments there is a seam, shape (n_segments - 1,).
+
+        There is none if neither donor is stretched or warped, and the three frames about the end
+        of the one equal, bit for bit, those about the start of the other. So a copy of a clip
+        counts as the clip.
+        """
+        donors = self.donors
+        is_stretched = donors.lengths != self.cut.lengths
+        if self.warp is not None:
+            is_stretched |= self.warp.is_warped
+        ends = _three_frames(tracks, donors.clip[:-1], donors.stop[:-1])
+        starts = _three_frames(tracks, donors.clip[1:], donors.start[1:])
+        continues = (ends == starts).all(axis=tuple(range(1, ends.ndim)))
+        seams: BoolArray = ~continues | is_stretched[1:] | is_stretched[:-1]
+        return seams
+
+
+@dataclass(frozen=True, eq=False)
+class DonorLayout:
+    """The tracks of a group along a donor timeline, and the seams between them.
+
+    Attributes
+    ----------
+    timeline : DonorTimeline
+        The donors.
+    rotations : sequence of ndarray, shape (n_frames, n_joints, 4)
+        Rotations of each clip.
+    positions : sequence of ndarray, shape (n_frames, n_moving, 3)
+        Translations of each clip, of the joints that translate.
+    seams : ndarray of bool, shape (n_segments - 1,)
+        Between which segments there is a seam.
+    config : Config
+        Gives `seam`, `seam_window` and `seam_blend`.
+    """
+
+    timeline: DonorTimeline
+    rotations: Sequence[FloatArray]
+    positions: Sequence[FloatArray]
+    seams: BoolArray
+    config: Config
+
+    def closed(self) -> tuple[FloatArray, FloatArray]:
+        """Return rotations and translations of all frames with the gaps at seams closed."""
+        timeline = self.timeline
+        times = timeline.frame_times()
+        quats = timeline.merge_frames(self.close_at(ROTATIONS, times))
+        if not self.positions[0].shape[1]:
+            return quats, np.empty((len(quats), 0, 3))
+        return quats, timeline.merge_frames(self.close_at(TRANSLATIONS, times))
+
+    def close_at(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
+        """Return rotations or translations at any times with the gaps at seams closed."""
+        timeline, treatment = self.timeline, SEAM_TREATMENTS.get(self.config.seam)
+        tracks = self.rotations if space is ROTATIONS else self.positions
+        values = timeline.sample(space, tracks, times)
+        every = treatment.spans_segments
+        seams = np.arange(len(self.seams)) if every else np.flatnonzero(self.seams)
+        return treatment.close(
+            space,
+            values,
+            timeline.piece_times(seams, times),
+            timeline.boundaries(space, tracks, seams),
+            self.config.seam_blend,
+        )
+
+    def smoothed(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotations and translations of all frames after the treatment's last pass."""
+        treatment = SEAM_TREATMENTS.get(self.config.seam)
+        cut, window = self.timeline.cut, round(self.config.seam_window * self.timeline.rate)
+        seams = np.flatnonzero(self.seams)
+        return (
+            treatment.smooth(ROTATIONS, quats, cut, seams, window),
+            treatment.smooth(TRANSLATIONS, positions, cut, seams, window),
+        )
+
+    def seam_angles(self) -> FloatArray:
+        """Return the rotation gap of each joint at each seam in radians, (n_seams, n_joints)."""
+        seams = np.flatnonzero(self.seams)
+        boundaries = self.timeline.boundaries(ROTATIONS, self.rotations, seams)
+        angles: FloatArray = np.linalg.norm(boundaries.gaps(ROTATIONS), axis=-1)
+        return angles
+
+
+def sample_states(
+    space: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return values and velocities at frames of clips.
+
+    Parameters
+    ----------
+    space : ValueSpace
+        `ROTATIONS` or `TRANSLATIONS`.
+    tracks : sequence of ndarray, shape (n_frames, n_joints, 4 or 3)
+        The values of each clip.
+    clips, frames : ndarray of int, shape (n,)
+        The clip and frame of each state.
+
+    Returns
+    -------
+    values : ndarray, shape (n, n_joints, 4 or 3)
+        The values.
+    velocities : ndarray, shape (n, n_joints, 3)
+        Their velocities per frame; of rotations in the joint's own frame.
+
+    Notes
+    -----
+    The velocity is that of the curve from which frames are interpolated: of the parabola through
+    the frame and its neighbours, or at a clip's end through the three nearest frames.
+    """
+    values = np.empty((len(frames), *tracks[0].shape[1:]))
+    velocities = np.empty((*values.shape[:-1], 3))
+    for clip in np.unique(clips):
+        rows = np.flatnonzero(clips == clip)
+        track, frame = tracks[clip], frames[rows]
+        values[rows] = track[frame]
+        last = len(track) - 2
+        before = _steps(space, track, (frame - 1).clip(0))
+        after = _steps(space, track, frame.clip(max=last))
+        mean = 0.5 * (before + after)
+        if last > 0:
+            ends = _steps(space, track, np.array([0, 1, last - 1, last]))
+            mean[frame == 0] = 1.5 * ends[0] - 0.5 * ends[1]
+            mean[frame > last] = 1.5 * ends[3] - 0.5 * ends[2]
+        velocities[rows] = mean
+    return values, velocities
+
+
+def _steps(space: ValueSpace, track: FloatArray, frames: IntArray) -> FloatArray:
+    """Return the delta from each frame to the next."""
+    return space.delta(track[frames], track[frames + 1])
+
+
+def _three_frames(tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray) -> FloatArray:
+    """Return the values in the frames before, at and after given ones; NaN outside the clip."""
+    near = np.full((len(frames), 3, *tracks[0].shape[1:]), np.nan)
+    for clip in np.unique(clips):
+        rows = np.flatnonzero(clips == clip)
+        columns = frames[rows][:, None] + [-1, 0, 1]
+        is_inside = (columns >= 0) & (columns < len(tracks[clip]))
+        near[rows[:, None], [0, 1, 2]] = np.where(
+            is_inside[..., None, None],
+            tracks[clip][columns.clip(0, len(tracks[clip]) - 1)],
+            np.nan,
+        )
+    return near

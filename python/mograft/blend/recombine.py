@@ -1,0 +1,123 @@
+"""Motions of joint groups, put together to one motion (paper, eq. 20)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.channel_groups import Key, angles
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = ["Part", "recombine"]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The motion of one joint group.
+
+    Attributes
+    ----------
+    joints : ndarray of int
+        The group's joints.
+    rotations : ndarray, shape (n_frames, len(joints), 4)
+        Their local rotations.
+    positions : ndarray, shape (n_frames, len(joints), 3)
+        Their local translations.
+    seams : ndarray of int, shape (n_seams,)
+        Frames of the seams.
+    gaps : ndarray, shape (n_seams, len(joints) + len(angles))
+        The angle of each joint, or single channel, across each seam before it was closed, in
+        radians.
+    angles : dict of (int, str) to ndarray, shape (n_frames,)
+        For each single channel of the group, a joint and an axis, its angle in radians; NaN in
+        frames in which the base's angle is kept.
+    """
+
+    joints: IntArray
+    rotations: FloatArray
+    positions: FloatArray
+    seams: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    angles: Mapping[Key, FloatArray] = field(default_factory=dict)
+
+
+def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
+    """Replace parts of a motion; every other number is kept (eq. 20).
+
+    Parameters
+    ----------
+    base : Motion
+        The motion to change.
+    parts : sequence of Part
+        Parts of different joints.
+    name : str
+        The new motion's name.
+
+    Returns
+    -------
+    Motion
+        It keeps the base's channel values where neither rotation nor translation changed.
+    """
+    skeleton = base.skeleton
+    quats, positions = base.rotations.copy(), base.positions.copy()
+    values = None if base.channel_values is None else base.channel_values.copy()
+    for part in parts:
+        rotated = (part.rotations != base.rotations[:, part.joints]).any(axis=-1)
+        moved = (part.positions != base.positions[:, part.joints]).any(axis=-1)
+        rotates, moves = rotated.any(axis=0), moved.any(axis=0)
+        quats[:, part.joints[rotates]] = rotations.continuous_signs(part.rotations[:, rotates])
+        positions[:, part.joints[moves]] = part.positions[:, moves]
+        if values is None:
+            continue
+        for column in np.flatnonzero(rotates | moves).tolist():
+            joint = part.joints[column]
+            changed = {"rotation": rotated[:, column], "position": moved[:, column]}
+            for index, channel in zip(
+                skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
+            ):
+                values[changed[channel[1:]], index] = np.nan
+    single = {key: angle for part in parts for key, angle in part.angles.items()}
+    for joint in dict.fromkeys(joint for joint, _ in single):
+        _replace_channels(base, joint, single, quats, values)
+    return replace(
+        base,
+        rotations=quats,
+        positions=positions,
+        channel_values=values,
+        name=name,
+        path=None,
+        repairs=(),
+    )
+
+
+def _replace_channels(
+    base: Motion,
+    joint: int,
+    single: Mapping[Key, FloatArray],
+    quats: FloatArray,
+    values: FloatArray | None,
+) -> None:
+    """Set a joint's rotations and channel values, in place, from angles of single channels."""
+    skeleton = base.skeleton
+    order = skeleton.rotation_order(joint)
+    given = angles(base, joint)
+    new = given.copy()
+    for column, axis in enumerate(order):
+        target = single.get((joint, axis), np.full(base.n_frames, np.nan))
+        # Full turns from the base's angle are no difference.
+        off = np.angle(np.exp(1j * (target - given[:, column])))
+        new[:, column] = np.where(np.isnan(target), given[:, column], given[:, column] + off)
+    changed = (new != given).any(axis=1)
+    if not changed.any():
+        return
+    turned = np.where(changed[:, None], rotations.from_euler(new, order), base.rotations[:, joint])
+    quats[:, joint] = rotations.continuous_signs(turned)
+    if values is None:
+        return
+    for index, name in zip(skeleton.channel_columns[joint], skeleton.channels[joint], strict=True):
+        if name.endswith("rotation"):
+            angle = order.index(name[0])
+            is_kept = new[:, angle] == given[:, angle]
+            values[:, index] = np.where(is_kept, values[:, index], np.degrees(new[:, angle]))

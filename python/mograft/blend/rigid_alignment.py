@@ -1,0 +1,138 @@
+"""Rigid alignment of roots: rotation about the up axis and translation over the floor."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.body.world_poses import Poses
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = ["AlignmentTransform", "RootTransforms"]
+
+
+@dataclass(frozen=True, eq=False)
+class RootTransforms:
+    """World rotations and positions of a root joint in n frames.
+
+    Attributes
+    ----------
+    rotations : ndarray, shape (n, 4)
+        Unit quaternions, xyzw.
+    positions : ndarray, shape (n, 3)
+        Positions in the file's unit.
+    """
+
+    rotations: FloatArray
+    positions: FloatArray
+
+    @classmethod
+    def from_motion(cls, motion: Motion, joint: int) -> "RootTransforms":
+        """Return the world transforms of a joint in all frames of a motion.
+
+        For a joint without a parent they are the motion's arrays, unchanged.
+        """
+        chain = [joint]
+        while (parent := int(motion.skeleton.parents[chain[-1]])) >= 0:
+            chain.append(parent)
+        quats, positions = motion.rotations[:, chain[-1]], motion.positions[:, chain[-1]]
+        for child in chain[-2::-1]:
+            positions = positions + rotations.rotate(quats, motion.positions[:, child])
+            quats = rotations.multiply(quats, motion.rotations[:, child])
+        return cls(quats, positions)
+
+    def relative_to_parent(self, motion: Motion, frames: IntArray, joint: int) -> "RootTransforms":
+        """Return the local transforms of a joint whose parent moves as in frames of a motion."""
+        parent = int(motion.skeleton.parents[joint])
+        if parent < 0:
+            return self
+        world = RootTransforms.from_motion(motion, parent)[frames]
+        inverse = rotations.inverse(world.rotations)
+        return RootTransforms(
+            rotations.multiply(inverse, self.rotations),
+            rotations.rotate(inverse, self.positions - world.positions),
+        )
+
+    def __getitem__(self, index: npt.NDArray[np.bool_] | IntArray) -> "RootTransforms":
+        return RootTransforms(self.rotations[index], self.positions[index])
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+
+@dataclass(frozen=True, eq=False)
+class AlignmentTransform:
+    """n rigid transforms: a rotation about the up axis, then a translation over the floor.
+
+    Attributes
+    ----------
+    yaws : ndarray, shape (n, 4)
+        Unit quaternions, xyzw, of rotations about the up axis through the world's origin.
+    translations : ndarray, shape (n, 3)
+        Translations in the file's unit; 0 along the up axis.
+    """
+
+    yaws: FloatArray
+    translations: FloatArray
+
+    @classmethod
+    def from_roots(
+        cls, source: RootTransforms, target: RootTransforms, up: int
+    ) -> "AlignmentTransform":
+        """Return the transforms that give source roots the place and heading of target roots.
+
+        Parameters
+        ----------
+        source, target : RootTransforms
+            n roots each.
+        up : int
+            The axis that points up: 0, 1 or 2.
+
+        Returns
+        -------
+        AlignmentTransform
+            It preserves the height and the lean of every source root. It is exactly the identity
+            where source and target are equal.
+
+        Notes
+        -----
+        The yaw is the twist about the up axis of the rotation from source to target.
+
+        Examples
+        --------
+        >>> source = RootTransforms(np.array([[0.0, 0, 0, 1]]), np.array([[1.0, 9, 2]]))
+        >>> target = RootTransforms(np.array([[0.0, 1, 0, 0]]), np.array([[5.0, 8, 5]]))
+        >>> AlignmentTransform.from_roots(source, target, up=1).apply(source).positions
+        array([[5., 9., 5.]])
+        """
+        between = rotations.multiply(target.rotations, rotations.inverse(source.rotations))
+        yaws = rotations.twist(between, up)
+        level = np.arange(3) != up
+        translations = level * (target.positions - rotations.rotate(yaws, source.positions))
+        equal = (source.rotations == target.rotations).all(axis=1)
+        equal &= (source.positions == target.positions).all(axis=1)
+        yaws[equal], translations[equal] = rotations.IDENTITY, 0.0
+        return cls(yaws, translations)
+
+    def __getitem__(self, index: npt.NDArray[np.bool_] | IntArray) -> "AlignmentTransform":
+        return AlignmentTransform(self.yaws[index], self.translations[index])
+
+    def apply(self, roots: RootTransforms) -> RootTransforms:
+        """Return n roots, each moved by its transform."""
+        return RootTransforms(
+            rotations.multiply(self.yaws, roots.rotations),
+            rotations.rotate(self.yaws, roots.positions) + self.translations,
+        )
+
+    def apply_to_poses(self, poses: Poses) -> Poses:
+        """Return n poses of whole bodies, each moved by its transform."""
+        # As matrices, for all joints at once.
+        left = rotations.multiply(self.yaws[:, None], np.eye(4))
+        axes = rotations.rotate(self.yaws[:, None], np.eye(3))
+        return poses.with_poses(
+            poses.frames,
+            poses.rotations @ left,
+            poses.positions @ axes + self.translations[:, None],
+        )

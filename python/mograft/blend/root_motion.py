@@ -1,0 +1,144 @@
+"""Root motion over the floor: velocities are blended at seams, and the path is their integral.
+
+Other joints come back to the captured value after a seam. A root has no captured value to come
+back to, because every donor starts where the one before it ended; to decay an offset would cause a
+velocity spike. So the root's velocity and yaw rate are blended, and the path keeps the result.
+"""
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.blend.rigid_alignment import RootTransforms
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.config import Config
+from mograft.motion import rotations
+
+__all__ = ["blend_root_velocity", "integrate_root", "root_velocity_weights", "yaw_rates"]
+
+
+def root_velocity_weights(
+    frames: FloatArray, lengths: IntArray, config: Config, rate: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the weights of the velocity on the other side of a seam.
+
+    Parameters
+    ----------
+    frames : ndarray
+        Distance from the seam in frames.
+    lengths : ndarray of int
+        Length in frames of the segment on this side; the shapes broadcast.
+    config : Config
+        Gives `seam` and `seam_blend`.
+    rate : float
+        Frames per second.
+
+    Returns
+    -------
+    before, after : ndarray
+        The weights if the frames lie before the seam, and if they lie after it; see
+        `SeamTreatment.root_velocity_weights`.
+    """
+    remaining = np.maximum(1.0 - frames / np.minimum(config.seam_blend * rate, lengths), 0.0)
+    return SEAM_TREATMENTS.get(config.seam).root_velocity_weights(remaining)
+
+
+def blend_root_velocity(
+    velocities: FloatArray, cut: Segments, seams: BoolArray, config: Config, rate: float
+) -> FloatArray:
+    """Return velocities that are cross-faded at seams.
+
+    Parameters
+    ----------
+    velocities : ndarray, shape (n, k)
+        Velocities from each frame to the next.
+    cut : Segments
+        Segments that cover the frames, in order of time.
+    seams : ndarray of bool, shape (len(cut) - 1,)
+        Between which segments there is a seam.
+    config, rate
+        As for `root_velocity_weights`.
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+        Means of given velocities with weights of sum 1, so none is greater than the greatest.
+        A velocity whose weight for the other side is 0 is kept bit for bit. A seam changes only
+        the two segments that meet there, so its effect on the path depends on these two alone.
+    """
+    segment = np.repeat(np.arange(len(cut)), cut.lengths)
+    frames = np.arange(len(velocities), dtype=np.float64) + 0.5
+    lengths = cut.lengths[segment]
+    is_seam = np.concatenate([[False], seams, [False]])
+    after = root_velocity_weights(frames - cut.start[segment], lengths, config, rate)[1]
+    before = root_velocity_weights(cut.stop[segment] - frames, lengths, config, rate)[0]
+    after, before = after * is_seam[segment], before * is_seam[segment + 1]
+    previous, following = (
+        velocities[cut.start[segment] - 1],
+        velocities[cut.stop[segment] % len(velocities)],
+    )
+    blended: FloatArray = (
+        velocities
+        + after[:, None] * (previous - velocities)
+        + before[:, None] * (following - velocities)
+    )
+    return blended
+
+
+def yaw_rates(quats: FloatArray, up: int) -> FloatArray:
+    """Return the rotation about the up axis from each frame to the next, in radians."""
+    steps = rotations.multiply(quats[1:], rotations.inverse(quats[:-1]))
+    rates: FloatArray = rotations.log(rotations.twist(steps, up))[:, up]
+    return rates
+
+
+def integrate_root(
+    velocities: FloatArray,
+    captured: FloatArray,
+    source: RootTransforms,
+    closed: RootTransforms,
+    up: int,
+) -> RootTransforms:
+    """Integrate root velocities and yaw rates to a path over the floor.
+
+    Parameters
+    ----------
+    velocities : ndarray, shape (n - 1, 4)
+        From each frame to the next: the displacement over the floor for the heading of `source`,
+        and the rotation about the up axis.
+    captured : ndarray, shape (n - 1, 4)
+        The same of `source`.
+    source : RootTransforms
+        The root in n frames before seams are closed.
+    closed : RootTransforms
+        The root in n frames after seams are closed; gives lean and height.
+    up : int
+        The axis that points up.
+
+    Returns
+    -------
+    RootTransforms
+        The root with the lean and height of `closed` and the given velocities. Its yaw rate never
+        exceeds the greatest captured one. Up to the first frame in which `velocities` differs from
+        `captured`, it equals `source` over the floor bit for bit.
+    """
+    leaning = closed.rotations
+    yaw_change = rotations.twist(
+        rotations.multiply(leaning, rotations.inverse(source.rotations)), up
+    )
+    facing = rotations.multiply(rotations.inverse(yaw_change), leaning)
+    is_same = (leaning == source.rotations).all(axis=1, keepdims=True)
+    facing = np.where(is_same, leaning, facing)
+    extra = velocities[:, 3] - captured[:, 3]
+    # A change of lean changes the yaw rate slightly, perhaps where it is greatest.
+    rate = yaw_rates(facing, up)
+    limit = np.abs(captured[:, 3]).max(initial=0.0)
+    is_too_fast = np.abs(rate + extra) > limit
+    extra = np.where(is_too_fast, np.clip(rate + extra, -limit, limit) - rate, extra)
+    yaws = np.concatenate([[0.0], np.cumsum(extra)])
+    heading = rotations.from_axis_angle(np.eye(3)[up], yaws)
+    heading[yaws == 0.0] = rotations.IDENTITY
+    quats = np.where(yaws[:, None] == 0.0, facing, rotations.multiply(heading, facing))
+    steps = rotations.rotate(heading[:-1], velocities[:, :3]) - captured[:, :3]
+    moved = source.positions + np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    return RootTransforms(quats, np.where(np.arange(3) == up, closed.positions, moved))

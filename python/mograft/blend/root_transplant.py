@@ -1,0 +1,172 @@
+"""The root's part of a transplant: alignment of donors, root motion, and local coordinates."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, RootAlignment
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.blend.root_motion import blend_root_velocity, integrate_root, yaw_rates
+from mograft.blend.trunk_lean import TrunkLean
+from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = ["GraftedRoot"]
+
+
+@dataclass(frozen=True, eq=False)
+class GraftedRoot:
+    """A root joint that donors carry, and its columns in a layout's tracks.
+
+    Attributes
+    ----------
+    joint : int
+        The joint.
+    up : int
+        The axis that points up.
+    rotation_column, position_column : int
+        Its columns among the tracks of rotations and of translations.
+    """
+
+    joint: int
+    up: int
+    rotation_column: int
+    position_column: int
+
+    @classmethod
+    def from_columns(
+        cls, joint: int, up: int, joints: IntArray, moving: BoolArray
+    ) -> "GraftedRoot":
+        """Return a root joint among a group's joints, of which `moving` have translations."""
+        is_root = joints == joint
+        return cls(joint, up, int(np.argmax(is_root)), int(np.argmax(is_root[moving])))
+
+    def close(
+        self, layout: DonorLayout, lean: TrunkLean, base: Motion, clips: Sequence[Motion]
+    ) -> tuple[DonorLayout, FloatArray, FloatArray]:
+        """Return the aligned layout, and local rotations and translations with seams closed."""
+        layout = lean.remove_from(self.align(layout, base, clips), clips)
+        quats, positions = layout.closed()
+        self.integrate(layout, quats, positions)
+        quats, positions = layout.smoothed(quats, positions)
+        self.to_local(base, quats, positions)
+        return layout, quats, positions
+
+    def align(self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]) -> DonorLayout:
+        """Return the layout with world tracks of the root, each donor following the one before.
+
+        At a seam the donor is rotated about the up axis and moved over the floor to the place and
+        heading at which the donor before it ends; the first, to those of the base.
+        """
+        layout = self._with_world_tracks(layout, clips)
+        timeline, donors = layout.timeline, layout.timeline.donors
+        positions = [track[:, self.position_column, None] for track in layout.positions]
+        seams = layout.seams | timeline.find_seams(positions)
+        first, last = (self._states(layout, frames) for frames in (donors.start, donors.stop))
+        quats, places = base.world_transforms()
+        target = RootTransforms(quats[:1, self.joint], places[:1, self.joint])
+        transforms: list[AlignmentTransform] = []
+        for index in range(len(donors)):
+            row = np.array([index])
+            if index and not seams[index - 1]:
+                transforms.append(transforms[-1])
+            else:
+                transforms.append(AlignmentTransform.from_roots(first[row], target, self.up))
+            target = transforms[-1].apply(last[row])
+        alignment = RootAlignment(
+            AlignmentTransform(
+                np.concatenate([one.yaws for one in transforms]),
+                np.concatenate([one.translations for one in transforms]),
+            ),
+            self.rotation_column,
+            self.position_column,
+        )
+        return replace(layout, timeline=replace(timeline, alignment=alignment), seams=seams)
+
+    def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:
+        """Replace the root's closed rotations and positions, in place, by integrated ones."""
+        timeline = layout.timeline
+        times = timeline.frame_times()
+        source = self._source(layout)
+        inside = np.diff(times.segment) == 0
+        steps = np.diff(source.positions, axis=0)
+        steps = np.where(np.arange(3) == self.up, 0.0, steps)[inside]
+        rates = yaw_rates(source.rotations, self.up)[inside]
+        captured = np.concatenate([steps, rates[:, None]], axis=1)
+        velocities = blend_root_velocity(
+            captured, timeline.cut, layout.seams, layout.config, timeline.rate
+        )
+        source = RootTransforms(
+            timeline.merge_frames(source.rotations), timeline.merge_frames(source.positions)
+        )
+        columns = self.rotation_column, self.position_column
+        closed = RootTransforms(quats[:, columns[0]], positions[:, columns[1]])
+        root = integrate_root(velocities, captured, source, closed, self.up)
+        quats[:, columns[0]], positions[:, columns[1]] = root.rotations, root.positions
+
+    def to_local(self, base: Motion, quats: FloatArray, positions: FloatArray) -> None:
+        """Replace the root's world rotations and positions, in place, by local ones.
+
+        Frames in which they equal the base's keep the base's local numbers.
+        """
+        if base.skeleton.parents[self.joint] < 0:
+            return
+        columns = self.rotation_column, self.position_column
+        root = RootTransforms(quats[:, columns[0]], positions[:, columns[1]])
+        base_quats, base_places = (values[:, self.joint] for values in base.world_transforms())
+        has_base_rotation = (root.rotations == base_quats).all(axis=1)
+        has_base_position = (root.positions == base_places).all(axis=1)
+        local = self._relative_to_parent(base, root)
+        quats[:, columns[0]] = np.where(
+            has_base_rotation[:, None], base.rotations[:, self.joint], local.rotations
+        )
+        positions[:, columns[1]] = np.where(
+            has_base_position[:, None], base.positions[:, self.joint], local.positions
+        )
+
+    def _relative_to_parent(self, base: Motion, root: RootTransforms) -> RootTransforms:
+        parent = int(base.skeleton.parents[self.joint])
+        quats, places = (values[:, parent] for values in base.world_transforms())
+        inverse = rotations.inverse(quats)
+        return RootTransforms(
+            rotations.multiply(inverse, root.rotations),
+            rotations.rotate(inverse, root.positions - places),
+        )
+
+    def _with_world_tracks(self, layout: DonorLayout, clips: Sequence[Motion]) -> DonorLayout:
+        """Return the layout with the root's tracks in world coordinates."""
+        if clips[0].skeleton.parents[self.joint] < 0:
+            return layout
+        quats = [track.copy() for track in layout.rotations]
+        places = [track.copy() for track in layout.positions]
+        for clip, rotation, position in zip(clips, quats, places, strict=True):
+            world_quats, world_places = clip.world_transforms()
+            rotation[:, self.rotation_column] = world_quats[:, self.joint]
+            position[:, self.position_column] = world_places[:, self.joint]
+        return replace(layout, rotations=quats, positions=places)
+
+    def _states(self, layout: DonorLayout, frames: IntArray) -> RootTransforms:
+        """Return the root in one frame of each donor's clip."""
+        rows = list(zip(layout.timeline.donors.clip.tolist(), frames.tolist(), strict=True))
+        return RootTransforms(
+            np.array([layout.rotations[clip][row, self.rotation_column] for clip, row in rows]),
+            np.array([layout.positions[clip][row, self.position_column] for clip, row in rows]),
+        )
+
+    def _source(self, layout: DonorLayout) -> RootTransforms:
+        """Return the aligned root at `DonorTimeline.frame_times`, seams not closed."""
+        alignment = layout.timeline.alignment
+        assert alignment is not None
+        timeline: DonorTimeline = replace(
+            layout.timeline, alignment=RootAlignment(alignment.transforms, 0, 0)
+        )
+        times = timeline.frame_times()
+        quats = [track[:, self.rotation_column, None] for track in layout.rotations]
+        places = [track[:, self.position_column, None] for track in layout.positions]
+        return RootTransforms(
+            timeline.sample(ROTATIONS, quats, times)[:, 0],
+            timeline.sample(TRANSLATIONS, places, times)[:, 0],
+        )

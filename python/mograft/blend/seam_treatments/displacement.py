@@ -1,0 +1,46 @@
+"""Seam treatment "displacement": the gap spread linearly over both segments (paper, 4.5)."""
+
+from mograft._util.arrays import FloatArray
+from mograft.blend.seams import (
+    PieceTimes,
+    SeamBoundaries,
+    SeamTreatment,
+    add_deltas,
+    at_piece_ends,
+    no_crossfade,
+)
+from mograft.blend.value_spaces import ValueSpace
+
+__all__ = ["TREATMENT"]
+
+
+class _Displacement(SeamTreatment):
+    """Move both sides of a seam half way, by an amount that falls to 0 over the segment.
+
+    Notes
+    -----
+    Displacement mapping, linear in the logarithm (paper, 4.5). Velocities jump at the seam.
+    """
+
+    is_causal = False
+    is_velocity_continuous = False
+    spans_segments = True
+
+    def close(
+        self,
+        space: ValueSpace,
+        values: FloatArray,
+        times: PieceTimes,
+        boundaries: SeamBoundaries,
+        blend: float,  # noqa: ARG002
+    ) -> FloatArray:
+        half = 0.5 * boundaries.gaps(space)
+        share = (times.seconds / times.durations[times.piece])[:, None, None]
+        start, end = at_piece_ends(half, times.piece)
+        return add_deltas(space, values, share * end - (1.0 - share) * start)
+
+    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return no_crossfade(remaining)
+
+
+TREATMENT = _Displacement()

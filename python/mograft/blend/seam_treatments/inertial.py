@@ -1,0 +1,81 @@
+"""Seam treatment "inertial": a decaying offset after the seam only."""
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.blend.seams import (
+    PieceTimes,
+    SeamBoundaries,
+    SeamTreatment,
+    add_deltas,
+    crossfade_after,
+)
+from mograft.blend.value_spaces import ValueSpace
+
+__all__ = ["TREATMENT"]
+
+
+class _Inertial(SeamTreatment):
+    """Keep the piece before a seam, and start the piece after it from there.
+
+    Notes
+    -----
+    Inertialisation (Bollo, GDC 2018). The offset is the quintic with zero value, velocity and
+    acceleration at its end, and zero acceleration at the seam. The window is shortened if the
+    offset would overshoot. One polynomial serves all three components, so that they end together.
+    """
+
+    is_causal = True
+    is_velocity_continuous = True
+
+    def close(
+        self,
+        space: ValueSpace,
+        values: FloatArray,
+        times: PieceTimes,
+        boundaries: SeamBoundaries,
+        blend: float,
+    ) -> FloatArray:
+        gaps = boundaries.gaps(space)
+        rate = space.delta_rate(
+            -gaps, boundaries.velocity_before - space.transport(-gaps, boundaries.velocity_after)
+        )
+        zero = np.zeros((1, *gaps.shape[1:]))  # no seam before the first piece
+        value, velocity = np.concatenate([zero, -gaps]), np.concatenate([zero, rate])
+        window = _without_overshoot(value, velocity, times.windows(blend)[:, None])
+        piece = times.piece
+        offsets = _decay(value[piece], velocity[piece], times.seconds, window[piece])
+        return add_deltas(space, values, offsets)
+
+    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return crossfade_after(remaining)
+
+
+def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArray) -> FloatArray:
+    """Return the windows in which offsets decay without overshoot, at least a third of `window`.
+
+    The lower bound is for joints with a small gap and a large velocity difference.
+    """
+    towards_zero = -(value * velocity).sum(axis=-1)
+    squared = (value * value).sum(axis=-1)
+    overshoots = 5.0 * squared < window * towards_zero
+    shorter = np.divide(5.0 * squared, towards_zero, out=np.zeros_like(squared), where=overshoots)
+    return np.where(overshoots, np.maximum(shorter, window / 3.0), window)
+
+
+def _decay(
+    value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
+) -> FloatArray:
+    """Return the quintic from a value and velocity to 0, without acceleration at either end.
+
+    `window` has one entry per joint, shape (n, n_joints).
+    """
+    u = np.minimum(seconds[:, None] / window, 1.0)[..., None]
+    scaled = velocity * window[..., None]
+    offset: FloatArray = (1.0 - u) ** 3 * (
+        value * (1.0 + u * (3.0 + 6.0 * u)) + scaled * u * (1.0 + 3.0 * u)
+    )
+    return offset
+
+
+TREATMENT = _Inertial()

@@ -1,0 +1,70 @@
+"""Seam treatment "offset": a decaying offset on both sides of the seam."""
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.blend.seams import (
+    PieceTimes,
+    SeamBoundaries,
+    SeamTreatment,
+    add_deltas,
+    at_piece_ends,
+    crossfade_both_sides,
+)
+from mograft.blend.value_spaces import ValueSpace
+
+__all__ = ["TREATMENT"]
+
+
+class _Offset(SeamTreatment):
+    """Let both sides of a seam meet half way, in value and in velocity.
+
+    Notes
+    -----
+    The offset is a cubic in the logarithm. At the seam it has the required value and velocity; at
+    the end of the blend time both are 0. If both seams of a short piece are in reach, their
+    offsets add up; each is 0 with velocity 0 at the other seam.
+    """
+
+    is_causal = False
+    is_velocity_continuous = True
+
+    def close(
+        self,
+        space: ValueSpace,
+        values: FloatArray,
+        times: PieceTimes,
+        boundaries: SeamBoundaries,
+        blend: float,
+    ) -> FloatArray:
+        gaps = boundaries.gaps(space)
+        velocity_before = space.transport(0.5 * gaps, boundaries.velocity_before)
+        velocity_after = space.transport(-0.5 * gaps, boundaries.velocity_after)
+        mean = 0.5 * (velocity_before + velocity_after)
+        rate_before = space.delta_rate(0.5 * gaps, mean - velocity_before)
+        rate_after = space.delta_rate(-0.5 * gaps, mean - velocity_after)
+        start_gap, end_gap = at_piece_ends(gaps, times.piece)
+        start_rate = at_piece_ends(rate_after, times.piece)[0]
+        end_rate = at_piece_ends(rate_before, times.piece)[1]
+        window = times.windows(blend)[times.piece]
+        # At the end of a piece, time runs backwards: from the seam into the piece.
+        offsets = _decay(-0.5 * start_gap, start_rate, times.seconds, window)
+        offsets += _decay(0.5 * end_gap, -end_rate, times.seconds_left, window)
+        return add_deltas(space, values, offsets)
+
+    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return crossfade_both_sides(remaining)
+
+
+def _decay(
+    value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
+) -> FloatArray:
+    """Return the cubic from a value and velocity to 0 and 0 at the end of the window."""
+    u = np.minimum(seconds / window, 1.0)[:, None, None]
+    scaled = velocity * window[:, None, None]
+    # The factor (1 - u)² makes it exactly 0 at the end.
+    offset: FloatArray = (1.0 - u) ** 2 * (value * (1.0 + 2.0 * u) + scaled * u)
+    return offset
+
+
+TREATMENT = _Offset()

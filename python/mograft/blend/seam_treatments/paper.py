@@ -1,0 +1,89 @@
+"""Seam treatment "paper": displacement, then a cubic through the frames at the seam (4.5)."""
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.blend.seam_treatments import displacement
+from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, no_crossfade
+from mograft.blend.value_spaces import ValueSpace
+
+__all__ = ["TREATMENT", "smoothing_windows"]
+
+
+class _Paper(SeamTreatment):
+    """Displace the segments, then replace the frames near the seam by a cubic.
+
+    Notes
+    -----
+    The paper's window is 5 frames on each side of a seam. Here it is clamped: it never leaves the
+    nearer half of either segment, so that two windows never overlap. It is
+    min(`Config.seam_window`, half of the shorter segment - 1 frame). Seams beside a segment of one
+    interval are not smoothed.
+    """
+
+    is_causal = False
+    is_velocity_continuous = False
+    spans_segments = True
+
+    def close(
+        self,
+        space: ValueSpace,
+        values: FloatArray,
+        times: PieceTimes,
+        boundaries: SeamBoundaries,
+        blend: float,
+    ) -> FloatArray:
+        return displacement.TREATMENT.close(space, values, times, boundaries, blend)
+
+    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return no_crossfade(remaining)
+
+    def smooth(
+        self, space: ValueSpace, values: FloatArray, cut: Segments, seams: IntArray, window: int
+    ) -> FloatArray:
+        left, right = smoothing_windows(cut, seams, window)
+        if not len(left) or not values.shape[1]:
+            return values
+        count = right - left - 1
+        index = np.repeat(np.arange(len(left)), count)
+        step = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count) + 1
+
+        def velocities(knots: IntArray) -> FloatArray:
+            across = space.delta(values[knots - 1], values[knots + 1])
+            per_window: FloatArray = 0.5 * across * (right - left)[:, None, None]
+            return per_window
+
+        smooth = values.copy()
+        smooth[left[index] + step] = space.hermite(
+            (values[left[index]], values[right[index]]),
+            (velocities(left)[index], velocities(right)[index]),
+            step / (right - left)[index],
+        )
+        return smooth
+
+
+def smoothing_windows(cut: Segments, seams: IntArray, window: int) -> tuple[IntArray, IntArray]:
+    """Return the frames left and right of each seam between which the cubic replaces frames.
+
+    Parameters
+    ----------
+    cut : Segments
+        The base segments.
+    seams : ndarray of int
+        Indices of the segments that end with a seam.
+    window : int
+        Frames on each side of a seam that are replaced at most.
+
+    Returns
+    -------
+    left, right : ndarray of int
+        The kept frames beside each window; no entry for seams beside a one-interval segment.
+    """
+    reach = np.minimum(np.minimum(cut.lengths[seams], cut.lengths[seams + 1]) // 2 - 1, window)
+    frames = cut.stop[seams][reach >= 0]
+    reach = reach[reach >= 0]
+    return frames - (reach + 1), frames + (reach + 1)
+
+
+TREATMENT = _Paper()

@@ -1,0 +1,209 @@
+"""Alignment of donors in time: constant rate, or dynamic time warping of the base parts."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.registry import CONFIG_OPTIONS, Registry
+from mograft.analysis.segmentation import Segments
+from mograft.motion.motion import Motion
+from mograft.motion.resample import resample_segments
+from mograft.search.candidates import pose_gaps
+
+__all__ = ["ALIGNMENTS", "TimeWarp", "warping_path"]
+
+_BAND_SHARE = 0.2
+"""Share of a segment by which a donor may be ahead or behind."""
+_MIN_GAIN = 0.05
+"""Share by which warping must reduce the mean distance; otherwise the donor is not warped."""
+_N_KNOTS = 5
+"""Knots of a warp, ends included. A path with a knot in every frame would shake."""
+_STEPS = (2, 1, 3, 4)
+"""Steps of a path in half frames; the constant rate comes first, so that it wins ties."""
+
+
+def warping_path(distances: FloatArray) -> FloatArray:
+    """Align two motions by dynamic time warping.
+
+    Parameters
+    ----------
+    distances : ndarray, shape (n + 1, 2 n + 1)
+        Distance of each frame of the first motion to each frame of the second, which is sampled
+        twice as finely.
+
+    Returns
+    -------
+    ndarray of int, shape (n + 1,)
+        For each frame of the first motion the frame of the second, from its first to its last.
+        The path has the least sum of distances among those with steps of 1 to 4 (half to double
+        speed) that are never ahead or behind by more than a fifth.
+
+    Notes
+    -----
+    Sakoe and Chiba, Dynamic programming algorithm optimization for spoken word recognition
+    (1978), with slopes from ½ to 2 and a band.
+
+    Examples
+    --------
+    >>> warping_path(np.abs(np.arange(5)[:, None] * 2 - np.arange(9)))
+    array([0, 2, 4, 6, 8])
+    """
+    n = len(distances) - 1
+    columns = np.arange(2 * n + 1)
+    band = max(round(2 * n * _BAND_SHARE), 1)
+    sums = np.full((n + 1, 2 * n + 1), np.inf)
+    sums[0, 0] = distances[0, 0]
+    step_to = np.zeros((n + 1, 2 * n + 1), np.int64)
+    for frame in range(1, n + 1):
+        previous = np.concatenate([np.full(4, np.inf), sums[frame - 1]])
+        options = np.stack([previous[4 - step : 4 - step + len(columns)] for step in _STEPS])
+        best = options.argmin(axis=0)
+        step_to[frame] = np.array(_STEPS)[best]
+        total = options[best, columns] + distances[frame]
+        sums[frame] = np.where(np.abs(columns - 2 * frame) <= band, total, np.inf)
+    path = np.full(n + 1, 2 * n)
+    for frame in range(n, 0, -1):
+        path[frame - 1] = path[frame] - step_to[frame, path[frame]]
+    return path
+
+
+@dataclass(frozen=True, eq=False)
+class TimeWarp:
+    """For each segment, the share of its donor that has passed at any share of the segment.
+
+    Attributes
+    ----------
+    shares : ndarray, shape (n_segments, 5)
+        The shares of the donor that have passed after 0, ¼, ½, ¾ and all of the segment.
+    slopes : ndarray, shape (n_segments, 5)
+        The slopes at these knots; 1 is the constant rate.
+    is_warped : ndarray of bool, shape (n_segments,)
+        Whether a donor's time is warped at all.
+    """
+
+    shares: FloatArray
+    slopes: FloatArray
+    is_warped: BoolArray
+
+    @classmethod
+    def by_dtw(
+        cls,
+        base: Motion,
+        cut: Segments,
+        donors: Segments,
+        clips: Sequence[Motion],
+        joints: IntArray,
+    ) -> "TimeWarp":
+        """Warp donors so that some joints move in their clips as they do in the base.
+
+        Parameters
+        ----------
+        base : Motion
+            The base.
+        cut, donors : Segments
+            Its segments, and the donor of each.
+        clips : sequence of Motion
+            The clips that `donors.clip` indexes.
+        joints : ndarray of int
+            The joints that are compared: those of the base group.
+
+        Returns
+        -------
+        TimeWarp
+            Donors are warped only if this reduces the mean joint angle by more than 5 %.
+        """
+        constant = np.linspace(0.0, 1.0, _N_KNOTS)
+        shares = np.tile(constant, (len(cut), 1))
+        is_warped = np.zeros(len(cut), bool)
+        lengths = cut.lengths
+        for clip in np.unique(donors.clip):
+            rows = np.flatnonzero((donors.clip == clip) & (lengths >= _N_KNOTS - 1))
+            if not len(rows) or not len(joints):
+                continue
+            counts = 2 * lengths[rows] + 1
+            track = np.ascontiguousarray(clips[clip].rotations[:, joints])
+            samples = resample_segments(track, donors.start[rows], donors.stop[rows], counts)
+            for row, poses in zip(rows, np.split(samples, np.cumsum(counts)[:-1]), strict=True):
+                base_poses = base.rotations[cut.start[row] : cut.stop[row] + 1, joints]
+                knots = _warped_knots(pose_gaps(base_poses, poses))
+                if knots is not None:
+                    shares[row], is_warped[row] = knots, True
+        return cls(shares, _monotone_slopes(shares), is_warped)
+
+    def donor_share(self, segment: IntArray, share: FloatArray) -> FloatArray:
+        """Return the shares of donors that have passed after shares of their segments."""
+        knot = np.minimum((share * (_N_KNOTS - 1)).astype(np.int64), _N_KNOTS - 2)
+        width = 1.0 / (_N_KNOTS - 1)
+        t = share / width - knot
+        s = 1.0 - t
+        a, b = self.shares[segment, knot], self.shares[segment, knot + 1]
+        u, v = self.slopes[segment, knot], self.slopes[segment, knot + 1]
+        passed: FloatArray = (
+            a * (s * s * (1.0 + 2.0 * t))
+            + b * (t * t * (1.0 + 2.0 * s))
+            + width * (u * t * s * s - v * t * t * s)
+        )
+        return passed
+
+
+Alignment = Callable[
+    [Motion, Segments, Segments, Sequence[Motion], IntArray | None], TimeWarp | None
+]
+"""A function of base, base segments, donors, clips and the base group's joints, if known, that
+returns the donors' time warp; None for a constant rate."""
+
+
+def _uniform(
+    base: Motion,  # noqa: ARG001
+    cut: Segments,  # noqa: ARG001
+    donors: Segments,  # noqa: ARG001
+    clips: Sequence[Motion],  # noqa: ARG001
+    joints: IntArray | None,  # noqa: ARG001
+) -> TimeWarp | None:
+    return None
+
+
+def _dtw(
+    base: Motion,
+    cut: Segments,
+    donors: Segments,
+    clips: Sequence[Motion],
+    joints: IntArray | None,
+) -> TimeWarp | None:
+    return None if joints is None else TimeWarp.by_dtw(base, cut, donors, clips, joints)
+
+
+ALIGNMENTS: Registry[Alignment] = CONFIG_OPTIONS["alignment"].implemented_by(
+    {"uniform": _uniform, "dtw": _dtw}
+)
+"""For every value of `Config.alignment` its function."""
+
+
+def _warped_knots(distances: FloatArray) -> FloatArray | None:
+    """Return the donor's shares at the knots, or None if the gain over a constant rate is small."""
+    n = len(distances) - 1
+    rows = np.arange(n + 1)
+    constant_sum = float(distances[rows, 2 * rows].sum())
+    path = warping_path(distances) / (2 * n)
+    shares = rows / n
+    knots = np.interp(np.linspace(0.0, 1.0, _N_KNOTS), shares, path)
+    warp = TimeWarp(knots[None], _monotone_slopes(knots[None]), np.ones(1, bool))
+    columns = warp.donor_share(np.zeros(n + 1, np.int64), shares) * (2 * n)
+    low = np.minimum(columns.astype(np.int64), 2 * n - 1)
+    warped = distances[rows, low] * (low + 1 - columns)
+    warped += distances[rows, low + 1] * (columns - low)
+    return knots if warped.sum() < (1.0 - _MIN_GAIN) * constant_sum else None
+
+
+def _monotone_slopes(shares: FloatArray) -> FloatArray:
+    """Return slopes at the knots of a monotone cubic (Fritsch and Carlson 1980)."""
+    rises = np.diff(shares, axis=1) * (_N_KNOTS - 1)
+    inner = 2.0 * rises[:, 1:] * rises[:, :-1] / (rises[:, 1:] + rises[:, :-1])
+    ends = [
+        np.clip(1.5 * near - 0.5 * far, 0.0, 3.0 * near)
+        for near, far in ((rises[:, 0], inner[:, 0]), (rises[:, -1], inner[:, -1]))
+    ]
+    slopes: FloatArray = np.column_stack([ends[0], inner, ends[1]])
+    return slopes

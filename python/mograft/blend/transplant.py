@@ -1,0 +1,151 @@
+"""Transplant: the motion of a joint group, taken from donor segments (paper, 4.5)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.channel_groups import Key, apart, told
+from mograft.analysis.segmentation import Segments
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.recombine import Part
+from mograft.blend.root_transplant import GraftedRoot
+from mograft.blend.time_warp import ALIGNMENTS
+from mograft.blend.trunk_lean import TrunkLean
+from mograft.config import Config
+from mograft.motion.motion import Motion
+
+__all__ = ["GraftedGroup", "transplant"]
+
+
+@dataclass(frozen=True, eq=False)
+class GraftedGroup:
+    """A joint group that takes the motion of donors.
+
+    Attributes
+    ----------
+    joints : ndarray of int
+        Its joints, including those of which it holds only single channels.
+    root : int, optional
+        The joint that carries the body through the world. If it is one of `joints`, every donor
+        continues from the place and heading at which the one before it ends, and the first from
+        those of the base. Default: none.
+    up : int
+        The axis that points up: 0, 1 or 2.
+    base_joints : ndarray of int, optional
+        The joints of the base group, by which ``alignment="dtw"`` aligns donors. Default: donors
+        are stretched at a constant rate.
+    held : dict of int to str
+        For each joint of which the group holds single channels, the axes of these; see
+        `JointGroups.held`.
+    """
+
+    joints: IntArray
+    root: int | None = None
+    up: int = 1
+    base_joints: IntArray | None = None
+    held: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def whole_joints(self) -> IntArray:
+        """The joints that the group holds with all channels, ascending."""
+        return np.setdiff1d(self.joints, list(self.held)).astype(np.int64)
+
+
+def transplant(
+    base: Motion,
+    cut: Segments,
+    donors: Segments,
+    clips: Sequence[Motion],
+    group: GraftedGroup,
+    config: Config,
+) -> Part:
+    """Return the motion of a joint group with donor segments in place of base segments.
+
+    Parameters
+    ----------
+    base : Motion
+        The motion whose other joints are kept.
+    cut : Segments
+        Its segments, in order of time, covering it.
+    donors : Segments
+        The donor of each segment of `cut`; may be the segment itself.
+    clips : sequence of Motion
+        The clips that `donors.clip` indexes, of the base's hierarchy.
+    group : GraftedGroup
+        The joints to replace.
+    config : Config
+        Gives `seam`, `seam_window`, `seam_blend`, `alignment` and `torso`.
+
+    Returns
+    -------
+    Part
+        The group's motion, as long as the base. Where unstretched donors follow one another as in
+        their clip, it is that clip bit for bit.
+
+    Notes
+    -----
+    Every donor is resampled to the length of its base segment, by a curve that depends on the
+    donor's neighbours in its clip too. At every seam, two donors that are not neighbours in a clip
+    or are stretched, the treatment of `Config.seam` closes the gap
+    (`mograft.blend.seam_treatments`). A joint's translation is replaced only if it moves in some
+    donor's clip; otherwise the base keeps its bone lengths. For ``torso="world"`` see
+    `mograft.blend.trunk_lean.TrunkLean`.
+    """
+    # Clips of a stored library are read on access: only those of donors are.
+    used, clip = np.unique(donors.clip, return_inverse=True)
+    donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
+    joints = group.whole_joints
+    warp = ALIGNMENTS.get(config.alignment)(base, cut, donors, clips, group.base_joints)
+    timeline = DonorTimeline(cut, donors, base.rate, warp)
+    lean = TrunkLean.from_config(base, joints, group.up, config)
+    moving: BoolArray = np.any([clip.travels[joints] for clip in clips], axis=0)
+    if group.root is not None and (joints == group.root).any():
+        moving |= joints == group.root
+        root = GraftedRoot.from_columns(group.root, group.up, joints, moving)
+        layout = _lay_out(timeline, clips, group, moving, config)
+        layout, quats, moved = root.close(layout, lean, base, clips)
+    else:
+        layout = lean.remove_from(_lay_out(timeline, clips, group, moving, config), clips)
+        quats, moved = layout.smoothed(*layout.closed())
+    positions = np.ascontiguousarray(base.positions[:, joints])
+    positions[:, moving] = moved
+    channel_quats = quats[:, len(joints) :]
+    quats = lean.restore(base, np.ascontiguousarray(quats[:, : len(joints)]))
+    return Part(
+        joints,
+        quats,
+        positions,
+        cut.stop[:-1][layout.seams],
+        layout.seam_angles(),
+        _channel_angles(base, group.held, channel_quats),
+    )
+
+
+def _lay_out(
+    timeline: DonorTimeline,
+    clips: Sequence[Motion],
+    group: GraftedGroup,
+    moving: BoolArray,
+    config: Config,
+) -> DonorLayout:
+    """Return the group's tracks in donor clips, single channels behind whole joints."""
+    joints = group.whole_joints
+    quats = [
+        np.concatenate([clip.rotations[:, joints], apart(clip, group.held)], axis=1)
+        for clip in clips
+    ]
+    positions = [clip.positions[:, joints[moving]] for clip in clips]
+    return DonorLayout(timeline, quats, positions, timeline.find_seams(quats), config)
+
+
+def _channel_angles(
+    base: Motion, held: Mapping[int, str], quats: FloatArray
+) -> dict[Key, FloatArray]:
+    """Return the angle of each single channel; NaN in frames in which it is the base's."""
+    is_changed = (quats != apart(base, held)).any(axis=2)
+    return {
+        key: np.where(is_changed[:, column], angle, np.nan)
+        for column, (key, angle) in enumerate(told(quats, held).items())
+    }

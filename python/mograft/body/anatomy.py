@@ -1,0 +1,279 @@
+"""Body part and side of each joint of a skeleton, from joint names or structure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import IntArray, as_indices
+from mograft.body.body_parts import ARM, LEG, PARTS
+from mograft.body.joint_names import ANIMAL_WORDS, part_of_words, read_names
+from mograft.body.limb_structure import recognise_structure
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["Anatomy", "anatomy", "feature_joints"]
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """Body part and side of each joint of a skeleton.
+
+    Parameters
+    ----------
+    parts : tuple of str
+        One of `mograft.body.body_parts.PARTS` per joint: the part that the joint moves. An elbow
+        is ``"forearm"``, a knee ``"shank"``. ``"pelvis"`` is every joint above the legs;
+        ``"other"`` is a joint above the hips, which moves the body as a whole.
+    sides : tuple of str
+        ``"left"``, ``"right"`` or ``""`` per joint.
+    hips : int
+        The lowest joint above all body parts: the root, or a joint below helper joints.
+    unmatched : tuple of int
+        Joints whose names are unknown.
+    details : tuple of int
+        Joints of the face, markers and ends of bones.
+    scheme : str
+        ``"names"``, or ``"structure"`` if the names contain no arms or no legs and the symmetry of
+        the skeleton decided.
+    human : bool
+        Whether the names describe a human body: two legs below hips, no tail, no paws.
+    """
+
+    parts: tuple[str, ...]
+    sides: tuple[str, ...]
+    hips: int
+    unmatched: tuple[int, ...]
+    details: tuple[int, ...]
+    scheme: str
+    human: bool
+
+    def joints(self, *parts: str, side: str | None = None) -> list[int]:
+        """Return the joints of some parts, of one side or of all sides."""
+        unknown = set(parts) - set(PARTS)
+        if unknown:
+            raise ValueError(f"parts must be of {', '.join(PARTS)}, got {sorted(unknown)}")
+        return [
+            joint
+            for joint, (part, joint_side) in enumerate(zip(self.parts, self.sides, strict=True))
+            if part in parts and side in (None, joint_side)
+        ]
+
+
+def anatomy(skeleton: Skeleton) -> Anatomy:
+    """Recognise the body part and the side of each joint.
+
+    Known names decide first. Namespace, case, separators and a prefix shared by at least 90 % of
+    the names are ignored. Naming schemes of MotionBuilder, Mixamo, 3ds Max Biped, CMU, Biovision,
+    Poser, Daz, MakeHuman, Unreal, SMPL and others are known. The hierarchy resolves ambiguous
+    names: ``LeftShoulder`` is the upper arm if an elbow follows, and the clavicle if an arm
+    follows. A joint of unknown name has the part of its parent. If the names contain no legs or
+    no arms, symmetry decides: of all mirrored pairs of limbs, the legs are nearest to the root.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        A human or an animal.
+
+    Returns
+    -------
+    Anatomy
+        Part and side of each joint, in the order of the skeleton.
+
+    Notes
+    -----
+    Sides that no name states are derived from the rest pose. The feet point forward; without
+    feet, the positive axis points left.
+
+    Examples
+    --------
+    >>> skeleton = Skeleton(
+    ...     ["Hips", "LeftHip", "LeftKnee", "LeftAnkle", "Chest", "Neck"],
+    ...     [-1, 0, 1, 2, 0, 4],
+    ...     [[0, 0, 0], [9, 0, 0], [0, -42, 0], [0, -41, 0], [0, 20, 0], [0, 25, 0]],
+    ... )
+    >>> anatomy(skeleton).parts
+    ('pelvis', 'thigh', 'shank', 'foot', 'trunk', 'neck')
+    """
+    words, sides = read_names(skeleton.names)
+    named = _resolve_ambiguous(
+        skeleton, [part_of_words(joint_words) for joint_words in words], words, sides
+    )
+    legs = any(part in LEG for part in named)
+    arms = any(part in ARM for part in named)
+    guess, guessed_sides = [""] * skeleton.n_joints, [""] * skeleton.n_joints
+    if not (legs and arms):
+        guess, guessed_sides = recognise_structure(skeleton)
+        if any(named):  # only the limbs that no name states
+            missing = (() if legs else LEG) + (() if arms else ARM)
+            guess = [part if part in missing else "" for part in guess]
+    elif any(part in ARM + LEG and not side for part, side in zip(named, sides, strict=True)):
+        guessed_sides = recognise_structure(skeleton)[1]
+    agreement = sum(
+        (1 if side == guessed else -1)
+        for side, guessed in zip(sides, guessed_sides, strict=True)
+        if side and guessed
+    )
+    if agreement < 0:  # the named sides show that the guessed ones are swapped
+        opposite = {"left": "right", "right": "left", "": ""}
+        guessed_sides = [opposite[side] for side in guessed_sides]
+    known = [part or guessed for part, guessed in zip(named, guess, strict=True)]
+    hips = skeleton.common_ancestor([joint for joint, part in enumerate(known) if part])
+    parts = _fill(skeleton, known, hips)
+    full_sides: list[str] = []
+    for joint, parent in enumerate(skeleton.parents):
+        side = sides[joint] or guessed_sides[joint]
+        above = full_sides[parent] if parent >= 0 else ""
+        full_sides.append(side or (above if parts[joint] in (*ARM, *LEG, "pelvis") else ""))
+    structural = any(not part and guessed for part, guessed in zip(named, guess, strict=True))
+    two_legs = all(
+        any(p == "thigh" and s == side for p, s in zip(parts, full_sides, strict=True))
+        for side in ("left", "right")
+    )
+    animal = any(ANIMAL_WORDS & set(joint_words) for joint_words in words) or "tail" in parts
+    return Anatomy(
+        parts=tuple(parts),
+        sides=tuple(full_sides),
+        hips=hips,
+        unmatched=tuple(joint for joint, part in enumerate(named) if not part),
+        details=_details(skeleton, parts),
+        scheme="structure" if structural else "names",
+        human=two_legs and parts[hips] == "pelvis" and not animal and not structural,
+    )
+
+
+def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
+    """Return the joints of a group that are compared between segments.
+
+    Fingers, toes, joints of the face and markers are excluded: they are many and would outweigh
+    the limbs. They are still grafted with their group.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Skeleton of the joints.
+    joints : array_like of int, shape (n,)
+        Indices of joints.
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
+        The remaining joints in the same order; all joints if none would remain.
+
+    Examples
+    --------
+    >>> skeleton = Skeleton(
+    ...     ["Hips", "LeftLeg", "LeftFoot", "LeftToeBase"], [-1, 0, 1, 2], [[0, 0, 0]] * 4
+    ... )
+    >>> feature_joints(skeleton, [1, 2, 3])
+    array([1, 2])
+    """
+    indices = as_indices("joints", joints, ("n",))
+    known = anatomy(skeleton)
+    excluded = {*known.joints("finger", "toe"), *known.details}
+    kept = [int(joint) for joint in indices if int(joint) not in excluded]
+    return np.array(kept, dtype=np.int64) if kept else indices
+
+
+def _resolve_ambiguous(
+    skeleton: Skeleton, named: list[str], words: list[tuple[str, ...]], sides: list[str]
+) -> list[str]:
+    """Resolve ambiguous names by the joints above and below."""
+    below: list[set[str]] = [set() for _ in named]
+    for joint in range(len(named) - 1, 0, -1):
+        parent = skeleton.parents[joint]
+        beside = any(skeleton.children[other] for other in skeleton.children[parent])
+        if not skeleton.children[joint] and beside:
+            continue  # a marker, even if it is named after a bone
+        below[parent] |= below[joint] | {named[joint]}
+        if sides[joint] and named[joint] == "hip":
+            below[parent].add("thigh")
+    parts = list(named)
+    for joint, part in enumerate(named):
+        parent = int(skeleton.parents[joint])
+        nearest = next((other for other in skeleton.ancestors(joint) if parts[other]), joint)
+        above = parts[nearest]
+        if part == "hip":
+            # LHipJoint above a thigh belongs to the pelvis; LeftHip above a knee is the thigh.
+            on_pelvis = not sides[joint] or "thigh" in below[joint]
+            parts[joint] = "pelvis" if on_pelvis else "thigh"
+        elif part == "leg":
+            upper = above not in LEG or bool(below[joint] & {"thigh", "shank"})
+            parts[joint] = "thigh" if upper else "shank"
+        elif part == "shoulder":
+            leaf = not skeleton.children[joint]
+            parts[joint] = "clavicle" if leaf or "upper_arm" in below[joint] else "upper_arm"
+        elif part == "foot" and above == "foot" and "ankle" in words[parent]:
+            parts[joint] = "toe"
+    if "head" not in parts:
+        above_arms = _above_arms(skeleton, parts)
+        for joint in above_arms:
+            parts[joint] = "neck"
+        # A single neck may be all that represents the head; of two, the upper one is the head.
+        if parts.count("neck") > 1:
+            parts[max(joint for joint, part in enumerate(parts) if part == "neck")] = "head"
+    return parts
+
+
+def _above_arms(skeleton: Skeleton, parts: list[str]) -> list[int]:
+    """Return the spine joints above the arms if no joint is named neck."""
+    arms = [joint for joint, part in enumerate(parts) if part in ARM]
+    if not arms or "neck" in parts:
+        return []
+    chest = skeleton.common_ancestor(arms)
+    for child in skeleton.children[chest]:
+        chain = [child]
+        while len(skeleton.children[chain[-1]]) == 1:
+            chain += skeleton.children[chain[-1]]
+        if len(chain) > 1 and all(parts[joint] == "trunk" for joint in chain):
+            return chain
+    return []
+
+
+def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
+    """Return the part of every joint: its known part if plausible, else that of its parent."""
+    leg_ancestors = set()
+    for joint, part in enumerate(known):
+        if part in LEG:
+            leg_ancestors |= set(skeleton.ancestors(joint))
+    above_hips = set(skeleton.ancestors(hips))
+    parts: list[str] = []
+    for joint, parent in enumerate(skeleton.parents):
+        name = known[joint]
+        above = parts[parent] if parent >= 0 else ""
+        if joint in above_hips:
+            part = "other"
+        elif joint == hips and not name:
+            part = "pelvis"
+        elif joint in leg_ancestors and name not in LEG:
+            # A joint above the legs moves them, whatever its name.
+            part = above if above in LEG else "pelvis"
+        elif above in ("head", "finger", "toe"):
+            part = above
+        elif name:
+            # A head below a leg or a forearm below a hand is a marker.
+            misplaced = name in ("neck", "head") and above in ARM + LEG
+            part = above if misplaced or _comes_before(name, above) else name
+        else:
+            part = {"hand": "finger", "foot": "toe"}.get(above, above)
+        parts.append(part)
+    return parts
+
+
+def _comes_before(part: str, above: str) -> bool:
+    """Return whether a part of a limb is nearer to the body than the part of its parent."""
+    return any(
+        part in limb and above in limb and limb.index(part) < limb.index(above)
+        for limb in (ARM, LEG)
+    )
+
+
+def _details(skeleton: Skeleton, parts: list[str]) -> tuple[int, ...]:
+    """Return joints of the face and leaf joints beside the continuation of their part."""
+    found = []
+    for joint, parent in enumerate(skeleton.parents):
+        if parent < 0 or parts[joint] != parts[parent]:
+            continue
+        beside = len(skeleton.children[parent]) > 1 and not skeleton.children[joint]
+        if parts[joint] == "head" or (beside and parts[joint] not in ("finger", "toe", "tail")):
+            found.append(joint)
+    return tuple(found)

@@ -1,0 +1,24 @@
+"""Names of body parts and the order of parts along a limb."""
+
+__all__ = ["ARM", "LEG", "PARTS"]
+
+PARTS = (
+    "pelvis",
+    "trunk",
+    "neck",
+    "head",
+    "clavicle",
+    "upper_arm",
+    "forearm",
+    "hand",
+    "finger",
+    "thigh",
+    "shank",
+    "foot",
+    "toe",
+    "tail",
+    "other",
+)
+# Ordered from the body outwards: a part of a limb is never the child of a later one.
+ARM = ("clavicle", "upper_arm", "forearm", "hand", "finger")
+LEG = ("thigh", "shank", "foot", "toe")

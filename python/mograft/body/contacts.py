@@ -1,0 +1,296 @@
+"""Foot contacts: legs, floor heights and frames in which feet stand or skate.
+
+Thresholds are in skeleton heights, so they do not depend on the unit of the file.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.validate import check_type
+from mograft.body.anatomy import anatomy
+from mograft.body.mass import mass_model, up_axis
+from mograft.config import FRAME
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+__all__ = [
+    "CONTACT_HEIGHT",
+    "SLIDING_SPEED",
+    "Ground",
+    "Leg",
+    "detect_contacts",
+    "find_legs",
+    "foot_heights",
+    "foot_skate",
+    "point_speeds",
+    "runs",
+    "skating_share",
+]
+
+CONTACT_HEIGHT = 0.03
+"""Maximum height above the floor of a heel or toe in contact, in skeleton heights."""
+_CONTACT_SPEED = 0.25
+"""Maximum speed of a heel or toe in contact, in skeleton heights per second."""
+SLIDING_SPEED = 0.6
+"""Maximum speed just before and after a contact, in skeleton heights per second."""
+_SKATING_HEIGHT, _SKATING_SPEED = 0.03, 0.3
+"""A foot skates below this height and above this speed (heights, heights per second)."""
+_MIN_CONTACT_SECONDS = 3 * FRAME
+_MAX_GAP_SECONDS = 2 * FRAME
+
+
+@dataclass(frozen=True)
+class Leg:
+    """The joints of one leg, or of the foreleg of an animal.
+
+    Attributes
+    ----------
+    side : str
+        ``"left"``, ``"right"`` or ``""``.
+    hip, knee, ankle : int
+        Joints at the upper end of the leg, at the knee and at the foot.
+    toe : int or None
+        The joint at the ball of the foot, if there is one.
+    tip : tuple of float
+        If there is none: offset of the end of the foot bone from the ankle; 0 if unknown.
+    """
+
+    side: str
+    hip: int
+    knee: int
+    ankle: int
+    toe: int | None
+    tip: tuple[float, float, float]
+
+
+def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
+    """Return the legs of a skeleton that have a knee joint.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        A human or an animal; the forelegs of an animal count as legs.
+
+    Returns
+    -------
+    tuple of Leg
+        Left before right, hind before fore. Empty if no leg is known.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> [leg.side for leg in find_legs(dance(strides=1).motion.skeleton)]
+    ['left', 'right']
+    """
+    known, found = anatomy(skeleton), mass_model(skeleton)
+    ends: list[tuple[str, int, int | None]] = [(f.side, f.ankle, f.toe) for f in found.feet]
+    if not known.human:
+        hands = [
+            hand
+            for hand in known.joints("hand")
+            if hand not in known.details and known.parts[skeleton.parents[hand]] != "hand"
+        ]
+        ends += [(known.sides[hand], hand, _longest_child(skeleton, hand)) for hand in hands]
+    found_legs = []
+    for side, ankle, toe in ends:
+        above = int(skeleton.parents[ankle])
+        lower = known.parts[above] if above >= 0 else ""
+        if lower not in ("shank", "forearm"):
+            continue
+        knee = _highest(skeleton, known.parts, above)
+        hip = int(skeleton.parents[knee])
+        if hip < 0:
+            continue
+        hip = _highest(skeleton, known.parts, hip)
+        tip = found.bone[ankle] if toe is None else np.zeros(3)
+        found_legs.append(Leg(side, hip, knee, ankle, toe, (tip[0], tip[1], tip[2])))
+    return tuple(found_legs)
+
+
+def detect_contacts(motion: Motion) -> BoolArray:
+    """Detect frames in which heels and toes stand on the floor.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, on a level floor.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_frames, n_legs, 2)
+        Contact of heel (the ankle joint) and toe of each leg of `find_legs`. The floor of a point
+        is the 5th percentile of its height. A point is in contact if it is within 0.03 skeleton
+        heights of its floor and slower than 0.25 heights per second for at least 0.1 s. The
+        contact extends to adjacent frames in which the point is slower than 0.6.
+    """
+    ground = Ground.of(motion)
+    points = ground.points(motion)
+    low = ground.above(points) < CONTACT_HEIGHT * ground.height
+    speed = point_speeds(points, motion.rate) / ground.height
+    stands = low & (speed < _CONTACT_SPEED)
+    slides = low & (speed < SLIDING_SPEED)
+    for leg in range(stands.shape[1]):
+        for point in range(2):
+            runs_kept = _without_short_runs(stands[:, leg, point], motion.rate)
+            stands[:, leg, point] = _extended(runs_kept, slides[:, leg, point])
+    return stands
+
+
+def foot_heights(motion: Motion) -> FloatArray:
+    """Return the heights of heels and toes above their floor; see `detect_contacts`.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_legs, 2)
+        In skeleton heights; negative below the 5th percentile of the height.
+    """
+    ground = Ground.of(motion)
+    heights: FloatArray = ground.above(ground.points(motion)) / ground.height
+    return heights
+
+
+def foot_skate(motion: Motion) -> float:
+    """Return the share of feet and frames in which a foot slides over the floor.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+
+    Returns
+    -------
+    float
+        0 to 1; 0 without legs. A foot slides if heel or toe is less than 0.03 skeleton heights
+        above its floor and the slowest such point moves horizontally faster than 0.3 heights
+        per second. A foot that rolls over its toe does not slide.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> 0.0 < foot_skate(dance(strides=1).motion) < 0.3
+    True
+    """
+    check_type("motion", motion, Motion)
+    return skating_share(motion, Ground.of(motion))
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Height of the floor below each heel and toe.
+
+    `up` is the unit vector that points up, `floors` (n_legs, 2) the floor height of heel and toe
+    along `up`, `height` the stature.
+    """
+
+    limbs: tuple[Leg, ...]
+    up: FloatArray
+    floors: FloatArray
+    height: float
+
+    @classmethod
+    def of(cls, motion: Motion) -> "Ground":
+        """Estimate the floor: the 5th percentile of the height of each heel and toe."""
+        found = mass_model(motion.skeleton)
+        up = np.zeros(3)
+        axis = up_axis(motion)
+        means = motion.world_positions().mean(axis=0)
+        ankles = [foot.ankle for foot in found.feet]
+        leg = means[found.hips] - means[ankles].mean(axis=0) if ankles else np.ones(3)
+        up[axis] = -1.0 if leg[axis] < 0 else 1.0
+        ground = cls(find_legs(motion.skeleton), up, np.zeros((0, 2)), found.height)
+        points = ground.points(motion)
+        floors = np.percentile(points @ up, 5, axis=0) if points.size else np.zeros((0, 2))
+        return cls(ground.limbs, up, floors, found.height)
+
+    def points(self, motion: Motion) -> FloatArray:
+        """Return the positions of heels and toes, shape (n_frames, n_legs, 2, 3)."""
+        world_rotations, positions = motion.world_transforms()
+        points = np.empty((motion.n_frames, len(self.limbs), 2, 3))
+        for index, limb in enumerate(self.limbs):
+            points[:, index, 0] = positions[:, limb.ankle]
+            if limb.toe is None:
+                tip = np.tile(limb.tip, (motion.n_frames, 1))
+                points[:, index, 1] = positions[:, limb.ankle] + rotations.rotate(
+                    world_rotations[:, limb.ankle], tip
+                )
+            else:
+                points[:, index, 1] = positions[:, limb.toe]
+        return points
+
+    def above(self, points: FloatArray) -> FloatArray:
+        """Return the heights of points above their floors."""
+        heights: FloatArray = points @ self.up - self.floors
+        return heights
+
+
+def _highest(skeleton: Skeleton, parts: Sequence[str], joint: int) -> int:
+    """Return the highest ancestor of the same part, so that a roll joint is not a knee."""
+    while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
+        joint = int(skeleton.parents[joint])
+    return joint
+
+
+def _longest_child(skeleton: Skeleton, hand: int) -> int | None:
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    return max(skeleton.children[hand], key=lambda joint: float(lengths[joint]), default=None)
+
+
+def point_speeds(points: FloatArray, rate: float) -> FloatArray:
+    """Return the speed of points by central differences, in units per second."""
+    if len(points) < 2:
+        return np.zeros(points.shape[:-1])
+    velocity = np.gradient(points, axis=0) * rate
+    speeds: FloatArray = np.linalg.norm(velocity, axis=-1)
+    return speeds
+
+
+def skating_share(motion: Motion, ground: Ground) -> float:
+    """Return `foot_skate` for a given floor."""
+    points = ground.points(motion)
+    if not points.size or motion.n_frames < 2:
+        return 0.0
+    low = ground.above(points) < _SKATING_HEIGHT * ground.height
+    low = low[1:] & low[:-1]
+    steps = np.diff(points, axis=0)
+    level = steps - (steps @ ground.up)[..., None] * ground.up
+    speeds = np.linalg.norm(level, axis=-1) * motion.rate
+    slowest = np.where(low, speeds, np.inf).min(axis=-1)
+    return float((low.any(axis=-1) & (slowest > _SKATING_SPEED * ground.height)).mean())
+
+
+def runs(marked: BoolArray) -> IntArray:
+    """Return first and last frame of each run of marked frames, shape (n_runs, 2)."""
+    edges = np.flatnonzero(np.diff(marked.astype(np.int8), prepend=0, append=0))
+    runs: IntArray = edges.reshape(-1, 2) - np.array([0, 1])
+    return runs
+
+
+def _without_short_runs(marked: BoolArray, rate: float) -> BoolArray:
+    """Close short gaps, then remove short runs."""
+    kept = np.ones(len(marked), bool)
+    for first, last in runs(~marked):
+        is_inner = first > 0 and last < len(marked) - 1
+        if not is_inner or last - first + 1 > round(_MAX_GAP_SECONDS * rate):
+            kept[first : last + 1] = False
+    for first, last in runs(kept):
+        if last - first + 1 < round(_MIN_CONTACT_SECONDS * rate):
+            kept[first : last + 1] = False
+    return kept
+
+
+def _extended(marked: BoolArray, allowed: BoolArray) -> BoolArray:
+    """Extend runs of marked frames over adjacent allowed frames."""
+    extended = marked.copy()
+    for first, last in runs(allowed | marked):
+        if marked[first : last + 1].any():
+            extended[first : last + 1] = True
+    return extended

@@ -1,0 +1,254 @@
+"""Detection of recording faults: implausible steps, spins, frozen spans and angle wraps.
+
+Motions are not changed. Lengths are in figure heights and speeds per second, so the limits do
+not depend on unit and frame rate.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import FloatArray
+from mograft._util.validate import check_type
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = ["KINDS", "Fault", "find_faults"]
+
+KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
+
+# Minimum mean joint speed of a teleport, in heights per second. The fastest frames of breakdance
+# reach 2.5.
+_TELEPORT_SPEED = 3.0
+# Minimum ratio of a teleport to the median step around it, and of the first step to the median.
+_TELEPORT_RATIO = 6.0
+_FIRST_STEP_RATIO = 10.0
+# Steps on each side over which the local median is taken.
+_MEDIAN_RADIUS = 8
+# Glitch: minimum ratio of the steps to and from a frame to the step past it, and minimum speed.
+_GLITCH_RATIO = 3.0
+_GLITCH_SPEED = 1.5
+# Minimum angular speed of a joint glitch, in radians per second, and its minimum angle.
+_GLITCH_SPIN = np.radians(45.0) * 30.0
+_MIN_GLITCH_ANGLE = np.radians(10.0)
+_FLIP_ANGLE = np.radians(150.0)
+_MIN_FROZEN_SECONDS, _MIN_FROZEN_FRAMES = 0.25, 4
+# A frame time outside this range, in seconds, is reported.
+_MIN_FRAME_TIME, _MAX_FRAME_TIME = 1.0 / 2000.0, 1.0
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A suspected recording fault.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    frames : tuple of int
+        First and last frame, counted from 0.
+    joint : int or None
+        The joint, or None for the whole body.
+    message : str
+        Description with the measured value.
+    """
+
+    kind: str
+    frames: tuple[int, int]
+    joint: int | None
+    message: str
+
+
+def find_faults(motion: Motion) -> tuple[Fault, ...]:
+    """Detect recording faults.
+
+    Parameters
+    ----------
+    motion : Motion
+        The recording.
+
+    Returns
+    -------
+    tuple of Fault
+        Sorted by kind, then by frame.
+
+        ``frame_time``
+            The frame time is below 1/2000 s or at least 1 s: probably a rate or milliseconds.
+        ``first_frame``
+            The step from the first frame to the next is at least 10 times the median step: a
+            T-pose or rest pose before the motion.
+        ``teleport``
+            A step at least 6 times the median of the steps around it and faster than 3 heights
+            per second: a cut or lost markers. `frames` are those before and after.
+        ``glitch``
+            A single frame that differs from smaller_step neighbours, in the body or in one joint.
+        ``flip``
+            A joint rotates by more than 150 degrees between consecutive frames.
+        ``frozen``
+            Nothing changes for at least a quarter of a second.
+        ``wrap``
+            An angle of the file jumps by more than 180 degrees while the rotation does not. The
+            motion is unaffected, but curves drawn or filtered from the file are not.
+
+    Examples
+    --------
+    >>> import mograft as mg
+    >>> skeleton = mg.Skeleton(["Hips"], [-1], [[0, 0, 0]])
+    >>> still = [[[0.0, 0.0, 0.0, 1.0]]] * 40
+    >>> motion = mg.Motion(skeleton, 1 / 30, still, [[[0.0, 90.0, 0.0]]] * 40)
+    >>> for fault in find_faults(motion):
+    ...     print(fault.kind, fault.frames, fault.message)
+    frozen (0, 39) nothing moves for 1.30 s
+    """
+    check_type("motion", motion, Motion)
+    # Huge positions overflow to infinity, which exceeds every limit.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (
+            *_frame_time(motion),
+            *_implausible_steps(motion),
+            *_implausible_rotations(motion),
+            *_frozen_spans(motion),
+            *_angle_wraps(motion),
+        )
+
+
+def _frame_time(motion: Motion) -> Iterator[Fault]:
+    seconds = motion.frame_time
+    if _MIN_FRAME_TIME <= seconds < _MAX_FRAME_TIME:
+        return
+    guess = ""
+    if seconds >= _MAX_FRAME_TIME:
+        guess = f"; a rate of {seconds:g} fps, or {seconds:g} ms?"
+    message = f"a frame lasts {seconds:g} s{guess}"
+    yield Fault("frame_time", (0, motion.n_frames - 1), None, message)
+
+
+def _implausible_steps(motion: Motion) -> Iterator[Fault]:
+    """Yield implausible steps of the whole body."""
+    if motion.n_frames < 4:
+        return
+    positions = motion.world_positions()[:, _moving(motion)]
+    height = float(np.median(np.ptp(positions, axis=1).max(axis=-1)))
+    if height == 0.0:
+        return
+    steps = _mean_lengths(positions[1:] - positions[:-1]) / height
+    passing = _mean_lengths(positions[2:] - positions[:-2]) / height
+    rate = motion.rate
+    median = float(np.median(steps))
+    # A lower bound, so that noise in a still motion is not a fault.
+    floor = 1e-4 * _TELEPORT_SPEED / rate
+    first = steps[0] > max(_FIRST_STEP_RATIO * median, _GLITCH_RATIO * steps[1], 0.02)
+    if first:
+        ratio = steps[0] / max(median, floor)
+        message = f"the first step is {ratio:.0f} times the median step, as after a rest pose"
+        yield Fault("first_frame", (0, 0), None, message)
+    smaller_step = np.minimum(steps[1:], steps[:-1])
+    out_and_back = (smaller_step > _GLITCH_RATIO * passing) & (smaller_step * rate > _GLITCH_SPEED)
+    glitches = np.flatnonzero(out_and_back) + 1
+    is_teleport = (steps > _TELEPORT_RATIO * np.maximum(_median_around(steps), floor)) & (
+        steps * rate > _TELEPORT_SPEED
+    )
+    is_teleport[:1] &= not first
+    is_teleport[glitches - 1] = is_teleport[glitches] = False
+    for start, stop in _runs(is_teleport):
+        height_share = 100.0 * steps[start:stop].max()
+        message = f"joints jump by {height_share:.0f} % of the figure height"
+        yield Fault("teleport", (start, stop), None, message)
+    for frame in glitches:
+        message = f"one frame {100.0 * smaller_step[frame - 1]:.0f} % of the figure height away"
+        yield Fault("glitch", (int(frame), int(frame)), None, message)
+
+
+def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
+    """Yield implausible rotations of single joints."""
+    if motion.n_frames < 2:
+        return
+    quats = motion.rotations
+    names = motion.skeleton.names
+    steps = rotations.angle(quats[1:], quats[:-1])
+    glitched = np.zeros_like(steps, dtype=bool)
+    if motion.n_frames > 2:
+        passing = rotations.angle(quats[2:], quats[:-2])
+        smaller_step = np.minimum(steps[1:], steps[:-1])
+        limit = max(_GLITCH_SPIN * min(motion.frame_time, 1.0 / 30.0), _MIN_GLITCH_ANGLE)
+        out_and_back = (smaller_step > limit) & (smaller_step > _GLITCH_RATIO * passing)
+        glitched[1:] |= out_and_back
+        glitched[:-1] |= out_and_back
+        for before, joint in np.argwhere(out_and_back).tolist():
+            degrees = np.degrees(smaller_step[before, joint])
+            message = f"{names[joint]} rotates by {degrees:.0f} degrees for one frame"
+            yield Fault("glitch", (before + 1, before + 1), joint, message)
+    for frame, joint in np.argwhere((steps > _FLIP_ANGLE) & ~glitched).tolist():
+        degrees = np.degrees(steps[frame, joint])
+        message = f"{names[joint]} rotates by {degrees:.0f} degrees in one step"
+        yield Fault("flip", (frame, frame + 1), joint, message)
+
+
+def _frozen_spans(motion: Motion) -> Iterator[Fault]:
+    quats, positions = motion.rotations, motion.positions
+    same_rotations = (quats[1:] == quats[:-1]).all(axis=(1, 2))
+    still = same_rotations & (positions[1:] == positions[:-1]).all(axis=(1, 2))
+    for start, stop in _runs(still):
+        seconds = (stop - start) * motion.frame_time
+        if seconds >= _MIN_FROZEN_SECONDS and stop - start + 1 >= _MIN_FROZEN_FRAMES:
+            yield Fault("frozen", (start, stop), None, f"nothing moves for {seconds:.2f} s")
+
+
+def _angle_wraps(motion: Motion) -> Iterator[Fault]:
+    if motion.channel_values is None or motion.n_frames < 2:
+        return
+    skeleton = motion.skeleton
+    for joint, columns in enumerate(skeleton.channel_columns):
+        rotation_columns = [
+            column
+            for name, column in zip(skeleton.channels[joint], columns, strict=True)
+            if name.endswith("rotation")
+        ]
+        if not rotation_columns:
+            continue
+        jumps = (
+            np.abs(np.diff(motion.channel_values[:, rotation_columns], axis=0)).max(axis=1) > 180.0
+        )
+        frames = np.flatnonzero(jumps)
+        if not len(frames):
+            continue
+        smooth = rotations.angle(
+            motion.rotations[frames, joint], motion.rotations[frames + 1, joint]
+        )
+        frames = frames[smooth < _FLIP_ANGLE]
+        if len(frames):
+            first, last = int(frames[0]), int(frames[-1]) + 1
+            times = "once" if len(frames) == 1 else f"{len(frames)} times"
+            message = f"an angle of {skeleton.names[joint]} jumps by 360 degrees {times}"
+            yield Fault("wrap", (first, last), joint, message)
+
+
+def _moving(motion: Motion) -> npt.NDArray[np.bool_]:
+    """Return a mask of the joint that moves the body and all joints below it."""
+    moving = np.zeros(motion.n_joints, dtype=bool)
+    moving[motion.locomotion_root()] = True
+    for joint, parent in enumerate(motion.skeleton.parents):
+        moving[joint] |= parent >= 0 and moving[parent]
+    return moving
+
+
+def _mean_lengths(vectors: FloatArray) -> FloatArray:
+    """Return the mean vector length over the joints."""
+    lengths: FloatArray = np.sqrt(np.einsum("...i,...i->...", vectors, vectors)).mean(axis=-1)
+    return lengths
+
+
+def _median_around(steps: FloatArray) -> FloatArray:
+    reach = min(_MEDIAN_RADIUS, len(steps) - 1)
+    padded = np.pad(steps, reach, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+    medians: FloatArray = np.median(windows, axis=-1)
+    return medians
+
+
+def _runs(marked: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return start and stop of each run of marked elements; the stop is excluded."""
+    edges = np.flatnonzero(np.diff(marked, prepend=False, append=False))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

@@ -1,0 +1,104 @@
+"""Entries of joint groups: joint names, globs, indices, subtrees and single channels."""
+
+import difflib
+import re
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["Entry", "Subtree", "channels_of_entry", "channels_of_joint", "joint_label", "subtree"]
+
+
+@dataclass(frozen=True)
+class Subtree:
+    """A joint and all joints below it; created by `subtree`."""
+
+    joint: str | int
+
+    def __repr__(self) -> str:
+        return f"subtree({self.joint!r})"
+
+
+def subtree(joint: str | int) -> Subtree:
+    """Return an entry of `JointGroups` for a joint and all joints below it.
+
+    Parameters
+    ----------
+    joint : str or int
+        Name of the joint, a glob or an index.
+
+    Returns
+    -------
+    Subtree
+        The entry.
+
+    Examples
+    --------
+    >>> from mograft import JointGroups
+    >>> JointGroups({"lower": ["Hips", subtree("*UpLeg")], "upper": [subtree("Spine")]})
+    JointGroups(lower: Hips subtree('*UpLeg'); upper: subtree('Spine'); base lower)
+    """
+    if not isinstance(joint, str | int) or isinstance(joint, bool):
+        raise TypeError(f"joint must be a name or an index, got {joint!r}")
+    return Subtree(joint)
+
+
+Entry = str | int | Subtree
+
+
+def channels_of_joint(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
+    """Return (joint, axis) for each rotation channel, or (joint, "") if it is indivisible."""
+    order = skeleton.rotation_order(joint)
+    return [(joint, axis) for axis in order] if len(order) == 3 else [(joint, "")]
+
+
+def channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple[int, str]]:
+    """Return the joints of a group entry, each with the axis of one channel or ""."""
+    found = re.fullmatch(r"(.+)\.([XYZ])rotation", entry) if isinstance(entry, str) else None
+    if found is None or entry in skeleton.names:
+        return {(joint, "") for joint in _joints_of_entry(entry, skeleton, group)}
+    joints = _joints_of_entry(found[1], skeleton, group)
+    for joint in sorted(joints):
+        if (joint, found[2]) not in channels_of_joint(joint, skeleton):
+            raise ValueError(
+                f"group {group!r}: {joint_label(skeleton, joint)} must have three rotation "
+                f"channels to be divided, got {' '.join(skeleton.channels[joint]) or 'none'}"
+            )
+        if skeleton.parents[joint] < 0:
+            raise ValueError(
+                f"group {group!r}: {joint_label(skeleton, joint)} must be in one group as a whole, "
+                "because it is the root"
+            )
+    return {(joint, found[2]) for joint in joints}
+
+
+def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
+    """Return the joints of a group entry."""
+    if isinstance(entry, Subtree):
+        inside = _joints_of_entry(entry.joint, skeleton, group)
+        for joint, parent in enumerate(skeleton.parents):
+            if int(parent) in inside:
+                inside.add(joint)
+        return inside
+    if isinstance(entry, int):
+        if not 0 <= entry < skeleton.n_joints:
+            raise ValueError(
+                f"group {group!r}: index must be 0 to {skeleton.n_joints - 1}, got {entry}"
+            )
+        return {entry}
+    names = skeleton.names
+    found = {joint for joint, name in enumerate(names) if name == entry}
+    found = found or {joint for joint, name in enumerate(names) if fnmatchcase(name, entry)}
+    if not found:
+        close = difflib.get_close_matches(entry, names, n=3)
+        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else "joints are "
+        hint += "" if close else ", ".join(names)
+        raise ValueError(f"group {group!r}: no joint is named {entry!r}; {hint}")
+    return found
+
+
+def joint_label(skeleton: Skeleton, joint: int) -> str:
+    """Return the name of a joint, with its index if the name is not unique."""
+    name = skeleton.names[joint]
+    return name if skeleton.names.count(name) == 1 else f"{name} (index {joint})"

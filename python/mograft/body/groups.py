@@ -1,0 +1,411 @@
+"""`JointGroups`: the joint groups that are kept or exchanged as a whole."""
+
+import json
+import os
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.body.anatomy import anatomy
+from mograft.body.body_parts import ARM
+from mograft.body.group_entries import (
+    Entry,
+    Subtree,
+    channels_of_entry,
+    channels_of_joint,
+    joint_label,
+    subtree,
+)
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["PRESETS", "JointGroups", "Subtree", "subtree"]
+
+# Groups of each preset. The first is the base: the hips, the legs and the joints above them.
+PRESETS: Mapping[str, tuple[str, ...]] = {
+    "lower_upper": ("lower", "upper"),
+    "lower_torso_arms": ("lower", "torso", "arms"),
+    "lower_torso_larm_rarm": ("lower", "torso", "larm", "rarm"),
+    "lower_torso_head_larm_rarm": ("lower", "torso", "head", "larm", "rarm"),
+}
+
+
+@dataclass(frozen=True)
+class JointGroups:
+    """Disjoint groups that together contain all joints of a skeleton.
+
+    Parameters
+    ----------
+    groups : mapping of str to sequence
+        Entries of each group: joint names, globs (``"Left*Arm"``), indices, and `subtree` of any
+        of these. A name selects all joints of that name; it is a glob only if no joint has that
+        name. The suffix ``".Xrotation"`` (or Y, Z) selects one channel, so that a joint can be
+        divided between groups.
+    base : str
+        The group that is kept when the others are exchanged.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two groups, a group is empty or `base` is not one of them.
+    TypeError
+        If a group is not a sequence of such entries.
+
+    See Also
+    --------
+    JointGroups.preset : Groups by body part.
+
+    Examples
+    --------
+    >>> skeleton = Skeleton(
+    ...     ["Hips", "Spine", "Head", "Leg"], [-1, 0, 1, 0], [[0, 0, 0]] * 4
+    ... )
+    >>> groups = JointGroups({"lower": ["Hips", "L*g"], "upper": [subtree("Spine")]})
+    >>> groups.resolve(skeleton)
+    {'lower': array([0, 3]), 'upper': array([1, 2])}
+    """
+
+    groups: Mapping[str, tuple[Entry, ...]]
+    base: str = "lower"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.groups, Mapping):
+            raise TypeError(f"groups must map names to joints, got {self.groups!r}")
+        groups = {}
+        for name, entries in self.groups.items():
+            if not isinstance(name, str):
+                raise TypeError(f"group names must be str, got {name!r}")
+            if isinstance(entries, str | Subtree) or not isinstance(entries, Iterable):
+                raise TypeError(f"group {name!r} must be a list of joints, got {entries!r}")
+            checked = tuple(int(e) if isinstance(e, np.integer) else e for e in entries)
+            for entry in checked:
+                if not isinstance(entry, str | int | Subtree) or isinstance(entry, bool):
+                    raise TypeError(
+                        f"group {name!r} must contain names, indices or subtree(...), got {entry!r}"
+                    )
+            if not checked:
+                raise ValueError(f"group {name!r} must have at least one joint, got none")
+            groups[name] = checked
+        if len(groups) < 2:
+            raise ValueError(
+                f"groups must have at least two entries, a base and one to exchange, "
+                f"got {list(groups)}"
+            )
+        if self.base not in groups:
+            raise ValueError(f"base must be one of {', '.join(groups)}, got {self.base!r}")
+        object.__setattr__(self, "groups", groups)
+
+    def __repr__(self) -> str:
+        shown = [
+            f"{name}: {' '.join(e if isinstance(e, str) else repr(e) for e in entries)}"
+            for name, entries in self.groups.items()
+        ]
+        return f"JointGroups({'; '.join(shown)}; base {self.base})"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the groups, in order."""
+        return tuple(self.groups)
+
+    @classmethod
+    def preset(cls, name: str, skeleton: Skeleton) -> "JointGroups":
+        """Return the groups of a skeleton by body part.
+
+        Parameters
+        ----------
+        name : str
+            ``"lower_upper"``, ``"lower_torso_arms"``, ``"lower_torso_larm_rarm"`` or
+            ``"lower_torso_head_larm_rarm"``; underscores separate the names of the groups.
+        skeleton : Skeleton
+            The skeleton. The result is valid for all skeletons of the same hierarchy.
+
+        Returns
+        -------
+        JointGroups
+            With base ``"lower"``: the root, the legs and all joints above them. Arms begin at the
+            clavicle. Without a group ``"head"`` the head belongs to the torso. A tail and
+            joints that are not a body part belong to the group of their parent.
+
+        Raises
+        ------
+        ValueError
+            If the preset is unknown or the skeleton lacks a body part; the message names it.
+
+        Examples
+        --------
+        >>> skeleton = Skeleton(
+        ...     ["Hips", "LeftHip", "RightHip", "Chest", "Head"],
+        ...     [-1, 0, 0, 0, 3],
+        ...     [[0, 0, 0]] * 5,
+        ... )
+        >>> JointGroups.preset("lower_upper", skeleton)
+        JointGroups(lower: Hips LeftHip RightHip; upper: Chest Head; base lower)
+        """
+        if name not in PRESETS:
+            raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {name!r}")
+        found: dict[str, list[int]] = {group: [] for group in PRESETS[name]}
+        for joint, group in enumerate(_assign(skeleton, PRESETS[name])):
+            found[group].append(joint)
+        _check_parts(name, skeleton, found)
+        count = Counter(skeleton.names)
+        entries = {
+            group: tuple(
+                skeleton.names[joint]
+                if count[skeleton.names[joint]] == 1 and _is_encodable(skeleton.names[joint])
+                else joint
+                for joint in joints
+            )
+            for group, joints in found.items()
+        }
+        return cls(entries, base="lower")
+
+    def resolve(self, skeleton: Skeleton) -> dict[str, IntArray]:
+        """Return the joints of each group.
+
+        Parameters
+        ----------
+        skeleton : Skeleton
+            Skeleton in which the entries are looked up.
+
+        Returns
+        -------
+        dict of str to ndarray of int
+            Joint indices of each group, ascending. A divided joint is in every group that has
+            one of its channels; see `divided_channels`.
+
+        Raises
+        ------
+        ValueError
+            If an entry matches no joint, groups overlap, or a joint or channel is in no group.
+            The message names them.
+        """
+        shares = self._shares(skeleton)
+        return {
+            name: np.array(sorted({joint for joint, _ in channels}), dtype=np.int64)
+            for name, channels in shares.items()
+        }
+
+    def divided_channels(self, skeleton: Skeleton) -> dict[str, dict[int, str]]:
+        """Return the channels of joints that are divided between groups.
+
+        Parameters
+        ----------
+        skeleton : Skeleton
+            Skeleton in which the entries are looked up.
+
+        Returns
+        -------
+        dict of str to dict of int to str
+            For each group and divided joint, the axes of the group's channels, in file order.
+
+        Raises
+        ------
+        ValueError
+            As for `resolve`.
+
+        Examples
+        --------
+        >>> skeleton = Skeleton(["Hips", "Arm"], [-1, 0], [[0, 0, 0]] * 2)
+        >>> groups = JointGroups(
+        ...     {"lower": ["Hips", "Arm.Zrotation", "Arm.Xrotation"], "roll": ["Arm.Yrotation"]}
+        ... )
+        >>> groups.divided_channels(skeleton)
+        {'lower': {1: 'ZX'}, 'roll': {1: 'Y'}}
+        """
+        found: dict[str, dict[int, str]] = {}
+        for name, channels in self._shares(skeleton).items():
+            axes: dict[int, str] = {}
+            for joint, axis in sorted(channels):
+                if axis:
+                    axes[joint] = axes.get(joint, "") + axis
+            found[name] = {
+                joint: "".join(axis for axis in order if axis in group_axes)
+                for joint, group_axes in axes.items()
+                if set(order := skeleton.rotation_order(joint)) != set(group_axes)
+            }
+        return found
+
+    def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
+        """Return (joint, "") or (joint, axis) for every joint or channel of each group."""
+        owner: dict[tuple[int, str], str] = {}
+        shares: dict[str, set[tuple[int, str]]] = {}
+        for name, entries in self.groups.items():
+            channels: set[tuple[int, str]] = set()
+            for entry in entries:
+                channels |= channels_of_entry(entry, skeleton, name)
+            divided = {joint for joint, axis in channels if axis}
+            for joint in sorted(j for j, axis in channels if not axis and j in divided):
+                raise ValueError(
+                    f"group {name!r} must contain joint {joint_label(skeleton, joint)} "
+                    "as a whole or by channels, got both"
+                )
+            for joint, axis in sorted(channels):
+                for key in [(joint, axis)] if axis else channels_of_joint(joint, skeleton):
+                    if key in owner:
+                        label = joint_label(skeleton, joint) + (f".{axis}rotation" if axis else "")
+                        raise ValueError(
+                            f"joint {label} must be in one group, got {owner[key]!r} and {name!r}"
+                        )
+                    owner[key] = name
+            shares[name] = channels
+        missing = [
+            joint_label(skeleton, joint)
+            + (f".{axis}rotation" if any(channel in owner for channel in channels) else "")
+            for joint in range(skeleton.n_joints)
+            for channels in [channels_of_joint(joint, skeleton)]
+            for _, axis in channels
+            if (joint, axis) not in owner
+        ]
+        if missing:
+            shown = ", ".join(dict.fromkeys(missing))
+            raise ValueError(f"every joint must be in a group, got none for {shown}")
+        return shares
+
+    def to_toml(self) -> str:
+        """Return the groups as TOML text for `from_toml`.
+
+        Examples
+        --------
+        >>> groups = JointGroups({"lower": ["Hips"], "upper": [subtree("Spine")]})
+        >>> print(groups.to_toml(), end="")
+        base = "lower"
+        <BLANKLINE>
+        [groups]
+        "lower" = [
+            "Hips",
+        ]
+        "upper" = [
+            {subtree = "Spine"},
+        ]
+        """
+        lines = [f"base = {_quoted(self.base)}", "", "[groups]"]
+        for name, entries in self.groups.items():
+            lines.append(f"{_quoted(name)} = [")
+            for entry in entries:
+                if isinstance(entry, Subtree):
+                    lines.append(f"    {{subtree = {_quoted(entry.joint)}}},")
+                else:
+                    lines.append(f"    {_quoted(entry)},")
+            lines.append("]")
+        return "\n".join(lines) + "\n"
+
+    @classmethod
+    def from_toml(cls, source: str | os.PathLike[str]) -> "JointGroups":
+        """Read groups from TOML.
+
+        Parameters
+        ----------
+        source : str or path
+            A file, or TOML text: a string of more than one line.
+
+        Returns
+        -------
+        JointGroups
+            The groups. A missing ``base`` is ``"lower"``.
+
+        Raises
+        ------
+        ValueError
+            If the text is not valid TOML or has another form; the message names the file.
+        OSError
+            If the file cannot be read.
+        """
+        text, place = str(source), "groups"
+        if not isinstance(source, str) or "\n" not in source:
+            place = str(source)
+            try:
+                text = Path(source).read_text(encoding="utf-8")
+            except UnicodeDecodeError as error:
+                raise ValueError(f"{place}: not UTF-8: {error}") from error
+        try:
+            table = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"{place}: not valid TOML: {error}") from error
+        unknown = sorted(set(table) - {"base", "groups"})
+        if unknown or not isinstance(table.get("groups"), dict):
+            got = ", ".join(table) or "nothing"
+            raise ValueError(f"{place}: must contain base and a table [groups], got {got}")
+        groups = {}
+        for name, entries in table["groups"].items():
+            if not isinstance(entries, list):
+                raise ValueError(f"{place}: group {name!r} must be a list, got {entries!r}")
+            groups[name] = tuple(_read_entry(place, name, entry) for entry in entries)
+        try:
+            return cls(groups, base=table.get("base", "lower"))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{place}: {error}") from error
+
+
+def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
+    """Return the group of each joint by its body part, else that of its parent."""
+    known = anatomy(skeleton)
+    torso = "torso" if "torso" in group_names else "upper"
+    head = "head" if "head" in group_names else torso
+    arms = dict.fromkeys(("left", "right", ""), "arms" if "arms" in group_names else torso)
+    if "larm" in group_names:
+        arms |= {"left": "larm", "right": "rarm"}
+    groups: list[str] = []
+    for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
+        parent = int(skeleton.parents[joint])
+        if part in ARM:
+            group = arms[side]
+        elif part in ("neck", "head"):
+            group = head
+        elif part == "trunk":
+            group = torso
+        elif part in ("tail", "other") and parent >= 0:
+            group = groups[parent]
+        else:
+            group = "lower"
+        groups.append(group)
+    return groups
+
+
+def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]) -> None:
+    """Raise ValueError if the skeleton lacks a body part of the preset."""
+    known = anatomy(skeleton)
+    missing = [] if known.joints("thigh", "shank", "foot") else ["legs"]
+    label_of_group = {
+        "upper": "upper body",
+        "torso": "torso",
+        "head": "neck or head",
+        "arms": "arms",
+        "larm": "left arm",
+        "rarm": "right arm",
+    }
+    missing += [
+        label for group, label in label_of_group.items() if group in found and not found[group]
+    ]
+    if missing:
+        shown = ", ".join(skeleton.names[:12]) + (", ..." if skeleton.n_joints > 12 else "")
+        raise ValueError(
+            f"preset {preset!r} needs {' and '.join(missing)}, found none among the joints "
+            f"{shown}; pass a JointGroups"
+        )
+
+
+def _is_encodable(name: str) -> bool:
+    """Return whether a name can be encoded as UTF-8: it has no lone surrogate."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in name)
+
+
+def _quoted(value: str | int) -> str:
+    """Return a value as TOML. Strings are those of JSON, with DEL escaped."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _read_entry(place: str, group: str, entry: object) -> Entry:
+    if isinstance(entry, dict) and set(entry) == {"subtree"}:
+        entry = entry["subtree"]
+        if isinstance(entry, str | int) and not isinstance(entry, bool):
+            return subtree(entry)
+    elif isinstance(entry, str | int) and not isinstance(entry, bool):
+        return entry
+    raise ValueError(
+        f'{place}: group {group!r} must contain names, indices or {{subtree = "name"}}, '
+        f"got {entry!r}"
+    )

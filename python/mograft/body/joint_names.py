@@ -1,0 +1,183 @@
+"""Body parts and sides recognised from joint names."""
+
+import re
+from collections import Counter
+from functools import lru_cache
+
+__all__ = ["ANIMAL_WORDS", "part_of_words", "read_names"]
+
+
+def _words_of(text: str) -> frozenset[str]:
+    """Return the words of a table row."""
+    return frozenset(text.split())
+
+
+# The first row that contains a word of the name decides: `torso_head` is the head and
+# `LeftHandThumb1` a finger. `fore+arm` requires both words. "leg", "shoulder" and "hip" are
+# ambiguous; `anatomy` resolves them by the neighbouring joints.
+_WORDS_OF_PART = (
+    ("tail", "tail"),
+    ("finger", "thumb finger fingers knuckle metacarpal metacarpals carpal fore+paw front+paw"),
+    ("toe", "toe toes ball bale metatarsal metatarsals fore+foot hind+paw back+paw rear+paw"),
+    ("hand", "hand wrist palm carpus"),
+    ("foot", "foot ankle heel tarsus talus calcaneus"),
+    ("forearm", "fore+arm lower+arm low+arm lo+arm elbow radius ulna"),
+    ("upper_arm", "arm humerus bicep front+leg fore+leg"),
+    ("shank", "lower+leg low+leg lo+leg knee shin shank calf tibia fibula"),
+    ("thigh", "upper+leg up+leg thigh femur"),
+    ("clavicle", "clavicle collar scapula"),
+    ("leg", "leg"),
+    ("shoulder", "shoulder shldr"),
+    (
+        "head",
+        "head skull cranium face jaw eye eyes eyeball eyelid brow ear ears nose mouth lip lips"
+        " tongue teeth chin cheek hair muzzle snout beak",
+    ),
+    ("neck", "neck atlas"),
+    (
+        "trunk",
+        "spine chest torso abdomen back waist belly stomach thorax rib ribs ribcage sternum"
+        " lumbar breast pectoral pectorals pec",
+    ),
+    ("pelvis", "hips pelvis buttock sacrum"),
+    ("hip", "hip"),
+)
+# Words for fingers only beside a hand or alone: SpineMid and BrowMid contain one too.
+_FINGER_WORDS = _words_of("index middle mid ring pinky pinkie little")
+# Rig controls and props: such a joint is not the body part in its name.
+_CONTROL_WORDS = _words_of("ik pole target ctrl control prop weapon")
+ANIMAL_WORDS = _words_of("paw hoof tail")
+_SIDE_OF_WORD = {"left": "left", "l": "left", "right": "right", "r": "right"}
+_PHRASES_OF_PART = tuple(
+    (part, tuple(frozenset(phrase.split("+")) for phrase in phrases.split()))
+    for part, phrases in _WORDS_OF_PART
+)
+_PART_WORDS = frozenset().union(*(phrase for _, phrases in _PHRASES_OF_PART for phrase in phrases))
+# Words without a meaning of their own that occur in compound names such as `lefttoebase`.
+_VOCABULARY = (
+    _PART_WORDS
+    | _FINGER_WORDS
+    | _CONTROL_WORDS
+    | ANIMAL_WORDS
+    | _words_of("left right upper up base joint roll twist bend in big small tip top end nub root")
+)
+_VERTEBRA = re.compile(r"([clt])(\d{1,2})")
+_CAMEL = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+
+
+def read_names(names: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]]:
+    """Return the known words and the side of each joint name.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Joint names of one skeleton.
+
+    Returns
+    -------
+    words : list of tuple of str
+        Known words of each name, in lower case.
+    sides : list of str
+        ``"left"``, ``"right"`` or ``""``.
+    """
+    prefix = _common_prefix(names)
+    read = []
+    for name in names:
+        words = _words(name)
+        if not part_of_words(words) and name.casefold().startswith(prefix):
+            words = _words(name[len(prefix) :])
+        read.append(words)
+    vertebrae = {j: part for j, name in enumerate(names) if (part := _vertebra(name))}
+    # `c1` to `c7` are vertebrae only if other names are known.
+    if any(part_of_words(words) for words in read):
+        for joint, part in vertebrae.items():
+            if not part_of_words(read[joint]):
+                read[joint] = (part,)
+    sides = []
+    for words in read:
+        named_sides = {_SIDE_OF_WORD[word] for word in words if word in _SIDE_OF_WORD}
+        sides.append(named_sides.pop() if len(named_sides) == 1 else "")
+    return read, sides
+
+
+def _common_prefix(names: tuple[str, ...]) -> str:
+    """Return the prefix shared by at least 90 % of the names."""
+    folded = [name.casefold() for name in names]
+    prefix = ""
+    for length in range(1, min(map(len, folded))):
+        start, count = Counter(name[:length] for name in folded).most_common(1)[0]
+        if count < 0.9 * len(names):
+            break
+        prefix = start
+    return prefix
+
+
+def _words(name: str) -> tuple[str, ...]:
+    """Return the known words of a name in lower case; `LThumb1` gives l, thumb."""
+    bare = re.split(r"[:|]", name)[-1]
+    found: list[str] = []
+    for run in re.findall(r"[^\W\d_]+", bare):
+        pieces = [_split(piece.casefold()) for piece in _CAMEL.split(run)]
+        # Capitals separate words (rEar), unless they are misplaced (HEad).
+        whole = () if all(pieces) else _split(run.casefold())
+        found += whole or (word for piece in pieces for word in piece)
+    return tuple(found)
+
+
+@lru_cache(maxsize=4096)
+def _split(run: str) -> tuple[str, ...]:
+    """Split letters into known words, with an optional side letter first or last."""
+    if run in _SIDE_OF_WORD:
+        return (run,)
+    none: tuple[str, ...] = ()
+    options = [(none, run, none)]
+    if run[0] in _SIDE_OF_WORD:
+        options.append(((run[0],), run[1:], none))
+    if run[-1] in _SIDE_OF_WORD:
+        options.append((none, run[:-1], (run[-1],)))
+    for first, stem, last in options:
+        words = _cover(stem)
+        if words:
+            return (*first, *words, *last)
+    return ()
+
+
+def _cover(text: str) -> tuple[str, ...] | None:
+    """Split text into words of the vocabulary, longest first; None if impossible."""
+    if not text:
+        return ()
+    for size in range(len(text), 1, -1):
+        if text[:size] in _VOCABULARY:
+            rest = _cover(text[size:])
+            if rest is not None:
+                return (text[:size], *rest)
+    return None
+
+
+def _vertebra(name: str) -> str:
+    """Return "neck" or "spine" for the name of a vertebra such as `J_T12`, else ""."""
+    for run in re.split(r"[\W_]+", name.casefold()):
+        match = _VERTEBRA.fullmatch(run)
+        if match:
+            letter, number = match[1], int(match[2])
+            if 1 <= number <= {"c": 7, "t": 12, "l": 5}[letter]:
+                return "neck" if letter == "c" else "spine"
+    return ""
+
+
+def part_of_words(words: tuple[str, ...]) -> str:
+    """Return the part that the words of a name mean, or "leg", "shoulder", "hip" or ""."""
+    known = set(words)
+    if known & _CONTROL_WORDS:
+        return ""
+    found = next(
+        (part for part, phrases in _PHRASES_OF_PART if any(phrase <= known for phrase in phrases)),
+        "",
+    )
+    if known & _FINGER_WORDS and found in ("", "hand"):
+        return "finger"
+    if known & _FINGER_WORDS and found == "foot":
+        return "toe"
+    if found == "shoulder" and "spine" in known:
+        return "trunk"
+    return found

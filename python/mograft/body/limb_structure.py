@@ -1,0 +1,261 @@
+"""Body parts recognised from the structure of a skeleton: limbs come in mirrored pairs."""
+
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.body.body_parts import ARM, LEG
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["recognise_structure"]
+
+
+def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
+    """Return the part and the side of every joint, from the rest pose alone.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton; its joint names are not used.
+
+    Returns
+    -------
+    parts : list of str
+        Part of each joint; ``""`` for a joint that has the part of its parent.
+    sides : list of str
+        ``"left"``, ``"right"`` or ``""``.
+    """
+    n_joints = skeleton.n_joints
+    parts, sides = [""] * n_joints, [""] * n_joints
+    shape = _Shape.from_skeleton(skeleton)
+    pairs, axis = _mirrored_pairs(skeleton, shape)
+    longest = max((shape.length(a) for a, _ in pairs), default=0.0)
+    # Eyes and breasts are mirrored pairs too, but short ones.
+    limbs = [(a, b) for a, b in pairs if shape.length(a) >= 0.4 * longest]
+    limbs.sort(key=lambda pair: (shape.depth[pair[0]], -shape.length(pair[0]), pair))
+    legs = limbs[0] if limbs else None
+    arms = max(limbs[1:], key=lambda pair: shape.length(pair[0]), default=None)
+    hips = int(skeleton.parents[legs[0]]) if legs else 0
+    for joint, part in _spine(skeleton, shape, axis, legs, arms):
+        parts[joint] = part
+    for pair, roles, connector in ((legs, LEG, "pelvis"), (arms, ARM[1:], "clavicle")):
+        for first in pair or ():
+            for joint, part in _limb(shape, shape.chain(first), roles, connector):
+                parts[joint] = part
+    parts[hips] = "pelvis"
+    left = _leftward(shape, legs)
+    for a, b in pairs:
+        gap = shape.middle[a] - shape.middle[b]
+        a_is_left = (float(gap @ left) if left is not None else _largest(gap)) >= 0
+        for joint in shape.subtree[a]:
+            sides[joint] = "left" if a_is_left else "right"
+        for joint in shape.subtree[b]:
+            sides[joint] = "right" if a_is_left else "left"
+    return parts, sides
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Rest positions and sizes of all subtrees of a skeleton.
+
+    `positions` is the rest pose. For each joint, `subtree` lists the joint and all joints below
+    it, `middle` is their mean rest position, `reach` the longest path down along the bones and
+    `tips` the length of the longest end site.
+    """
+
+    skeleton: Skeleton
+    positions: FloatArray
+    depth: list[int]
+    subtree: list[list[int]]
+    middle: FloatArray
+    reach: FloatArray
+    tips: FloatArray
+
+    @classmethod
+    def from_skeleton(cls, skeleton: Skeleton) -> "_Shape":
+        positions = skeleton.rest_positions()
+        lengths = np.linalg.norm(skeleton.offsets, axis=1)
+        depth = [0] * skeleton.n_joints
+        subtree: list[list[int]] = [[joint] for joint in range(skeleton.n_joints)]
+        reach, tips = np.zeros(skeleton.n_joints), np.zeros(skeleton.n_joints)
+        for site in skeleton.end_sites:
+            tips[site.parent] = max(tips[site.parent], float(np.linalg.norm(site.offset)))
+        for joint in range(skeleton.n_joints - 1, 0, -1):
+            parent = skeleton.parents[joint]
+            subtree[parent] += subtree[joint]
+            reach[parent] = max(reach[parent], lengths[joint] + reach[joint])
+        for joint in range(1, skeleton.n_joints):
+            depth[joint] = depth[skeleton.parents[joint]] + 1
+        middle = np.array([positions[joints].mean(axis=0) for joints in subtree])
+        return cls(
+            skeleton=skeleton,
+            positions=positions,
+            depth=depth,
+            subtree=subtree,
+            middle=middle,
+            reach=reach,
+            tips=tips,
+        )
+
+    def length(self, joint: int) -> float:
+        """Return the length of a limb, measured from its parent joint."""
+        return float(np.linalg.norm(self.skeleton.offsets[joint]) + self.reach[joint])
+
+    def chain(self, joint: int) -> list[int]:
+        """Return the joints of the longest path down."""
+        found = [joint]
+        while self.skeleton.children[found[-1]]:
+            found.append(max(self.skeleton.children[found[-1]], key=self.length))
+        return found
+
+    def bone_length(self, chain: list[int], index: int) -> float:
+        """Return the length of the bone below a joint of a chain."""
+        if index + 1 < len(chain):
+            return float(np.linalg.norm(self.skeleton.offsets[chain[index + 1]]))
+        return float(self.tips[chain[index]])
+
+
+def _mirrored_pairs(skeleton: Skeleton, shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
+    """Return mirrored pairs of limbs and the joints of the axis between them."""
+    pairs: list[tuple[int, int]] = []
+    axis = [0]
+    for joint in axis:  # the loop extends the list
+        children = list(skeleton.children[joint])
+        scores = sorted(
+            (score, a, b)
+            for a, b in combinations(children, 2)
+            if (score := _asymmetry(shape, joint, a, b)) < 0.5
+        )
+        for _, a, b in scores:
+            if a in children and b in children:
+                pairs.append((a, b))
+                children = [child for child in children if child not in (a, b)]
+        axis += children
+    return pairs, axis
+
+
+def _asymmetry(shape: _Shape, joint: int, a: int, b: int) -> float:
+    """Return a measure of asymmetry of two subtrees; 0 for mirror images."""
+    sizes = len(shape.subtree[a]), len(shape.subtree[b])
+    lengths = shape.length(a), shape.length(b)
+    longer = max(lengths)
+    score = abs(sizes[0] - sizes[1]) / max(sizes)
+    if longer > 0:
+        score += abs(lengths[0] - lengths[1]) / longer
+        origin = shape.positions[joint]
+        distances = [float(np.linalg.norm(shape.middle[child] - origin)) for child in (a, b)]
+        score += abs(distances[0] - distances[1]) / longer
+        if np.linalg.norm(shape.middle[a] - shape.middle[b]) < 0.02 * longer:
+            score += 0.2  # coincident limbs: unusual, but the legs of some files are
+    return score
+
+
+def _limb(
+    shape: _Shape, chain: list[int], roles: tuple[str, ...], connector: str
+) -> list[tuple[int, str]]:
+    """Name the joints of a limb by the position of its upper and lower bone."""
+    start, upper, lower = _long_bones(shape, chain, roles)
+    found = []
+    for index, joint in enumerate(chain):
+        if index < start:
+            part = connector
+        elif index <= upper:
+            part = roles[0]
+        elif index <= lower:
+            part = roles[1]
+        else:
+            part = roles[2 if index == lower + 1 else 3]
+        found.append((joint, part))
+    return found
+
+
+def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tuple[int, int, int]:
+    """Return the index where the upper part starts and those of upper and lower bone."""
+    lengths = [shape.bone_length(chain, index) for index in range(len(chain))]
+    longest = max(lengths)
+    # A joint without a bone, such as before a roll joint, belongs to the next one with a bone.
+    bones = [index for index, length in enumerate(lengths) if length > 0.02 * longest]
+    if longest == 0 or len(bones) < 2:
+        return 0, 0, 1
+    # Upper and lower bone are the longest two consecutive bones. A clavicle may be as long as
+    # a forearm, and in unusual files a foot is as long as a thigh.
+    pairs = [(lengths[a] + lengths[b], a, b) for a, b in pairwise(bones)]
+    longest_pair = max(pairs)[0]
+    if roles is LEG:
+        upper, lower = next((a, b) for length, a, b in pairs if length >= 0.85 * longest_pair)
+    else:
+        upper, lower = next(
+            (a, b) for length, a, b in reversed(pairs) if length >= 0.9 * longest_pair
+        )
+    before = [index for index in bones if index < upper]
+    return (before[-1] + 1 if before else 0), upper, lower
+
+
+def _spine(
+    skeleton: Skeleton,
+    shape: _Shape,
+    axis: list[int],
+    legs: tuple[int, int] | None,
+    arms: tuple[int, int] | None,
+) -> list[tuple[int, str]]:
+    """Name the axial joints: trunk up to the arms, then neck and head, and a tail."""
+    hips = int(skeleton.parents[legs[0]]) if legs else 0
+    between = [child for child in axis if skeleton.parents[child] == hips]
+    found: list[tuple[int, str]] = []
+    if arms is None:
+        spine = max(between, key=shape.length, default=None)
+        chain = _unbranched(shape, spine)
+        found += [(joint, "trunk") for joint in chain[:-1]]
+        # Without limbs the end of the chain is not known to be a head.
+        head = "head" if legs and len(chain) > 1 else "trunk"
+        found += [(joint, head) for joint in chain[-1:]]
+    else:
+        chest = int(skeleton.parents[arms[0]])
+        line = [chest, *skeleton.ancestors(chest)]
+        core = skeleton.common_ancestor([chest, hips])
+        spine = next((child for child in between if child in line), None)
+        found += [(joint, "trunk") for joint in line[: line.index(core)]]
+        upward = [child for child in axis if skeleton.parents[child] == chest]
+        if chest != core:
+            chain = _unbranched(shape, max(upward, key=shape.length, default=None))
+            found += [(joint, "neck") for joint in chain[:-1]]
+            found += [(joint, "head") for joint in chain[-1:]]
+    for child in between:
+        if child != spine and len(shape.subtree[child]) > 1 and arms is not None:
+            found += [(joint, "tail") for joint in shape.subtree[child]]
+    return found
+
+
+def _unbranched(shape: _Shape, first: int | None) -> list[int]:
+    """Return the chain of joints below `first` up to the first branch."""
+    if first is None:
+        return []
+    chain = [first]
+    while len(shape.skeleton.children[chain[-1]]) == 1:
+        chain += shape.skeleton.children[chain[-1]]
+    return chain
+
+
+def _leftward(shape: _Shape, legs: tuple[int, int] | None) -> FloatArray | None:
+    """Return the direction to the left of the body from its feet; None if undefined."""
+    up, forward = np.zeros(3), np.zeros(3)
+    for first in legs or ():
+        chain = shape.chain(first)
+        ankle = min(_long_bones(shape, chain, LEG)[2] + 1, len(chain) - 1)
+        positions = shape.positions[chain]
+        up += positions[0] - positions[ankle]
+        ends = [s.offset for s in shape.skeleton.end_sites if s.parent == chain[-1]]
+        tip = positions[-1] + (ends[0] if ends else 0.0)
+        forward += tip - positions[ankle]
+    height = float(np.linalg.norm(up))
+    if not height:
+        return None
+    forward -= (forward @ up) / height**2 * up
+    return np.cross(up, forward) if np.linalg.norm(forward) > 0.05 * height else None
+
+
+def _largest(vector: FloatArray) -> float:
+    """Return the component of largest magnitude."""
+    return float(vector[np.argmax(np.abs(vector))])

@@ -1,0 +1,471 @@
+"""Mass model, stature and feet of a skeleton."""
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import FloatArray, make_read_only, restore
+from mograft.body.anatomy import Anatomy, anatomy
+from mograft.body.body_parts import ARM, LEG
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["Foot", "MassModel", "center_of_mass", "mass_model", "moments_of_inertia", "up_axis"]
+
+# de Leva 1996, with hips and neck as the proximal ends of trunk and head. Mass in % of body mass,
+# then centre of mass from the proximal end and transverse radius of gyration, both in % of
+# segment length; each (male, female).
+_DE_LEVA = {
+    "head": ((6.94, 6.68), (50.0, 51.6), (31.5, 29.5)),
+    "trunk": ((43.46, 42.57), (48.6, 50.4), (30.6, 29.2)),
+    "upper_arm": ((2.71, 2.55), (57.7, 57.5), (26.9, 26.0)),
+    "forearm": ((1.62, 1.38), (45.7, 45.6), (26.5, 25.7)),
+    "hand": ((0.61, 0.56), (36.2, 34.3), (23.5, 20.8)),
+    "thigh": ((14.16, 14.78), (41.0, 36.1), (32.9, 36.4)),
+    "shank": ((4.33, 4.81), (44.0, 43.5), (24.6, 26.3)),
+    "foot": ((1.37, 1.29), (44.2, 40.1), (24.5, 27.9)),
+}
+# Segment that receives the mass of a segment without joints.
+_FALLBACK_SEGMENT = {
+    "head": "trunk",
+    "hand": "forearm",
+    "forearm": "upper_arm",
+    "upper_arm": "trunk",
+    "foot": "shank",
+    "shank": "thigh",
+    "thigh": "trunk",
+}
+_SEGMENT_OF_PART = {
+    "pelvis": "trunk",
+    "clavicle": "trunk",
+    "tail": "trunk",
+    "neck": "head",
+    "finger": "hand",
+    "toe": "foot",
+}
+# Uniform rod about its middle: radius of gyration 1 / sqrt(12).
+_ROD_CENTER, _ROD_GYRATION = 0.5, 0.289
+# Lengths in statures: hips to ankles plus hips to head joint, and each alone. Rounded means over
+# human hierarchies of several sources. Each alone varies by 0.04 (standard deviation).
+_LEGS_AND_HEAD, _LEGS, _HEAD = 0.87, 0.525, 0.345
+
+
+@dataclass(frozen=True)
+class Foot:
+    """One foot of a skeleton.
+
+    Parameters
+    ----------
+    side : str
+        ``"left"``, ``"right"`` or ``""`` if unknown.
+    ankle : int
+        The ankle joint.
+    toe : int or None
+        The joint at the ball of the foot, if the skeleton has one.
+    """
+
+    side: str
+    ankle: int
+    toe: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class MassModel:
+    """Masses and lengths of the bones of a skeleton; created by `mass_model`.
+
+    Parameters
+    ----------
+    model : str
+        ``"de Leva"``: masses of a human. ``"rods"``: masses proportional to bone length, for
+        animals and skeletons with unknown joint names.
+    height : float
+        Stature in the unit of the file, independent of the pose.
+    height_from : str
+        How it was measured: ``"legs and head"``, ``"legs"``, ``"head"``, ``"longest path"``, or
+        ``"nothing"`` if all offsets are zero; the stature is then 1.
+    mass : ndarray, shape (n_joints,)
+        Mass of each joint's bone, as a share of body mass; the sum is 1.
+    bone : ndarray, shape (n_joints, 3)
+        Vector from the joint to the end of its bone, in the joint frame and the unit of the file.
+    center : ndarray, shape (n_joints,)
+        Centre of mass along the bone, in bone lengths from the joint.
+    gyration : ndarray, shape (n_joints,)
+        Transverse radius of gyration about the centre of mass, in bone lengths.
+    hips : int
+        The lowest joint above all body parts.
+    head : int or None
+        The head joint, if the skeleton has one.
+    feet : tuple of Foot
+        Left before right. Empty if the skeleton has no known leg.
+    unmatched : tuple of str
+        Joints whose names are unknown.
+    """
+
+    model: str
+    height: float
+    height_from: str
+    mass: FloatArray
+    bone: FloatArray
+    center: FloatArray
+    gyration: FloatArray
+    hips: int
+    head: int | None
+    feet: tuple[Foot, ...]
+    unmatched: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for array in (self.mass, self.bone, self.center, self.gyration):
+            make_read_only(array)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
+
+    def __repr__(self) -> str:
+        return f"MassModel({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"
+
+    @cached_property
+    def inertia(self) -> FloatArray:
+        """Moment of inertia of each bone about its joint, transverse, shape (n_joints,).
+
+        In body masses times squared statures: ``m L² (c² + r²)``.
+        """
+        lengths = np.linalg.norm(self.bone, axis=1) / self.height
+        moments: FloatArray = self.mass * lengths**2 * (self.center**2 + self.gyration**2)
+        make_read_only(moments)
+        return moments
+
+
+def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
+    """Return the mass model, stature and feet of a skeleton.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        A human, an animal or any other hierarchy.
+    sex : str
+        ``"female"``, ``"male"`` or their ``"mean"``; applies to humans.
+
+    Returns
+    -------
+    MassModel
+        De Leva's masses for humans with known joint names, else uniform rods.
+
+    Raises
+    ------
+    ValueError
+        If `sex` is another value.
+
+    Notes
+    -----
+    de Leva, Journal of Biomechanics 29 (1996). A part with several joints divides
+    its mass in proportion to bone length, each bone a rod. The mass of a part without joints is
+    added to the next part towards the trunk. Joints of the face, markers and joints above the
+    hips have mass 0.
+
+    The bone of a joint ends at the child with the largest subtree. In pelvis and trunk it ends at
+    the mean of all children, at a leaf at the end site. The stature is (hips to ankles + hips to
+    head joint) / 0.87, measured along the bones. If only one of the two is known, it is hips to
+    ankles / 0.525 or hips to head / 0.345; else the longest path along the bones.
+
+    Examples
+    --------
+    >>> skeleton = Skeleton(
+    ...     ["Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "Neck", "Head"],
+    ...     [-1, 0, 1, 2, 0, 4],
+    ...     [[0, 0, 0], [9, 0, 0], [0, -40, 0], [0, -40, 0], [0, 48, 0], [0, 10, 0]],
+    ... )
+    >>> round(mass_model(skeleton).height)
+    169
+    """
+    if sex not in _COLUMNS:
+        raise ValueError(f"sex must be one of {', '.join(_COLUMNS)}, got {sex!r}")
+    return _cached_mass_model(_SkeletonKey.of(skeleton), sex)
+
+
+_COLUMNS = {"male": [0], "female": [1], "mean": [0, 1]}
+
+
+@dataclass(frozen=True)
+class _SkeletonKey:
+    """Cache key: equal for skeletons of the same names, hierarchy, offsets and end sites."""
+
+    content: tuple[object, ...]
+    skeleton: Skeleton = field(compare=False)
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> "_SkeletonKey":
+        sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
+        content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
+        return cls(content, skeleton)
+
+
+# Called several times per clip; the clips of one actor share their bones.
+@lru_cache(maxsize=64)
+def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
+    skeleton = key.skeleton
+    known = anatomy(skeleton)
+    bone = _bone_vectors(skeleton, known)
+    lengths = np.linalg.norm(bone, axis=1)
+    has_mass = np.array([part != "other" for part in known.parts])
+    has_mass[list(known.details)] = False
+    limbs = [(p, s) for p, s in zip(known.parts, known.sides, strict=True) if p in ARM + LEG]
+    if known.human and all(side for _, side in limbs):
+        model = "de Leva"
+        mass, center, gyration = _de_leva(known, lengths, has_mass, _COLUMNS[sex])
+    else:
+        model = "rods"
+        mass = _normalised(np.where(has_mass, lengths, 0.0), has_mass)
+        center = np.full(skeleton.n_joints, _ROD_CENTER)
+        gyration = np.full(skeleton.n_joints, _ROD_GYRATION)
+    head = next(iter(known.joints("head")), None)
+    if head is None:
+        head = next(iter(reversed(known.joints("neck"))), None)
+    feet = _feet(skeleton, known)
+    height, height_from = _height(skeleton, known.hips, head, feet)
+    return MassModel(
+        model=model,
+        height=height,
+        height_from=height_from,
+        mass=mass,
+        bone=bone,
+        center=center,
+        gyration=gyration,
+        hips=known.hips,
+        head=head,
+        feet=feet,
+        unmatched=tuple(skeleton.names[joint] for joint in known.unmatched),
+    )
+
+
+def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -> FloatArray:
+    """Return the moment of inertia about each joint.
+
+    Parameters
+    ----------
+    body : MassModel
+        Mass model of the skeleton.
+    skeleton : Skeleton
+        The skeleton.
+    kind : str
+        ``"own"``: of the joint's bone alone, for angular velocities relative to the world.
+        ``"subtree"``: of all bones below the joint in the rest pose, for angular velocities
+        relative to the parent. ``"unit"``: 1 for every bone of nonzero length.
+
+    Returns
+    -------
+    ndarray, shape (n_joints,)
+        In body masses times squared statures. 0 for joints above the hips and, except for
+        ``"subtree"``, for bones of length 0.
+
+    Raises
+    ------
+    ValueError
+        If `kind` is another value.
+
+    Examples
+    --------
+    >>> skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
+    >>> moments_of_inertia(mass_model(skeleton), skeleton, "unit")
+    array([1., 1., 0.])
+    """
+    if kind not in ("own", "subtree", "unit"):
+        raise ValueError(f"kind must be 'own', 'subtree' or 'unit', got {kind!r}")
+    if kind == "own":
+        return body.inertia
+    lengths = np.linalg.norm(body.bone, axis=1)
+    below_hips = np.zeros(skeleton.n_joints, dtype=bool)
+    below_hips[body.hips] = True
+    for joint, parent in enumerate(skeleton.parents):
+        below_hips[joint] |= bool(parent >= 0 and below_hips[parent])
+    if kind == "unit":
+        return np.where(below_hips & (lengths > 0), 1.0, 0.0)
+    joints = skeleton.rest_positions()
+    centers = joints + body.bone * body.center[:, None]
+    # Sum mass, first and second moments from the leaves upwards, then shift to the joint.
+    mass = body.mass.copy()
+    first = body.mass[:, None] * centers
+    second = body.mass * ((centers**2).sum(axis=1) + (body.gyration * lengths) ** 2)
+    for joint in range(skeleton.n_joints - 1, 0, -1):
+        parent = skeleton.parents[joint]
+        mass[parent] += mass[joint]
+        first[parent] += first[joint]
+        second[parent] += second[joint]
+    moments = second - 2 * (first * joints).sum(axis=1) + mass * (joints**2).sum(axis=1)
+    return np.where(below_hips, np.maximum(moments, 0.0), 0.0) / body.height**2
+
+
+def center_of_mass(motion: Motion) -> FloatArray:
+    """Return the centre of mass in every frame, by `mass_model`.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3)
+        In the unit of the file.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> center_of_mass(dance(strides=1).motion)[0].round().tolist()
+    [-0.0, 91.0, 7.0]
+    """
+    known = mass_model(motion.skeleton)
+    world_rotations, positions = motion.world_transforms()
+    # One joint at a time, to bound the memory of long clips.
+    center = np.zeros((motion.n_frames, 3))
+    for joint, mass in enumerate(known.mass.tolist()):
+        local_center = known.bone[joint] * known.center[joint]
+        rotated = rotations.rotate(world_rotations[:, joint], local_center)
+        center += mass * (positions[:, joint] + rotated)
+    return center
+
+
+def up_axis(motion: Motion) -> int:
+    """Return the vertical axis of the world: 0, 1 or 2 for x, y or z.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion of a body that mostly stands.
+
+    Returns
+    -------
+    int
+        The axis of the largest mean distance between hips and feet. If that distance is below
+        0.1 statures (as in a split) or the feet are unknown, the axis of the largest distance
+        between head and feet or hips; 1 if neither is known.
+    """
+    found = mass_model(motion.skeleton)
+    means = motion.world_positions().mean(axis=0)
+    hips = means[found.hips]
+    feet = means[[foot.ankle for foot in found.feet]].mean(axis=0) if found.feet else hips
+    # Hips first: the head of an animal is in front of its feet.
+    offset = hips - feet
+    if np.abs(offset).max() < 0.1 * found.height and found.head is not None:
+        offset = means[found.head] - feet
+    return int(np.argmax(np.abs(offset))) if offset.any() else 1
+
+
+def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
+    """Return the vector from each joint to the end of its bone."""
+    size = np.ones(skeleton.n_joints, dtype=int)
+    for joint in range(skeleton.n_joints - 1, 0, -1):
+        size[skeleton.parents[joint]] += size[joint]
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    bones = np.zeros((skeleton.n_joints, 3))
+    for joint, children in enumerate(skeleton.children):
+        ends = [site.offset for site in skeleton.end_sites if site.parent == joint]
+        main = [child for child in children if child not in known.details] or list(children)
+        if known.parts[joint] == "other":
+            continue  # moves the body as a whole; not a bone
+        if main and known.parts[joint] in ("pelvis", "trunk"):
+            bones[joint] = skeleton.offsets[main].mean(axis=0)
+        elif main:
+            bones[joint] = skeleton.offsets[max(main, key=lambda c: (size[c], lengths[c]))]
+        elif ends:
+            bones[joint] = max(ends, key=lambda end: float(np.linalg.norm(end)))
+    return bones
+
+
+def _normalised(weights: FloatArray, members: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return weights divided by their sum; equal weights if all are zero."""
+    total = float(weights.sum())
+    return weights / total if total > 0 else members / max(int(members.sum()), 1)
+
+
+def _de_leva(
+    known: Anatomy, lengths: FloatArray, has_mass: npt.NDArray[np.bool_], columns: list[int]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mass, centre of mass and radius of gyration of each joint's bone."""
+    n_joints = len(lengths)
+    members: dict[tuple[str, str], list[int]] = {}
+    for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
+        if has_mass[joint]:
+            segment = _SEGMENT_OF_PART.get(part, part)
+            is_central = segment in ("head", "trunk")
+            members.setdefault((segment, "" if is_central else side), []).append(joint)
+    segment_mass = dict.fromkeys(members, 0.0)
+    for segment, (mass_percent, _, _) in _DE_LEVA.items():
+        for side in ("",) if segment in ("head", "trunk") else ("left", "right"):
+            receiver = segment
+            while (receiver, "" if receiver == "trunk" else side) not in members:
+                receiver = _FALLBACK_SEGMENT[receiver]
+            key = (receiver, "" if receiver == "trunk" else side)
+            segment_mass[key] += float(np.mean([mass_percent[column] for column in columns]))
+    mass = np.zeros(n_joints)
+    center = np.full(n_joints, _ROD_CENTER)
+    gyration = np.full(n_joints, _ROD_GYRATION)
+    for (segment, side), joints in members.items():
+        is_member = np.zeros(n_joints, dtype=bool)
+        is_member[joints] = True
+        mass += segment_mass[segment, side] * _normalised(
+            np.where(is_member, lengths, 0.0), is_member
+        )
+        bones = [joint for joint in joints if lengths[joint] > 0]
+        if len(bones) == 1:
+            _, centers, gyrations = _DE_LEVA[segment]
+            center[bones[0]] = np.mean([centers[column] for column in columns]) / 100
+            gyration[bones[0]] = np.mean([gyrations[column] for column in columns]) / 100
+    return mass / mass.sum(), center, gyration
+
+
+def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
+    """Return the feet, left before right, each with its first joint and its first toe."""
+    feet = []
+    for ankle in known.joints("foot"):
+        parent = int(skeleton.parents[ankle])
+        if parent >= 0 and known.parts[parent] == "foot":
+            continue
+        below = {ankle}
+        toes = []
+        for joint, parent in enumerate(skeleton.parents):
+            if int(parent) in below:
+                below.add(joint)
+                if known.parts[joint] == "toe" and known.parts[parent] != "toe":
+                    toes.append(joint)
+        lengths = np.linalg.norm(skeleton.offsets, axis=1)
+        toe = max(toes, key=lambda t: (len(skeleton.children[t]), lengths[t]), default=None)
+        feet.append(Foot(known.sides[ankle], ankle, toe))
+    return tuple(sorted(feet, key=lambda foot: (foot.side != "left", foot.side, foot.ankle)))
+
+
+def _height(
+    skeleton: Skeleton, hips: int, head: int | None, feet: tuple[Foot, ...]
+) -> tuple[float, str]:
+    """Return the stature and how it was measured."""
+    leg = float(np.mean([_path(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
+    upper = _path(skeleton, hips, head) if head is not None else 0.0
+    if leg > 0 and upper > 0:
+        return (leg + upper) / _LEGS_AND_HEAD, "legs and head"
+    if leg > 0:
+        return leg / _LEGS, "legs"
+    if upper > 0:
+        return upper / _HEAD, "head"
+    longest = _longest_path(skeleton)
+    return (longest, "longest path") if longest > 0 else (1.0, "nothing")
+
+
+def _longest_path(skeleton: Skeleton) -> float:
+    """Return the length of the longest path between two joints along the bones."""
+    reach = np.zeros(skeleton.n_joints)
+    longest = 0.0
+    for joint in range(skeleton.n_joints - 1, 0, -1):
+        parent = skeleton.parents[joint]
+        length = float(np.linalg.norm(skeleton.offsets[joint])) + reach[joint]
+        longest = max(longest, reach[parent] + length)
+        reach[parent] = max(reach[parent], length)
+    return longest
+
+
+def _path(skeleton: Skeleton, a: int, b: int) -> float:
+    """Return the length of the path between two joints along the bones."""
+    between = {a, *skeleton.ancestors(a)} ^ {b, *skeleton.ancestors(b)}
+    return float(np.linalg.norm(skeleton.offsets[sorted(between)], axis=1).sum())

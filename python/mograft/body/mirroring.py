@@ -1,0 +1,301 @@
+"""Mirror images of motions: left and right are exchanged."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import overload
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.validate import check_type
+from mograft.body.anatomy import anatomy
+from mograft.body.mass import mass_model, up_axis
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import EndSite, Skeleton
+
+__all__ = ["MirroredClips", "mirror", "partners"]
+
+_MAX_ASYMMETRY = 0.05
+"""Maximum distance of a bone from the mirror image of its partner, in skeleton heights."""
+
+_OPPOSITE = {"left": "right", "right": "left", "": ""}
+
+
+def partners(skeleton: Skeleton) -> IntArray:
+    """Return the corresponding joint on the other side of the body for each joint.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        A human or an animal.
+
+    Returns
+    -------
+    ndarray of int, shape (n_joints,)
+        Index of the partner. A joint in the middle is its own partner.
+
+    Raises
+    ------
+    ValueError
+        If a joint has no partner; the message names it.
+
+    Notes
+    -----
+    Partners have the same body part on opposite sides, parents that are partners, and the same
+    rank among siblings of that part: the first finger of one hand belongs to the first finger of
+    the other.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> skeleton = dance(strides=1).motion.skeleton
+    >>> skeleton.names[3], skeleton.names[partners(skeleton)[3]]
+    ('LeftFoot', 'RightFoot')
+    """
+    known = anatomy(skeleton)
+    found = np.zeros(skeleton.n_joints, np.int64)
+
+    def matching_children(parent: int, part: str, side: str) -> list[int]:
+        return [
+            child
+            for child in skeleton.children[parent]
+            if (known.parts[child], known.sides[child]) == (part, side)
+        ]
+
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if parent < 0:
+            continue
+        part, side = known.parts[joint], known.sides[joint]
+        siblings = matching_children(parent, part, side)
+        counterparts = matching_children(int(found[parent]), part, _OPPOSITE[side])
+        if len(siblings) != len(counterparts):
+            raise ValueError(
+                f"every joint must have a partner on the other side to be mirrored, "
+                f"{skeleton.names[joint]} has none"
+            )
+        found[joint] = counterparts[siblings.index(joint)]
+    return found
+
+
+def mirror(motion: Motion) -> Motion:
+    """Return the mirror image of a motion.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion of a skeleton in which every joint has a partner; see `partners`.
+
+    Returns
+    -------
+    Motion
+        Motion with the same joint names and hierarchy. Each bone is the mirror image of its
+        partner. Mirroring twice returns the original motion.
+
+    Raises
+    ------
+    ValueError
+        If a joint has no partner or a bone is not the mirror image of its partner's bone. The
+        message names the joints.
+
+    Notes
+    -----
+    The mirror plane is vertical. If the rest pose is symmetric, a rotation (x, y, z, w) becomes
+    (x, -y, -z, w) of the partner, where x is the axis normal to the mirror. Otherwise the local
+    axes differ by a constant rotation per joint, which is found from the offsets of the children
+    and the mean pose of the motion.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> motion = dance(strides=1).motion
+    >>> bool((mirror(mirror(motion)).rotations == motion.rotations).all())
+    True
+    """
+    check_type("motion", motion, Motion)
+    image = _Reflection.of(motion)
+    skeleton, pair = motion.skeleton, image.pair
+    quats, positions = np.empty_like(motion.rotations), np.empty_like(motion.positions)
+    quats[:, pair] = image.mirror_rotations(motion.rotations)
+    positions[:, pair] = image.mirror_positions(motion.positions)
+    offsets = np.empty_like(skeleton.offsets)
+    offsets[pair] = image.mirror_positions(skeleton.offsets)
+    sites = tuple(
+        replace(site, parent=int(pair[site.parent]), offset=image.mirror_end_site(site))
+        for site in skeleton.end_sites
+    )
+    mirrored = Skeleton(
+        skeleton.names,
+        skeleton.parents,
+        offsets,
+        skeleton.channels,
+        tuple(sorted(sites, key=lambda site: site.parent)),
+    )
+    return replace(
+        motion,
+        skeleton=mirrored,
+        rotations=quats if image.is_symmetric else rotations.continuous_signs(quats),
+        positions=positions,
+        channel_values=None,
+        path=None,
+        repairs=(),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Reflection:
+    """Reflection of the joints of a skeleton.
+
+    `axis` is normal to the mirror. `frame` (n_joints, 4) rotates the reflected local axes of each
+    joint to the local axes of its partner; `parent_frame` (n_joints, 4) is that of its parent.
+    """
+
+    pair: IntArray
+    axis: int
+    frame: FloatArray
+    parent_frame: FloatArray
+    is_symmetric: bool
+
+    @classmethod
+    def of(cls, motion: Motion) -> "_Reflection":
+        skeleton = motion.skeleton
+        pair = partners(skeleton)
+        tolerance = _MAX_ASYMMETRY * mass_model(skeleton).height
+        level = [axis for axis in range(3) if axis != up_axis(motion)]
+        asymmetry = {axis: _asymmetry(skeleton.offsets, pair, axis) for axis in level}
+        symmetric = [axis for axis in level if (asymmetry[axis] <= tolerance).all()]
+        # With local axes that are not mirrored, any vertical mirror is valid. Mirroring twice
+        # needs the same one.
+        axis = min(symmetric, key=lambda a: float(asymmetry[a].sum()), default=level[0])
+        is_symmetric = bool(symmetric)
+        frame = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
+        if not is_symmetric:
+            frame = _partner_frames(motion, pair, axis, tolerance)
+        parent_frame = frame[np.maximum(skeleton.parents, 0)]
+        parent_frame[skeleton.parents < 0] = rotations.IDENTITY
+        return cls(pair, axis, frame, parent_frame, is_symmetric)
+
+    def mirror_rotations(self, quats: FloatArray) -> FloatArray:
+        """Return the local rotations of the partners."""
+        image = _reflected_rotations(quats, self.axis)
+        if self.is_symmetric:
+            return image
+        from_parent = rotations.inverse(self.parent_frame)
+        return rotations.multiply(rotations.multiply(from_parent, image), self.frame)
+
+    def mirror_positions(self, positions: FloatArray) -> FloatArray:
+        """Return the local translations of the partners."""
+        image = _reflected(positions, self.axis)
+        if self.is_symmetric:
+            return image
+        return rotations.rotate(rotations.inverse(self.parent_frame), image)
+
+    def mirror_end_site(self, site: EndSite) -> FloatArray:
+        """Return the offset of the corresponding end site of the partner."""
+        image = _reflected(site.offset, self.axis)
+        if self.is_symmetric:
+            return image
+        return rotations.rotate(rotations.inverse(self.frame[site.parent]), image)
+
+
+def _reflected(vectors: FloatArray, axis: int) -> FloatArray:
+    image = vectors.copy()
+    image[..., axis] = -image[..., axis]
+    return image
+
+
+def _asymmetry(offsets: FloatArray, pair: IntArray, axis: int) -> FloatArray:
+    """Return the distance of each offset from the mirror image of its partner; 0 at the root."""
+    distance: FloatArray = np.linalg.norm(offsets[pair] - _reflected(offsets, axis), axis=1)
+    distance[0] = 0.0
+    return distance
+
+
+def _reflected_rotations(quats: FloatArray, axis: int) -> FloatArray:
+    image = quats.copy()
+    image[..., :3] = -_reflected(quats[..., :3], axis)
+    return image
+
+
+def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float) -> FloatArray:
+    """Return the rotations from reflected local axes of joints to the axes of their partners.
+
+    Local axes lie along and across bones, so the candidates are the 24 rotations of a cube. Of
+    those that map the offsets of the partner's children to the reflected offsets, the one whose
+    mirrored mean pose is closest to the mean pose is returned.
+    """
+    skeleton = motion.skeleton
+    reflected = _reflected(skeleton.offsets, axis)
+    frame = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
+    hub = anatomy(skeleton).hips
+    world_rotations = motion.world_transforms()[0][:: max(motion.n_frames // 200, 1)]
+    to_hub = rotations.inverse(world_rotations[:, hub, None])
+    mean = _mean_rotation(rotations.multiply(to_hub, world_rotations))
+    image = rotations.inverse(_reflected_rotations(mean, axis))
+    for joint in range(hub, skeleton.n_joints):
+        children = list(skeleton.children[joint])
+        rotated = rotations.rotate(_CUBE_ROTATIONS[:, None], skeleton.offsets[pair[children]][None])
+        distance = np.linalg.norm(rotated - reflected[children], axis=2)
+        fits = (distance <= tolerance).all(axis=1)
+        if not fits.any():
+            worst = children[int(distance[distance.max(axis=1).argmin()].argmax())]
+            raise ValueError(
+                f"bones must be symmetric to be mirrored, got different offsets of "
+                f"{skeleton.names[worst]} and {skeleton.names[pair[worst]]}"
+            )
+        expected = _product(image[joint], frame[hub], mean[pair[joint]])
+        # The hub has no reference pose: the first candidate of smallest distance is taken.
+        at_hub = joint == hub
+        cost = distance.sum(axis=1) if at_hub else rotations.angle(_CUBE_ROTATIONS, expected)
+        frame[joint] = _CUBE_ROTATIONS[int(np.where(fits, cost, np.inf).argmin())]
+    return frame
+
+
+def _cube_rotations() -> FloatArray:
+    """Return the 24 rotations of a cube, the identity first."""
+    axes = rotations.from_euler(np.indices((4, 4, 4)).reshape(3, -1).T * (np.pi / 2), "ZYX")
+    found: list[FloatArray] = []
+    for quat in axes:
+        if all(rotations.angle(quat, other) > 1.0 for other in found):
+            found.append(quat)
+    return np.array(found)
+
+
+_CUBE_ROTATIONS = _cube_rotations()
+
+
+def _product(*factors: FloatArray) -> FloatArray:
+    product = factors[0]
+    for factor in factors[1:]:
+        product = rotations.multiply(product, factor)
+    return product
+
+
+def _mean_rotation(quats: FloatArray) -> FloatArray:
+    """Return the mean rotation of each joint: the largest eigenvector of Σ q qᵀ."""
+    sums = np.einsum("fji,fjk->jik", quats, quats)
+    mean: FloatArray = np.linalg.eigh(sums)[1][:, :, -1]
+    return mean
+
+
+@dataclass(frozen=True, eq=False)
+class MirroredClips(Sequence[Motion]):
+    """Clips followed by their mirror images, which are computed on access."""
+
+    clips: Sequence[Motion]
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return 2 * len(self.clips)
+
+    @overload
+    def __getitem__(self, index: int) -> Motion: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Motion]: ...
+    def __getitem__(self, index: int | slice) -> Motion | list[Motion]:
+        if isinstance(index, slice):
+            return [self[at] for at in range(*index.indices(len(self)))]
+        at = range(len(self))[index]
+        if at < len(self.clips):
+            return self.clips[at]
+        return replace(mirror(self.clips[at - len(self.clips)]), name=self.names[at])

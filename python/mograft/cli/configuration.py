@@ -1,0 +1,95 @@
+"""The library, joint groups and configuration that the options of a command select."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mograft.cli.files import expand_folders, library_folder
+from mograft.cli.options import PRESETS
+from mograft.cli.output import show_progress
+
+if TYPE_CHECKING:
+    from mograft.body.groups import JointGroups
+    from mograft.config import Config
+    from mograft.library.library import Library
+
+__all__ = [
+    "load_library",
+    "options_given",
+    "refuse_fixed_options",
+    "selected_config",
+    "selected_groups",
+]
+
+_CONFIG_OPTIONS = (
+    "sigma_scale",
+    "choice",
+    "temperature",
+    "seam",
+    "alignment",
+    "torso",
+    "feet",
+)
+"""Options that set the configuration field of the same name."""
+
+
+def options_given(options: argparse.Namespace, *names: str) -> list[str]:
+    """Return the names of the options that the command line gives.
+
+    Options that a setting or a default provides are not among them.
+    """
+    given = [name for name in names if name not in options.origins]
+    return [name for name in given if getattr(options, name, None) not in (None, False)]
+
+
+def refuse_fixed_options(options: argparse.Namespace, *names: str) -> None:
+    """End with a usage error if an option is given that a library's creation fixes."""
+    for name in options_given(options, *names):
+        flag = f"--{name.replace('_', '-')}"
+        options.usage_error(f"{flag} is fixed when a library is created: mograft index {flag}")
+
+
+def load_library(options: argparse.Namespace) -> "Library":
+    """Open the library that the files of a command name, or build one from BVH files."""
+    from mograft.library.library import Library
+
+    folder = library_folder(options)
+    if folder is not None:
+        refuse_fixed_options(options, "groups", "preset")
+        library = Library.open(folder)
+        config = _with_options(library.config, options)
+        return library if config == library.config else library.relabelled(config)
+    files = expand_folders(options.files)
+    groups, config = selected_groups(options), selected_config(options)
+    with show_progress() as progress:
+        return Library.build(files, groups, config, progress=progress)
+
+
+def selected_groups(
+    options: argparse.Namespace, default: str = "lower_upper"
+) -> "JointGroups | str":
+    """Return the joint groups of ``--groups``: a preset's name, or the groups of a TOML file."""
+    name: str = options.groups or default
+    if name in PRESETS:
+        return name
+    if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
+        options.usage_error(
+            f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}"
+        )
+    from mograft.body.groups import JointGroups
+
+    return JointGroups.from_toml(Path(name))
+
+
+def selected_config(options: argparse.Namespace) -> "Config":
+    """Return the configuration of ``--preset`` with the fields that other options set."""
+    from mograft.config import Config
+
+    is_paper = getattr(options, "preset", None) == "paper"
+    return _with_options(Config.paper() if is_paper else Config(), options)
+
+
+def _with_options(config: "Config", options: argparse.Namespace) -> "Config":
+    values = {name: getattr(options, name, None) for name in _CONFIG_OPTIONS}
+    return replace(config, **{name: value for name, value in values.items() if value is not None})

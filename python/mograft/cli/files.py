@@ -1,0 +1,103 @@
+"""The files, libraries and clips that commands read, and the files that they may write."""
+
+import argparse
+from collections.abc import Iterable, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mograft.errors import join_names
+
+if TYPE_CHECKING:
+    from mograft.library.library import Library
+    from mograft.motion.motion import Motion
+
+__all__ = [
+    "GRAFT_ENDINGS",
+    "check_writable",
+    "expand_folders",
+    "library_folder",
+    "select_clips",
+    "select_frames",
+]
+
+GRAFT_ENDINGS = (".bvh", ".json")
+"""Endings of the files of a graft: the motion and its provenance."""
+
+_MAX_SHOWN_CLIPS = 12
+
+
+def expand_folders(names: Iterable[str]) -> list[str]:
+    """Replace each folder by the BVH files below it, sorted by name."""
+    files: list[str] = []
+    for name in names:
+        if Path(name).is_dir():
+            if _is_library(name):
+                raise ValueError(f"{name} is a library; expected BVH files")
+            inside = sorted(str(p) for p in Path(name).rglob("*") if p.suffix.lower() == ".bvh")
+            if not inside:
+                raise ValueError(f"{name}: no BVH file in this folder")
+            files += inside
+        else:
+            files.append(name)
+    return files
+
+
+def library_folder(options: argparse.Namespace) -> Path | None:
+    """Return the folder of the library among the command's files, None if there is none."""
+    if not any(_is_library(name) for name in options.files):
+        return None
+    if len(options.files) > 1:
+        options.usage_error(
+            "expected one library or BVH files, got both or several libraries; "
+            "mograft index --add adds files to a library"
+        )
+    return Path(options.files[0])
+
+
+def _is_library(name: str) -> bool:
+    return (Path(name) / "manifest.json").is_file()
+
+
+def select_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
+    """Return the indices of the clips that match ``--clip``; all if there is no pattern."""
+    names = [entry.name for entry in library.entries]
+    selected = set() if patterns else set(range(len(names)))
+    for pattern in patterns:
+        matches = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}
+        if not matches:
+            raise ValueError(f"--clip must match a clip of {join_names(names)}; got {pattern!r}")
+        selected |= matches
+    if len(selected) > _MAX_SHOWN_CLIPS:
+        raise ValueError(
+            f"at most {_MAX_SHOWN_CLIPS} clips can be shown at once, got {len(selected)}: select "
+            f"some by --clip NAME, of {join_names([names[index] for index in sorted(selected)])}"
+        )
+    return sorted(selected)
+
+
+def select_frames(motion: "Motion", frames: tuple[int, int] | None) -> "Motion":
+    """Return the frames of ``--frames``; all if the option is not given."""
+    if frames is None:
+        return motion
+    first, last = frames
+    if last >= motion.n_frames:
+        raise ValueError(
+            f"--frames must be within 0-{motion.n_frames - 1} of {motion.name}, got {first}-{last}"
+        )
+    return motion[first : last + 1]
+
+
+def check_writable(paths: Iterable[Path], *, force: bool) -> None:
+    """Raise an OSError if a file exists, unless `force`, or if its folder is a file."""
+    paths = list(paths)
+    for path in paths:
+        nearest = next((above for above in path.parents if above.exists()), path)
+        if not nearest.is_dir():
+            raise NotADirectoryError(f"{nearest} is a file; expected a folder")
+    existing = [str(path) for path in paths if path.exists()]
+    if existing and not force:
+        verb = "exists"
+        if len(existing) > 1:
+            verb = f"and {len(existing) - 1} other file{'s'[: len(existing) - 2]} exist"
+        raise FileExistsError(f"{existing[0]} {verb}; --force overwrites")

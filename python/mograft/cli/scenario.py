@@ -1,0 +1,126 @@
+"""Options for scenarios, and the sequence of base segments that they describe."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from mograft.cli.arguments import option
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mograft._util.arrays import IntArray
+    from mograft.library.library import Library
+    from mograft.scenario.walks import Scenario
+
+__all__ = ["SCENARIO_OPTIONS", "check_scenario", "read_scenario"]
+
+_DEFAULT_SECONDS = 60.0
+_GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
+
+SCENARIO_OPTIONS = (
+    option(
+        "--scenario",
+        is_setting=False,
+        default="original",
+        metavar="original|graph|N,...",
+        help="motion of the base group: original (a captured clip), graph (a random walk through "
+        "the transition graph of the segments), or the numbers of segments that follow each "
+        "other (default: original)",
+    ),
+    option(
+        "--duration",
+        is_setting=False,
+        type=float,
+        metavar="S",
+        help=f"duration of --scenario graph, in seconds (default: {_DEFAULT_SECONDS:.0f})",
+    ),
+    option(
+        "--frames",
+        is_setting=False,
+        type=int,
+        metavar="N",
+        help="exact length of --scenario graph, in frames (default: set by --duration)",
+    ),
+    option(
+        "--path",
+        metavar="X,Z:X,Z:...",
+        help="corners of the path of --scenario graph on the floor, in the unit of the file "
+        "(X,Y if z points up); the length of the path sets the duration (default: no path)",
+    ),
+    option(
+        "--beats",
+        type=float,
+        metavar="BPM",
+        help="tempo of --scenario graph in beats per minute: each beat falls on a seam (default: "
+        "no tempo)",
+    ),
+    option(
+        "--among",
+        metavar="CLIP,...",
+        help="clips that --scenario graph uses, globs as waltz* (default: all)",
+    ),
+)
+
+
+def check_scenario(options: argparse.Namespace) -> None:
+    """End with a usage error if the options of the scenario contradict each other."""
+    scenario: str = options.scenario
+    numbers = [word.strip() for word in scenario.split(",")]
+    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
+        options.usage_error(
+            f"--scenario must be original, graph or segment numbers; got {scenario}"
+        )
+    if scenario != "original" and options.base is not None:
+        options.usage_error("--base cannot be combined with --scenario, which creates the base")
+    given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
+    if scenario != "graph" and given:
+        options.usage_error(f"--{given[0]} requires --scenario graph")
+    lengths = [name for name in given if name in ("duration", "frames", "path")]
+    if len(lengths) > 1:
+        options.usage_error(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
+    if "beats" in given and lengths not in ([], ["duration"]):
+        options.usage_error(f"--{lengths[0]} cannot be combined with --beats")
+    for name, unit in (("duration", "seconds"), ("beats", "beats per minute")):
+        value = getattr(options, name)
+        if value is not None and not 0 < value < float("inf"):
+            options.usage_error(f"--{name} must be above 0 {unit}, got {value:g}")
+    if options.frames is not None and options.frames < 2:
+        options.usage_error(f"--frames must be at least 2, got {options.frames}")
+    if options.path is not None:
+        _corners(options)
+
+
+def _corners(options: argparse.Namespace) -> list[list[float]]:
+    try:
+        corners = [[float(word) for word in pair.split(",")] for pair in options.path.split(":")]
+    except ValueError:
+        corners = []
+    if len(corners) < 2 or any(len(corner) != 2 for corner in corners):
+        options.usage_error(
+            f"--path must be at least two corners, as 0,0:300,0; got {options.path}"
+        )
+    return corners
+
+
+def read_scenario(
+    library: "Library", options: argparse.Namespace
+) -> "Sequence[int] | IntArray | Scenario | None":
+    """Return the base segments that the options select; None for a captured clip."""
+    if options.scenario == "original":
+        return None
+    if options.scenario != "graph":
+        return [int(word) for word in options.scenario.split(",")]
+    import numpy as np
+
+    from mograft.scenario.walks import fill, follow, to_beats, transitions, walk
+
+    seed, duration = options.seed, options.duration or _DEFAULT_SECONDS
+    graph = transitions(library, options.among and options.among.split(","))
+    if options.frames is not None:
+        return fill(library, options.frames, seed, graph=graph)
+    if options.path is not None:
+        return follow(library, _corners(options), graph=graph)
+    if options.beats is not None:
+        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
+        return to_beats(library, beats, seed, graph=graph)
+    return walk(library, duration, seed, graph=graph)

@@ -1,0 +1,164 @@
+"""Values of options from the configuration file and the environment.
+
+The command line takes precedence over the environment, the environment over the file.
+"""
+
+import argparse
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mograft.cli.arguments import Argument, Command
+
+__all__ = ["CONFIG_FILE", "Setting", "find_config_file", "find_settings"]
+
+CONFIG_FILE = "mograft.toml"
+_VARIABLE_PREFIX = "MOGRAFT_"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Value of an option that the command line does not give.
+
+    Attributes
+    ----------
+    value : object
+        The value, converted as argparse converts it.
+    origin : str
+        The file or the environment variable that set it, or ``"default"``.
+    text : object
+        The value before the conversion.
+    """
+
+    value: Any
+    origin: str
+    text: Any
+
+    @property
+    def plain(self) -> str | int | float | bool | None:
+        """The value as TOML and JSON represent it."""
+        plain: str | int | float | bool | None = self.text
+        if isinstance(self.value, str | int | float):
+            plain = self.value
+        return plain
+
+
+def find_settings(
+    command: Command,
+    commands: Sequence[Command],
+    folder: Path | None = None,
+    environment: Mapping[str, str] = os.environ,
+) -> dict[str, Setting]:
+    """Return the values that the configuration file and the environment set for a command.
+
+    Parameters
+    ----------
+    command : Command
+        The command.
+    commands : sequence of Command
+        All commands; the file may have a table for each.
+    folder : Path, optional
+        Folder in which, and above which, the file is searched. Default: the working folder.
+    environment : mapping, optional
+        The environment variables.
+
+    Returns
+    -------
+    dict of str to Setting
+        By the options' names in the namespace.
+
+    Raises
+    ------
+    ValueError
+        If the file is not TOML, or a setting is unknown or has an invalid value; names the
+        file or the variable.
+    """
+    path = find_config_file(Path.cwd() if folder is None else folder)
+    table = {} if path is None else _read_tags(path, command, commands)
+    settings = {}
+    for argument in command.settings():
+        if argument.dest in table and path is not None:
+            text = table[argument.dest]
+            value = _convert_toml(argument, text, path)
+            settings[argument.dest] = Setting(value, str(path), text)
+        for name in (argument.dest, f"{command.name}_{argument.dest}"):
+            variable = _VARIABLE_PREFIX + name.upper()
+            if variable in environment:
+                value = _convert_text(argument, environment[variable], variable)
+                settings[argument.dest] = Setting(value, variable, environment[variable])
+    return settings
+
+
+def find_config_file(folder: Path) -> Path | None:
+    """Return the configuration file of a folder or of the nearest folder above it."""
+    start = folder.resolve()
+    candidates = (parent / CONFIG_FILE for parent in (start, *start.parents))
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def _read_tags(path: Path, command: Command, commands: Sequence[Command]) -> dict[str, Any]:
+    """Return the settings of a file for a command; its own table overrides the shared keys."""
+    import tomllib
+
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    shared = {name: value for name, value in document.items() if not isinstance(value, dict)}
+    tables = {name: value for name, value in document.items() if isinstance(value, dict)}
+    names = {each.name: {argument.dest for argument in each.settings()} for each in commands}
+    for name in tables:
+        if name not in names:
+            raise ValueError(f"{path}: table must be one of {', '.join(names)}; got [{name}]")
+    for name in shared:
+        if not any(_dest(name) in known for known in names.values()):
+            raise ValueError(
+                f"{path}: unknown setting {name!r}; mograft config show lists all settings"
+            )
+    known = names[command.name]
+    for name in tables.get(command.name, {}):
+        if _dest(name) not in known:
+            raise ValueError(f"{path}: mograft {command.name} has no setting {name!r}")
+    merged = {_dest(name): value for name, value in shared.items() if _dest(name) in known}
+    return merged | {_dest(name): value for name, value in tables.get(command.name, {}).items()}
+
+
+def _dest(name: str) -> str:
+    return name.replace("-", "_")
+
+
+def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: ANN401 - of TOML
+    place = f"{path}: {argument.name}"
+    if isinstance(value, bool) or argument.is_switch:
+        if not (isinstance(value, bool) and argument.is_switch):
+            expected = "true or false" if argument.is_switch else "a string or a number"
+            raise ValueError(f"{place} must be {expected}, got {json.dumps(value, default=str)}")
+        return value
+    if not isinstance(value, str | int | float):
+        raise ValueError(f"{place} must be a string or a number, got {value!r}")
+    text = str(value)
+    if text.endswith(".toml"):  # A file of joint groups: relative to the configuration file.
+        text = str(path.parent / text)
+    return _convert_text(argument, text, place)
+
+
+def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: ANN401 - as argparse
+    if argument.is_switch:
+        words = {"1": True, "true": True, "0": False, "false": False, "": False}
+        if text.lower() not in words:
+            raise ValueError(f"{place} must be 1 or 0, got {text!r}")
+        return words[text.lower()]
+    convert: Any = argument.keywords.get("type", str)
+    try:
+        value = convert(text)
+    except argparse.ArgumentTypeError as error:
+        raise ValueError(f"{place}: {error}") from None
+    except (ValueError, TypeError):
+        raise ValueError(f"{place}: invalid value {text!r}") from None
+    choices = argument.keywords.get("choices")
+    if choices is not None and value not in choices:
+        raise ValueError(f"{place} must be one of {', '.join(map(str, choices))}, got {text!r}")
+    return value

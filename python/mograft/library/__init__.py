@@ -1,0 +1,1 @@
+"""Libraries of segments: build, store, open and export them."""

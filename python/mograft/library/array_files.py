@@ -1,0 +1,126 @@
+"""Array files of a library: .npy files with a header of fixed length."""
+
+import contextlib
+import io
+import math
+import mmap
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.lib.format as npy
+import numpy.typing as npt
+
+__all__ = ["HEADER_BYTES", "ArrayWriter", "map_array"]
+
+HEADER_BYTES = 128
+"""Length of the headers that NumPy writes for arrays of at most four dimensions."""
+
+_HEADER = re.compile(
+    rb"\x93NUMPY\x01\x00v\x00\{'descr': '(<f4|<f8|<i8|\|b1)', 'fortran_order': False, "
+    rb"'shape': \(([0-9, ]+)\), \} *\n"
+)
+
+
+def map_array(path: Path) -> npt.NDArray[Any]:
+    """Map the array of a file that `ArrayWriter` wrote.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    ndarray
+        Read-only. It stays whole if the file is removed.
+
+    Raises
+    ------
+    ValueError
+        If the header is damaged or does not match the size of the file.
+
+    Notes
+    -----
+    A regular expression matches the header. `numpy.lib.format` takes 0.8 ms instead of 0.05 ms
+    for the 42 arrays of a library with three groups. For a damaged header it can raise errors
+    of Python's tokenizer and warn about files of Python 2.
+    """
+    with path.open("rb") as stream:
+        header = _HEADER.fullmatch(stream.read(HEADER_BYTES))
+        data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    if header is not None:
+        dtype = np.dtype(header[1].decode())
+        shape = tuple(int(n) for n in header[2].split(b",") if n)
+        if dtype.itemsize * math.prod(shape) == len(data) - HEADER_BYTES:
+            return np.ndarray(shape, dtype, data, HEADER_BYTES)
+    raise ValueError("the header is damaged or does not match the size of the file")
+
+
+class ArrayWriter:
+    """Write an array file row by row; `close` writes the header.
+
+    Parameters
+    ----------
+    path : Path
+        The file to create.
+    dtype : str
+        Type of the numbers, with byte order.
+    row_shape : tuple of int
+        Shape of one row.
+
+    Attributes
+    ----------
+    n_rows : int
+        Number of rows written.
+    """
+
+    def __init__(self, path: Path, dtype: str, row_shape: tuple[int, ...]) -> None:
+        self.n_rows = 0
+        self._path, self._dtype, self._row_shape = path, np.dtype(dtype), row_shape
+        self._stream = path.open("w+b")
+        self._stream.write(bytes(HEADER_BYTES))
+
+    def append(self, rows: npt.NDArray[Any]) -> None:
+        """Append rows."""
+        self.n_rows += len(rows)
+        with self._name_file_in_errors():
+            self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
+
+    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return rows that were appended."""
+        width = math.prod(self._row_shape)
+        with self._name_file_in_errors():
+            self._stream.flush()
+        with self._path.open("rb") as stream:
+            stream.seek(HEADER_BYTES + start * width * self._dtype.itemsize)
+            rows = np.fromfile(stream, self._dtype, (stop - start) * width)
+        return rows.reshape(stop - start, *self._row_shape)
+
+    def close(self) -> None:
+        """Write the header and close the file."""
+        header = io.BytesIO()
+        shape = (self.n_rows, *self._row_shape)
+        description = {"descr": self._dtype.str, "fortran_order": False, "shape": shape}
+        npy.write_array_header_1_0(header, description)
+        if len(header.getvalue()) != HEADER_BYTES:
+            raise RuntimeError(f"the .npy header of shape {shape} has no {HEADER_BYTES} bytes")
+        with self._name_file_in_errors():
+            self._stream.seek(0)
+            self._stream.write(header.getvalue())
+            self._stream.close()
+
+    def abandon(self) -> None:
+        """Close the file without a header; it must be removed."""
+        with contextlib.suppress(OSError):  # unwritten rows are not needed
+            self._stream.close()
+
+    @contextlib.contextmanager
+    def _name_file_in_errors(self) -> Iterator[None]:
+        """Add the file's name to errors such as a full disk."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self._path)) from error

@@ -1,0 +1,112 @@
+"""Build a library in memory."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.analysis.embedding import Samples
+from mograft.analysis.segmentation import Segments
+from mograft.body.groups import JointGroups
+from mograft.library.clip_table import ClipInfo
+from mograft.library.clusters import cluster_groups, embed_groups, feature_joints_by_group
+from mograft.library.data import LibraryData
+from mograft.library.discover import ClipSource, find_clips, unique_names
+from mograft.library.ingest import IngestedClip
+from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
+from mograft.motion.motion import Motion
+
+__all__ = ["build_library", "join_segments", "name_clips"]
+
+L = TypeVar("L", bound=LibraryData)
+
+
+class _ClipList:
+    """Keeps ingested clips in memory."""
+
+    def __init__(self, run: IngestRun) -> None:
+        self.clips: list[IngestedClip] = []
+        self.entries: list[ClipInfo] = []
+        self._tags = run.tags
+
+    def receive(self, pending: PendingClip, clip: IngestedClip) -> None:
+        self.clips.append(clip)
+        self.entries.append(pending.updated_info(clip, self._tags))
+
+    def discard(self) -> None:
+        self.clips.clear()
+        self.entries.clear()
+
+
+def build_library(
+    library_type: type[L],
+    sources: ClipSource | Iterable[ClipSource],
+    groups: JointGroups | str,
+    run: IngestRun,
+) -> L:
+    """Build a library in memory; see `Library.build`."""
+    found = find_clips(sources)
+    pending = [run.pending(ClipOrder(index), clip) for index, clip in enumerate(found)]
+    ingested = _ClipList(run)
+    spec = run.ingest_and_choose_spec(pending, ingested)
+    clips, skeleton, config = ingested.clips, spec.skeleton, run.config
+    if isinstance(groups, str):
+        groups = JointGroups.preset(groups, skeleton)
+    entries = name_clips(ingested.entries)
+    warn_of_clips(entries, spec.rate, stacklevel=3)
+    segments = join_segments([(clip.segments.start, clip.segments.stop) for clip in clips])
+    rows = np.concatenate([clip.samples for clip in clips])
+    samples = Samples(rows, config.samples, skeleton.n_joints)
+    embedding = embed_groups(samples, groups, spec, config, run.report)
+    labels, sigma = cluster_groups(embedding, len(segments), config)
+    return library_type(
+        clips=_named_motions(clips, entries),
+        entries=entries,
+        segments=segments,
+        is_donor=np.concatenate([clip.is_donor for clip in clips]),
+        groups=groups,
+        config=config,
+        spec=spec,
+        embedding=embedding,
+        labels=labels,
+        sigma=sigma,
+        boundary_states={
+            group: {
+                key: np.concatenate([clip.boundary_states[key][:, joints] for clip in clips])
+                for key in clips[0].boundary_states
+            }
+            for group, joints in feature_joints_by_group(groups, skeleton).items()
+        },
+        samples=samples,
+        refused={},
+        folder=None,
+    )
+
+
+def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
+    """Return metadata with unique names, made from the names in the sources."""
+    names = unique_names([info.source_name for info in entries])
+    return tuple(
+        info if info.name == name else replace(info, name=name)
+        for info, name in zip(entries, names, strict=True)
+    )
+
+
+def _named_motions(
+    clips: Sequence[IngestedClip], entries: Sequence[ClipInfo]
+) -> tuple[Motion, ...]:
+    """Return the motions of clips that are not packed, with their names in the library."""
+    return tuple(
+        clip.clip if clip.clip.name == info.name else replace(clip.clip, name=info.name)
+        for clip, info in zip(clips, entries, strict=True)
+        if isinstance(clip.clip, Motion)
+    )
+
+
+def join_segments(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
+    """Join the segments of several clips, each given by its starts and stops."""
+    clip: IntArray = np.repeat(np.arange(len(ends)), [len(start) for start, _ in ends])
+    starts, stops = zip(*ends, strict=True)
+    return Segments(np.concatenate(starts), np.concatenate(stops), clip)

@@ -1,0 +1,126 @@
+"""The contents of a library, and queries on them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.channel_groups import ends_alone
+from mograft.analysis.embedding import Embedding, Samples
+from mograft.analysis.segmentation import Segments
+from mograft.body.groups import JointGroups
+from mograft.config import Config
+from mograft.library.clip_table import ClipInfo
+from mograft.library.spec import LibrarySpec
+from mograft.library.stored_clips import StoredClips, StoredSamples
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.search.candidates import SegmentPool
+
+__all__ = ["LibraryData"]
+
+
+@dataclass(frozen=True, eq=False)
+class LibraryData:
+    """The contents of a library; `mograft.Library` documents the attributes."""
+
+    clips: Sequence[Motion]
+    entries: tuple[ClipInfo, ...]
+    segments: Segments
+    is_donor: BoolArray
+    groups: JointGroups
+    config: Config
+    spec: LibrarySpec
+    embedding: Mapping[str, Embedding | None]
+    labels: Mapping[str, IntArray]
+    sigma: Mapping[str, float]
+    boundary_states: Mapping[str, Mapping[str, FloatArray]]
+    samples: Samples | StoredSamples
+    refused: Mapping[str, str]
+    folder: Path | None
+
+    def __repr__(self) -> str:
+        groups = ", ".join(
+            f"{name} {labels.max() + 1} clusters" for name, labels in self.labels.items()
+        )
+        n = len(self.entries)
+        clips = "1 clip" if n == 1 else f"{n} clips"
+        return f"{type(self).__name__}({clips}, {len(self.segments)} segments, {groups})"
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """A skeleton with the joint names and the hierarchy of all clips."""
+        return self.spec.skeleton
+
+    @property
+    def rate(self) -> float:
+        """Frames per second of all clips, up to the rounding of frame times in files."""
+        return self.spec.rate
+
+    @property
+    def root(self) -> int:
+        """The joint that carries the body through the world."""
+        return self.spec.root
+
+    @property
+    def up(self) -> int:
+        """The axis that points up: 0, 1 or 2."""
+        return self.spec.up
+
+    @property
+    def tags(self) -> tuple[frozenset[str], ...]:
+        """The tags of each clip."""
+        return tuple(frozenset(info.tags) for info in self.entries)
+
+    def file_name(self, clip: int) -> str | None:
+        """Return the name of the file from which a clip was read, or None if it is unknown."""
+        source_file = self.entries[clip].source_file
+        if source_file is not None:
+            return Path(source_file.path).name
+        if isinstance(self.clips, StoredClips):
+            return None
+        path = self.clips[clip].path
+        return None if path is None else path.name
+
+    def joints(self, group: str) -> IntArray:
+        """Return the joints of a group, ascending."""
+        members = self.groups.resolve(self.skeleton)
+        _check_group(group, members)
+        return members[group]
+
+    def pool(self, group: str) -> SegmentPool:
+        """Return the segments as candidates for the donors of a group."""
+        _check_group(group, self.boundary_states)
+        base = self.groups.base
+        embedding = self.embedding[base]
+        held, joints = self.groups.divided_channels(self.skeleton), self.joints(group)
+        states = ends_alone(self.boundary_states[group], joints, self.skeleton, held[group])
+        return SegmentPool(
+            self.segments,
+            self.labels[base],
+            self.is_donor,
+            rate=self.rate,
+            points=None if embedding is None else embedding.points,
+            sigma=self.sigma[base],
+            **states,
+        )
+
+    def find_clip(self, motion: Motion) -> int | None:
+        """Return the index of the first clip with the poses of a motion, or None."""
+        for index, info in enumerate(self.entries):
+            if info.n_frames != motion.n_frames:
+                continue
+            clip = self.clips[index]
+            if motion is clip or (
+                np.array_equal(motion.rotations, clip.rotations)
+                and np.array_equal(motion.positions, clip.positions)
+            ):
+                return index
+        return None
+
+
+def _check_group(group: str, groups: Mapping[str, object]) -> None:
+    if group not in groups:
+        raise ValueError(f"group must be one of {', '.join(groups)}, got {group!r}")

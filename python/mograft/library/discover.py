@@ -1,0 +1,202 @@
+"""Find the clips of a library, name them, and look up their tags and frame rates."""
+
+import csv
+import glob
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TypeVar
+
+from mograft.motion.motion import Motion
+
+__all__ = [
+    "ClipSource",
+    "FoundClip",
+    "find_clips",
+    "matching_values",
+    "read_tags",
+    "relative_path",
+    "sort_by_path",
+    "unique_names",
+]
+
+ClipSource = Motion | str | PathLike[str]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class FoundClip:
+    """A clip that a source stands for.
+
+    Attributes
+    ----------
+    source : Motion or str
+        The clip, or its file.
+    folders : tuple of str
+        The folders between the source and the file.
+    """
+
+    source: Motion | str
+    folders: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The clip's keys in a table: name, file name, path relative to the source."""
+        if isinstance(self.source, Motion):
+            return (self.source.name,)
+        path = Path(self.source)
+        return (path.stem, path.name, "/".join((*self.folders, path.name)))
+
+
+def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
+    """Find the clips that sources stand for.
+
+    Parameters
+    ----------
+    sources : Motion, path, folder or glob, or several
+        A folder stands for all BVH files in it and in its subfolders.
+
+    Returns
+    -------
+    list of FoundClip
+        In the order of the sources; the files of a folder or glob in order of name.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a folder or glob holds no BVH file.
+    ValueError
+        If there is no source.
+    """
+    several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
+    clips: list[FoundClip] = []
+    for source in several:
+        clips += [FoundClip(source)] if isinstance(source, Motion) else _find_files(fspath(source))
+    if not clips:
+        raise ValueError("sources must hold at least one clip, got none")
+    return clips
+
+
+def _find_files(path: str) -> list[FoundClip]:
+    if os.path.isdir(path):
+        files = sorted(file for file in Path(path).rglob("*") if file.suffix.lower() == ".bvh")
+        if not files:
+            raise FileNotFoundError(2, "no BVH file in this folder", path)
+        return [FoundClip(str(file), file.relative_to(path).parts[:-1]) for file in files]
+    matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
+    if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
+        raise FileNotFoundError(f"no file matches {path}")
+    if not matches and not os.path.lexists(path):
+        raise FileNotFoundError(2, "No such file or directory", path)
+    return [FoundClip(match) for match in matches or [path]]
+
+
+def sort_by_path(clips: Sequence[FoundClip], folder: Path) -> dict[tuple[str, ...], FoundClip]:
+    """Return each file once, by its path relative to a folder, sorted by these paths.
+
+    Raises
+    ------
+    TypeError
+        If a clip is a motion.
+    """
+    by_path = {}
+    for clip in clips:
+        if isinstance(clip.source, Motion):
+            raise TypeError(
+                "sources must be files, got a Motion: use Library.build and Library.save"
+            )
+        by_path[relative_path(clip.source, folder).parts] = clip
+    return {path: by_path[path] for path in sorted(by_path)}
+
+
+def relative_path(path: str, folder: Path) -> Path:
+    """Return the path of a file relative to a folder; absolute if it is on another drive."""
+    parent, name = os.path.split(os.path.abspath(path))
+    return _relative_folder(parent, os.path.abspath(folder)) / name
+
+
+@cache
+def _relative_folder(path: str, start: str) -> Path:
+    """Return the path from one folder to another; cached, as many files share few folders."""
+    try:
+        return Path(os.path.relpath(path, start))
+    except ValueError:
+        return Path(path)
+
+
+def unique_names(names: Sequence[str]) -> list[str]:
+    """Make names distinct by appending ``~2`` and on; empty names become ``clip`` and an index."""
+    taken: set[str] = set()
+    distinct = []
+    for index, given in enumerate(names):
+        name = stem = given or f"clip{index}"
+        count = 1
+        while name in taken:
+            count += 1
+            name = f"{stem}~{count}"
+        taken.add(name)
+        distinct.append(name)
+    return distinct
+
+
+def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
+    """Return the values of a table whose keys match a clip.
+
+    Parameters
+    ----------
+    table : mapping of str, optional
+        Values by name, file name or path of a clip, or by globs of these.
+    clip : FoundClip
+        The clip.
+
+    Returns
+    -------
+    list
+        In the order of the table.
+    """
+    if not table:
+        return []
+    keys = clip.keys
+    return [
+        value
+        for pattern, value in table.items()
+        if pattern in keys
+        or (glob.has_magic(pattern) and any(fnmatchcase(key, pattern) for key in keys))
+    ]
+
+
+def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
+    """Read tags from a CSV file.
+
+    Parameters
+    ----------
+    path : path
+        Each row holds a clip's name, file name, path or a glob of these, then its tags. A
+        first row that begins with ``clip`` or ``file`` is a heading.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        The `tags` of `Library.build` and `Library.index`.
+
+    Raises
+    ------
+    ValueError
+        If a row holds a clip but no tag; the message gives the line.
+    """
+    table: dict[str, tuple[str, ...]] = {}
+    with open(path, encoding="utf-8-sig", newline="") as stream:
+        rows = csv.reader(stream)
+        for row in rows:
+            cells = [cell.strip() for cell in row]
+            if not any(cells) or (rows.line_num == 1 and cells[0].lower() in ("clip", "file")):
+                continue
+            tags = tuple(cell for cell in cells[1:] if cell)
+            if not cells[0] or not tags:
+                raise ValueError(f"{path}:{rows.line_num}: must be a clip and its tags, got {row}")
+            table[cells[0]] = (*table.get(cells[0], ()), *tags)
+    return table

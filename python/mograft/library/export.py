@@ -1,0 +1,161 @@
+"""Export the tables of a library to Parquet, CSV or NPZ."""
+
+import contextlib
+import csv
+import os
+import secrets
+import shutil
+from collections.abc import Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft.library.library import Library
+
+__all__ = ["export_tables", "library_tables"]
+
+Column = npt.NDArray[Any] | list[Any]
+
+
+def library_tables(library: Library) -> dict[str, dict[str, Column]]:
+    """Return the contents of a library as tables.
+
+    Parameters
+    ----------
+    library : Library
+        The library.
+
+    Returns
+    -------
+    dict of str to dict of str to column
+        ``clips``; ``segments``, with the cluster ``label_GROUP`` of each joint group; and
+        ``points``, with the coordinates ``GROUP_0`` and on of the segment. Row `i` of the two
+        latter is segment `i`; their column ``clip`` counts the rows of ``clips``.
+    """
+    segments = library.segments
+    points: dict[str, Column] = {"segment": np.arange(len(segments))}
+    for group, embedding in library.embedding.items():
+        if embedding is not None:
+            for axis, column in enumerate(np.ascontiguousarray(embedding.points.T)):
+                points[f"{group}_{axis}"] = column
+    entries = library.entries
+    files = [info.source_file for info in entries]
+    return {
+        "clips": {
+            "clip": np.arange(len(entries)),
+            "name": [info.name for info in entries],
+            "file": ["" if file is None else file.path for file in files],
+            "sha256": ["" if file is None else file.sha256 for file in files],
+            "frames": np.array([info.n_frames for info in entries], np.int64),
+            "own_rate": np.array([info.source_rate for info in entries], np.float64),
+            "tags": [" ".join(info.tags) for info in entries],
+            "faults": ["; ".join(info.faults) for info in entries],
+        },
+        "segments": {
+            "segment": np.arange(len(segments)),
+            "clip": segments.clip,
+            "start": segments.start,
+            "stop": segments.stop,
+            "seconds": segments.lengths / library.rate,
+            "is_donor": library.is_donor,
+            **{f"label_{group}": labels for group, labels in library.labels.items()},
+        },
+        "points": points,
+    }
+
+
+def export_tables(
+    library: Library, path: str | PathLike[str], kind: Literal["parquet", "csv", "npz"]
+) -> list[Path]:
+    """Write the tables of a library.
+
+    Parameters
+    ----------
+    library : Library
+        The library.
+    path : path
+        The file for ``npz``, else the folder for one file per table. Existing files are
+        replaced.
+    kind : {"parquet", "csv", "npz"}
+        Parquet needs pyarrow, the extra ``parquet``. The arrays of an NPZ file are named
+        ``TABLE/COLUMN``.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pyarrow is needed and not installed; the message says how to install it.
+    ValueError
+        If `kind` is another one.
+    """
+    if kind not in ("parquet", "csv", "npz"):
+        raise ValueError(f"kind must be 'parquet', 'csv' or 'npz', got {kind!r}")
+    tables = library_tables(library)
+    target = Path(path)
+    with _replace_when_complete(target) as draft:
+        if kind == "npz":
+            arrays = {
+                f"{table}/{name}": np.asarray(column)
+                for table, columns in tables.items()
+                for name, column in columns.items()
+            }
+            with draft.open("wb") as stream:
+                _write_npz(stream, arrays)
+            return [target]
+        draft.mkdir()
+        write = _write_parquet if kind == "parquet" else _write_csv
+        for name, columns in tables.items():
+            write(draft / f"{name}.{kind}", columns)
+    return [target / f"{name}.{kind}" for name in tables]
+
+
+def _write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    np.savez_compressed(stream, allow_pickle=False, **arrays)
+
+
+def _write_csv(path: Path, columns: Mapping[str, Column]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(columns)
+        lists = [
+            column if isinstance(column, list) else column.tolist() for column in columns.values()
+        ]
+        rows.writerows(zip(*lists, strict=True))
+
+
+def _write_parquet(path: Path, columns: Mapping[str, Column]) -> None:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "Parquet needs pyarrow: pip install 'mograft[parquet]'", name="pyarrow"
+        ) from error
+    table = pyarrow.table({name: pyarrow.array(column) for name, column in columns.items()})
+    pyarrow.parquet.write_table(table, path)
+
+
+@contextlib.contextmanager
+def _replace_when_complete(target: Path) -> Iterator[Path]:
+    """Give a temporary file or folder whose contents replace the target's at the end."""
+    draft = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
+    try:
+        yield draft
+        if target.is_dir() and draft.is_dir():
+            # Other files in the folder stay.
+            for path in draft.iterdir():
+                os.replace(path, target / path.name)
+        else:
+            os.replace(draft, target)
+    finally:
+        if draft.is_dir():
+            shutil.rmtree(draft, ignore_errors=True)
+        else:
+            draft.unlink(missing_ok=True)

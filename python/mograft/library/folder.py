@@ -1,0 +1,183 @@
+"""Conversion between libraries and the folders in which they are stored."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.analysis.embedding import Embedding
+from mograft.analysis.segmentation import Segments
+from mograft.body.groups import JointGroups
+from mograft.config import Config
+from mograft.library.clip_table import (
+    ClipInfo,
+    ClipLocation,
+    skeleton_from_json,
+    skeleton_to_json,
+)
+from mograft.library.data import LibraryData
+from mograft.library.generation import GenerationWriter, write_generation
+from mograft.library.packing import pack
+from mograft.library.spec import LibrarySpec
+from mograft.library.storage import StoredLibrary
+from mograft.library.stored_clips import StoredClips
+from mograft.motion.motion import Motion
+
+__all__ = ["BoundaryParts", "commit_library", "load_library", "save_library"]
+
+L = TypeVar("L", bound=LibraryData)
+
+BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
+"""Boundary states by group and key: arrays, or their parts in order."""
+
+_EMBEDDING_ARRAYS = ("points", "reference", "mean", "scale", "components", "variances")
+"""Fields of `Embedding` that are stored as arrays of floats."""
+
+
+def load_library(library_type: type[L], stored: StoredLibrary) -> L:
+    """Return the library that a folder holds; its arrays are mapped."""
+    manifest, arrays = stored.manifest, stored.arrays
+    embedding: dict[str, Embedding | None] = {}
+    labels, states = {}, {}
+    for group, about in manifest["group"].items():
+        prefix = about["folder"] + "/"
+        own = {key.removeprefix(prefix): arrays[key] for key in arrays if key.startswith(prefix)}
+        labels[group] = own.pop("labels")
+        embedding[group] = None
+        if about["compared"]:
+            embedding[group] = Embedding(
+                joints=np.array(own.pop("joints")),
+                has_root=about["has_root"],
+                **{name: own.pop(name) for name in _EMBEDDING_ARRAYS},
+            )
+        states[group] = own
+    frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
+    return library_type(
+        clips=StoredClips(stored.table, frames, manifest["rate"]),
+        entries=stored.table.entries,
+        segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
+        is_donor=arrays["donors"],
+        groups=JointGroups.from_toml(manifest["groups"]),
+        config=Config.from_dict(manifest["config"]),
+        spec=LibrarySpec(
+            skeleton=skeleton_from_json(manifest["skeleton"]),
+            rate=manifest["rate"],
+            root=manifest["root"],
+            up=manifest["up"],
+        ),
+        embedding=embedding,
+        labels=labels,
+        sigma={group: about["sigma"] for group, about in manifest["group"].items()},
+        boundary_states=states,
+        samples=stored.samples(),
+        refused=stored.table.refused,
+        folder=stored.folder,
+    )
+
+
+def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
+    """Write a library to a folder; see `Library.save`."""
+    if len(library.samples) != len(library.segments):
+        raise ValueError("a library that was extended by a base cannot be saved")
+    with write_generation(path, force=force) as writer:
+        entries: list[ClipInfo] = []
+        locations: list[ClipLocation] = []
+        first_row = 0
+        counts = np.bincount(library.segments.clip, minlength=len(library.entries)).tolist()
+        for index, count in enumerate(counts):
+            info, clip = _saved_clip(library, index)
+            entries.append(info)
+            locations.append(writer.write_frames(pack(clip), first_row))
+            first_row += count
+        for chunk in library.samples.chunks():
+            writer.write_samples(chunk.packed())
+        saved = replace(library, entries=tuple(entries))
+        commit_library(writer, saved, locations, library.boundary_states, None)
+
+
+def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
+    """Return what is saved of a clip: as it was read if that is known, else as it is now."""
+    info = library.entries[index]
+    if isinstance(library.clips, StoredClips):
+        return info, library.clips.original(index, as_read=True)
+    clip = library.clips[index]
+    n_frames = clip.n_frames
+    return replace(info, source_rate=clip.rate, rate_override=None, source_frames=n_frames), clip
+
+
+def commit_library(
+    writer: GenerationWriter,
+    library: LibraryData,
+    locations: Sequence[ClipLocation],
+    boundary_states: BoundaryParts,
+    requested_rate: float | None,
+) -> None:
+    """Write everything except frames and samples, and commit the generation.
+
+    Parameters
+    ----------
+    writer : GenerationWriter
+        The generation, to which frames and samples have been written.
+    library : LibraryData
+        The library; its clips and boundary states are ignored.
+    locations : sequence of ClipLocation
+        Where the clips were written.
+    boundary_states : mapping
+        The boundary states of the feature joints, by group and key.
+    requested_rate : float or None
+        The frame rate that was requested, for clips that are added later.
+    """
+    segments = library.segments
+    for name in ("start", "stop", "clip"):
+        writer.write_array(f"{name}s", "<i8", getattr(segments, name))
+    writer.write_array("donors", "|b1", library.is_donor)
+    groups = {
+        group: _write_group(writer, library, index, boundary_states[group])
+        for index, group in enumerate(library.groups.names)
+    }
+    writer.write_clip_table(
+        library.entries, locations, library.refused, segments, library.is_donor, library.labels
+    )
+    writer.commit(
+        {
+            "config": library.config.as_dict(),
+            "groups": library.groups.to_toml(),
+            "group": groups,
+            "skeleton": skeleton_to_json(library.skeleton),
+            "rate": library.rate,
+            "given_rate": requested_rate,
+            "root": library.root,
+            "up": library.up,
+            "clips": len(library.entries),
+            "frames": sum(info.n_frames for info in library.entries),
+            "segments": len(segments),
+        }
+    )
+
+
+def _write_group(
+    writer: GenerationWriter,
+    library: LibraryData,
+    index: int,
+    states: Mapping[str, FloatArray | Iterator[FloatArray]],
+) -> dict[str, Any]:
+    """Write the arrays of a joint group; return its part of the manifest."""
+    group = library.groups.names[index]
+    embedding, labels = library.embedding[group], library.labels[group]
+    writer.write_array(f"{index}/labels", "<i8", labels)
+    for key, parts in states.items():
+        writer.write_array(f"{index}/{key}", "<f8", parts)
+    if embedding is not None:
+        writer.write_array(f"{index}/joints", "<i8", embedding.joints)
+        for name in _EMBEDDING_ARRAYS:
+            writer.write_array(f"{index}/{name}", "<f8", getattr(embedding, name))
+    return {
+        "folder": str(index),
+        "sigma": library.sigma[group],
+        "compared": embedding is not None,
+        "has_root": embedding is not None and embedding.has_root,
+        "clusters": int(labels.max(initial=-1)) + 1,
+    }

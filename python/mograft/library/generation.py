@@ -1,0 +1,395 @@
+"""Write the next generation of a stored library; see `mograft.library.storage` for the format."""
+
+import contextlib
+import glob
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft._util.arrays import BoolArray, IntArray, Packed
+from mograft._util.lock import exclusive_lock
+from mograft.analysis.segmentation import Segments
+from mograft.errors import LibraryError
+from mograft.library.array_files import ArrayWriter
+from mograft.library.clip_table import (
+    ClipInfo,
+    ClipLocation,
+    ClipTable,
+    skeleton_to_json,
+    write_clip_table,
+)
+from mograft.library.ingest import IngestedClip
+from mograft.library.packing import PackedMotion
+from mograft.library.storage import (
+    DATABASE,
+    FORMAT,
+    FORMAT_VERSION,
+    LOCK,
+    MANIFEST,
+    StoredLibrary,
+    hash_files,
+    manifest_checksum,
+    read,
+    read_manifest,
+)
+from mograft.library.stored_clips import RowRange, StoredSamples, merge_ranges
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["GenerationWriter", "write_generation"]
+
+_MAX_SHARDS = 16
+"""Generations whose clips may lie in separate files; beyond that all clips are written again."""
+
+_MIN_USED_SHARE = 0.5
+"""Share of the bytes in older ``frames`` files that clips must use; below that all clips are
+written again."""
+
+
+class GenerationWriter:
+    """Write the next generation of a library; created by `write_generation`.
+
+    Parameters
+    ----------
+    root : Path
+        The folder in which the generation is written.
+    final : Path
+        The library: `root`, or the folder to which `root` is renamed.
+    base : StoredLibrary or None
+        The previous generation, if clips are added to it.
+    number : int
+        Number of the generation.
+
+    Attributes
+    ----------
+    base, final
+        As given.
+    folder : Path
+        The folder of the generation.
+    shards : list of str
+        Names of the shards, the files that hold frames and samples.
+    """
+
+    def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
+        self.base, self.final = base, final
+        self.shards: list[str] = []
+        self._root = root
+        self._generation = f"{number:04d}"
+        self._linked_hashes: dict[str, dict[str, Any]] = {}
+        self._writers: dict[str, ArrayWriter] = {}
+        self._written: list[str] = []
+        self._skeletons: dict[str, tuple[int, Skeleton]] = {}
+        self.folder = root / self._generation
+        self.folder.mkdir()
+
+    def link_base_shards(self) -> None:
+        """Link the frames and samples of the previous generation."""
+        if self.base is None:
+            raise RuntimeError("there is no previous generation")
+        manifest = self.base.manifest
+        for shard in manifest["shards"]:
+            self.shards.append(shard)
+            for stem in ("frames", "samples"):
+                name = f"{stem}-{shard}.npy"
+                source = f"{manifest['generation']}/{name}"
+                self._link(self.base.folder / source, name)
+                self._linked_hashes[f"{self._generation}/{name}"] = manifest["files"][source]
+        for skeleton in self.base.table.skeletons:
+            self._skeleton_index(skeleton)
+
+    def _link(self, source: Path, name: str) -> None:
+        try:
+            os.link(source, self.folder / name)
+        except OSError:
+            # Some file systems have no hard links.
+            shutil.copyfile(source, self.folder / name)
+
+    def restart(self) -> None:
+        """Discard everything that was written or linked."""
+        self.abandon()
+        for path in self.folder.iterdir():
+            path.unlink()
+        self._linked_hashes.clear()
+        self._written.clear()
+        self._skeletons.clear()
+        self.shards.clear()
+        self._writers.clear()
+
+    def write_clip(self, clip: IngestedClip) -> ClipLocation:
+        """Write the packed motion, the samples and the boundary states of a clip."""
+        if not isinstance(clip.clip, PackedMotion):
+            raise TypeError("clip must be packed")
+        samples = self._writers.get(f"samples-{self._generation}")
+        location = self.write_frames(clip.clip, 0 if samples is None else samples.n_rows)
+        self.write_samples(clip.samples)
+        for key, states in clip.boundary_states.items():
+            self._writer(f"edges-{key}", "<f8", states.shape[1:]).append(states)
+        return location
+
+    def write_frames(self, packed: PackedMotion, first_row: int) -> ClipLocation:
+        """Write a packed motion, given the first row of its samples."""
+        if self._generation not in self.shards:
+            self.shards.append(self._generation)
+        frames = self._writer(f"frames-{self._generation}", "<f8", ())
+        location = ClipLocation(
+            shard=self.shards.index(self._generation),
+            first_number=frames.n_rows,
+            n_numbers=len(packed.numbers),
+            first_row=first_row,
+            content=packed.content,
+            frame_time=packed.frame_time,
+            repairs=packed.repairs,
+            skeleton=self._skeleton_index(packed.skeleton),
+        )
+        frames.append(packed.numbers)
+        return location
+
+    def write_samples(self, rows: Packed) -> None:
+        """Write samples of segments."""
+        self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
+
+    def boundary_state_keys(self) -> list[str]:
+        """Return the keys of the boundary states of the clips that were written."""
+        return [name.removeprefix("edges-") for name in self._writers if name.startswith("edges-")]
+
+    def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return boundary states of the clips that were written: rows of segments, all joints."""
+        return self._writers[f"edges-{key}"].read(start, stop)
+
+    def _writer(self, name: str, dtype: str, row_shape: tuple[int, ...]) -> ArrayWriter:
+        if name not in self._writers:
+            self._writers[name] = ArrayWriter(self.folder / f"{name}.npy", dtype, row_shape)
+        return self._writers[name]
+
+    def _skeleton_index(self, skeleton: Skeleton) -> int:
+        text = json.dumps(skeleton_to_json(skeleton))
+        return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
+
+    def samples(self, ranges: Sequence[RowRange], n_samples: int, n_joints: int) -> StoredSamples:
+        """Return the samples of the generation, to which no more can be written."""
+        self._close_shards()
+        files = tuple(self.folder / f"samples-{shard}.npy" for shard in self.shards)
+        return StoredSamples(files, merge_ranges(ranges), n_samples, n_joints)
+
+    def _close_shards(self) -> None:
+        for name in [name for name in self._writers if name.startswith(("samples-", "frames-"))]:
+            self._close(name)
+
+    def _close(self, name: str) -> None:
+        self._writers.pop(name).close()
+        self._written.append(f"{name}.npy")
+
+    def is_fragmented(self, locations: Sequence[ClipLocation]) -> bool:
+        """Return whether there are too many shards, or clips use too little of the older ones."""
+        if len(self.shards) > _MAX_SHARDS:
+            return True
+        n_bytes_used = 8 * sum(location.n_numbers for location in locations)
+        n_bytes = sum(
+            (self.folder / f"frames-{shard}.npy").stat().st_size
+            for shard in self.shards
+            if shard != self._generation
+        )
+        return n_bytes_used < _MIN_USED_SHARE * n_bytes
+
+    def write_array(
+        self, name: str, dtype: str, parts: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
+    ) -> None:
+        """Write an array, whole or in parts that follow one another."""
+        (self.folder / name).parent.mkdir(exist_ok=True)
+        for part in [parts] if isinstance(parts, np.ndarray) else parts:
+            self._writer(name, dtype, part.shape[1:]).append(part)
+        if name in self._writers:
+            self._close(name)
+
+    def write_clip_table(
+        self,
+        entries: Sequence[ClipInfo],
+        locations: Sequence[ClipLocation],
+        refused: Mapping[str, str],
+        segments: Segments,
+        is_donor: BoolArray,
+        labels: Mapping[str, IntArray],
+    ) -> None:
+        """Write the database; for the parameters see `ClipTable` and `write_clip_table`."""
+        table = ClipTable(
+            entries=tuple(entries),
+            locations=tuple(locations),
+            skeletons=tuple(skeleton for _, skeleton in self._skeletons.values()),
+            refused=refused,
+        )
+        write_clip_table(
+            self.folder / DATABASE, table, segments, is_donor, labels, folder=self.final
+        )
+        self._written.append(DATABASE)
+
+    def commit(self, metadata: Mapping[str, Any]) -> None:
+        """Write the manifest, which makes this generation the library."""
+        self._close_shards()
+        self.abandon()  # each group has its part of the boundary states
+        for path in self.folder.glob("edges-*.npy"):
+            path.unlink()
+        names = [f"{self._generation}/{name}" for name in self._written]
+        hashes = self._linked_hashes | hash_files(self._root, names)
+        document = {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "mograft": VERSION,
+            "generation": self._generation,
+            **metadata,
+            "shards": self.shards,
+            "files": dict(sorted(hashes.items())),
+        }
+        document["checksum"] = manifest_checksum(document)
+        for name in names:
+            _sync(self._root / name)
+        _sync(self.folder)
+        draft = self._root / f"{MANIFEST}.{self._generation}"
+        draft.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        _sync(draft)
+        draft.replace(self._root / MANIFEST)
+        _sync(self._root)
+
+    def abandon(self) -> None:
+        """Close the files that are not complete."""
+        for writer in self._writers.values():
+            writer.abandon()
+
+
+@contextlib.contextmanager
+def write_generation(
+    path: Path, *, force: bool = False, add: bool = False
+) -> Iterator[GenerationWriter]:
+    """Write the next generation of a library, under an exclusive lock.
+
+    Parameters
+    ----------
+    path : Path
+        The library.
+    force : bool
+        Whether to replace an existing library.
+    add : bool
+        Whether to continue an existing library.
+
+    Yields
+    ------
+    GenerationWriter
+        Everything that was written and not committed is removed at the end.
+
+    Raises
+    ------
+    FileExistsError
+        If the library exists.
+    LibraryError
+        If the folder is not a library, or another process is writing to it.
+    """
+    final = Path(os.path.abspath(path))
+    final.parent.mkdir(parents=True, exist_ok=True)
+    exists = final.exists() and (not final.is_dir() or any(final.iterdir()))
+    if exists and not add and not force:
+        raise FileExistsError(17, "exists already; --force (force=True) overwrites", str(path))
+    generation = _write_in_place(final, add=add) if exists or add else _write_new(final)
+    with generation as writer:
+        try:
+            yield writer
+        finally:
+            writer.abandon()
+
+
+@contextlib.contextmanager
+def _write_new(final: Path) -> Iterator[GenerationWriter]:
+    """Write the first generation to another folder and rename this when it is complete."""
+    _remove_partial_libraries(final)
+    partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir()
+    try:
+        with _lock(partial):
+            yield GenerationWriter(partial, final, None, 1)
+        # After the lock file is closed: Windows does not rename a folder with an open file.
+        if (partial / MANIFEST).exists():
+            partial.rename(final)
+            _sync(final.parent)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
+    """Write another generation beside the current one."""
+    if not add:
+        _check_is_library(final)
+    with _lock(final):
+        base = read(final) if add else None
+        try:
+            number = int(read_manifest(final)["generation"]) + 1
+        except LibraryError:
+            taken = [int(path.name) for path in final.iterdir() if path.name.isdigit()]
+            number = max(taken, default=0) + 1
+        _remove_generations(final, except_for=f"{number - 1:04d}")
+        try:
+            yield GenerationWriter(final, final, base, number)
+        finally:
+            with contextlib.suppress(LibraryError, OSError):
+                _remove_generations(final, except_for=read_manifest(final)["generation"])
+
+
+def _check_is_library(folder: Path) -> None:
+    """Check that a folder to be overwritten is a library, even if a damaged one."""
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    if MANIFEST not in names or not all(
+        name in (MANIFEST, LOCK) or name[:4].isdigit() or name.startswith(f"{MANIFEST}.")
+        for name in names
+    ):
+        raise LibraryError(
+            f"{folder} is not a mograft library and is not overwritten; remove it first"
+        )
+
+
+def _remove_generations(folder: Path, *, except_for: str) -> None:
+    """Remove all generations but one, and manifests that were not completed."""
+    for path in folder.iterdir():
+        is_draft = path.name.startswith(f"{MANIFEST}.")
+        if path.name == except_for or not (path.name.isdigit() or is_draft):
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _remove_partial_libraries(final: Path) -> None:
+    """Remove folders that killed processes left when they wrote a library of this name."""
+    for path in final.parent.glob(f".{glob.escape(final.name)}.partial-*"):
+        with contextlib.suppress(LibraryError, OSError), _lock(path):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _lock(folder: Path) -> Iterator[None]:
+    """Hold the writers' lock of a library."""
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(exclusive_lock(folder / LOCK))
+        except BlockingIOError as error:
+            message = f"another process is writing to {folder}; try again later"
+            raise LibraryError(message) from error
+        yield
+
+
+def _sync(path: Path) -> None:
+    """Flush a file, or the entries of a folder, to the disk."""
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except OSError:
+        return  # folders cannot be opened on some platforms
+    try:
+        with contextlib.suppress(OSError):
+            os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,325 @@
+"""Build a library in a folder, and add clips to it."""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.embedding import CHUNK
+from mograft.body.groups import JointGroups
+from mograft.library.build import join_segments, name_clips
+from mograft.library.clip_table import ClipInfo, ClipLocation
+from mograft.library.clusters import cluster_groups, embed_groups, feature_joints_by_group
+from mograft.library.data import LibraryData
+from mograft.library.discover import (
+    ClipSource,
+    FoundClip,
+    find_clips,
+    matching_values,
+    relative_path,
+    sort_by_path,
+)
+from mograft.library.folder import BoundaryParts, commit_library, load_library
+from mograft.library.generation import GenerationWriter, write_generation
+from mograft.library.ingest import IngestedClip, IngestTask, SourceFile
+from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
+from mograft.library.spec import LibrarySpec
+from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges
+
+__all__ = ["add_to_folder", "index_folder"]
+
+
+@dataclass(frozen=True, eq=False)
+class _IndexedClip:
+    """A clip of the generation that is written.
+
+    Attributes
+    ----------
+    order : ClipOrder
+        Its position in the library.
+    info, location
+        Its metadata and its location.
+    start, stop : ndarray of int, shape (n_segments,)
+        Its segments.
+    is_donor : ndarray of bool, shape (n_segments,)
+        Whether each segment may be a donor.
+    is_new : bool
+        Whether the clip was ingested for this generation.
+    first_row : int
+        Its first segment among those of the new clips, or of the previous generation.
+    """
+
+    order: ClipOrder
+    info: ClipInfo
+    location: ClipLocation
+    start: IntArray
+    stop: IntArray
+    is_donor: BoolArray
+    is_new: bool
+    first_row: int
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+class _ClipWriter:
+    """Writes ingested clips to a generation."""
+
+    def __init__(self, writer: GenerationWriter, run: IngestRun) -> None:
+        self.clips: list[_IndexedClip] = []
+        self._writer, self._tags = writer, run.tags
+
+    def receive(self, pending: PendingClip, clip: IngestedClip) -> None:
+        location = self._writer.write_clip(clip)
+        self.clips.append(
+            _IndexedClip(
+                order=pending.order,
+                info=pending.updated_info(clip, self._tags),
+                location=location,
+                start=clip.segments.start,
+                stop=clip.segments.stop,
+                is_donor=clip.is_donor,
+                is_new=True,
+                first_row=location.first_row,
+            )
+        )
+
+    def discard(self) -> None:
+        self.clips.clear()
+        self._writer.restart()
+
+
+def index_folder(
+    path: Path,
+    sources: ClipSource | Iterable[ClipSource],
+    groups: JointGroups | str,
+    run: IngestRun,
+    *,
+    force: bool,
+) -> None:
+    """Build a library in a folder; see `Library.index`."""
+    with write_generation(path, force=force) as writer:
+        pending = _pending_files(run, sources, writer.final)
+        receiver = _ClipWriter(writer, run)
+        spec = run.ingest_and_choose_spec(pending, receiver)
+        if isinstance(groups, str):
+            groups = JointGroups.preset(groups, spec.skeleton)
+        _complete(writer, run, spec, groups, receiver.clips, base=None)
+
+
+def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: IngestRun) -> None:
+    """Add clips to a library in a folder; see `Library.add`."""
+    with write_generation(path, add=True) as writer:
+        if writer.base is None:
+            raise RuntimeError("there is no previous generation")
+        # Another process may have added clips since the library was opened.
+        base = load_library(LibraryData, writer.base)
+        run = replace(run, config=base.config, rate=writer.base.manifest["given_rate"])
+        files = {info.source_file.path: info for info in base.entries if info.source_file}
+        pending = [
+            clip
+            for clip in _pending_files(run, sources, writer.final)
+            if _is_new_or_changed(clip, files)
+        ]
+        if not pending and not run.tags:
+            return
+        kept = _kept_clips(base, pending, run)
+        receiver = _ClipWriter(writer, run)
+        spec, clips = _ingest_additions(writer, run, base, kept, pending, receiver)
+        # Without new files, and unless all clips were ingested again, only tags have changed.
+        is_same = not pending and not receiver.clips
+        _complete(writer, run, spec, base.groups, clips, base=base, is_same=is_same)
+
+
+def _pending_files(
+    run: IngestRun, sources: ClipSource | Iterable[ClipSource], folder: Path
+) -> list[PendingClip]:
+    """Return the files that sources stand for, in the order of the library."""
+    by_path = sort_by_path(find_clips(sources), folder)
+    return [run.pending(ClipOrder(0, path), found) for path, found in by_path.items()]
+
+
+def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool:
+    """Return whether a file differs from the one that the library holds, by path."""
+    path = clip.task().source
+    info = files.get(path) if isinstance(path, str) else None
+    if info is None or info.source_file is None:
+        return True
+    if clip.rate_override is not None and clip.rate_override != info.rate_override:
+        return True
+    known = info.source_file
+    try:
+        status = os.stat(known.path)
+        if (status.st_size, status.st_mtime_ns) == (known.size, known.mtime_ns):
+            return False
+        return SourceFile.from_path(known.path).sha256 != known.sha256
+    except OSError:
+        return True  # ingest will raise the error
+
+
+def _kept_clips(
+    base: LibraryData, pending: Sequence[PendingClip], run: IngestRun
+) -> list[_IndexedClip]:
+    """Return the clips of the previous generation that no pending clip replaces."""
+    if base.folder is None:
+        raise RuntimeError("the library must be stored")
+    replaced = {clip.order for clip in pending}
+    indices = np.arange(len(base.entries) + 1)
+    bounds = np.searchsorted(base.segments.clip, indices).tolist()
+    kept = []
+    for index, (info, location) in enumerate(
+        zip(base.entries, _stored_clips(base).table.locations, strict=True)
+    ):
+        order = ClipOrder(1, (f"{index:09}",))
+        if info.source_file is not None:
+            path = info.source_file.path
+            order = ClipOrder(0, relative_path(path, base.folder).parts)
+            tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(path))))
+            if len(tags) > len(info.tags):
+                info = replace(info, tags=tuple(tags))
+        if order in replaced:
+            continue
+        rows = slice(bounds[index], bounds[index + 1])
+        kept.append(
+            _IndexedClip(
+                order=order,
+                info=info,
+                location=location,
+                start=base.segments.start[rows],
+                stop=base.segments.stop[rows],
+                is_donor=base.is_donor[rows],
+                is_new=False,
+                first_row=rows.start,
+            )
+        )
+    return kept
+
+
+def _ingest_additions(
+    writer: GenerationWriter,
+    run: IngestRun,
+    base: LibraryData,
+    kept: Sequence[_IndexedClip],
+    pending: Sequence[PendingClip],
+    receiver: _ClipWriter,
+) -> tuple[LibrarySpec, list[_IndexedClip]]:
+    """Ingest pending clips, and the kept clips again if the library specification changes."""
+    writer.link_base_shards()
+    properties = [(clip.order, clip.info.properties(base.skeleton)) for clip in kept]
+    tasks = map(PendingClip.task, pending)
+    properties += [
+        (order, clip)
+        for order, clip in run.ingest_with_spec(pending, tasks, receiver, base.spec)
+        # A changed file that no longer fits is left out, unless no clip would remain.
+        if clip.has_hierarchy_of(base.skeleton)
+    ]
+    spec = run.choose_spec(properties) if properties else base.spec
+    if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):
+        run.raise_if_strict()
+        return base.spec, [*kept, *receiver.clips]
+    receiver.discard()
+    again = [PendingClip(clip.order, None, clip.info.rate_override, clip.info) for clip in kept]
+    all_tasks = chain(_stored_tasks(base, kept), map(PendingClip.task, pending))
+    run.ingest_with_spec([*again, *pending], all_tasks, receiver, spec)
+    run.raise_if_strict()
+    return spec, receiver.clips
+
+
+def _stored_tasks(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[IngestTask]:
+    """Yield tasks for clips of the previous generation; each is read when it is needed."""
+    clips = _stored_clips(base)
+    index_of = {location: index for index, location in enumerate(clips.table.locations)}
+    for clip in kept:
+        motion = clips.original(index_of[clip.location], as_read=True)
+        yield IngestTask(motion, clip.info.rate_override, clip.info.source_file)
+
+
+def _stored_clips(base: LibraryData) -> StoredClips:
+    if not isinstance(base.clips, StoredClips):
+        raise TypeError("the library must be stored")
+    return base.clips
+
+
+def _complete(
+    writer: GenerationWriter,
+    run: IngestRun,
+    spec: LibrarySpec,
+    groups: JointGroups,
+    clips: Sequence[_IndexedClip],
+    *,
+    base: LibraryData | None,
+    is_same: bool = False,
+) -> None:
+    """Compare the segments of all clips, and commit the generation.
+
+    If `is_same`, the segments are those of `base`, and its embeddings and clusters are reused.
+    """
+    if not clips:
+        raise ValueError(f"no clip can be used: {next(iter(run.reasons().values()))}")
+    clips = sorted(clips, key=lambda clip: clip.order)
+    entries = name_clips([clip.info for clip in clips])
+    segments = join_segments([(clip.start, clip.stop) for clip in clips])
+    ranges = [RowRange(clip.location.shard, clip.location.first_row, len(clip)) for clip in clips]
+    samples = writer.samples(ranges, run.config.samples, spec.skeleton.n_joints)
+    warn_of_clips(entries, spec.rate, stacklevel=4)
+    if base is not None and is_same:
+        embedding, labels, sigma = base.embedding, base.labels, base.sigma
+    else:
+        embedding = embed_groups(samples, groups, spec, run.config, run.report)
+        run.report("clustering", 0, 1)
+        labels, sigma = cluster_groups(embedding, len(segments), run.config)
+        run.report("clustering", 1, 1)
+    library = LibraryData(
+        clips=(),
+        entries=entries,
+        segments=segments,
+        is_donor=np.concatenate([clip.is_donor for clip in clips]),
+        groups=groups,
+        config=run.config,
+        spec=spec,
+        embedding=embedding,
+        labels=labels,
+        sigma=sigma,
+        boundary_states={},
+        samples=samples,
+        refused={**({} if base is None else base.refused), **run.reasons()},
+        folder=None,
+    )
+    run.report("writing", 0, 1)
+    states = _boundary_parts(writer, base, clips, library)
+    commit_library(writer, library, [clip.location for clip in clips], states, run.rate)
+    run.report("writing", 1, 1)
+
+
+def _boundary_parts(
+    writer: GenerationWriter,
+    base: LibraryData | None,
+    clips: Sequence[_IndexedClip],
+    library: LibraryData,
+) -> BoundaryParts:
+    """Return the boundary states of each group in parts, in the order of segments.
+
+    They come from the arrays of `base` (shard 0 below) and from the new clips (shard 1).
+    """
+    runs = merge_ranges(RowRange(int(clip.is_new), clip.first_row, len(clip)) for clip in clips)
+
+    def parts(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
+        for is_new, first, n in runs:
+            for start in range(first, first + n, CHUNK):
+                stop = min(start + CHUNK, first + n)
+                if is_new:
+                    yield writer.read_boundary_states(key, start, stop)[:, joints]
+                elif base is not None:
+                    yield base.boundary_states[group][key][start:stop]
+
+    keys = (
+        writer.boundary_state_keys() if base is None else next(iter(base.boundary_states.values()))
+    )
+    return {
+        group: {key: parts(group, key, joints) for key in keys}
+        for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
+    }

@@ -1,0 +1,354 @@
+"""Ingest of single clips: read, segment, sample.
+
+The result for a clip depends on the clip, the library specification and the configuration only.
+Clips can therefore be ingested in any order, in any process, on any machine.
+"""
+
+import hashlib
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
+from mograft.analysis.embedding import normalise
+from mograft.analysis.segmentation import Segments, segment
+from mograft.body.faults import find_faults
+from mograft.body.mass import mass_model
+from mograft.config import Config
+from mograft.errors import MograftError
+from mograft.io.bvh import read_bvh
+from mograft.library.packing import PackedMotion, pack
+from mograft.library.spec import ClipProperties, LibrarySpec, rates_match
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = [
+    "INGEST_ERRORS",
+    "IngestTask",
+    "IngestedClip",
+    "RefusedClip",
+    "SourceFile",
+    "boundary_states",
+    "ingest",
+    "ingest_all",
+    "read_properties",
+]
+
+DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
+"""Kinds of faults that exclude the segments in which they lie as donors."""
+
+INGEST_ERRORS = (MograftError, OSError, ValueError)
+"""Errors by which a clip is refused."""
+
+_BATCH_CLIPS = 8
+"""Clips per call of a worker: enough that the cost of the call does not matter."""
+
+_MAX_PENDING_BATCHES = 16
+"""Batches that are submitted and not yet consumed; bounds memory."""
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """The state of a file when a clip was read from it.
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    size : int
+        Its size in bytes.
+    mtime_ns : int
+        Time of its last modification, in nanoseconds.
+    sha256 : str
+        SHA-256 of its bytes.
+    """
+
+    path: str
+    size: int
+    mtime_ns: int
+    sha256: str
+
+    @classmethod
+    def from_path(cls, path: str) -> "SourceFile":
+        """Return the present state of a file."""
+        with open(path, "rb") as stream:
+            status = os.fstat(stream.fileno())
+            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        return cls(path, status.st_size, status.st_mtime_ns, sha256)
+
+
+@dataclass(frozen=True, eq=False)
+class IngestTask:
+    """A clip to ingest.
+
+    Attributes
+    ----------
+    source : Motion or str
+        The clip, or its file.
+    rate_override : float, optional
+        Frames per second, if the file gives a wrong rate.
+    source_file : SourceFile, optional
+        The file from which a motion was read earlier.
+    as_read : bool
+        Whether the motion is an unchanged result of `read_bvh`.
+    """
+
+    source: Motion | str
+    rate_override: float | None = None
+    source_file: SourceFile | None = None
+    as_read: bool = False
+
+    @property
+    def name(self) -> str:
+        """The file or the name of the clip, for messages."""
+        if self.source_file is not None:
+            return self.source_file.path
+        return self.source if isinstance(self.source, str) else self.source.name or "a clip"
+
+    @property
+    def label(self) -> str:
+        """The file, or else the name of the clip, for messages."""
+        if self.source_file is not None:
+            return self.source_file.path
+        return self.source if isinstance(self.source, str) else self.source.name or "a clip"
+
+
+@dataclass(frozen=True, eq=False)
+class IngestedClip:
+    """A clip with its segments and their samples.
+
+    Attributes
+    ----------
+    clip : Motion or PackedMotion
+        The clip: at the library's rate if it is a motion; as it was read if it is packed.
+    name : str
+        Name of the motion; may be empty.
+    source_file : SourceFile or None
+        The file from which it was read.
+    properties : ClipProperties
+        Its properties.
+    n_frames : int
+        Number of frames at the library's rate.
+    segments : Segments
+        Its segments.
+    is_donor : ndarray of bool, shape (n_segments,)
+        Whether each segment is without a disqualifying fault.
+    faults : tuple of str
+        Messages of the disqualifying faults.
+    samples : ndarray of float32, shape (n_segments, n_numbers)
+        `Samples.packed` of the segments.
+    boundary_states : dict of str to ndarray, shape (n_segments, n_joints, ...)
+        Result of `boundary_states`, all joints.
+    """
+
+    clip: Motion | PackedMotion
+    name: str
+    source_file: SourceFile | None
+    properties: ClipProperties
+    n_frames: int
+    segments: Segments
+    is_donor: BoolArray
+    faults: tuple[str, ...]
+    samples: Packed
+    boundary_states: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class RefusedClip:
+    """A clip that cannot be part of the library.
+
+    Attributes
+    ----------
+    label : str
+        Its file or name.
+    error : Exception
+        The reason.
+    properties : ClipProperties or None
+        Its properties, if it could be read.
+    """
+
+    label: str
+    error: Exception
+    properties: ClipProperties | None
+
+
+def boundary_states(motion: Motion, segments: Segments) -> dict[str, FloatArray]:
+    """Return poses and velocities at the first and last frame of segments.
+
+    Parameters
+    ----------
+    motion : Motion
+        The clip.
+    segments : Segments
+        Its segments.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n_segments, n_joints, 4 or 3)
+        ``first`` and ``last``: the local rotations in the first and last frame.
+        ``first_velocity`` and ``last_velocity``: the angular velocities there, in the joints'
+        frames, in radians per second.
+    """
+    return {
+        "first": motion.rotations[segments.start],
+        "last": motion.rotations[segments.stop],
+        "first_velocity": _angular_velocities(motion, segments.start),
+        "last_velocity": _angular_velocities(motion, segments.stop),
+    }
+
+
+def _angular_velocities(motion: Motion, frames: IntArray) -> FloatArray:
+    """Return central differences; one-sided ones in the first and last frame of the motion."""
+    before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, motion.n_frames - 1)
+    steps = rotations.multiply(rotations.inverse(motion.rotations[before]), motion.rotations[after])
+    velocities: FloatArray = rotations.log(steps) * (motion.rate / (after - before))[:, None, None]
+    return velocities
+
+
+def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
+    """Read a clip, and return a task that holds it, and its properties.
+
+    Raises
+    ------
+    BvhError, OSError, ValueError
+        If the clip cannot be read or has a single frame.
+    """
+    task, motion = _read(task)
+    return task, ClipProperties.from_motion(motion)
+
+
+def _read(task: IngestTask) -> tuple[IngestTask, Motion]:
+    """Return a task that holds the clip as it was read, and the clip at its true rate."""
+    label, source = task.label, task.source
+    if isinstance(source, str):
+        try:
+            source.encode()
+        except UnicodeEncodeError as error:
+            raise ValueError(f"{source!r}: the file name is not UTF-8") from error
+        source_file = SourceFile.from_path(source)
+        source = read_bvh(source)
+        task = replace(task, source=source, source_file=source_file, as_read=True)
+    if source.n_frames < 2:
+        raise ValueError(f"{label} must have at least 2 frames, got 1")
+    rate = task.rate_override
+    return task, source if rate is None else replace(source, frame_time=1.0 / rate)
+
+
+def ingest(
+    task: IngestTask, spec: LibrarySpec, config: Config, *, is_packed: bool
+) -> IngestedClip | RefusedClip:
+    """Read, segment and sample one clip.
+
+    Parameters
+    ----------
+    task : IngestTask
+        The clip.
+    spec : LibrarySpec
+        The library specification.
+    config : Config
+        The configuration.
+    is_packed : bool
+        Whether to return the clip packed as it was read, or as a motion at the library's rate.
+
+    Returns
+    -------
+    IngestedClip or RefusedClip
+        Refused if the clip cannot be read, has a single frame or another hierarchy.
+    """
+    label, properties = task.label, None
+    try:
+        task, motion = _read(task)
+        properties = ClipProperties.from_motion(motion)
+        spec.skeleton.check_same_hierarchy(motion.skeleton, motion.name or label)
+        resampled = motion if rates_match(motion.rate, spec.rate) else motion.resample(spec.rate)
+        segments = segment(resampled, config)
+        is_donor, faults = _check_faults(resampled, segments)
+        samples = normalise(
+            [resampled],
+            segments,
+            config,
+            root=spec.root,
+            up=spec.up,
+            heights=[mass_model(resampled.skeleton).height],
+        )
+    except INGEST_ERRORS as error:
+        return RefusedClip(label, error, properties)
+    clip: Motion | PackedMotion = resampled
+    if is_packed and isinstance(task.source, Motion):
+        clip = pack(task.source, as_read=task.as_read)
+    return IngestedClip(
+        clip=clip,
+        name=motion.name,
+        source_file=task.source_file,
+        properties=properties,
+        n_frames=resampled.n_frames,
+        segments=segments,
+        is_donor=is_donor,
+        faults=faults,
+        samples=samples.packed(),
+        boundary_states=boundary_states(resampled, segments),
+    )
+
+
+def ingest_all(
+    tasks: Iterable[IngestTask],
+    spec: LibrarySpec,
+    config: Config,
+    executor: Executor | None,
+    *,
+    is_packed: bool,
+) -> Iterator[IngestedClip | RefusedClip]:
+    """Ingest clips, and yield the results in the order of the tasks.
+
+    Parameters
+    ----------
+    tasks : iterable of IngestTask
+        The clips; consumed as needed.
+    spec, config, is_packed
+        As for `ingest`.
+    executor : concurrent.futures.Executor, optional
+        The workers. Default: the calling thread.
+
+    Yields
+    ------
+    IngestedClip or RefusedClip
+        One per task.
+    """
+    if executor is None:
+        for task in tasks:
+            yield ingest(task, spec, config, is_packed=is_packed)
+        return
+    remaining = iter(tasks)
+    batches = iter(lambda: list(islice(remaining, _BATCH_CLIPS)), [])
+    pending: deque[Future[list[IngestedClip | RefusedClip]]] = deque()
+    try:
+        for batch in batches:
+            pending.append(executor.submit(_ingest_batch, batch, spec, config, is_packed=is_packed))
+            if len(pending) >= _MAX_PENDING_BATCHES:
+                yield from pending.popleft().result()
+        while pending:
+            yield from pending.popleft().result()
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def _ingest_batch(
+    tasks: Sequence[IngestTask], spec: LibrarySpec, config: Config, *, is_packed: bool
+) -> list[IngestedClip | RefusedClip]:
+    return [ingest(task, spec, config, is_packed=is_packed) for task in tasks]
+
+
+def _check_faults(motion: Motion, segments: Segments) -> tuple[BoolArray, tuple[str, ...]]:
+    """Return which segments have no disqualifying fault, and the messages of the faults."""
+    is_donor = np.ones(len(segments), bool)
+    faults = [fault for fault in find_faults(motion) if fault.kind in DISQUALIFYING_FAULTS]
+    for fault in faults:
+        first, last = fault.frames
+        is_donor[(segments.start <= last) & (segments.stop >= first)] = False
+    return is_donor, tuple(fault.message for fault in faults)

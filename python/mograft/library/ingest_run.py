@@ -1,0 +1,287 @@
+"""Ingest of all clips of a library: options, order, refusals, warnings."""
+
+import os
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import Protocol, TypedDict
+
+import numpy as np
+
+from mograft.config import Config
+from mograft.library.clip_table import ClipInfo
+from mograft.library.clusters import Progress
+from mograft.library.discover import FoundClip, matching_values
+from mograft.library.ingest import (
+    INGEST_ERRORS,
+    IngestedClip,
+    IngestTask,
+    ingest_all,
+    read_properties,
+)
+from mograft.library.spec import ClipProperties, LibrarySpec, choose_spec, rates_match
+
+__all__ = [
+    "ClipOrder",
+    "ClipReceiver",
+    "IngestOptions",
+    "IngestRun",
+    "PendingClip",
+    "warn_of_clips",
+]
+
+_MAX_SAMPLED_CLIPS = 9
+"""Clips from which the library specification is guessed before all clips are read."""
+
+_MAX_WARNINGS = 8
+"""Clips that warnings name."""
+
+_MAX_FAULTS = 3
+"""Faults per clip that warnings name."""
+
+
+class IngestOptions(TypedDict, total=False):
+    """Keyword arguments that `Library.build` and `Library.index` share and document."""
+
+    rate: float | None
+    frame_rates: Mapping[str, float] | None
+    tags: Mapping[str, Iterable[str]] | None
+    executor: Executor | None
+    progress: Progress | None
+
+
+@dataclass(frozen=True, order=True)
+class ClipOrder:
+    """The position of a clip among the clips of a library.
+
+    Attributes
+    ----------
+    rank : int
+        Clips are sorted by rank first.
+    path : tuple of str
+        Then by their paths relative to the library, or other strings.
+    """
+
+    rank: int
+    path: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class PendingClip:
+    """A clip to ingest.
+
+    Attributes
+    ----------
+    order : ClipOrder
+        Its position in the library.
+    found : FoundClip or None
+        The source of the clip; None for a clip of the previous generation.
+    rate_override : float or None
+        Frames per second, if the file gives a wrong rate.
+    info : ClipInfo or None
+        The metadata in the previous generation, if the clip comes from there.
+    """
+
+    order: ClipOrder
+    found: FoundClip | None
+    rate_override: float | None
+    info: ClipInfo | None = None
+
+    def task(self) -> IngestTask:
+        """Return the task that reads the clip from its source."""
+        if self.found is None:
+            raise RuntimeError("a clip of the previous generation is read from its files")
+        source = self.found.source
+        if isinstance(source, str):
+            source = os.path.abspath(source)
+        return IngestTask(source, self.rate_override)
+
+    def updated_info(
+        self, clip: IngestedClip, tags: Mapping[str, Iterable[str]] | None
+    ) -> ClipInfo:
+        """Return the metadata of the ingested clip; the name may not be unique."""
+        if self.info is not None:
+            return replace(self.info, n_frames=clip.n_frames, faults=clip.faults)
+        words: list[str] = []
+        if self.found is not None:
+            words += self.found.folders
+            words += chain.from_iterable(matching_values(tags, self.found))
+        return ClipInfo(
+            name=clip.name,
+            source_name=clip.name,
+            source_file=clip.source_file,
+            source_rate=clip.properties.rate,
+            rate_override=self.rate_override,
+            source_frames=clip.properties.n_frames,
+            n_frames=clip.n_frames,
+            root=clip.properties.root,
+            up=clip.properties.up,
+            faults=clip.faults,
+            tags=tuple(dict.fromkeys(words)),
+        )
+
+
+class ClipReceiver(Protocol):
+    """Receives ingested clips."""
+
+    def receive(self, pending: PendingClip, clip: IngestedClip) -> None:
+        """Store a clip."""
+        ...
+
+    def discard(self) -> None:
+        """Remove all clips: they are ingested again with another specification."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class IngestRun:
+    """Options of an ingest of several clips, and the clips that were refused.
+
+    Attributes
+    ----------
+    config : Config
+        The configuration.
+    rate, frame_rates, tags, executor, progress
+        As for `Library.build`.
+    strict : bool
+        Whether a clip that is refused ends the run with an error.
+    is_packed : bool
+        Whether clips are returned packed or as motions.
+    errors : dict of str to Exception
+        Why clips were refused, by file or name.
+    """
+
+    config: Config
+    strict: bool
+    is_packed: bool
+    rate: float | None = None
+    frame_rates: Mapping[str, float] | None = None
+    tags: Mapping[str, Iterable[str]] | None = None
+    executor: Executor | None = None
+    progress: Progress | None = None
+    errors: dict[str, Exception] = field(default_factory=dict)
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        """Report progress."""
+        if self.progress is not None:
+            self.progress(stage, done, total)
+
+    def pending(self, order: ClipOrder, found: FoundClip) -> PendingClip:
+        """Return a clip to ingest, with its rate if `frame_rates` gives one."""
+        rates = matching_values(self.frame_rates, found)
+        if rates and not 0 < rates[-1] < float("inf"):
+            raise ValueError(f"frame_rates must be above 0 frames per second, got {rates[-1]}")
+        return PendingClip(order, found, float(rates[-1]) if rates else None)
+
+    def ingest_and_choose_spec(
+        self, clips: Sequence[PendingClip], receiver: ClipReceiver
+    ) -> LibrarySpec:
+        """Ingest clips with the specification that follows from their properties.
+
+        The specification is guessed from a few clips. If the properties of all clips lead to
+        another one, all are ingested again.
+        """
+        tasks, spec = self._guess_spec([clip.task() for clip in clips])
+        while True:
+            properties = self.ingest_with_spec(clips, tasks, receiver, spec)
+            chosen = self.choose_spec(properties)
+            if chosen.is_equivalent(spec):
+                self.raise_if_strict()
+                return spec
+            receiver.discard()
+            spec = chosen
+
+    def ingest_with_spec(
+        self,
+        clips: Sequence[PendingClip],
+        tasks: Iterable[IngestTask],
+        receiver: ClipReceiver,
+        spec: LibrarySpec,
+    ) -> list[tuple[ClipOrder, ClipProperties]]:
+        """Ingest clips with a given specification; return the properties of those it could read."""
+        properties: list[tuple[ClipOrder, ClipProperties]] = []
+        self.errors.clear()
+        results = ingest_all(tasks, spec, self.config, self.executor, is_packed=self.is_packed)
+        for done, (clip, result) in enumerate(zip(clips, results, strict=True), start=1):
+            self.report("reading", done, len(clips))
+            if result.properties is not None:
+                properties.append((clip.order, result.properties))
+            if isinstance(result, IngestedClip):
+                receiver.receive(clip, result)
+                continue
+            self.errors[result.label] = result.error
+            if result.properties is None and self.strict:
+                raise result.error
+        return properties
+
+    def choose_spec(self, properties: Sequence[tuple[ClipOrder, ClipProperties]]) -> LibrarySpec:
+        """Choose the library specification, independent of the order of ingest."""
+        ordered = sorted(properties, key=lambda pair: pair[0])
+        return choose_spec([clip for _, clip in ordered], self.rate)
+
+    def raise_if_strict(self) -> None:
+        """Raise the first error in a strict run."""
+        for error in self.errors.values():
+            if self.strict:
+                raise error
+
+    def reasons(self) -> dict[str, str]:
+        """Return why clips were refused, by file or name."""
+        return {label: str(error) for label, error in self.errors.items()}
+
+    def _guess_spec(self, tasks: list[IngestTask]) -> tuple[list[IngestTask], LibrarySpec]:
+        """Guess the specification from a few clips; return tasks that hold these clips."""
+        sampled = np.unique(np.linspace(0, len(tasks) - 1, _MAX_SAMPLED_CLIPS).round().astype(int))
+        indices = sampled.tolist()
+        properties: list[ClipProperties] = []
+        errors: list[Exception] = []
+        for index in [*indices, *range(len(tasks))]:
+            if properties and index not in indices:
+                break
+            try:
+                tasks[index], clip = read_properties(tasks[index])
+            except INGEST_ERRORS as error:
+                errors.append(error)
+            else:
+                properties.append(clip)
+        if properties:
+            return tasks, choose_spec(properties, self.rate)
+        if self.strict:
+            raise errors[0]
+        raise ValueError(f"no clip can be used: {errors[0]}") from errors[0]
+
+
+def warn_of_clips(entries: Sequence[ClipInfo], rate: float, *, stacklevel: int) -> None:
+    """Warn of clips that were resampled and of clips with faults.
+
+    Parameters
+    ----------
+    entries : sequence of ClipInfo
+        The clips.
+    rate : float
+        The library's frame rate.
+    stacklevel : int
+        The stack frame that warnings name: 1 for the caller, 2 for its caller and so on.
+    """
+
+    def warn(message: str) -> None:
+        warnings.warn(message, stacklevel=stacklevel + 2)
+
+    resampled = [info.name for info in entries if not rates_match(info.source_rate, rate)]
+    if resampled:
+        names = _join_first(resampled, _MAX_WARNINGS, ", ", " and {} more")
+        warn(f"resampled to {rate:.6g} fps, the rate of most frames: {names}")
+    faulty = [info for info in entries if info.faults]
+    for info in faulty[:_MAX_WARNINGS]:
+        faults = _join_first(info.faults, _MAX_FAULTS, "; ", "; and {} more")
+        warn(f"{info.name}: {faults}. Segments with these frames are excluded as donors")
+    if len(faulty) > _MAX_WARNINGS:
+        n = len(faulty) - _MAX_WARNINGS
+        warn(f"faults in {n} more clips; segments with these frames are excluded as donors, too")
+
+
+def _join_first(words: Sequence[str], limit: int, separator: str, rest: str) -> str:
+    n_more = len(words) - limit
+    return separator.join(words[:limit]) + (rest.format(n_more) if n_more > 0 else "")

@@ -1,0 +1,330 @@
+"""The class `Library`: build, store and open libraries of segments."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Unpack
+
+from mograft._util.validate import is_integer
+from mograft.body.groups import JointGroups
+from mograft.config import Config
+from mograft.library import storage
+from mograft.library.build import build_library
+from mograft.library.clusters import Progress
+from mograft.library.derive import DerivableLibrary
+from mograft.library.discover import ClipSource
+from mograft.library.folder import load_library, save_library
+from mograft.library.indexing import add_to_folder, index_folder
+from mograft.library.ingest_run import IngestOptions, IngestRun
+from mograft.search.candidates import Candidates
+
+if TYPE_CHECKING:
+    from mograft.search.constraints import Constraint
+
+__all__ = ["Library"]
+
+Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Library(DerivableLibrary):
+    """Clips of one skeleton, cut into segments that are compared and clustered by joint group.
+
+    Use `Library.build` in memory, `Library.index` in a folder, and `Library.open` to open it.
+
+    Attributes
+    ----------
+    clips : sequence of Motion
+        The clips, of one hierarchy and one frame rate; offsets may differ. The clips of a
+        library in a folder are read when they are indexed.
+    entries : tuple of ClipInfo
+        Metadata of each clip: name, source file, source rate, faults, tags.
+    segments : Segments
+        The segments of all clips, clip by clip in order of time.
+    is_donor : ndarray of bool, shape (n_segments,)
+        Whether a segment may replace another. Segments with faults are excluded.
+    groups : JointGroups
+        The joint groups.
+    config : Config
+        The configuration with which the library was built.
+    spec : LibrarySpec
+        `skeleton`, `rate`, `root` and `up`.
+    embedding : dict of str to Embedding or None
+        For each group the segments as points; None if there was nothing to compare.
+    labels : dict of str to ndarray of int, shape (n_segments,)
+        For each group the cluster of each segment, numbered by first member from 0.
+    sigma : dict of str to float
+        For each group the greatest diameter of a cluster.
+    boundary_states : dict of str to dict of str to ndarray
+        For each group the poses and velocities of its joints at the first and last frame of
+        the segments, as in `SegmentPool`.
+    samples : Samples or StoredSamples
+        The resampled segments from which features are computed.
+    refused : dict of str to str
+        Files that were left out, and the reasons.
+    folder : Path or None
+        The folder of the library; None in memory.
+    """
+
+    @classmethod
+    def build(
+        cls,
+        sources: ClipSource | Iterable[ClipSource],
+        groups: JointGroups | str = "lower_upper",
+        config: Config | None = None,
+        *,
+        mirrored: bool = False,
+        **options: Unpack[IngestOptions],
+    ) -> "Library":
+        """Build a library in memory.
+
+        Parameters
+        ----------
+        sources : Motion, path, folder or glob, or several
+            The clips; the files of a folder or glob in order of name.
+        groups : JointGroups or str
+            The joint groups, or the name of a preset.
+        config : Config, optional
+            The configuration.
+        mirrored : bool
+            Whether to append the mirror images of all clips; see `mirrored`.
+        rate : float, optional
+            Frames per second. Default: the rate of most frames.
+        frame_rates : mapping of str to float, optional
+            The true frames per second of clips whose file gives a wrong rate, by name,
+            file name or glob of these.
+        tags : mapping of str to iterable of str, optional
+            Words by which donors can be chosen, by name, file name or glob of these; the
+            folders between a source and a file are tags, too.
+        executor : concurrent.futures.Executor, optional
+            The workers that read, segment and sample clips: a pool of threads or of processes,
+            or ``dask.distributed.Client.get_executor()``. Workers must have access to the
+            files. The result does not depend on it. Default: the calling thread.
+        progress : callable, optional
+            Called with the name of a stage, the number of items done and of all items.
+
+        Raises
+        ------
+        BvhError, FileNotFoundError
+            If a file is not a valid BVH file; if a path, folder or glob holds no file.
+        SkeletonMismatchError
+            If the clips differ in joint names or hierarchy.
+        ValueError
+            If the groups do not fit the skeleton, or a clip has a single frame.
+
+        Warns
+        -----
+        UserWarning
+            If clips are resampled to the library's rate, have faults such as a T-pose in the
+            first frame, or a group has nothing to compare.
+
+        Examples
+        --------
+        >>> from mograft.dancer import dance
+        >>> library = Library.build(dance(strides=1).motion)
+        >>> sorted(library.labels)
+        ['lower', 'upper']
+        """
+        run = IngestRun(config=config or Config(), strict=True, is_packed=False, **options)
+        library = build_library(cls, sources, groups, run)
+        return library.mirrored() if mirrored else library
+
+    @classmethod
+    def index(
+        cls,
+        sources: Paths,
+        path: str | PathLike[str],
+        groups: JointGroups | str = "lower_upper",
+        config: Config | None = None,
+        *,
+        strict: bool = False,
+        force: bool = False,
+        **options: Unpack[IngestOptions],
+    ) -> "Library":
+        """Build a library in a folder, with memory that does not grow with the clips.
+
+        Parameters
+        ----------
+        sources : path, folder or glob, or several
+            The files, in any order: the clips of the library are sorted by path.
+        path : path
+            The folder to create.
+        groups, config, rate, frame_rates, tags, executor, progress
+            As for `build`.
+        strict : bool
+            Whether a clip that cannot be read or does not fit is an error. By default it is
+            left out and listed in `refused`.
+        force : bool
+            Whether to replace an existing library.
+
+        Returns
+        -------
+        Library
+            As `open` returns it. The previous library stays valid until the new one is
+            complete.
+
+        Raises
+        ------
+        FileExistsError
+            If the library exists.
+        LibraryError
+            If the folder is not a library, or another process is writing to it.
+        ValueError
+            If the groups do not fit the skeleton, or no clip can be used.
+        BvhError, FileNotFoundError, SkeletonMismatchError
+            As for `build`; for single clips only with `strict`.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from mograft import write_bvh
+        >>> from mograft.dancer import dance
+        >>> with TemporaryDirectory() as folder:
+        ...     write_bvh(dance(strides=1).motion, f"{folder}/dance.bvh")
+        ...     library = Library.index(folder, f"{folder}/dance.mograft")
+        ...     library.entries[0].name, len(library.clips)
+        ('dance', 1)
+        """
+        run = IngestRun(config=config or Config(), strict=strict, is_packed=True, **options)
+        index_folder(Path(path), sources, groups, run, force=force)
+        return cls.open(path)
+
+    def add(
+        self,
+        sources: Paths,
+        *,
+        frame_rates: Mapping[str, float] | None = None,
+        tags: Mapping[str, Iterable[str]] | None = None,
+        strict: bool = False,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> "Library":
+        """Add clips to a library in a folder.
+
+        Parameters
+        ----------
+        sources : path, folder or glob, or several
+            The files. Files that the library holds and that have not changed are not read.
+        frame_rates, tags, strict, executor, progress
+            As for `index`.
+
+        Returns
+        -------
+        Library
+            The library that `index` would have built from all files. This one stays as it was.
+
+        Raises
+        ------
+        LibraryError
+            If the library is damaged.
+        ValueError
+            If the library is in memory.
+        BvhError, FileNotFoundError, LibraryError, SkeletonMismatchError
+            As for `index`.
+
+        Notes
+        -----
+        A file is unchanged if its size and modification time, or else its SHA-256, are the
+        same. Clips whose files were removed stay in the library.
+        """
+        if self.folder is None:
+            raise ValueError("the library is in memory: save it first, or build it of all clips")
+        run = IngestRun(
+            config=self.config,
+            strict=strict,
+            is_packed=True,
+            frame_rates=frame_rates,
+            tags=tags,
+            executor=executor,
+            progress=progress,
+        )
+        add_to_folder(self.folder, sources, run)
+        return Library.open(self.folder)
+
+    def save(self, path: str | PathLike[str], *, force: bool = False) -> None:
+        """Write the library to a folder.
+
+        Parameters
+        ----------
+        path : path
+            The folder to create.
+        force : bool
+            Whether to replace an existing library.
+
+        Raises
+        ------
+        FileExistsError
+            If the library exists.
+        LibraryError
+            If the folder is not a library, or another process is writing to it.
+        ValueError
+            If a clip was appended by `with_clip`.
+
+        Notes
+        -----
+        `open` returns the same numbers, bit for bit. Clips are written at the library's rate.
+        """
+        save_library(self, Path(path), force=force)
+
+    @classmethod
+    def open(cls, path: str | PathLike[str]) -> "Library":
+        """Open a library in a folder.
+
+        Parameters
+        ----------
+        path : path
+            The folder.
+
+        Returns
+        -------
+        Library
+            With mapped arrays, which do not change when another process adds clips.
+
+        Raises
+        ------
+        LibraryError
+            If the library is damaged, foreign, or written by a newer version.
+        FileNotFoundError
+            If the folder does not exist.
+        """
+        return load_library(cls, storage.read(Path(path)))
+
+    def candidates(
+        self, segment: int, group: str, constraints: Sequence["Constraint"] = ()
+    ) -> Candidates:
+        """Return which segments can replace a group of a segment, and why others cannot.
+
+        Parameters
+        ----------
+        segment : int
+            Index of the base segment.
+        group : str
+            The group to replace.
+        constraints : sequence of Constraint, optional
+            Donors that violate a hard constraint when placed at the segment are refused.
+
+        Returns
+        -------
+        Candidates
+            All members of the base segment's cluster, with costs.
+
+        Raises
+        ------
+        ValueError
+            If the segment or the group does not exist, or the group is the base.
+        """
+        if not is_integer(segment) or not 0 <= segment < len(self.segments):
+            raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
+        if group == self.groups.base:
+            raise ValueError(f"group must not be the base group, {group!r}, which is kept")
+        pool = self.pool(group)
+        candidates = pool.judge(segment, pool.points, self.config)
+        if not constraints:
+            return candidates
+        from mograft.synthesis.search_problem import (
+            reasons,  # layer exception: checks donors in place
+        )
+
+        return reasons(self, segment, group, candidates, constraints)

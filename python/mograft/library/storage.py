@@ -1,0 +1,236 @@
+"""Read libraries from disk: a folder of arrays, a database, and a manifest with their hashes.
+
+::
+
+    NAME/manifest.json        metadata of the library, and the SHA-256 of every other file
+    NAME/0003/                its third generation
+        catalog.sqlite        clips, skeletons, segments, labels
+        frames-0001.npy       the clips as they were read, packed, float64, one after the other
+        frames-0003.npy       the clips that were added in this generation
+        samples-0001.npy      the samples of the segments, float32, one row each
+        starts.npy ...        the segments
+        0/points.npy ...      the first joint group: embedding, labels, boundary states
+
+Files of a generation never change. The next generation links the files that both have in common
+instead of copying them. A generation becomes the library at the moment when a manifest that names
+it replaces the previous manifest: if writing stops, by a crash or otherwise, the folder holds
+either the old library or the new one. Readers need no lock. Writers hold an exclusive lock
+(`mograft.library.generation`).
+"""
+
+import hashlib
+import json
+import os
+import sqlite3
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft.errors import LibraryError
+from mograft.library.array_files import map_array
+from mograft.library.clip_table import ClipTable, read_clip_table
+from mograft.library.stored_clips import RowRange, StoredSamples, merge_ranges
+
+__all__ = ["StoredLibrary", "list_leftovers", "read", "read_manifest", "verify"]
+
+FORMAT, FORMAT_VERSION = "mograft.library", 1
+MANIFEST, DATABASE, LOCK = "manifest.json", "catalog.sqlite", ".lock"
+
+_MAX_READ_ATTEMPTS = 8
+"""How often reading starts again because another process replaced the generation."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredLibrary:
+    """The files of a stored library.
+
+    Attributes
+    ----------
+    folder : Path
+        The library.
+    manifest : dict
+        Its manifest.
+    table : ClipTable
+        Its clips.
+    arrays : dict of str to ndarray
+        All arrays except ``samples``, mapped, by path within the generation without ``.npy``.
+    """
+
+    folder: Path
+    manifest: dict[str, Any]
+    table: ClipTable
+    arrays: dict[str, npt.NDArray[Any]]
+
+    def samples(self) -> StoredSamples:
+        """Return the samples of all segments, which are read when needed."""
+        locations = self.table.locations
+        counts = np.bincount(self.arrays["clips"], minlength=len(locations)).tolist()
+        folder = self.folder / self.manifest["generation"]
+        return StoredSamples(
+            files=tuple(folder / f"samples-{name}.npy" for name in self.manifest["shards"]),
+            ranges=merge_ranges(
+                RowRange(location.shard, location.first_row, n)
+                for location, n in zip(locations, counts, strict=True)
+            ),
+            n_samples=self.manifest["config"]["samples"],
+            n_joints=len(self.manifest["skeleton"]["names"]),
+        )
+
+
+def read(folder: Path) -> StoredLibrary:
+    """Open the files of a library.
+
+    Parameters
+    ----------
+    folder : Path
+        The library.
+
+    Returns
+    -------
+    StoredLibrary
+        With every array mapped: it stays whole when another process writes the next generation.
+
+    Raises
+    ------
+    LibraryError
+        If the library is damaged, foreign, or written by a newer version.
+    FileNotFoundError
+        If the folder does not exist.
+    """
+    for _ in range(_MAX_READ_ATTEMPTS):
+        manifest = read_manifest(folder)
+        try:
+            return _read_generation(folder, manifest)
+        except FileNotFoundError as error:
+            # Another process may have replaced the generation since the manifest was read.
+            if read_manifest(folder) == manifest:
+                raise _damage(folder, f"{Path(error.filename).name} is missing") from error
+    raise LibraryError(f"{folder} was rewritten {_MAX_READ_ATTEMPTS} times while it was read")
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of a library after checking format, version and checksum."""
+    if not folder.exists():
+        raise FileNotFoundError(2, "no such library", str(folder))
+    try:
+        document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except NotADirectoryError as error:
+        raise LibraryError(f"{folder} is not a mograft library: it is a file") from error
+    except FileNotFoundError as error:
+        raise LibraryError(
+            f"{folder} is not a mograft library: it has no {MANIFEST}; "
+            f"create one with: mograft index CLIPS -o {folder}"
+        ) from error
+    except ValueError as error:
+        raise _damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise LibraryError(f"{folder} is not a mograft library: its {MANIFEST} has another format")
+    version = document.get("version")
+    if not isinstance(version, int):
+        raise _damage(folder, f"{MANIFEST} has no version")
+    if version > FORMAT_VERSION:
+        raise LibraryError(
+            f"{folder} has format version {version}, written by mograft "
+            f"{document.get('mograft')}; this is mograft {VERSION}, which reads versions up to "
+            f"{FORMAT_VERSION}: upgrade mograft"
+        )
+    if document.get("checksum") != manifest_checksum(document):
+        raise _damage(folder, f"{MANIFEST} does not match its checksum")
+    return document
+
+
+def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
+    arrays = {}
+    prefix = manifest["generation"] + "/"
+    for name, expected in manifest["files"].items():
+        path = folder / name
+        size = path.stat().st_size
+        if size != expected["bytes"]:
+            raise _damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
+        key = name.removeprefix(prefix).removesuffix(".npy")
+        if name.endswith(".npy") and not key.startswith("samples-"):
+            try:
+                arrays[key] = map_array(path)
+            except ValueError as error:
+                raise _damage(folder, f"{name}: {error}") from error
+    try:
+        table = read_clip_table(folder / prefix / DATABASE)
+    except (sqlite3.Error, KeyError, TypeError, ValueError) as error:
+        raise _damage(folder, f"{DATABASE}: {error}") from error
+    return StoredLibrary(folder, manifest, table, arrays)
+
+
+def _damage(folder: Path, reason: str) -> LibraryError:
+    return LibraryError(
+        f"{folder} is damaged: {reason}. Restore a copy, or build it again: "
+        f"mograft index CLIPS -o {folder} --force"
+    )
+
+
+def verify(folder: Path) -> list[str]:
+    """Compare the size and the SHA-256 of every file of a library with the manifest.
+
+    Parameters
+    ----------
+    folder : Path
+        The library.
+
+    Returns
+    -------
+    list of str
+        One message per missing or differing file; empty if the library is intact.
+
+    Raises
+    ------
+    LibraryError
+        If the manifest cannot be read.
+    """
+    manifest = read_manifest(folder)
+    problems = []
+    files = [name for name in manifest["files"] if (folder / name).is_file()]
+    hashes = hash_files(folder, files)
+    for name, expected in manifest["files"].items():
+        if name not in hashes:
+            problems.append(f"{name} is missing")
+        elif hashes[name]["bytes"] != expected["bytes"]:
+            n_bytes = hashes[name]["bytes"]
+            problems.append(f"{name} has {n_bytes} bytes, expected {expected['bytes']}")
+        elif hashes[name] != expected:
+            problems.append(f"{name} has changed: its SHA-256 differs from the manifest")
+    if not problems:
+        try:
+            read(folder)
+        except LibraryError as error:
+            problems.append(str(error))
+    return problems
+
+
+def list_leftovers(folder: Path) -> list[str]:
+    """Return the names of files that an interrupted write left; the next write removes them."""
+    manifest = read_manifest(folder)
+    known = {MANIFEST, LOCK, manifest["generation"]}
+    return sorted(path.name for path in folder.iterdir() if path.name not in known)
+
+
+def manifest_checksum(document: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a manifest without its checksum."""
+    rest = {key: value for key, value in document.items() if key != "checksum"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def hash_files(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the size (``bytes``) and ``sha256`` of files of a folder, by name."""
+
+    def hash_file(name: str) -> dict[str, Any]:
+        with (folder / name).open("rb") as stream:
+            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+            return {"bytes": stream.tell(), "sha256": sha256}
+
+    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
+        return dict(zip(names, pool.map(hash_file, names), strict=True))

@@ -1,0 +1,192 @@
+"""Clips and samples that are read from the files of a library when they are needed."""
+
+import contextlib
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, overload
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, Packed
+from mograft.analysis.embedding import CHUNK, Samples
+from mograft.library.array_files import HEADER_BYTES
+from mograft.library.clip_table import ClipTable
+from mograft.library.packing import PackedMotion, unpack
+from mograft.library.spec import rates_match
+from mograft.motion.motion import Motion
+
+__all__ = ["ExtendedClips", "RowRange", "StoredClips", "StoredSamples", "merge_ranges"]
+
+_MAX_CACHED_CLIPS = 16
+"""Clips that stay in memory: a graft reads the same few again and again."""
+
+
+class StoredClips(Sequence[Motion]):
+    """The clips of a stored library, each read when it is indexed.
+
+    Parameters
+    ----------
+    table : ClipTable
+        Metadata and locations of the clips.
+    frames : sequence of ndarray
+        The mapped arrays in which the packed motions lie, one per shard.
+    rate : float
+        The library's frame rate, to which clips are resampled.
+    """
+
+    def __init__(self, table: ClipTable, frames: Sequence[FloatArray], rate: float) -> None:
+        self.table = table
+        self._frames, self._rate = frames, rate
+        self._cache: OrderedDict[int, Motion] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self.table.entries)
+
+    @overload
+    def __getitem__(self, index: int) -> Motion: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
+    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
+        if isinstance(index, slice):
+            return tuple(self[clip] for clip in range(*index.indices(len(self))))
+        clip = range(len(self))[index]
+        motion = self._cache.get(clip)
+        if motion is None:
+            motion = self.original(clip)
+            if not rates_match(motion.rate, self._rate):
+                motion = motion.resample(self._rate)
+            self._cache[clip] = motion
+            if len(self._cache) > _MAX_CACHED_CLIPS:
+                self._cache.popitem(last=False)
+        return motion
+
+    def original(self, index: int, *, as_read: bool = False) -> Motion:
+        """Return a clip before resampling.
+
+        Parameters
+        ----------
+        index : int
+            Index of the clip.
+        as_read : bool
+            Whether to return it with the frame rate and the name that the file gives. By
+            default the rate is the true one and the name that of the library.
+        """
+        info, location = self.table.entries[index], self.table.locations[index]
+        start, frame_time = location.first_number, location.frame_time
+        if info.rate_override is not None and not as_read:
+            frame_time = 1.0 / info.rate_override
+        return unpack(
+            PackedMotion(
+                content=location.content,
+                numbers=self._frames[location.shard][start : start + location.n_numbers],
+                skeleton=self.table.skeletons[location.skeleton],
+                frame_time=frame_time,
+                n_frames=info.source_frames,
+                name=info.source_name if as_read else info.name,
+                path=None if info.source_file is None else info.source_file.path,
+                repairs=location.repairs,
+            )
+        )
+
+
+class ExtendedClips(Sequence[Motion]):
+    """A sequence of clips with one clip appended, without reading the others."""
+
+    def __init__(self, clips: Sequence[Motion], last: Motion) -> None:
+        self._clips, self._last = clips, last
+
+    def __len__(self) -> int:
+        return len(self._clips) + 1
+
+    @overload
+    def __getitem__(self, index: int) -> Motion: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
+    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
+        if isinstance(index, slice):
+            return tuple(self[clip] for clip in range(*index.indices(len(self))))
+        clip = range(len(self))[index]
+        return self._last if clip == len(self._clips) else self._clips[clip]
+
+
+class RowRange(NamedTuple):
+    """Consecutive rows of one shard.
+
+    Attributes
+    ----------
+    shard : int
+        Index of the shard.
+    first : int
+        The first row.
+    n : int
+        Number of rows.
+    """
+
+    shard: int
+    first: int
+    n: int
+
+
+def merge_ranges(ranges: Iterable[RowRange]) -> tuple[RowRange, ...]:
+    """Join ranges of rows that follow one another in the same shard."""
+    merged: list[RowRange] = []
+    for item in ranges:
+        last = merged[-1] if merged else None
+        if last is not None and (last.shard, last.first + last.n) == (item.shard, item.first):
+            merged[-1] = RowRange(last.shard, last.first, last.n + item.n)
+        else:
+            merged.append(item)
+    return tuple(merged)
+
+
+@dataclass(frozen=True)
+class StoredSamples:
+    """Samples of all segments, in the order of the library, read from files.
+
+    The files are read, not mapped: pages that are mapped would count as memory of the process
+    for as long as it runs.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        The ``samples`` files, one per shard.
+    ranges : tuple of RowRange
+        Rows of these files in the order of the library.
+    n_samples, n_joints : int
+        Samples per segment, and joints of each.
+    """
+
+    files: tuple[Path, ...]
+    ranges: tuple[RowRange, ...]
+    n_samples: int
+    n_joints: int
+
+    def __len__(self) -> int:
+        return sum(item.n for item in self.ranges)
+
+    def chunks(self) -> Iterator[Samples]:
+        """Yield `CHUNK` segments at a time, independent of how rows are divided into files."""
+        for rows in self._row_chunks():
+            yield Samples(rows, self.n_samples, self.n_joints)
+
+    def _row_chunks(self) -> Iterator[Packed]:
+        width = self.n_samples * (4 * self.n_joints + 3) + 1
+        with contextlib.ExitStack() as stack:
+            streams = [stack.enter_context(path.open("rb")) for path in self.files]
+            parts: list[Packed] = []
+            n_collected = 0
+            for shard, first, n in self.ranges:
+                n_read = 0
+                while n_read < n:
+                    count = min(n - n_read, CHUNK - n_collected)
+                    streams[shard].seek(HEADER_BYTES + 4 * width * (first + n_read))
+                    part = np.fromfile(streams[shard], "<f4", count * width)
+                    parts.append(part.reshape(count, width))
+                    n_collected, n_read = n_collected + count, n_read + count
+                    if n_collected == CHUNK:
+                        yield parts[0] if len(parts) == 1 else np.concatenate(parts)
+                        parts, n_collected = [], 0
+            if parts:
+                yield np.concatenate(parts)

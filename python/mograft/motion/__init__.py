@@ -1,0 +1,1 @@
+"""Rotations, resampling, skeletons and motions."""

@@ -1,0 +1,293 @@
+"""`Motion`: the joint rotations and positions of a skeleton in every frame."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft import _core
+from mograft._util.arrays import (
+    BoolArray,
+    FloatArray,
+    as_floats,
+    as_quaternions,
+    as_vectors,
+    make_read_only,
+    restore,
+)
+from mograft.motion import rotations
+from mograft.motion.resample import resample_segment_positions, resample_segments
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["Motion", "world_transforms"]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Joint rotations and positions of a skeleton in every frame of one clip.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    frame_time : float
+        Seconds from one frame to the next.
+    rotations : array_like, shape (n_frames, n_joints, 4)
+        Local rotations: unit quaternions, xyzw.
+    positions : array_like, shape (n_frames, n_joints, 3)
+        Local translations in the unit of the file. Joints without position channels hold their
+        rest offset.
+    channel_values : array_like, shape (n_frames, n_channels), optional
+        The numbers of the file, in its order and units (degrees). NaN marks a number that the
+        writer derives from the rotation or translation. Default: NaN everywhere.
+    name : str
+        Name of the motion; for a file, its stem.
+    path : Path, optional
+        The file that it was read from.
+    repairs : tuple of str
+        Deviations from the format that the reader tolerated, each with its line.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit the skeleton, a value is not finite, a quaternion does not have
+        unit norm or the frame time is not above 0.
+
+    Examples
+    --------
+    >>> skeleton = Skeleton(["Hips"], [-1], [[0, 0, 0]])
+    >>> motion = Motion(skeleton, 1 / 30, [[[0, 0, 0, 1]]] * 61, [[[0, 90, 0]]] * 61)
+    >>> motion
+    Motion(1 joint, 61 frames, 30 fps, 2.00 s)
+    >>> motion[15:31]
+    Motion(1 joint, 16 frames, 30 fps, 0.50 s)
+    """
+
+    skeleton: Skeleton
+    frame_time: float
+    rotations: FloatArray
+    positions: FloatArray
+    channel_values: FloatArray | None = None
+    name: str = ""
+    path: Path | None = None
+    repairs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n_joints = self.skeleton.n_joints
+        quats = as_quaternions("rotations", self.rotations, ("n_frames", n_joints))
+        places = as_vectors("positions", self.positions, (len(quats), n_joints))
+        if not len(quats):
+            raise ValueError("rotations must hold at least one frame, got none")
+        frame_time = float(as_floats("frame_time", self.frame_time, ()))
+        if frame_time <= 0:
+            raise ValueError(f"frame_time must be above 0 seconds, got {frame_time}")
+        shape = (len(quats), self.skeleton.n_channels)
+        if self.channel_values is not None and self.channel_values.shape != shape:
+            got = self.channel_values.shape
+            raise ValueError(f"channel_values must have shape {shape}, got {got}")
+        for name, array in (("rotations", quats), ("positions", places)):
+            view = array.view()
+            make_read_only(view)
+            object.__setattr__(self, name, view)
+        if self.channel_values is not None:
+            view = self.channel_values.view()
+            make_read_only(view)
+            object.__setattr__(self, "channel_values", view)
+        object.__setattr__(self, "frame_time", frame_time)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
+
+    def __repr__(self) -> str:
+        joints = "1 joint" if self.n_joints == 1 else f"{self.n_joints} joints"
+        frames = "1 frame" if self.n_frames == 1 else f"{self.n_frames} frames"
+        name = f"{self.name}: " if self.name else ""
+        return f"Motion({name}{joints}, {frames}, {self.rate:.6g} fps, {self.duration:.2f} s)"
+
+    def __len__(self) -> int:
+        return self.n_frames
+
+    def _repr_html_(self) -> str:
+        from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
+
+        return notebook_view(self)
+
+    def __getitem__(self, frames: slice) -> "Motion":
+        """Return a motion of some frames; a step multiplies the frame time."""
+        if not isinstance(frames, slice):
+            raise TypeError(f"frames must be a slice such as motion[100:400], got {frames!r}")
+        step = 1 if frames.step is None else frames.step
+        if step < 1:
+            raise ValueError(f"the step must be 1 or more, got {step}")
+        chosen = range(*frames.indices(self.n_frames))
+        if not chosen:
+            raise ValueError(f"motion[{frames.start}:{frames.stop}] selects no frame")
+        values = self.channel_values
+        return replace(
+            self,
+            frame_time=self.frame_time * step,
+            rotations=self.rotations[frames],
+            positions=self.positions[frames],
+            channel_values=None if values is None else values[frames],
+        )
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.rotations)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return self.skeleton.n_joints
+
+    @property
+    def rate(self) -> float:
+        """Frames per second."""
+        return 1.0 / self.frame_time
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (self.n_frames - 1) * self.frame_time
+
+    @cached_property
+    def travels(self) -> BoolArray:
+        """Whether the translation of each joint varies, shape (n_joints,)."""
+        varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
+        return varies
+
+    def world_transforms(self) -> tuple[FloatArray, FloatArray]:
+        """Return world rotations and positions of all joints, by forward kinematics.
+
+        Returns
+        -------
+        rotations : ndarray, shape (n_frames, n_joints, 4)
+            Unit quaternions, xyzw.
+        positions : ndarray, shape (n_frames, n_joints, 3)
+            In the file's unit.
+        """
+        return world_transforms(self.skeleton, self.rotations, self.positions)
+
+    def world_positions(self) -> FloatArray:
+        """Return the world positions of all joints, shape (n_frames, n_joints, 3)."""
+        return self.world_transforms()[1]
+
+    def resample(self, rate: float) -> "Motion":
+        """Return the motion at another frame rate, by cubic rotation curves.
+
+        Parameters
+        ----------
+        rate : float
+            Frames per second.
+
+        Returns
+        -------
+        Motion
+            Motion of exactly the same duration. Its frame time is the duration divided by the
+            nearest whole number of intervals, so its rate may differ slightly from `rate`.
+
+        Raises
+        ------
+        ValueError
+            If the rate is not above 0 or gives 2**53 frames or more.
+        """
+        rate = float(as_floats("rate", rate, ()))
+        if rate <= 0:
+            raise ValueError(f"rate must be above 0 frames per second, got {rate}")
+        if self.duration * rate >= 2**53:
+            raise ValueError(f"rate must give fewer than 2**53 frames, got {rate:g}")
+        intervals = max(round(self.duration * rate), 1)
+        if self.n_frames == 1 or intervals == self.n_frames - 1:
+            return self
+        bounds: tuple[npt.ArrayLike, ...] = ([0], [self.n_frames - 1], [intervals + 1])
+        return replace(
+            self,
+            frame_time=self.duration / intervals,
+            rotations=resample_segments(self.rotations, *bounds),
+            positions=resample_segment_positions(self.positions, *bounds),
+            channel_values=None,
+        )
+
+    def locomotion_root(self) -> int:
+        """Return the joint whose translation moves the body: the first that varies.
+
+        In some files the root of the hierarchy is a helper joint that never moves. If no
+        translation varies, the root of the hierarchy is returned.
+        """
+        moving = np.flatnonzero(self.travels)
+        return int(moving[0]) if len(moving) else 0
+
+    def channel_numbers(self) -> FloatArray:
+        """Return the channel values of the motion as a file stores them.
+
+        Returns
+        -------
+        ndarray, shape (n_frames, n_channels)
+            In the order and units of the file (degrees). Known values are returned as read.
+            Missing ones are derived from rotations and translations; each derived angle is
+            the nearest to the previous frame.
+        """
+        n_frames, skeleton = self.n_frames, self.skeleton
+        known = self.channel_values
+        numbers = (
+            np.full((n_frames, skeleton.n_channels), np.nan) if known is None else known.copy()
+        )
+        missing = set(np.flatnonzero(np.isnan(numbers).any(axis=0)).tolist())
+        for joint, columns in enumerate(skeleton.channel_columns):
+            if missing.isdisjoint(columns):
+                continue
+            names = skeleton.channels[joint]
+            for column, name in zip(columns, names, strict=True):
+                if name.endswith("position"):
+                    own = self.positions[:, joint, "XYZ".index(name[0])]
+                    numbers[:, column] = np.where(
+                        np.isnan(numbers[:, column]), own, numbers[:, column]
+                    )
+            turns = [c for c, name in zip(columns, names, strict=True) if name.endswith("rotation")]
+            if turns:
+                order = skeleton.rotation_order(joint)
+                numbers[:, turns] = _fill_angles(numbers[:, turns], self.rotations[:, joint], order)
+        return numbers
+
+
+def world_transforms(
+    skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return world rotations and positions of local ones.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    rotations : ndarray, shape (n, n_joints, 4)
+        Local rotations, one pose per row; not checked.
+    positions : ndarray, shape (n, n_joints, 3)
+        Local positions.
+
+    Returns
+    -------
+    rotations, positions : ndarray
+        World rotations and positions, of the same shapes.
+    """
+    return _core.world(
+        skeleton.parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions)
+    )
+
+
+def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:
+    """Fill missing Euler angles in degrees, each the nearest to the previous frame."""
+    filled = angles.copy()
+    unknown = np.isnan(angles).any(axis=1)
+    edges = np.flatnonzero(np.diff(unknown, prepend=False, append=False))
+    for start, stop in edges.reshape(-1, 2):
+        near = np.zeros(3)
+        if start > 0:
+            near[: len(order)] = np.radians(filled[start - 1])
+        elif stop < len(filled):
+            near[: len(order)] = np.radians(filled[stop])
+        filled[start:stop] = np.degrees(rotations.to_euler(quats[start:stop], order, near))
+    return filled

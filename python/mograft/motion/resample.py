@@ -1,0 +1,210 @@
+"""Interpolation of rotations and positions at times between frames."""
+
+import numpy.typing as npt
+
+from mograft import _core
+from mograft._util.arrays import (
+    FloatArray,
+    IntArray,
+    as_floats,
+    as_indices,
+    as_quaternions,
+    as_vectors,
+)
+
+__all__ = ["cubic", "cubic_positions", "resample_segment_positions", "resample_segments", "slerp"]
+
+
+def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
+    """Interpolate joint rotations linearly on the sphere (SLERP) at new times.
+
+    Between two frames each joint rotates at constant speed along the shorter arc. Before the
+    first frame and after the last the nearest frame is returned.
+
+    Parameters
+    ----------
+    times : array_like, shape (n_frames,)
+        Times of the frames in seconds, strictly increasing; at least two.
+    rotations : array_like, shape (n_frames, n_joints, 4)
+        Unit quaternions, scalar last.
+    at : array_like, shape (n_times,)
+        Times to interpolate at, in seconds, in any order.
+
+    Returns
+    -------
+    ndarray, shape (n_times, n_joints, 4)
+        Unit quaternions. At the time of a frame the result is that frame, up to sign.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a value is not finite, a quaternion does not have unit norm or the
+        times do not increase.
+
+    See Also
+    --------
+    cubic : Interpolation with continuous angular velocity.
+
+    Notes
+    -----
+    The paper writes "cubic interpolation of quaternions (SLERP)" in 4.1.3 and 4.5; SLERP is not
+    cubic. The method resamples with `cubic`, because SLERP changes the angular velocity abruptly
+    at every frame. It uses SLERP in three places, as part of another kernel:
+
+    - A segment of two frames has no third frame for a parabola, and `resample_segments` returns
+      ``slerp`` of the two.
+    - At a seam, the seam treatments "displacement", "paper" and "offset" let both segments meet
+      in the pose halfway along the shorter arc, which is ``slerp`` at 0.5.
+    - The seam treatment "dead" fades from one pose to the other by ``slerp``.
+
+    This function is for callers who need constant angular velocity between frames.
+
+    Examples
+    --------
+    Halfway to a turn about y:
+
+    >>> slerp([0.0, 1.0], [[[0, 0, 0, 1]], [[0, 0.6, 0, 0.8]]], [0.5]).round(3)
+    array([[[0.   , 0.316, 0.   , 0.949]]])
+    """
+    frame_times = as_floats("times", times, ("n_frames",))
+    quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
+    return _core.slerp(frame_times, quats, as_floats("at", at, ("n_times",)))
+
+
+def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
+    """Interpolate joint rotations at new times with continuous angular velocity.
+
+    The curve passes through all frames. Its velocity at a frame is that of the parabola through
+    the frame and its two neighbours. Before the first frame and after the last the nearest
+    frame is returned.
+
+    Parameters
+    ----------
+    times, rotations, at
+        As for `slerp`.
+
+    Returns
+    -------
+    ndarray, shape (n_times, n_joints, 4)
+        Unit quaternions; at the time of a frame exactly that frame.
+
+    Raises
+    ------
+    ValueError
+        As for `slerp`.
+
+    Notes
+    -----
+    Each interval is the curve of `mograft.rotations.hermite`.
+    """
+    frame_times = as_floats("times", times, ("n_frames",))
+    quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
+    return _core.cubic(frame_times, quats, as_floats("at", at, ("n_times",)))
+
+
+def cubic_positions(
+    times: npt.ArrayLike, positions: npt.ArrayLike, at: npt.ArrayLike
+) -> FloatArray:
+    """Interpolate positions at new times with continuous velocity; `cubic` for vectors.
+
+    Parameters
+    ----------
+    times, at
+        As for `slerp`.
+    positions : array_like, shape (n_frames, n_joints, 3)
+        Positions, in any unit.
+
+    Returns
+    -------
+    ndarray, shape (n_times, n_joints, 3)
+        Positions, in the same unit.
+
+    Raises
+    ------
+    ValueError
+        As for `slerp`.
+    """
+    frame_times = as_floats("times", times, ("n_frames",))
+    vectors = as_vectors("positions", positions, (len(frame_times), "n_joints"))
+    return _core.cubic_positions(frame_times, vectors, as_floats("at", at, ("n_times",)))
+
+
+def resample_segments(
+    rotations: npt.ArrayLike,
+    starts: npt.ArrayLike,
+    stops: npt.ArrayLike,
+    counts: npt.ArrayLike,
+) -> FloatArray:
+    """Resample each segment of a clip to a given number of equally spaced frames.
+
+    The curve is that of `cubic` and uses no frame outside the segment. A sample at the time of a
+    frame is that frame bit for bit, so resampling to the original count returns the segment.
+
+    Parameters
+    ----------
+    rotations : array_like, shape (n_frames, n_joints, 4)
+        Unit quaternions of the clip, at equal time steps.
+    starts, stops : array_like of int, shape (n_segments,)
+        First and last frame of each segment, both included.
+    counts : array_like of int, shape (n_segments,)
+        Number of frames of each resampled segment; a count of 1 returns the first frame.
+
+    Returns
+    -------
+    ndarray, shape (counts.sum(), n_joints, 4)
+        Frames of all segments, concatenated.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong or a segment exceeds the clip or spans no interval.
+
+    Examples
+    --------
+    >>> quats = [[[0, 0, 0, 1]], [[0, 0.6, 0, 0.8]], [[0, 0.96, 0, 0.28]]]
+    >>> resample_segments(quats, [0], [2], [2])[:, 0, 1]
+    array([0.  , 0.96])
+    """
+    quats = as_quaternions("rotations", rotations, ("n_frames", "n_joints"))
+    return _core.segments(quats, *_bounds(starts, stops, counts))
+
+
+def resample_segment_positions(
+    positions: npt.ArrayLike,
+    starts: npt.ArrayLike,
+    stops: npt.ArrayLike,
+    counts: npt.ArrayLike,
+) -> FloatArray:
+    """Resample positions of segments; `resample_segments` for vectors.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n_frames, n_joints, 3)
+        Positions of the clip, in any unit, at equal time steps.
+    starts, stops, counts
+        As for `resample_segments`.
+
+    Returns
+    -------
+    ndarray, shape (counts.sum(), n_joints, 3)
+        Frames of all segments, concatenated.
+
+    Raises
+    ------
+    ValueError
+        As for `resample_segments`.
+    """
+    vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))
+    return _core.segments_positions(vectors, *_bounds(starts, stops, counts))
+
+
+def _bounds(
+    starts: npt.ArrayLike, stops: npt.ArrayLike, counts: npt.ArrayLike
+) -> tuple[IntArray, IntArray, IntArray]:
+    first = as_indices("starts", starts, ("n_segments",))
+    last = as_indices("stops", stops, (len(first),))
+    n_frames = as_indices("counts", counts, (len(first),))
+    for name, indices in (("starts", first), ("stops", last), ("counts", n_frames)):
+        if (indices < 0).any():
+            raise ValueError(f"{name} must not be negative, got {indices.min()}")
+    return first, last, n_frames

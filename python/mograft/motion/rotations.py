@@ -1,0 +1,398 @@
+"""Rotations as unit quaternions.
+
+Quaternions are stored as **xyzw**, scalar last, as in SciPy and glam. `q` and `-q` are the same
+rotation. `multiply(a, b)` applies `b` first, then `a`. Angles are in radians. Arrays broadcast;
+the last axis holds the components.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft import _core
+from mograft._util.arrays import FloatArray, as_floats, as_quaternions, as_vectors
+
+__all__ = [
+    "IDENTITY",
+    "angle",
+    "continuous_signs",
+    "exp",
+    "from_axis_angle",
+    "from_euler",
+    "hermite",
+    "inverse",
+    "log",
+    "multiply",
+    "rotate",
+    "shortest_arc",
+    "to_euler",
+    "twist",
+]
+
+IDENTITY: FloatArray = np.array([0.0, 0.0, 0.0, 1.0])
+IDENTITY.flags.writeable = False
+
+_AXES = {"X": 0, "Y": 1, "Z": 2}
+
+
+def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the composition of two rotations: `b` is applied first, then `a`.
+
+    Parameters
+    ----------
+    a, b : ndarray, shape (..., 4)
+        Quaternions, scalar last.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        The Hamilton product, not renormalised.
+
+    Examples
+    --------
+    >>> quarter = from_axis_angle([0, 0, 1], np.pi / 2)
+    >>> multiply(quarter, quarter).round(3) + 0.0
+    array([0., 0., 1., 0.])
+    """
+    return _core.multiply(*_broadcast(a, b))
+
+
+def inverse(q: FloatArray) -> FloatArray:
+    """Return the inverse of unit quaternions: the conjugate.
+
+    Parameters
+    ----------
+    q : ndarray, shape (..., 4)
+        Unit quaternions.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        The inverses.
+    """
+    conjugate: FloatArray = np.negative(q)
+    conjugate[..., 3] = q[..., 3]
+    return conjugate
+
+
+def rotate(q: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Rotate vectors.
+
+    Parameters
+    ----------
+    q : ndarray, shape (..., 4)
+        Unit quaternions.
+    vectors : ndarray, shape (..., 3)
+        Vectors.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        The rotated vectors.
+    """
+    return _core.rotate(*_broadcast(q, vectors))
+
+
+def _broadcast(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both arrays broadcast to one shape, except for the axis of components."""
+    if a.shape[:-1] != b.shape[:-1]:
+        shape = np.broadcast_shapes(a.shape[:-1], b.shape[:-1])
+        a, b = (np.broadcast_to(array, (*shape, array.shape[-1])) for array in (a, b))
+    return np.ascontiguousarray(a, np.float64), np.ascontiguousarray(b, np.float64)
+
+
+def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
+    """Return rotations about a fixed axis.
+
+    Parameters
+    ----------
+    axis : array_like, shape (3,)
+        The axis, of any length above 0.
+    angles : array_like, shape (...)
+        Angles in radians.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        The rotations.
+    """
+    direction = as_vectors("axis", axis, ())
+    direction = direction / np.linalg.norm(direction)
+    half = 0.5 * as_floats("angles", angles)[..., None]
+    return np.concatenate([np.sin(half) * direction, np.cos(half)], axis=-1)
+
+
+def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the smallest rotations that turn one direction into another.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (..., 3)
+        Vectors; the shapes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Unit quaternions. Opposite directions give a half turn about an arbitrary perpendicular
+        axis, a zero vector gives the identity.
+
+    Examples
+    --------
+    >>> shortest_arc(np.array([2.0, 0, 0]), np.array([0, 1.0, 0])).round(3)
+    array([0.   , 0.   , 0.707, 0.707])
+    """
+    start, end = np.broadcast_arrays(start, end)
+    lengths = np.linalg.norm(start, axis=-1) * np.linalg.norm(end, axis=-1)
+    halves = lengths + np.einsum("...i,...i->...", start, end)
+    quats = np.concatenate([np.cross(start, end), halves[..., None]], axis=-1)
+    norms = np.linalg.norm(quats, axis=-1, keepdims=True)
+    opposite = norms[..., 0] <= 1e-9 * lengths
+    if opposite.any():
+        unit_axes = np.eye(3)[np.abs(start[opposite]).argmin(axis=-1)]
+        normals = np.cross(start[opposite], unit_axes)
+        quats[opposite] = np.concatenate([normals, np.zeros((len(normals), 1))], axis=-1)
+        quats[lengths == 0.0] = IDENTITY
+        norms = np.linalg.norm(quats, axis=-1, keepdims=True)
+    arcs: FloatArray = quats / norms
+    return arcs
+
+
+def exp(vectors: npt.ArrayLike) -> FloatArray:
+    """Return the rotations of rotation vectors (exponential map).
+
+    Parameters
+    ----------
+    vectors : array_like, shape (..., 3)
+        Axis times angle, in radians.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Unit quaternions.
+
+    Raises
+    ------
+    ValueError
+        If the shape is wrong or a value is not finite.
+    """
+    return _core.exp(as_vectors("vectors", vectors))
+
+
+def log(rotations: npt.ArrayLike) -> FloatArray:
+    """Return the shortest rotation vectors of rotations (logarithmic map).
+
+    Parameters
+    ----------
+    rotations : array_like, shape (..., 4)
+        Unit quaternions.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Axis times angle, of length 0 to π. For a half turn, the vector whose first nonzero
+        component is positive.
+
+    Raises
+    ------
+    ValueError
+        If the shape is wrong or a quaternion does not have unit norm.
+
+    Examples
+    --------
+    >>> log(from_axis_angle([0, 1, 0], 1.5)).round(6)
+    array([0. , 1.5, 0. ])
+    """
+    return _core.log(as_quaternions("rotations", rotations))
+
+
+def angle(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
+    """Return the angles between rotations.
+
+    Parameters
+    ----------
+    a, b : array_like, shape (..., 4)
+        Unit quaternions; the shapes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Angles in radians, 0 to π; accurate near 0.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong or a quaternion does not have unit norm.
+    """
+    first, second = np.broadcast_arrays(as_quaternions("a", a), as_quaternions("b", b))
+    return _core.angle(np.ascontiguousarray(first), np.ascontiguousarray(second))
+
+
+def hermite(
+    start: npt.ArrayLike,
+    end: npt.ArrayLike,
+    leaving: npt.ArrayLike,
+    reaching: npt.ArrayLike,
+    t: npt.ArrayLike,
+) -> FloatArray:
+    """Evaluate cubic rotation curves with given end rotations and end velocities.
+
+    Parameters
+    ----------
+    start, end : array_like, shape (n, 4)
+        Rotations at t = 0 and t = 1.
+    leaving, reaching : array_like, shape (n, 3)
+        Angular velocities at the two ends, in the body frame, in radians per unit of t.
+    t : array_like, shape (n,)
+        Parameter of each curve, 0 to 1.
+
+    Returns
+    -------
+    ndarray, shape (n, 4)
+        The rotations.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a value is not finite or a quaternion does not have unit norm.
+
+    Notes
+    -----
+    The cumulative cubic Bézier curve of Kim, Kim and Shin (SIGGRAPH 1995).
+    """
+    at = as_floats("t", t, ("n",))
+    n = len(at)
+    return _core.hermite(
+        as_quaternions("start", start, (n,)),
+        as_quaternions("end", end, (n,)),
+        as_vectors("leaving", leaving, (n,)),
+        as_vectors("reaching", reaching, (n,)),
+        at,
+    )
+
+
+def continuous_signs(rotations: FloatArray) -> FloatArray:
+    """Return quaternions with signs chosen so that consecutive frames lie close together.
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (n_frames, ..., 4)
+        Unit quaternions.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, ..., 4)
+        The same rotations. In the first frame w ≥ 0; the dot product of consecutive quaternions
+        is not negative.
+    """
+    if not len(rotations):
+        return rotations
+    flips = np.ones(rotations.shape[:-1])
+    flips[0] = np.where(rotations[0, ..., 3] < 0, -1.0, 1.0)
+    flips[1:] = np.where(np.einsum("...i,...i->...", rotations[1:], rotations[:-1]) < 0, -1.0, 1.0)
+    return rotations * np.cumprod(flips, axis=0)[..., None]
+
+
+def twist(rotations: FloatArray, axis: int) -> FloatArray:
+    """Return the twist of rotations about a coordinate axis.
+
+    The remaining swing, `multiply(inverse(twist), rotation)`, is about a perpendicular axis
+    (swing-twist decomposition).
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (..., 4)
+        Unit quaternions.
+    axis : int
+        0, 1 or 2 for x, y or z.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Rotations about the axis. A half turn about a perpendicular axis has no defined twist
+        and gives the identity.
+    """
+    twists = np.zeros_like(rotations)
+    twists[..., axis] = rotations[..., axis]
+    twists[..., 3] = rotations[..., 3]
+    norms = np.linalg.norm(twists, axis=-1, keepdims=True)
+    return np.where(norms < 1e-6, IDENTITY, twists / np.maximum(norms, 1e-6))
+
+
+def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
+    """Return rotations from intrinsic Euler angles.
+
+    BVH uses this convention: `order` is the order of the rotation channels in the file.
+
+    Parameters
+    ----------
+    angles : array_like, shape (..., len(order))
+        Angles in radians, in the order of the axes.
+    order : str
+        Any number of the letters X, Y and Z. An empty order gives the identity.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Unit quaternions.
+
+    Raises
+    ------
+    ValueError
+        If `order` has other letters, the shape is wrong or a value is not finite.
+
+    Examples
+    --------
+    >>> from_euler([np.pi / 2, 0.0, 0.0], "ZXY").round(3)
+    array([0.   , 0.   , 0.707, 0.707])
+    """
+    floats = as_floats("angles", angles)
+    if not set(order) <= set(_AXES):
+        raise ValueError(f"order must consist of the letters X, Y and Z, got {order!r}")
+    if floats.shape[-1:] != (len(order),):
+        raise ValueError(f"angles must have shape (..., {len(order)}), got {floats.shape}")
+    return _core.from_euler(floats, [_AXES[letter] for letter in order])
+
+
+def to_euler(
+    rotations: npt.ArrayLike, order: str, near: npt.ArrayLike = (0.0, 0.0, 0.0)
+) -> FloatArray:
+    """Return intrinsic Euler angles of consecutive rotations, without jumps of 2π.
+
+    Parameters
+    ----------
+    rotations : array_like, shape (n_frames, 4)
+        Unit quaternions.
+    order : str
+        One to three different letters of X, Y and Z, as for `from_euler`.
+    near : array_like, shape (3,), optional
+        Angles in radians, in the order of the axes, to which the first frame is closest.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, len(order))
+        Angles in radians. Of all angles that give the rotation, the nearest to the previous
+        frame. In gimbal lock the first angle keeps its value. With fewer than three axes the
+        remaining part of the rotation is dropped.
+
+    Raises
+    ------
+    ValueError
+        If `order` is invalid, a shape is wrong or a quaternion does not have unit norm.
+
+    Examples
+    --------
+    >>> quats = from_axis_angle([0, 0, 1], [3.0, 3.5])
+    >>> to_euler(quats, "ZXY").round(3) + 0.0
+    array([[3. , 0. , 0. ],
+           [3.5, 0. , 0. ]])
+    """
+    quats = as_quaternions("rotations", rotations, ("n_frames",))
+    if not set(order) <= set(_AXES) or len(set(order)) != len(order):
+        raise ValueError(f"order must consist of different letters of X, Y and Z, got {order!r}")
+    axes = [_AXES[letter] for letter in order]
+    axes += [axis for axis in range(3) if axis not in axes]
+    start = as_floats("near", near, (3,))
+    first, second, third = axes
+    angles = _core.to_euler(
+        quats, (first, second, third), (float(start[0]), float(start[1]), float(start[2]))
+    )
+    return angles[:, : len(order)]

@@ -1,0 +1,275 @@
+"""`Skeleton`: joints, their hierarchy, rest offsets and channels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import (
+    FloatArray,
+    IntArray,
+    as_floats,
+    as_indices,
+    as_vectors,
+    make_read_only,
+    restore,
+)
+from mograft.errors import SkeletonMismatchError, join_names
+
+__all__ = ["EndSite", "Skeleton"]
+
+CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+
+
+@dataclass(frozen=True, eq=False)
+class EndSite:
+    """The tip of a bone without a joint of its own.
+
+    Parameters
+    ----------
+    parent : int
+        Index of the parent joint.
+    offset : array_like, shape (3,)
+        Position relative to the parent joint, in the unit of the file.
+    before : int
+        Number of child joints of the parent that precede it in the file.
+    name : str
+        The name after ``End Site``, if the file has a name there.
+    """
+
+    parent: int
+    offset: FloatArray
+    before: int = 0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        offset = as_floats("offset", self.offset, (3,)).copy()
+        make_read_only(offset)
+        object.__setattr__(self, "offset", offset)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Joints, their hierarchy, rest offsets and channels.
+
+    Joints are identified by index; names may repeat. Every parent precedes its children, in the
+    order of the file.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One name per joint.
+    parents : array_like of int, shape (n_joints,)
+        Index of each joint's parent; -1 at the root.
+    offsets : array_like, shape (n_joints, 3)
+        Rest position of each joint relative to its parent, in the unit of the file.
+    channels : sequence of sequence of str, optional
+        The channels of each joint in the order of the file, from ``Xposition`` to
+        ``Zrotation``. Default: positions, then Z, X and Y rotation at the root; Z, X and Y
+        rotation elsewhere.
+    end_sites : sequence of EndSite, optional
+        Tips of bones.
+
+    Raises
+    ------
+    ValueError
+        If lengths differ, a parent does not precede its child or a channel name is unknown.
+
+    Examples
+    --------
+    >>> skeleton = Skeleton(["Hips", "Spine"], [-1, 0], [[0, 0, 0], [0, 12, 0]])
+    >>> skeleton
+    Skeleton(2 joints, 9 channels, root Hips)
+    """
+
+    names: tuple[str, ...]
+    parents: IntArray
+    offsets: FloatArray
+    channels: tuple[tuple[str, ...], ...] = ()
+    end_sites: tuple[EndSite, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = tuple(self.names)
+        n_joints = len(names)
+        if not n_joints:
+            raise ValueError("names must hold at least one joint, got none")
+        parents = as_indices("parents", self.parents, (n_joints,)).copy()
+        invalid = np.flatnonzero(parents >= np.arange(n_joints))
+        if len(invalid):
+            raise ValueError(
+                f"the parent of joint {invalid[0]} ({names[invalid[0]]}) must precede it"
+            )
+        if parents[0] != -1 or (parents[1:] < 0).any():
+            raise ValueError("parents must be -1 at joint 0, the root, and nowhere else")
+        offsets = as_vectors("offsets", self.offsets, (n_joints,)).copy()
+        rotation = ("Zrotation", "Xrotation", "Yrotation")
+        default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
+        channels = tuple(tuple(names) for names in self.channels) or default
+        if len(channels) != n_joints:
+            raise ValueError(
+                f"channels must have {n_joints} entries, one per joint, got {len(channels)}"
+            )
+        for name, joint_channels in zip(names, channels, strict=True):
+            distinct = set(joint_channels)
+            if not distinct <= set(CHANNELS) or len(distinct) != len(joint_channels):
+                raise ValueError(
+                    f"channels of {name} must be distinct names of {CHANNELS}, got {joint_channels}"
+                )
+        for site in self.end_sites:
+            if not 0 <= site.parent < n_joints:
+                raise ValueError(
+                    f"end site parent must be a joint, 0 to {n_joints - 1}, got {site.parent}"
+                )
+        make_read_only(parents)
+        make_read_only(offsets)
+        for name, value in (
+            ("names", names),
+            ("parents", parents),
+            ("offsets", offsets),
+            ("channels", channels),
+            ("end_sites", tuple(self.end_sites)),
+        ):
+            object.__setattr__(self, name, value)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        restore(self, state)
+
+    def __repr__(self) -> str:
+        return f"Skeleton({self.n_joints} joints, {self.n_channels} channels, root {self.names[0]})"
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints, without end sites."""
+        return len(self.names)
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels of all joints."""
+        return sum(map(len, self.channels))
+
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """Indices of each joint's child joints, in the order of the file."""
+        children: list[list[int]] = [[] for _ in self.names]
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                children[parent].append(joint)
+        return tuple(map(tuple, children))
+
+    @cached_property
+    def children_and_sites(self) -> "tuple[tuple[int | EndSite, ...], ...]":
+        """Child joints and end sites of each joint, in the order of the file."""
+        sites: list[list[EndSite]] = [[] for _ in self.names]
+        for site in self.end_sites:
+            sites[site.parent].append(site)
+        items: list[tuple[int | EndSite, ...]] = []
+        for children, joint_sites in zip(self.children, sites, strict=True):
+            slots: list[list[int | EndSite]] = [[child] for child in children]
+            slots.append([])
+            for site in reversed(joint_sites):
+                slots[min(site.before, len(children))].insert(0, site)
+            items.append(tuple(item for slot in slots for item in slot))
+        return tuple(items)
+
+    @cached_property
+    def channel_columns(self) -> tuple[range, ...]:
+        """Columns of each joint's channels in `Motion.channel_values`."""
+        counts = [len(channels) for channels in self.channels]
+        ends = np.cumsum(counts).tolist()
+        return tuple(range(end - count, end) for end, count in zip(ends, counts, strict=True))
+
+    def rotation_order(self, joint: int) -> str:
+        """Return the axes of a joint's rotation channels in file order, such as ``"ZXY"``."""
+        return "".join(name[0] for name in self.channels[joint] if name.endswith("rotation"))
+
+    def ancestors(self, joint: int) -> list[int]:
+        """Return the joints above a joint, nearest first."""
+        found = []
+        parent = int(self.parents[joint])
+        while parent >= 0:
+            found.append(parent)
+            parent = int(self.parents[parent])
+        return found
+
+    def common_ancestor(self, joints: Sequence[int]) -> int:
+        """Return the lowest joint that is or is above each of `joints`; 0 if there are none."""
+        if not joints:
+            return 0
+        common = [joints[0], *self.ancestors(joints[0])]
+        for joint in joints[1:]:
+            line = {joint, *self.ancestors(joint)}
+            common = [other for other in common if other in line]
+        return common[0]
+
+    def index(self, name: str) -> int:
+        """Return the index of the joint with a name.
+
+        Raises
+        ------
+        ValueError
+            If no joint or more than one has the name.
+        """
+        found = [joint for joint, known in enumerate(self.names) if known == name]
+        if len(found) != 1:
+            what = "no joint is" if not found else f"{len(found)} joints are"
+            raise ValueError(f"{what} named {name!r} in {', '.join(self.names)}")
+        return found[0]
+
+    def rest_positions(self) -> FloatArray:
+        """Return world positions with all rotations zero, shape (n_joints, 3)."""
+        positions = self.offsets.copy()
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                positions[joint] += positions[parent]
+        return positions
+
+    def with_offsets(self, offsets: npt.ArrayLike) -> "Skeleton":
+        """Return the skeleton with other rest offsets, shape (n_joints, 3)."""
+        return replace(self, offsets=as_vectors("offsets", offsets))
+
+    def check_same_hierarchy(self, other: "Skeleton", name: str = "the other skeleton") -> None:
+        """Check that another skeleton has the same joint names and parents.
+
+        Offsets and channels may differ.
+
+        Parameters
+        ----------
+        other : Skeleton
+            The skeleton to compare with.
+        name : str
+            Name of the other skeleton in the message.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            If they differ; the message names the joints.
+        """
+        if self.names == other.names and np.array_equal(self.parents, other.parents):
+            return
+        missing = [joint for joint in self.names if joint not in other.names]
+        extra = [joint for joint in other.names if joint not in self.names]
+        if missing or extra:
+            parts = [f"lacks {join_names(missing)}"] if missing else []
+            parts += [f"has also {join_names(extra)}"] if extra else []
+            raise SkeletonMismatchError(f"{name} {' and '.join(parts)}")
+        for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=False)):
+            if ours != theirs:
+                raise SkeletonMismatchError(
+                    f"{name} has its joints in another order: "
+                    f"joint {joint} must be {ours}, got {theirs}"
+                )
+        if len(self.names) != len(other.names):
+            raise SkeletonMismatchError(
+                f"{name} must have {len(self.names)} joints, got {len(other.names)}"
+            )
+        joint = int(np.flatnonzero(self.parents != other.parents)[0])
+        above = [skeleton.names[skeleton.parents[joint]] for skeleton in (self, other)]
+        raise SkeletonMismatchError(
+            f"{name} must have {self.names[joint]} below {above[0]}, got it below {above[1]}"
+        )

@@ -1,0 +1,13 @@
+"""Pictures of motions, energies, timelines and clusters, drawn by Matplotlib.
+
+Each function draws into the given axes, or into new ones, and returns them. They need the extra
+``plot``.
+"""
+
+from mograft.io.figure import PALETTE
+from mograft.plot.cluster_plots import clusters, dendrogram, pca
+from mograft.plot.energy_curve import energy
+from mograft.plot.pose_strip import strip
+from mograft.plot.segment_timeline import timeline
+
+__all__ = ["PALETTE", "clusters", "dendrogram", "energy", "pca", "strip", "timeline"]

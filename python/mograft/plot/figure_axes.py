@@ -1,0 +1,47 @@
+"""Axes and colours of all pictures."""
+
+import colorsys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["axes_width", "cluster_colour", "ensure_axes"]
+
+_GOLDEN_ANGLE_DEGREES = 137.508
+
+
+def ensure_axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
+    """Return the given axes, or the axes of a new figure of a size in inches.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    if ax is not None:
+        return ax
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise ImportError(
+            "plots need matplotlib: pip install 'mograft[plot]'", name="matplotlib"
+        ) from error
+    axes: Axes = pyplot.subplots(figsize=size, layout="constrained")[1]
+    return axes
+
+
+def axes_width(axes: "Axes") -> float:
+    """Return the width of axes in inches."""
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        raise ValueError("ax must belong to a figure")
+    width: float = axes.get_position().width * figure.get_figwidth()
+    return width
+
+
+def cluster_colour(cluster: int) -> str:
+    """Return the colour of a cluster; the hues of successive clusters are a golden angle apart."""
+    hue = ((cluster * _GOLDEN_ANGLE_DEGREES + 200) % 360) / 360
+    rgb = colorsys.hls_to_rgb(hue, 0.6, 0.55)
+    return "#" + "".join(f"{round(255 * value):02x}" for value in rgb)

@@ -1,0 +1,143 @@
+"""Poses of a motion beside each other."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.body.anatomy import anatomy
+from mograft.body.groups import JointGroups
+from mograft.body.mass import mass_model, up_axis
+from mograft.io.figure import PALETTE
+from mograft.motion.motion import Motion
+from mograft.plot.figure_axes import ensure_axes
+from mograft.viewing.geometry import node_parents, node_positions
+from mograft.viewing.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["strip"]
+
+_VIEW_DEGREES = 35.0
+
+
+def strip(
+    motion: Motion,
+    poses: int = 12,
+    *,
+    groups: JointGroups | str | None = None,
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """Draw poses of a motion beside each other, at equal time intervals.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    poses : int
+        Number of poses.
+    groups : JointGroups or str, optional
+        Joint groups that set the colours, or the name of a preset. Default: trunk, arms and
+        legs.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        With one unit per body height, and the frame below each pose. The camera direction is
+        that of the first pose.
+
+    Raises
+    ------
+    ValueError
+        If `poses` is below 1, or the groups do not fit.
+    ImportError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> from mograft import plot
+    >>> from mograft.dancer import dance
+    >>> axes = plot.strip(dance(strides=1).motion, 8)
+    >>> len(axes.texts)
+    8
+    """
+    if poses < 1:
+        raise ValueError(f"poses must be at least 1, got {poses}")
+    frames = np.unique(np.linspace(0, motion.n_frames - 1, poses).round().astype(int))
+    members = Scene.of([motion], groups).figures[0].members
+    sideways, upright = _project(motion, frames)
+    bones = _bones(motion)
+    ends = sorted({end for bone in bones for end in bone})
+    spacing = 1.15 * max(float(np.ptp(sideways[:, ends], axis=1).max(initial=0.0)), 0.5)
+    height = max(float(upright.max()), 0.5) + 0.3
+    size = (max(1.1 * len(frames), 3), max(1.1 * height / spacing, 1.0) + 0.2)
+    axes = ensure_axes(ax, size)
+    group_of_joint = np.zeros(motion.n_joints, int)
+    for index, joints in enumerate(members.values()):
+        group_of_joint[joints] = index
+    names = list(members)
+    labelled: set[int] = set()
+    for pose, frame in enumerate(frames.tolist()):
+        for node, parent in bones:
+            group = int(group_of_joint[parent])
+            axes.plot(
+                sideways[pose, [parent, node]] + pose * spacing,
+                upright[pose, [parent, node]],
+                color=PALETTE[group % len(PALETTE)],
+                linewidth=2.2,
+                solid_capstyle="round",
+                label=None if group in labelled else names[group],
+            )
+            labelled.add(group)
+        axes.text(pose * spacing, -0.06, str(frame), ha="center", va="top", fontsize=8)
+    axes.axhline(0, color="0.5", linewidth=0.6, zorder=0)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_title(motion.name or "motion", loc="left", fontsize=10)
+    axes.legend(loc="upper right", bbox_to_anchor=(1, 1.28), ncols=8, frameon=False, fontsize=8)
+    return axes
+
+
+def _bones(motion: Motion) -> list[tuple[int, int]]:
+    """Return the nodes with their parents, without those above the locomotion root.
+
+    A joint above the root stays at the origin of the world; a bone from it to the body would be
+    as long as the distance of the body from the origin.
+    """
+    parents = node_parents(motion)
+    above, joint = set(), motion.locomotion_root()
+    while joint >= 0:
+        above.add(joint)
+        joint = parents[joint]
+    return [(node, p) for node, p in enumerate(parents) if p >= 0 and node not in above]
+
+
+def _project(motion: Motion, frames: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return horizontal and vertical node coordinates per frame, in body heights.
+
+    The camera looks at the front of the first pose, 35 degrees from aside.
+    """
+    skeleton = motion.skeleton
+    nodes = node_positions(motion[int(frames[0]) : int(frames[-1]) + 1])[frames - frames[0]]
+    mass = mass_model(skeleton)
+    up = up_axis(motion)
+    level = [axis for axis in range(3) if axis != up]
+    ankles = [foot.ankle for foot in mass.feet]
+    thighs = [anatomy(skeleton).joints("thigh", side=side) for side in ("left", "right")]
+    across = np.eye(3)[level[0]]
+    if all(thighs):
+        across = nodes[0, thighs[0][0]] - nodes[0, thighs[1][0]]
+    across = across[level]
+    across = across / (np.linalg.norm(across) or 1.0)
+    ahead = np.array([-across[1], across[0]])
+    yaw = np.radians(_VIEW_DEGREES)
+    view = np.cos(yaw) * across + np.sin(yaw) * ahead
+    sideways = (nodes - nodes[:, [mass.hips]])[..., level] @ view
+    upright = nodes[..., up]
+    if mass.head is not None and ankles and upright[0, mass.head] < upright[0, ankles].mean():
+        upright = -upright
+    upright = upright - upright.min()
+    return sideways / mass.height, upright / mass.height

@@ -1,0 +1,1 @@
+"""Candidates, costs, constraints and the search over donor sequences."""

@@ -1,0 +1,223 @@
+"""Base class of constraints and their violations.
+
+The error of a constraint is measured in multiples of its tolerance: a value up to 1 satisfies it.
+A constraint without a weight is hard; a motion that does not satisfy it has a `Violation`. A
+constraint with a weight is soft and costs ``weight · error²``. Body lengths and tolerances are in
+skeleton heights, positions and sizes of objects in the unit of the file. Frames are those of the
+base motion, both ends included.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.validate import as_integer, check_not_negative
+from mograft.analysis.segmentation import Segments
+from mograft.body.world_poses import Poses
+
+__all__ = [
+    "Clip",
+    "Constraint",
+    "Errors",
+    "Span",
+    "Violation",
+    "as_span",
+    "find_violations",
+    "no_errors",
+]
+
+Span = tuple[int, int]
+
+Errors = tuple[FloatArray, IntArray]
+"""Error of each pose in tolerances, and the joint of that error; -1 for none."""
+
+
+class Clip(Protocol):
+    """Name and tags of a donor clip."""
+
+    @property
+    def name(self) -> str:
+        """Name of the clip."""
+        ...
+
+    @property
+    def tags(self) -> Sequence[str]:
+        """Tags of the clip."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraint:
+    """Base class of constraints.
+
+    Parameters
+    ----------
+    weight : float, optional
+        Cost of an error of one tolerance; the cost grows with the square. Default: a hard
+        constraint.
+    frames : tuple of int, optional
+        First and last frame of the base motion in which the constraint applies. Default: all
+        frames.
+    """
+
+    weight: float | None = None
+    frames: Span | None = None
+
+    def __post_init__(self) -> None:
+        if self.weight is not None:
+            check_not_negative(self, "weight")
+        if self.frames is not None:
+            object.__setattr__(self, "frames", as_span("frames", self.frames))
+
+    @property
+    def is_hard(self) -> bool:
+        """Whether the constraint is hard."""
+        return self.weight is None
+
+    def applies(self, frames: IntArray) -> BoolArray:
+        """Return whether the constraint applies in each frame."""
+        if self.frames is None:
+            return np.ones(len(frames), bool)
+        return (frames >= self.frames[0]) & (frames <= self.frames[1])
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:  # noqa: ARG002
+        """Return the error of each pose, in tolerances.
+
+        Parameters
+        ----------
+        poses : Poses
+            The poses.
+        joints : ndarray of bool, shape (J,), optional
+            The joints whose errors count. Default: all.
+
+        Returns
+        -------
+        error : ndarray, shape (n,)
+            At most 1 if the pose satisfies the constraint; 0 if the constraint does not apply.
+        joint : ndarray of int, shape (n,)
+            The joint of the error, or -1.
+        """
+        return no_errors(poses)
+
+    def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
+        """Return the error of donors that does not depend on their poses.
+
+        Parameters
+        ----------
+        base, donors : Segments
+            Base segments and their donors, one for each.
+        clips : sequence
+            Name and tags of the clips that `donors.clip` indexes, such as `Library.entries`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            0 for donors that satisfy the constraint, above 1 for others.
+        """
+        del clips
+        return np.zeros(len(base) if len(base) == len(donors) else 0)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """Return a description of an error, for messages."""
+        del height
+        return f"{error:.3g} tolerances"
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Frames in which a hard constraint is violated.
+
+    Attributes
+    ----------
+    constraint : Constraint
+        The constraint.
+    frames : tuple of int
+        First and last frame of the violation.
+    worst : int
+        Frame of the largest error.
+    error : float
+        Largest error, in tolerances.
+    joint : str
+        Joint of the largest error; empty for none.
+    message : str
+        Description with the error and the tolerance.
+    """
+
+    constraint: Constraint
+    frames: Span
+    worst: int
+    error: float
+    joint: str
+    message: str
+
+
+def find_violations(
+    constraints: Sequence[Constraint], poses: Poses, joints: BoolArray | None = None
+) -> list[Violation]:
+    """Return the violations of hard constraints in successive frames.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The constraints; soft ones are ignored.
+    poses : Poses
+        Poses of successive frames.
+    joints : ndarray of bool, shape (J,), optional
+        The joints whose errors count. Default: all.
+
+    Returns
+    -------
+    list of Violation
+        One per run of frames, sorted by constraint and frame.
+    """
+    found = []
+    for constraint in constraints:
+        if not constraint.is_hard:
+            continue
+        error, joint_of_error = constraint.errors(poses, joints)
+        edges = np.flatnonzero(np.diff(error > 1.0, prepend=False, append=False))
+        for start, stop in edges.reshape(-1, 2).tolist():
+            worst = start + int(error[start:stop].argmax())
+            joint = "" if joint_of_error[worst] < 0 else poses.skeleton.names[joint_of_error[worst]]
+            frames = (int(poses.frames[start]), int(poses.frames[stop - 1]))
+            at = int(poses.frames[worst])
+            description = constraint.describe_error(float(error[worst]), poses.height)
+            name = type(constraint).__name__
+            where = (
+                f"at frame {at}"
+                if frames[0] == frames[1]
+                else (f"in frames {frames[0]} to {frames[1]}, worst at {at}")
+            )
+            by = f" by {joint}" if joint and joint not in description else ""
+            message = f"{name} is violated {where}{by}: {description}"
+            found.append(
+                Violation(
+                    constraint=constraint,
+                    frames=frames,
+                    worst=at,
+                    error=float(error[worst]),
+                    joint=joint,
+                    message=message,
+                )
+            )
+    return found
+
+
+def as_span(name: str, span: object) -> Span:
+    """Return a pair of ascending frame numbers; raise ValueError for anything else."""
+    ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()
+    try:
+        first, last = (as_integer(name, end) for end in ends)
+    except ValueError:
+        first, last = 0, -1
+    if first > last:
+        raise ValueError(f"{name} must be a first and a last frame, ascending, got {span}")
+    return first, last
+
+
+def no_errors(poses: Poses) -> Errors:
+    """Return error 0 and no joint for every pose."""
+    return np.zeros(len(poses)), np.full(len(poses), -1)

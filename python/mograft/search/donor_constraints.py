@@ -1,0 +1,245 @@
+"""Constraints on donors and seams: origin, stretch and seam angle."""
+
+import fnmatch
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.validate import check_not_negative, check_positive
+from mograft.analysis.segmentation import Segments
+from mograft.errors import join_names
+from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span
+
+__all__ = ["KeepOriginal", "MaxAngle", "MaxStretch", "NotFrom", "OnlyFrom"]
+
+
+@dataclass(frozen=True)
+class KeepOriginal(Constraint):
+    """Keep the captured parts of every segment that overlaps `frames`.
+
+    Examples
+    --------
+    >>> KeepOriginal(frames=(0, 60)).frames
+    (0, 60)
+    """
+
+    def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
+        """As `Constraint.donor_errors`."""
+        del clips
+        return np.where(_is_same(base, donors), 0.0, 2.0)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del error, height
+        return "the captured part must be kept"
+
+
+@dataclass(frozen=True)
+class OnlyFrom(Constraint):
+    """Accept donors from some clips only; captured parts may be kept.
+
+    Parameters
+    ----------
+    clips : str or sequence of str
+        Names of clips, or patterns such as ``"waltz*"``.
+    tags : str or collection of str
+        Tags of clips; a clip with one of them is selected, in addition to `clips`.
+    clip_frames : tuple of int, optional
+        First and last frame of those clips; donors must lie within. Default: all frames.
+
+    Examples
+    --------
+    >>> OnlyFrom("waltz*", tags=["slow"]).describe_error(2.0, height=180.0)
+    'not from waltz*, clips tagged slow'
+    """
+
+    clips: str | Sequence[str] = ()
+    clip_frames: Span | None = None
+    tags: str | Collection[str] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_origin(self)
+
+    def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
+        """As `Constraint.donor_errors`."""
+        within = _is_selected(donors, clips, self, whole=True)
+        return np.where(within | _is_same(base, donors), 0.0, 2.0)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del error, height
+        return f"not from {_describe_selection(self)}"
+
+
+@dataclass(frozen=True)
+class NotFrom(Constraint):
+    """Accept no donors from some clips; captured parts may be kept.
+
+    Parameters
+    ----------
+    clips : str or sequence of str
+        Names of clips, or patterns such as ``"walk*"``.
+    tags : str or collection of str
+        Tags of clips; a clip with one of them is selected, in addition to `clips`.
+    clip_frames : tuple of int, optional
+        First and last frame of those clips; donors must not overlap them. Default: all frames.
+
+    Examples
+    --------
+    >>> NotFrom(["walk1", "walk2"]).describe_error(2.0, height=180.0)
+    'from walk1, walk2'
+    """
+
+    clips: str | Sequence[str] = ()
+    clip_frames: Span | None = None
+    tags: str | Collection[str] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_origin(self)
+
+    def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
+        """As `Constraint.donor_errors`."""
+        within = _is_selected(donors, clips, self, whole=False)
+        return np.where(within & ~_is_same(base, donors), 2.0, 0.0)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del error, height
+        return f"from {_describe_selection(self)}"
+
+
+@dataclass(frozen=True)
+class MaxStretch(Constraint):
+    """Limit the length difference between a donor and its base segment.
+
+    Parameters
+    ----------
+    limit : float
+        Maximum length difference, as a share of the length of the base segment.
+
+    Examples
+    --------
+    >>> MaxStretch(0.1).describe_error(2.5, height=180.0)
+    'stretched by 0.25, limit 0.10'
+    """
+
+    limit: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_not_negative(self, "limit")
+
+    def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
+        """As `Constraint.donor_errors`."""
+        del clips
+        stretch = np.abs(base.lengths - donors.lengths) / base.lengths
+        exceeds = stretch > self.limit * (1 + 1e-9)
+        return np.where(exceeds, stretch / max(self.limit, 1e-3), 0.0)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del height
+        return f"stretched by {error * max(self.limit, 1e-3):.2f}, limit {self.limit:.2f}"
+
+
+@dataclass(frozen=True)
+class MaxAngle(Constraint):
+    """Limit the seam angle; a hard constraint in addition to `Config.max_angle`.
+
+    Parameters
+    ----------
+    limit : float
+        Maximum mean joint angle between the poses at a seam, in radians.
+
+    Examples
+    --------
+    >>> import math
+    >>> MaxAngle(math.radians(20)).violation("upper", 37, math.radians(25)).message
+    'MaxAngle is violated at frame 37: seam angle of upper 25.0°, limit 20.0°'
+    """
+
+    limit: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive(self, "limit")
+        if self.weight is not None or self.frames is not None:
+            raise ValueError("MaxAngle accepts neither weight nor frames: it applies to every seam")
+
+    def violation(self, group: str, frame: int, angle: float) -> "Violation":
+        """Return the violation of a seam of a group at a frame."""
+        message = (
+            f"MaxAngle is violated at frame {frame}: seam angle of {group} "
+            f"{np.degrees(angle):.1f}°, limit {np.degrees(self.limit):.1f}°"
+        )
+        return Violation(
+            constraint=self,
+            frames=(frame, frame),
+            worst=frame,
+            error=angle / self.limit,
+            joint="",
+            message=message,
+        )
+
+
+def _is_same(base: Segments, donors: Segments) -> BoolArray:
+    """Return whether each donor is the base segment itself."""
+    same: BoolArray = (
+        (base.clip == donors.clip) & (base.start == donors.start) & (base.stop == donors.stop)
+    )
+    return same
+
+
+def _check_origin(origin: "OnlyFrom | NotFrom") -> None:
+    for name, words in (("clips", origin.clips), ("tags", origin.tags)):
+        if not isinstance(words, Collection) or not all(isinstance(word, str) for word in words):
+            raise TypeError(f"{name} must be names, got {words!r}")
+    if not origin.clips and not origin.tags:
+        raise ValueError("clips or tags must select clips, got neither")
+    if origin.clip_frames is not None:
+        object.__setattr__(origin, "clip_frames", as_span("clip_frames", origin.clip_frames))
+
+
+def _as_names(words: str | Collection[str]) -> list[str]:
+    return [words] if isinstance(words, str) else sorted(words)
+
+
+def _is_selected(
+    donors: Segments, clips: Sequence[Clip], origin: "OnlyFrom | NotFrom", *, whole: bool
+) -> BoolArray:
+    names = [clip.name for clip in clips]
+    selected = np.zeros(len(clips), bool)
+    for pattern in _as_names(origin.clips):
+        matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
+        if not any(matches):
+            raise ValueError(f"clips must match names of {join_names(names)}; got {pattern!r}")
+        selected |= matches
+    for tag in _as_names(origin.tags):
+        tagged = [tag in clip.tags for clip in clips]
+        if not any(tagged):
+            known = sorted({name for clip in clips for name in clip.tags})
+            expected = f"must be among {join_names(known)}" if known else "exist on no clip"
+            raise ValueError(f"tags {expected}; got {tag!r}")
+        selected |= tagged
+    inside: BoolArray = selected[donors.clip]
+    if origin.clip_frames is not None:
+        first, last = origin.clip_frames
+        if whole:
+            inside = inside & (donors.start >= first) & (donors.stop <= last)
+        else:
+            inside = inside & (donors.start <= last) & (donors.stop >= first)
+    return inside
+
+
+def _describe_selection(origin: "OnlyFrom | NotFrom") -> str:
+    selection = [
+        *_as_names(origin.clips),
+        *(f"clips tagged {tag}" for tag in _as_names(origin.tags)),
+    ]
+    frames = origin.clip_frames
+    span = "" if frames is None else f", frames {frames[0]} to {frames[1]}"
+    return ", ".join(selection) + span

@@ -1,0 +1,387 @@
+"""Constraints on the poses of a new motion: collisions, targets, view directions, regions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats
+from mograft._util.validate import as_integer, check_finite, check_positive, coerce_vector
+from mograft.body.anatomy import anatomy
+from mograft.body.capsules import Capsules, clearance
+from mograft.body.mass import mass_model
+from mograft.body.world_poses import Poses
+from mograft.motion import rotations
+from mograft.motion.skeleton import Skeleton
+from mograft.search.constraints import Constraint, Errors, no_errors
+from mograft.search.obstacles import Obstacle, Vector
+
+__all__ = ["Avoid", "AvoidSelf", "Custom", "Face", "KeepOut", "Reach"]
+
+
+@dataclass(frozen=True)
+class Avoid(Constraint):
+    """Keep the whole body out of an obstacle.
+
+    Parameters
+    ----------
+    obstacle : Obstacle
+        A `Sphere`, `Capsule`, `Box`, `HalfSpace` or `Character`.
+    tolerance : float
+        Allowed penetration depth, in skeleton heights.
+    margin : float
+        Additional distance to keep, in skeleton heights.
+
+    Examples
+    --------
+    >>> from mograft.search.obstacles import HalfSpace
+    >>> floor = HalfSpace((0, 0, 0), (0, 1, 0))
+    >>> Avoid(floor, tolerance=0.02).is_hard
+    True
+    >>> Avoid(floor, weight=2.0, frames=(0, 60)).is_hard  # soft, for the first 2 s at 30 fps
+    False
+    """
+
+    obstacle: Obstacle
+    tolerance: float = 0.005
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_obstacle("obstacle", self.obstacle)
+        check_finite(self, "margin")
+        check_positive(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        distance, which = self.obstacle.distances(poses, _capsules_of(poses.capsules, joints))
+        depth = self.margin * poses.height - distance
+        error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)
+        return error, np.where(which >= 0, poses.capsules.joints[which], -1)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        depth = error * self.tolerance
+        return (
+            f"penetration depth {depth:.3f} heights ({depth * height:.3g}), "
+            f"tolerance {self.tolerance:.3f}"
+        )
+
+
+@dataclass(frozen=True)
+class AvoidSelf(Constraint):
+    """Keep hands and forearms out of the trunk, the head, the thighs and each other.
+
+    Parameters
+    ----------
+    tolerance : float
+        Allowed depth beyond `captured`, in skeleton heights.
+    captured : float
+        Largest depth of self-collision in the captured motion, in skeleton heights: capsules
+        overlap when a hand rests on a hip. `mograft.graft` computes it if it is 0.
+
+    Examples
+    --------
+    >>> AvoidSelf().describe_error(4.0, height=180.0)
+    'self-collision 0.020 heights deeper than captured, tolerance 0.005'
+    """
+
+    tolerance: float = 0.005
+    captured: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        capsules = poses.capsules
+        pairs = capsules.self_collision_pairs
+        if joints is not None:
+            pairs = pairs[joints[capsules.joints[pairs[:, 0]]]]
+        distance, which = clearance(
+            poses.ends, capsules.radii, poses.ends, capsules.radii, np.arange(len(poses)), pairs
+        )
+        depth = -distance - self.captured * poses.height
+        error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)
+        return error, np.where(which[:, 0] >= 0, capsules.joints[which[:, 0]], -1)
+
+    def self_collision_depth(self, poses: Poses) -> float:
+        """Return the largest depth of self-collision in some poses, in skeleton heights."""
+        error, _ = AvoidSelf(tolerance=1.0).errors(poses)
+        return float(error.max(initial=0.0))
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del height
+        depth = error * self.tolerance
+        return (
+            f"self-collision {depth:.3f} heights deeper than captured, "
+            f"tolerance {self.tolerance:.3f}"
+        )
+
+
+@dataclass(frozen=True)
+class Reach(Constraint):
+    """Bring a joint to a position at a frame.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    target : tuple of float
+        World position, in the unit of the file.
+    frame : int
+        The frame of the base motion.
+    tolerance : float
+        Allowed distance from the target, in skeleton heights.
+
+    Examples
+    --------
+    >>> Reach("LeftHand", (30, 140, 20), frame=120).describe_error(2.0, height=180.0)
+    'LeftHand is 0.060 heights (10.8) from the target, tolerance 0.030'
+    """
+
+    joint: str
+    target: Vector
+    frame: int
+    tolerance: float = 0.03
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        coerce_vector(self, "target")
+        check_positive(self, "tolerance")
+        object.__setattr__(self, "frame", as_integer("frame", self.frame))
+        object.__setattr__(self, "frames", (self.frame, self.frame))
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        at = poses.skeleton.index(self.joint)
+        if joints is not None and not joints[at]:
+            return no_errors(poses)
+        distance = np.linalg.norm(poses.positions[:, at] - np.array(self.target), axis=1)
+        return distance / (self.tolerance * poses.height), np.full(len(poses), at)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        distance = error * self.tolerance
+        return (
+            f"{self.joint} is {distance:.3f} heights ({distance * height:.3g}) from the target, "
+            f"tolerance {self.tolerance:.3f}"
+        )
+
+
+@dataclass(frozen=True)
+class Face(Constraint):
+    """Turn a joint towards a position.
+
+    Parameters
+    ----------
+    target : tuple of float
+        World position, in the unit of the file.
+    joint : str, optional
+        The joint to turn. Default: the head.
+    tolerance : float
+        Allowed angle between view direction and target, in radians. Default: 20°.
+
+    Examples
+    --------
+    >>> Face((0, 150, 300), frames=(30, 60)).describe_error(1.5, height=180.0)
+    'view direction 30.0° off the target, tolerance 20.0°'
+    """
+
+    target: Vector
+    joint: str | None = None
+    tolerance: float = float(np.radians(20.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        coerce_vector(self, "target")
+        check_positive(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        at = mass_model(poses.skeleton).head
+        if self.joint is not None:
+            at = poses.skeleton.index(self.joint)
+        if at is None:
+            raise ValueError("joint must be given: the skeleton has no head")
+        if joints is not None and not joints[at]:
+            return no_errors(poses)
+        forward = np.broadcast_to(_rest_forward(poses.skeleton, poses.up), (len(poses), 3))
+        view = rotations.rotate(poses.rotations[:, at], forward)
+        to_target = np.array(self.target) - poses.positions[:, at]
+        sine = np.linalg.norm(np.cross(view, to_target), axis=1)
+        angle = np.arctan2(sine, (view * to_target).sum(axis=1))
+        return angle / self.tolerance, np.full(len(poses), at)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del height
+        angle, limit = np.degrees([error * self.tolerance, self.tolerance])
+        return f"view direction {angle:.1f}° off the target, tolerance {limit:.1f}°"
+
+
+@dataclass(frozen=True)
+class KeepOut(Constraint):
+    """Keep one joint outside or inside a region.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint, which is treated as a point.
+    region : Obstacle
+        A `Sphere`, `Capsule`, `Box` or `HalfSpace`.
+    inside : bool
+        If True, the joint must be inside the region.
+    tolerance : float
+        Allowed distance beyond the surface of the region, in skeleton heights.
+
+    Examples
+    --------
+    >>> from mograft.search.obstacles import Sphere
+    >>> KeepOut("LeftHand", Sphere((0, 100, 0), 30)).describe_error(4.0, height=180.0)
+    'LeftHand is 0.020 heights inside, tolerance 0.005'
+    """
+
+    joint: str
+    region: Obstacle
+    inside: bool = False
+    tolerance: float = 0.005
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_obstacle("region", self.region)
+        check_positive(self, "tolerance")
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
+
+    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        at = poses.skeleton.index(self.joint)
+        if joints is not None and not joints[at]:
+            return no_errors(poses)
+        point = Capsules(
+            joints=np.array([at]),
+            parts=("",),
+            sides=("",),
+            bones=np.zeros((1, 3)),
+            radii=np.zeros(1),
+        )
+        distance, _ = self.region.distances(replace(poses, capsules=point), np.array([0]))
+        depth = distance if self.inside else -distance
+        error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)
+        return error, np.full(len(poses), at)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del height
+        where = "outside" if self.inside else "inside"
+        return (
+            f"{self.joint} is {error * self.tolerance:.3f} heights {where}, "
+            f"tolerance {self.tolerance:.3f}"
+        )
+
+
+@dataclass(frozen=True)
+class Custom(Constraint):
+    """A constraint that a function defines.
+
+    Parameters
+    ----------
+    function : callable
+        Takes `Poses` of n frames and returns n errors in tolerances: at most 1 for an accepted
+        pose, and increasing with the violation.
+    name : str
+        Name in messages.
+    joint : str, optional
+        The joint of the error; only its group is searched. Default: all groups.
+
+    Examples
+    --------
+    >>> low = Custom(lambda poses: poses.positions[:, 0, 1] / 60.0, "hips below 60")
+    >>> low.is_hard
+    True
+    """
+
+    function: Callable[[Poses], FloatArray]
+    name: str = "custom"
+    joint: str | None = None
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`."""
+        at = -1 if self.joint is None else poses.skeleton.index(self.joint)
+        if joints is not None and at >= 0 and not joints[at]:
+            return no_errors(poses)
+
+        def function_errors(some: Poses) -> Errors:
+            label = f"the result of {self.name}"
+            error = as_floats(label, self.function(some), (len(some),))
+            return error, np.full(len(some), at)
+
+        return _errors_where_applied(self, poses, function_errors)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        del height
+        return f"{self.name}: {error:.3g} tolerances"
+
+
+def _errors_where_applied(
+    constraint: Constraint, poses: Poses, errors: Callable[[Poses], Errors]
+) -> Errors:
+    """Return errors that are computed only in the frames in which a constraint applies."""
+    if constraint.frames is None:
+        return errors(poses)
+    applies = constraint.applies(poses.frames)
+    if applies.all():
+        return errors(poses)
+    error, joint = no_errors(poses)
+    if applies.any():
+        some = poses.with_poses(
+            poses.frames[applies], poses.rotations[applies], poses.positions[applies]
+        )
+        error[applies], joint[applies] = errors(some)
+    return error, joint
+
+
+def _capsules_of(capsules: Capsules, joints: BoolArray | None) -> IntArray:
+    """Return the indices of the capsules of some joints."""
+    if joints is None:
+        return np.arange(len(capsules))
+    return np.flatnonzero(joints[capsules.joints])
+
+
+def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
+    """Return the direction that the body faces in the rest pose."""
+    known, rest = anatomy(skeleton), skeleton.rest_positions()
+    left, right = (known.joints("thigh", "upper_arm", side=side) for side in ("left", "right"))
+    if not left or not right:
+        raise ValueError("the facing direction needs left and right limbs, the skeleton has none")
+    lateral = rest[left].mean(axis=0) - rest[right].mean(axis=0)
+    head = mass_model(skeleton).head
+    top = rest[known.hips] if head is None else rest[head]
+    feet = [foot.ankle for foot in mass_model(skeleton).feet]
+    upward = np.zeros(3)
+    upward[up] = 1.0 if not feet or top[up] >= rest[feet].mean(axis=0)[up] else -1.0
+    direction = np.cross(lateral, upward)
+    forward: FloatArray = direction / np.linalg.norm(direction)
+    return forward
+
+
+def _check_obstacle(name: str, value: object) -> None:
+    if not callable(getattr(value, "distances", None)):
+        raise TypeError(f"{name} must be an obstacle such as Sphere, Capsule or Box, got {value!r}")

@@ -1,0 +1,1 @@
+"""New motions from a library: grafts, repairs and streams."""

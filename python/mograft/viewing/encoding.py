@@ -1,0 +1,184 @@
+"""The data of a page: a scene as JSON, with quantized and compressed node positions."""
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.analysis.segmentation import gaussian, kinetic_energy
+from mograft.motion.motion import Motion
+from mograft.viewing.geometry import DrawnSkeleton
+from mograft.viewing.scene import Figure, Scene, TimelineRow
+
+__all__ = ["MAX_NODE_POSITIONS", "encode_scene", "quantize"]
+
+MAX_NODE_POSITIONS = 6_000_000
+"""Node positions in a page; of longer motions only every n-th frame is stored."""
+
+_MAX_CURVE_POINTS = 1_500
+"""Points of the energy curve; no screen is wider."""
+
+_CURVE_SMOOTHING_SECONDS = 0.07
+
+
+def encode_scene(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> dict[str, Any]:
+    """Return a scene as the page's script reads it.
+
+    Parameters
+    ----------
+    scene : Scene
+        The figures.
+    max_positions : int
+        Maximum number of node positions; of longer motions only every n-th frame is stored.
+
+    Returns
+    -------
+    dict
+        Values that JSON can represent. Positions have y up.
+    """
+    skeletons = [DrawnSkeleton.of(figure.motion) for figure in scene.figures]
+    total = sum(each.positions.shape[0] * each.positions.shape[1] for each in skeletons)
+    step = max(1, -(-total // max_positions))
+    donors: dict[str, int] = {}
+    clips = [
+        _encode_figure(figure, skeleton, step, donors)
+        for figure, skeleton in zip(scene.figures, skeletons, strict=True)
+    ]
+    note = ""
+    if step > 1:
+        note = f"Long motions: every {_ordinal(step)} frame is stored, the others are interpolated."
+    return {
+        "format": "mograft.view/1",
+        "height": max(each.height for each in skeletons),
+        "floor": min(each.floor for each in skeletons),
+        "follow": True,
+        "note": note,
+        "groups": list(scene.groups),
+        "donors": list(donors),
+        "clips": clips,
+    }
+
+
+def _encode_figure(
+    figure: Figure, skeleton: DrawnSkeleton, step: int, donors: dict[str, int]
+) -> dict[str, Any]:
+    """Return a figure with every `step`-th frame; `donors` collects the names of donor clips."""
+    stored = skeleton.positions[::step]
+    unit, path, pose = quantize(stored, skeleton.root, skeleton.height)
+    return {
+        "name": figure.name,
+        "frames": figure.motion.n_frames,
+        "dt": figure.motion.frame_time,
+        "step": step,
+        "kept": len(stored),
+        "nodes": stored.shape[1],
+        "parents": skeleton.parents,
+        "width": skeleton.widths,
+        "tips": skeleton.tips,
+        "groups": list(figure.members),
+        "group": figure.group_of_nodes(skeleton.parents),
+        "unit": unit,
+        "path": _compress(path.astype("<f4").tobytes()),
+        "pose": _compress(pose),
+        "energy": _energy_curve(figure.motion),
+        "rows": [_encode_row(row, donors) for row in figure.rows],
+    }
+
+
+def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, FloatArray, bytes]:
+    """Return node positions relative to the root as 16-bit integers, in second differences.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_nodes, 3)
+        World positions of the nodes.
+    root : int
+        The node that the positions are relative to.
+    height : float
+        Height of the body; the quantization step is at least a ten-thousandth of it.
+
+    Returns
+    -------
+    unit : float
+        The quantization step. The error of a position is at most half of it.
+    path : ndarray, shape (n_frames, 3)
+        World positions of the root in float32.
+    pose : bytes
+        Second differences in time of the integers, track by track. Differences are mapped to
+        unsigned integers, even for positive and odd for negative ones; all low bytes precede
+        all high bytes. zlib compresses this order best.
+    """
+    path = positions[:, root].astype(np.float32).astype(np.float64)
+    relative = positions - path[:, None]
+    unit = max(float(np.abs(relative).max()) / 32_000, 1e-4 * height)
+    integers = np.round(relative / unit).astype(np.int16)
+    # Differences overflow as the sums in the page's script do, so that both cancel.
+    with np.errstate(over="ignore"):
+        velocity = np.diff(integers, axis=0, prepend=np.zeros_like(integers[:1]))
+        change = np.diff(velocity, axis=0, prepend=np.zeros_like(integers[:1]))
+    folded = ((change << 1) ^ (change >> 15)).astype(np.uint16)
+    tracks = np.ascontiguousarray(folded.reshape(len(folded), -1).T)
+    planes = (tracks & 0xFF, tracks >> 8)
+    return unit, path, b"".join(plane.astype(np.uint8).tobytes() for plane in planes)
+
+
+def _compress(data: bytes) -> str:
+    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+
+
+def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
+    n = len(row.start)
+    is_grafted = bool(row.donor_clips)
+    source = [-1] * n
+    for part in np.flatnonzero(row.is_exchanged).tolist():
+        source[part] = donors.setdefault(row.donor_clips[part], len(donors))
+    angles: list[list[float | None]] = [
+        [None if np.isnan(angle) else round(float(angle), 2) for angle in pair]
+        for pair in row.seam_angles
+    ]
+    encoded = {
+        "group": row.group,
+        "grafted": is_grafted,
+        "start": row.start.tolist(),
+        "stop": row.stop.tolist(),
+        "cluster": row.cluster.tolist(),
+        "source": source,
+    }
+    if not is_grafted:
+        zeros, nothing = [0] * n, [None] * n
+        return encoded | {
+            "first": zeros,
+            "last": zeros,
+            "stretch": [0.0] * n,
+            "before": nothing,
+            "after": nothing,
+            "others": nothing,
+        }
+    return encoded | {
+        "first": row.donor_start.tolist(),
+        "last": row.donor_stop.tolist(),
+        "stretch": np.round(row.stretch, 4).tolist(),
+        "before": [pair[0] for pair in angles],
+        "after": [pair[1] for pair in angles],
+        "others": [None if count < 0 else count for count in row.n_alternatives.tolist()],
+    }
+
+
+def _energy_curve(motion: Motion) -> list[int]:
+    """Return the smoothed kinetic energy, 0 to 255, at equally spaced frames."""
+    if motion.n_frames < 2:
+        return []
+    energy = gaussian(kinetic_energy(motion), _CURVE_SMOOTHING_SECONDS * motion.rate)
+    n_points = min(len(energy), _MAX_CURVE_POINTS)
+    frames = np.linspace(0, len(energy) - 1, n_points).round().astype(int)
+    # The scale ends at the 99th percentile, as single high peaks would flatten the curve.
+    top = float(np.percentile(energy, 99)) or 1.0
+    levels: list[int] = np.round(255 * np.clip(energy[frames] / top, 0, 1)).astype(int).tolist()
+    return levels
+
+
+def _ordinal(number: int) -> str:
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{'th' if number // 10 % 10 == 1 else ending}"

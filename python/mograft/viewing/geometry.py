@@ -1,0 +1,142 @@
+"""What is drawn of a motion: nodes with y up, bones between them, and their widths."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.body.anatomy import Anatomy, anatomy
+from mograft.body.mass import mass_model, up_axis
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = ["DrawnSkeleton", "node_parents", "node_positions"]
+
+_MAX_TIPS = 12
+
+_BONE_WIDTHS = {
+    "head": 2.6,
+    "neck": 1.1,
+    "trunk": 1.9,
+    "pelvis": 1.9,
+    "clavicle": 1.2,
+    "upper_arm": 1.3,
+    "forearm": 1.1,
+    "hand": 0.9,
+    "finger": 0.4,
+    "thigh": 1.7,
+    "shank": 1.4,
+    "foot": 1.2,
+    "toe": 1.0,
+}
+"""Width of the bones of a body part; 1 is about a fiftieth of the height."""
+
+_TRUNK_TO_LIMB_WIDTH = 1.1
+_DETAIL_WIDTH = 0.4
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DrawnSkeleton:
+    """Nodes of a motion, which are its joints followed by its end sites.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n_frames, n_nodes, 3)
+        World positions of the nodes in the unit of the motion, with y up.
+    parents : list of int
+        The node at which the bone of each node begins; -1 if the node has no bone.
+    root : int
+        The joint that moves the body through the world.
+    height, floor : float
+        Height of the body, and height of the floor.
+    widths : list of float
+        Width of each node's bone; 1 is about a fiftieth of the height.
+    tips : list of int
+        The nodes at the ends of the limbs, fingers excepted; at most 12.
+    """
+
+    positions: FloatArray
+    parents: list[int]
+    root: int
+    height: float
+    floor: float
+    widths: list[float]
+    tips: list[int]
+
+    @classmethod
+    def of(cls, motion: Motion) -> "DrawnSkeleton":
+        """Return the nodes of a motion."""
+        skeleton = motion.skeleton
+        known = anatomy(skeleton)
+        mass = mass_model(skeleton)
+        parents = node_parents(motion)
+        positions = node_positions(motion)
+        on_head = {node for node, parent in enumerate(parents) if parent == mass.head}
+        if mass.head is not None and on_head and on_head <= set(known.details):
+            # The head has no child but eyes and the like: it ends where the mass model ends it.
+            turns, joints = motion.world_transforms()
+            top = joints[:, mass.head] + rotations.rotate(turns[:, mass.head], mass.bone[mass.head])
+            positions = np.concatenate([positions, top[:, None]], axis=1)
+            parents.append(mass.head)
+        positions = _rotate_to_y_up(positions, motion)
+        lowest = positions[:, :, 1].min(axis=1)
+        return cls(
+            positions=positions,
+            parents=parents,
+            root=motion.locomotion_root(),
+            height=mass.height,
+            floor=float(np.percentile(lowest, 5)),
+            widths=_bone_widths(known, parents),
+            tips=_limb_tips(known, parents),
+        )
+
+
+def node_parents(motion: Motion) -> list[int]:
+    """Return the parent of each joint and end site; -1 for the root."""
+    skeleton = motion.skeleton
+    return [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
+
+
+def node_positions(motion: Motion) -> FloatArray:
+    """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3)."""
+    turns, joints = motion.world_transforms()
+    sites = [
+        joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
+        for site in motion.skeleton.end_sites
+    ]
+    return np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
+
+
+def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
+    by_joint = [_BONE_WIDTHS.get(part, 1.0) for part in known.parts]
+    above = [max(parent, 0) for parent in parents]
+    widths = [by_joint[node] for node in above]
+    for joint, part in enumerate(known.parts):
+        is_trunk = widths[joint] == _BONE_WIDTHS["trunk"]
+        if is_trunk and part not in ("trunk", "neck", "head"):
+            widths[joint] = _TRUNK_TO_LIMB_WIDTH
+    for node, parent in enumerate(above):
+        # Eyes and markers at the width of a head would look like a second one.
+        if {node, parent} & set(known.details):
+            widths[node] = _DETAIL_WIDTH
+    return widths
+
+
+def _limb_tips(known: Anatomy, parents: list[int]) -> list[int]:
+    inner = {parent for parent in parents if parent >= 0}
+    leaves = [node for node in range(len(parents)) if node not in inner]
+    return [node for node in leaves if known.parts[max(parents[node], 0)] != "finger"][:_MAX_TIPS]
+
+
+def _rotate_to_y_up(positions: FloatArray, motion: Motion) -> FloatArray:
+    """Return positions with y up, rotated and not mirrored."""
+    axis = up_axis(motion)
+    mass = mass_model(motion.skeleton)
+    ankles = [foot.ankle for foot in mass.feet]
+    x, y, z = np.moveaxis(positions, -1, 0)
+    upright = np.stack([(-y, x, z), (x, y, z), (x, z, -y)][axis], axis=-1)
+    high = mass.head if mass.head is not None else mass.hips
+    low = ankles if ankles else [mass.hips]
+    if upright[:, high, 1].mean() < upright[:, low, 1].mean():
+        upright = upright * (-1.0, -1.0, 1.0)
+    return upright

@@ -1,0 +1,123 @@
+"""Properties of matrix products and eigenvectors that carry the same bits for any thread count."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft._util.linalg import GRID, eigenvectors, product, round_to_grid
+from tests.strategies import SEEDS
+
+SIZES = st.integers(1, 40)
+
+
+def standardised(seed, *shape):
+    """Return numbers whose products with `directions` are exact: norms stay below 8192."""
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=shape) * np.exp(rng.uniform(-12, 4, shape))
+
+
+def directions(seed, *shape):
+    vectors = np.random.default_rng(seed).normal(size=shape)
+    return vectors / np.linalg.norm(vectors, axis=0)
+
+
+@given(SEEDS, st.integers(0, 60))
+def test_round_to_grid_returns_nearest_multiple(seed, exponent):
+    values = np.random.default_rng(seed).normal(size=50) * 2.0**exponent
+    rounded = round_to_grid(values)
+    assert (np.abs(rounded - values) <= GRID / 2).all()
+    multiples = rounded / GRID
+    np.testing.assert_array_equal(multiples, np.rint(multiples))
+    np.testing.assert_array_equal(round_to_grid(rounded), rounded)
+
+
+def test_round_to_grid_returns_positive_zeros():
+    assert not np.signbit(round_to_grid(np.array([-0.0, -GRID / 2, -1e-300]))).any()
+
+
+@given(SEEDS, SIZES, st.integers(1, 300), SIZES)
+def test_product_reordered_sums_keeps_bits(seed, m, k, n):
+    a, b = standardised(seed, m, k), directions(seed + 1, k, n)
+    order = np.random.default_rng(seed).permutation(k)
+    assert product(a[:, order], b[order]).tobytes() == product(a, b).tobytes()
+
+
+@given(SEEDS, SIZES, st.integers(1, 300), SIZES)
+def test_product_row_does_not_depend_on_other_rows(seed, m, k, n):
+    a, b = standardised(seed, m, k), directions(seed + 1, k, n)
+    alone = np.concatenate([product(row[None], b) for row in a])
+    assert alone.tobytes() == product(a, b).tobytes()
+
+
+@given(SEEDS, st.integers(1, 5), st.integers(1, 20), st.integers(1, 5))
+def test_product_of_rounded_matrices_is_exact(seed, m, k, n):
+    a, b = standardised(seed, m, k), directions(seed + 1, k, n)
+    found, on_grid = product(a, b), (round_to_grid(a), round_to_grid(b))
+    for i in range(m):
+        for j in range(n):
+            pairs = zip(on_grid[0][i], on_grid[1][:, j], strict=True)
+            assert Fraction(found[i, j]) == sum(Fraction(x) * Fraction(y) for x, y in pairs)
+    bound = 0.5 * GRID * (np.abs(a).sum(axis=1)[:, None] + np.abs(b).sum(axis=0) + k * GRID)
+    assert (np.abs(found - a @ b) <= bound + 1e-12).all()
+
+
+@pytest.mark.parametrize("n", [1, 64, 1024])
+def test_product_at_largest_norm_is_exact(n):
+    """A row of norm 8192 along a column of norm 1 gives the largest sum that is covered."""
+    row, column = np.full((1, n), 8192 / np.sqrt(n)), np.full((n, 1), 1 / np.sqrt(n))
+    expected = n * Fraction(row[0, 0]) * Fraction(column[0, 0])
+    assert product(row, column).item() == expected == 8192
+
+
+def test_product_without_terms_is_zero():
+    assert not product(np.zeros((2, 3)), np.ones((3, 4))).any()
+    assert product(np.ones((2, 0)), np.ones((0, 4))).tolist() == [[0.0] * 4] * 2
+
+
+@given(SEEDS, st.integers(1, 60), st.integers(1, 60), st.integers(0, 70))
+def test_eigenvectors_satisfy_definition_up_to_grid(seed, n, rank, n_vectors):
+    rows = np.random.default_rng(seed).normal(size=(rank, n))
+    matrix = rows.T @ rows
+    values, vectors = eigenvectors(matrix, n_vectors)
+    trace = np.trace(matrix)
+    np.testing.assert_allclose(
+        values, np.linalg.eigvalsh(matrix)[::-1], rtol=0, atol=2.0**-32 * trace + 1e-14 * trace
+    )
+    n_vectors = min(n_vectors, n)
+    assert vectors.shape == (n, n_vectors)
+    # Each entry moves by half the grid, each vector of n entries by √n times that.
+    moved = 0.5 * GRID * np.sqrt(n)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(n_vectors), atol=2.1 * moved)
+    residual = np.linalg.norm(matrix @ vectors - vectors * values[:n_vectors], axis=0)
+    assert (residual <= 2.1 * moved * trace).all()
+
+
+@given(SEEDS, st.integers(1, 30))
+def test_eigenvectors_lie_on_grid_with_positive_largest_entry(seed, n):
+    rows = np.random.default_rng(seed).normal(size=(2 * n, n))
+    _, vectors = eigenvectors(rows.T @ rows, n)
+    np.testing.assert_array_equal(round_to_grid(vectors), vectors)
+    assert not np.signbit(vectors[vectors == 0.0]).any()
+    largest = np.abs(vectors).argmax(axis=0)
+    assert (vectors[largest, np.arange(n)] > 0).all()
+
+
+@given(SEEDS, st.integers(2, 15))
+def test_eigenvectors_entries_of_equal_size_take_sign_from_first(seed, n):
+    """Mirrored data have eigenvectors (v, -v), whose halves differ in the last bits only."""
+    rows = np.random.default_rng(seed).normal(size=(3 * n, n))
+    same, cross = rows.T @ rows + 9 * n * np.eye(n), np.diag(np.linspace(1.0, 2.0, n)) * n
+    matrix = np.block([[same, -cross], [-cross, same]])
+    first = eigenvectors(matrix, 1)[1][:, 0]
+    np.testing.assert_array_equal(np.abs(first[:n]), np.abs(first[n:]))
+    jitter = 1e-14 * np.random.default_rng(seed).normal(size=matrix.shape)
+    again = eigenvectors(matrix * (1.0 + (jitter + jitter.T)), 1)[1][:, 0]
+    assert again.tobytes() == first.tobytes()
+
+
+def test_eigenvectors_non_square_matrix_raises_value_error():
+    with pytest.raises(ValueError, match="square"):
+        eigenvectors(np.ones((2, 3)), 1)

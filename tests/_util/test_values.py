@@ -1,0 +1,189 @@
+"""Public values: kept when copied, made of numbers of any make, wrong kinds refused by name."""
+
+import copy
+import json
+import pickle
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.body.mass import mass_model
+from mograft.dancer import dance
+
+
+@pytest.fixture(scope="module")
+def library():
+    return mg.Library.build(dance(seed=0, strides=1).motion)
+
+
+def arrays(value):
+    """All arrays in a value, with their way there."""
+    if isinstance(value, np.ndarray):
+        yield "", value
+    elif isinstance(value, tuple):
+        for place, own in enumerate(value):
+            yield from ((f"[{place}]{way}", array) for way, array in arrays(own))
+    elif is_dataclass(value):
+        for field in fields(value):
+            own = getattr(value, field.name)
+            yield from ((f".{field.name}{way}", array) for way, array in arrays(own))
+
+
+COPIES = [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
+
+
+@pytest.fixture(scope="module")
+def values(library):
+    motion = library.clips[0]
+    own = {"Dance": dance(seed=0, strides=1), "Body": mass_model(library.skeleton)}
+    return own | {"Motion": motion, "Skeleton": motion.skeleton, "Segments": library.segments}
+
+
+@pytest.mark.parametrize("copied", COPIES, ids=["copy", "deepcopy", "pickle"])
+@pytest.mark.parametrize("kind", ["Motion", "Skeleton", "Segments", "Body", "Dance"])
+def test_value_copies_have_read_only_arrays(values, kind, copied):
+    value = values[kind]
+    before, after = dict(arrays(value)), dict(arrays(copied(value)))
+    assert before
+    assert before.keys() == after.keys()
+    for way, array in after.items():
+        np.testing.assert_array_equal(array, before[way])
+        assert not array.flags.writeable, way
+
+
+def test_value_repr_is_short(library):
+    candidates = library.candidates(17, "upper")
+    assert repr(candidates) == (
+        f"Candidates({len(candidates.allowed)} allowed, {len(candidates.refused)} refused, "
+        f"{candidates.elsewhere} of other clusters)"
+    )
+    assert repr(library.embedding["lower"]).startswith(f"Embedding({len(library.segments)} points")
+    for value in (library, library.clips[0], library.skeleton, library.segments, library.groups):
+        assert len(repr(value)) < 400
+
+
+NUMBERS = st.sampled_from([np.float64, np.float32, np.float16, np.int64, np.uint8])
+
+
+@given(NUMBERS, st.integers(1, 200))
+def test_config_numpy_scalars_equal_python_numbers(kind, number):
+    value = kind(number)
+    given, plain = mg.Config(sigma_scale=value), mg.Config(sigma_scale=value.item())
+    assert given == plain
+    assert json.dumps(given.as_dict()) == json.dumps(plain.as_dict())
+    given, plain = (mg.Sphere((0, 0, 0), own) for own in (value, value.item()))
+    assert repr(given) == repr(plain)
+
+
+def test_graft_many_accepts_numpy_integers(library):
+    plain = mg.graft(library, constraints=[mg.KeepOriginal(frames=(5, 9))], seed=7)
+    own = mg.KeepOriginal(frames=(np.int64(5), np.uint8(9)))
+    given = mg.graft(library, constraints=[own], seed=np.uint16(7))
+    assert json.dumps(given.as_dict()) == json.dumps(plain.as_dict())
+    assert len(mg.graft_many(library, count=np.int32(2))) == 2
+    assert mg.Config(samples=np.int64(8)) == mg.Config(samples=8)
+    reach = mg.Reach("LeftHand", np.zeros(3, np.float32), np.int64(3), weight=np.float32(1))
+    assert reach == mg.Reach("LeftHand", (0.0, 0.0, 0.0), 3, weight=1.0)
+
+
+@pytest.mark.parametrize("value", [True, None, "x", np.nan, [1]])
+@pytest.mark.parametrize("name", ["sigma_scale", "samples", "keep_heading", "seam"])
+def test_config_invalid_value_raises_value_error_naming_field(name, value):
+    if (name, value) == ("keep_heading", True):
+        return
+    with pytest.raises(ValueError, match=name):
+        mg.Config(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("call", "given", "told"),
+    [
+        (mg.segment, ["a.bvh"], "motion must be a Motion, got str"),
+        (mg.kinetic_energy, [None], "motion must be a Motion, got NoneType"),
+        (mg.mirror, ["a.bvh"], "motion must be a Motion, got str"),
+        (mg.find_faults, ["a.bvh"], "motion must be a Motion, got str"),
+        (mg.write_bvh, [3, "a.bvh"], "motion must be a Motion, got int"),
+        (mg.Avoid, [3], "obstacle must be an obstacle such as Sphere, Capsule or Box, got 3"),
+        (mg.KeepOut, ["Hips", None], "region must be an obstacle such as Sphere, Capsule or Box"),
+        (mg.Character, ["a.bvh"], "motion must be a Motion, got str"),
+        (mg.OnlyFrom, [3], "clips must be names, got 3"),
+        (mg.NotFrom, [["a", 3]], "clips must be names, got"),
+        (mg.MaxStretch, ["a"], "limit must be a number, got 'a'"),
+        (mg.Sphere, [(0, 0, 0), "a"], "radius must be a number, got 'a'"),
+    ],
+    ids=lambda own: getattr(own, "__name__", ""),
+)
+def test_public_functions_wrong_type_raises_type_error(call, given, told):
+    with pytest.raises(TypeError, match=told):
+        call(*given)
+
+
+def test_public_functions_invalid_collections_raise_type_error(library):
+    motion = library.clips[0]
+    with pytest.raises(TypeError, match="library must be a Library, got Motion"):
+        mg.graft(motion)
+    for base in (3, [motion]):
+        with pytest.raises(TypeError, match=r"base must be a Motion, got (int|list)"):
+            mg.graft(library, base)
+    with pytest.raises(TypeError, match="constraints must be a list of constraints, got AvoidSelf"):
+        mg.graft(library, constraints=mg.AvoidSelf())
+    for segment in (1.5, True, None, -1, np.int64(10**6)):
+        with pytest.raises(ValueError, match=f"segment must be 0 to .*, got {segment}"):
+            library.candidates(segment, "upper")
+    for feet in (mg.plant_feet, mg.foot_skate):
+        with pytest.raises(TypeError, match="motion must be a Motion, got int"):
+            feet(3)
+    with pytest.raises(TypeError, match="library must be a Library, got Motion"):
+        mg.Stream(motion)
+    with pytest.raises(TypeError, match="constraints must be a list of constraints, got AvoidSelf"):
+        mg.Stream(library, constraints=mg.AvoidSelf())
+    with pytest.raises(ValueError, match=r"horizon must be a whole number from 1, got 1\.5"):
+        mg.Stream(library, horizon=1.5)
+    assert repr(mg.Stream(library, seed=np.int64(3))).endswith(", 0 segments committed)")
+    with pytest.raises(TypeError, match="swap must be a list of groups, got 'upper'"):
+        mg.graft(library, swap="upper")
+    with pytest.raises(TypeError, match="target must be a path or a file object, got int"):
+        mg.write_bvh(motion, 3)
+
+
+@pytest.mark.parametrize("frames", [3, (1,), (5, 2), (0.5, 2), (-1, 2), "ab", None])
+def test_constraint_frames_must_be_ascending_pair(frames):
+    if frames is None:
+        assert mg.AvoidSelf(frames=None).frames is None
+        return
+    with pytest.raises(ValueError, match="frames must be a first and a last frame, ascending"):
+        mg.AvoidSelf(frames=frames)
+    with pytest.raises(ValueError, match="clip_frames must be a first and a last frame, ascending"):
+        mg.OnlyFrom("a", clip_frames=frames)
+
+
+@pytest.mark.parametrize("frame", [-1, 1.5, True, "1"])
+def test_constraint_frame_must_be_integer(frame):
+    with pytest.raises(ValueError, match="frame must be a whole number from 0"):
+        mg.Reach("LeftHand", (0, 0, 0), frame)
+
+
+def test_linkage_ragged_rows_raise_value_error():
+    with pytest.raises(ValueError, match="points must be an array, got rows of different lengths"):
+        mg.linkage([[1.0, 2.0], [3.0]])
+
+
+@pytest.mark.parametrize("rate", [1e9, 1e18, 1e300])
+def test_resample_excessive_rate_raises_value_error(library, rate):
+    # A year of motion: what is wanted is beyond what any machine could address.
+    motion = replace(library.clips[0], frame_time=3e4)
+    with pytest.raises(ValueError, match=r"than memory holds|fewer than 2"):
+        motion.resample(rate)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_obstacle_non_finite_values_raise_value_error(library, value):
+    for name in ("yaw", "delay"):
+        with pytest.raises(ValueError, match=f"{name} must be finite, got {value}"):
+            mg.Character(library.clips[0], **{name: value})
+    with pytest.raises(ValueError, match=f"margin must be finite, got {value}"):
+        mg.Avoid(mg.Sphere((0, 0, 0), 1), margin=value)

@@ -1,0 +1,248 @@
+"""Laws of divided joints: a graft exchanges the channels that its group holds, and no other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mograft import Config, JointGroups, Library, Skeleton, graft
+from mograft.analysis.channel_groups import (
+    HeldSamples,
+    angles,
+    apart,
+    held_alone,
+    samples_alone,
+    told,
+)
+from mograft.analysis.embedding import Samples
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.recombine import recombine
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.transplant import GraftedGroup, transplant
+from mograft.blend.value_spaces import TRANSLATIONS
+from mograft.dancer import dance
+from mograft.motion import rotations
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    same_rotations,
+    select_segments,
+    star_clip,
+    tile_segments,
+    wander,
+)
+
+AXES = st.sampled_from(["X", "Y", "Z", "ZX", "XY", "ZY"])
+
+
+@given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
+def test_only_the_channels_that_are_held_change(lengths, seed, axes, seam):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    held = {3: axes}
+    group = GraftedGroup(np.array([1, 3]), held=held)
+    part = transplant(base, cut, donors, [base], group, Config(seam=seam))
+    new = recombine(base, [part], "new")
+    own = [
+        column
+        for column, name in zip(
+            base.skeleton.channel_columns[3], base.skeleton.channels[3], strict=True
+        )
+        if name[0] not in axes
+    ]
+    others = [c for j in (0, 2) for c in base.skeleton.channel_columns[j]] + own
+    np.testing.assert_array_equal(new.channel_numbers()[:, others], base.channel_values[:, others])
+    # The numbers are those of the motion.
+    order = base.skeleton.rotation_order(3)
+    numbers = new.channel_numbers()[:, list(base.skeleton.channel_columns[3])]
+    same_rotations(rotations.from_euler(np.radians(numbers), order), new.rotations[:, 3], 1e-9)
+    assert part.joints.tolist() == [1]
+
+
+@given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
+def test_its_own_channels_keep_every_bit(lengths, seed, axes, seam):
+    cut = tile_segments(lengths)
+    base = star_clip(np.random.default_rng(seed), cut)
+    joints = np.array([1, 3])
+    group = GraftedGroup(joints, held={3: axes})
+    part = transplant(base, cut, cut, [base], group, Config(seam=seam))
+    new = recombine(base, [part], "same")
+    np.testing.assert_array_equal(new.rotations, base.rotations)
+    np.testing.assert_array_equal(new.channel_numbers(), base.channel_values)
+
+
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_a_channel_is_joined_as_a_number(lengths, seed):
+    """As translations are, its angle being the number; where it does not pass a half turn."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    order = base.skeleton.rotation_order(3)
+    angle = angles(base, 3)[:, order.index("Y")]
+    if np.ptp(angle) > 3.0:
+        return
+    group = GraftedGroup(np.array([3]), held={3: "Y"})
+    part = transplant(base, cut, donors, [base], group, Config())
+    track = np.zeros((len(angle), 1, 3))
+    track[:, 0, 0] = angle
+    timeline = DonorTimeline(cut, donors, base.rate)
+    seams = timeline.find_seams([track])
+    layout = DonorLayout(timeline, [], [track], seams, Config())
+    times = timeline.frame_times()
+    plain = timeline.merge_frames(layout.close_at(TRANSLATIONS, times))[:, 0, 0]
+    found = part.angles[3, "Y"]
+    found = np.where(np.isnan(found), angle, found)
+    np.testing.assert_allclose(np.sin((found - plain) / 2), 0.0, atol=1e-6)
+
+
+@given(SEEDS, AXES, st.booleans())
+def test_of_samples_only_the_divided_joint_changes(seed, axes, is_single):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments([3, 4])
+    skeleton = star_clip(rng, cut).skeleton
+    quats = wander(rng, 9 * 2, skeleton.n_joints).reshape(9, 2, skeleton.n_joints, 4)
+    rows = np.concatenate([quats.reshape(9, -1), rng.normal(size=(9, 7))], axis=1)
+    whole = Samples(rows.astype(np.float32) if is_single else rows, 2, skeleton.n_joints)
+    alone = samples_alone(whole, skeleton, {3: axes})
+    np.testing.assert_array_equal(alone.rest, whole.rest)
+    others = np.delete(np.arange(skeleton.n_joints), 3)
+    np.testing.assert_array_equal(alone.rotations[:, :, others], whole.rotations[:, :, others])
+    expected = held_alone(
+        whole.rotations[:, :, 3].astype(np.float64), skeleton.rotation_order(3), axes
+    )
+    np.testing.assert_array_equal(alone.rotations[:, :, 3], expected)
+    (chunk,) = HeldSamples(whole, skeleton, {3: axes}).chunks()
+    np.testing.assert_array_equal(chunk.rows, alone.rows)
+    assert samples_alone(whole, skeleton, {}) is whole
+
+
+@given(SEEDS, st.sampled_from(["XYZ", "ZXY", "YZX", "ZYX", "XZY", "YXZ"]))
+def test_what_is_held_alone_and_the_rest_make_the_whole(seed, order):
+    rng = np.random.default_rng(seed)
+    wide = rng.uniform(-1, 1, (20, 3)) * [np.pi, 1.5, np.pi]
+    quats = rotations.from_euler(wide, order)
+    same_rotations(held_alone(quats, order, order), quats, 1e-9)
+    same_rotations(held_alone(quats, order, ""), np.tile(rotations.IDENTITY, (20, 1)), 1e-12)
+    parts = [held_alone(quats, order, axis) for axis in order]
+    whole = rotations.multiply(rotations.multiply(parts[0], parts[1]), parts[2])
+    same_rotations(whole, quats, 1e-9)
+    same_rotations(held_alone(-quats, order, order[0]), parts[0], 1e-9)
+
+
+def test_apart_and_told_are_inverse():
+    base = star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
+    held = {2: "ZY", 3: "X"}
+    found = told(apart(base, held), held)
+    assert list(found) == [(2, "Z"), (2, "Y"), (3, "X")]
+    for (joint, axis), own in found.items():
+        column = base.skeleton.rotation_order(joint).index(axis)
+        off = own - angles(base, joint)[:, column]
+        np.testing.assert_allclose(np.sin(off / 2), 0.0, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    own = dance(seed=1, strides=1).motion[:600]
+    return replace(own, channel_values=own.channel_numbers())
+
+
+def divided(skeleton, axis="Y"):
+    names = [n for n in skeleton.names if n not in ("LeftForeArm", "Spine")]
+    rest = [f"{n}.{a}rotation" for n in ("LeftForeArm", "Spine") for a in "XYZ" if a != axis]
+    roll = [f"{n}.{axis}rotation" for n in ("LeftForeArm", "Spine")]
+    return JointGroups({"body": [*names, *rest], "roll": roll}, base="body")
+
+
+@pytest.mark.filterwarnings("ignore:group")  # of an angle that goes all the way round
+def test_a_single_degree_of_freedom_is_grafted(motion):
+    groups = divided(motion.skeleton)
+    library = Library.build(motion, groups)
+    assert groups.divided_channels(motion.skeleton)["roll"] == {7: "Y", 12: "Y"}
+    new = graft(library, seed=1)
+    assert any(not s.is_own for s in new.substitutions)
+    changed = (new.motion.channel_numbers() != motion.channel_values).any(axis=0)
+    names = [
+        f"{joint}.{channel}"
+        for joint, own in zip(motion.skeleton.names, motion.skeleton.channels, strict=True)
+        for channel in own
+    ]
+    told_apart = {name for name, moves in zip(names, changed, strict=True) if moves}
+    assert told_apart <= {"LeftForeArm.Yrotation", "Spine.Yrotation"}
+    assert told_apart
+    again = JointGroups.from_toml(groups.to_toml())
+    assert again.divided_channels(motion.skeleton) == groups.divided_channels(motion.skeleton)
+
+
+@pytest.mark.filterwarnings("ignore:group")
+def test_the_base_is_compared_by_what_it_holds(motion):
+    """What the other group holds may do anything: the base's clusters stay as they are."""
+    library = Library.build(motion, divided(motion.skeleton))
+    turned = motion.channel_values.copy()
+    column = motion.skeleton.channel_columns[7][motion.skeleton.rotation_order(7).index("Y")]
+    turned[:, column] += 30.0 * np.sin(np.arange(len(turned)) / 7.0)
+    order, columns = motion.skeleton.rotation_order(7), list(motion.skeleton.channel_columns[7])
+    quats = motion.rotations.copy()
+    quats[:, 7] = rotations.continuous_signs(
+        rotations.from_euler(np.radians(turned[:, columns]), order)
+    )
+    other = replace(motion, rotations=quats, channel_values=turned)
+    config = Config(inertia="unit")
+    own, twin = (Library.build(m, divided(m.skeleton), config) for m in (motion, other))
+    if np.array_equal(own.segments.start, twin.segments.start):
+        np.testing.assert_array_equal(own.labels["body"], twin.labels["body"])
+    assert library.embedding["roll"] is not None
+
+
+@settings(max_examples=30)
+@given(SEEDS)
+def test_channels_cover_each_joint_once(seed):
+    rng = np.random.default_rng(seed)
+    skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], np.zeros((3, 3)))
+    owner = {("b", axis): int(rng.integers(2)) for axis in "XYZ"}
+    groups = JointGroups(
+        {
+            name: [own, *(f"b.{axis}rotation" for (_, axis), g in owner.items() if g == index)]
+            for index, (name, own) in enumerate({"one": "a", "two": "c"}.items())
+        },
+        base="one",
+    )
+    held = groups.divided_channels(skeleton)
+    axes = ["".join(sorted(own.get(1, ""))) for own in held.values()]
+    if len(set(owner.values())) == 1:  # all in one group: the joint is whole
+        assert axes == ["", ""]
+    else:
+        assert sorted("".join(axes)) == ["X", "Y", "Z"]
+    whole = groups.resolve(skeleton)
+    assert {int(j) for own in whole.values() for j in own} == {0, 1, 2}
+
+
+@pytest.mark.parametrize(
+    ("groups", "told_why"),
+    [
+        ({"a": ["Hips", "Arm"], "b": ["Arm.Xrotation"]}, "joint Arm.Xrotation must be in one"),
+        ({"a": ["Hips", "Arm.Yrotation"], "b": ["Arm.Xrotation"]}, "got none for Arm.Zrotation"),
+        ({"a": ["Arm"], "b": ["Hips.Xrotation"]}, "Hips must be held whole: the root is turned"),
+        ({"a": ["Hips"], "b": ["Arm", "Arm.Xrotation"]}, "whole or by channels, got both"),
+        ({"a": ["Hips"], "b": ["Leg.Xrotation"]}, "group 'b': no joint is named 'Leg'"),
+    ],
+)
+def test_wrong_channels_are_refused_by_name(groups, told_why):
+    skeleton = Skeleton(["Hips", "Arm"], [-1, 0], np.zeros((2, 3)))
+    with pytest.raises(ValueError, match=told_why):
+        JointGroups(groups, base="a").resolve(skeleton)
+
+
+def test_a_joint_of_fewer_channels_cannot_be_divided():
+    channels = [("Xposition", "Zrotation", "Xrotation", "Yrotation"), ("Xrotation",)]
+    skeleton = Skeleton(["Hips", "Knee"], [-1, 0], np.zeros((2, 3)), channels)
+    with pytest.raises(ValueError, match=r"Knee must have three rotation channels .*, got Xrot"):
+        JointGroups({"a": ["Hips"], "b": ["Knee.Xrotation"]}, base="a").resolve(skeleton)
+    assert JointGroups({"a": ["Hips"], "b": ["Knee"]}, base="a").divided_channels(skeleton) == {
+        "a": {},
+        "b": {},
+    }

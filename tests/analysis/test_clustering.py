@@ -1,0 +1,410 @@
+"""Laws of complete linkage: one tree, SciPy's where there are no ties, and its cuts."""
+
+import itertools
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+from scipy.cluster import hierarchy
+from scipy.spatial.distance import pdist, squareform
+from sklearn.cluster import AgglomerativeClustering
+from sklearn.utils.estimator_checks import check_estimator
+
+import mograft as mg
+from mograft import _core  # noqa: TID251 - what tests turn is no part of the public interface
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "embedding_bandai_60k.npy"
+
+COORDINATES = {
+    "lattice": st.integers(-2, 2).map(float),
+    "single precision": st.floats(-1e3, 1e3, width=32),
+    "near duplicates": st.sampled_from([0.0, -0.0, 1e-12, 1.0, 1 + 2**-52, 1e8]),
+    "wide": st.floats(-1e100, 1e100),
+}
+
+
+@st.composite
+def clouds(draw, max_points=40, kinds=tuple(COORDINATES)):
+    """Points of few axes: scattered, tied, near to each other or repeated."""
+    elements = COORDINATES[draw(st.sampled_from(kinds))]
+    shape = (draw(st.integers(2, max_points)), draw(st.integers(1, 8)))
+    points = draw(npst.arrays(np.float64, shape, elements=elements))
+    if draw(st.booleans()):
+        rows = st.lists(st.integers(0, len(points) - 1), min_size=2, max_size=max_points)
+        points = points[draw(rows)]
+    return points
+
+
+def greedy(points):
+    """Merge the pair of least (squared distance, lower index, higher index), again and again.
+
+    Scaled by a power of two, and with the tiniest coordinates taken for 0, so that no square
+    comes near the ends of the range of floats.
+    """
+    n = len(points)
+    exponent = np.frexp(np.abs(points).max())[1]
+    points = np.ldexp(points, -exponent)
+    points[np.abs(points) < 2.0**-440] = 0.0
+    gaps = np.full((n, n), np.inf)
+    for a in range(n):
+        for b in range(a + 1, n):
+            total = 0.0
+            for x, y in zip(points[a], points[b], strict=True):
+                total += (x - y) * (x - y)
+            gaps[a, b] = total
+    clusters = {i: (i, 1) for i in range(n)}
+    rows = []
+    while len(clusters) > 1:
+        low, high = np.unravel_index(np.argmin(gaps), gaps.shape)
+        (a, size_a), (b, size_b) = clusters[low], clusters.pop(high)
+        rows.append(
+            [min(a, b), max(a, b), np.ldexp(np.sqrt(gaps[low, high]), exponent), size_a + size_b]
+        )
+        clusters[low] = (n + len(rows) - 1, size_a + size_b)
+        for other in clusters.keys() - {low}:
+            pair, gone = tuple(sorted((low, other))), tuple(sorted((high, other)))
+            gaps[pair] = max(gaps[pair], gaps[gone])
+        gaps[high, :] = gaps[:, high] = gaps[low, high] = np.inf
+    return np.array(rows).reshape(-1, 4)
+
+
+@st.composite
+def tunings(draw):
+    """Everything that may change how fast the tree is there, and nothing else."""
+    return {
+        "threads": draw(st.integers(1, 3)),
+        "level": draw(st.integers(0, 2)),
+        "degree": draw(st.sampled_from([0.5, 2.0, 8.0, 24.0])),
+        "finish": draw(st.sampled_from([0, 2, 7, 30])),
+        "crowd": draw(st.sampled_from([0, 50, 1 << 20])),
+    }
+
+
+def by_first_appearance(labels):
+    """Number clusters from 0 in the order in which their first members stand."""
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[inverse]
+
+
+@st.composite
+def scattered(draw, max_points=200):
+    """Points of which no two pairs are equally far."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    shape = draw(st.integers(2, max_points)), draw(st.integers(1, 20))
+    points = draw(st.sampled_from([rng.standard_normal, rng.standard_cauchy]))(shape)
+    distances = pdist(points)
+    assume(len(np.unique(distances)) == len(distances))
+    return points
+
+
+@given(clouds(max_points=12), tunings())
+def test_the_tree_is_that_of_greedy_search(points, tuning):
+    wanted = greedy(points)
+    np.testing.assert_array_equal(mg.linkage(points), wanted)
+    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), wanted)
+
+
+@settings(max_examples=300)
+@given(clouds(max_points=100), tunings())
+def test_nothing_that_is_tuned_changes_the_tree(points, tuning):
+    tree = _core.linkage_tuned(points, **tuning)
+    np.testing.assert_array_equal(tree, _core.linkage_by_chain(points))
+    assert hierarchy.is_valid_linkage(tree)
+    assert hierarchy.is_monotonic(tree)
+
+
+@given(scattered(), tunings())
+def test_the_tree_is_scipys_where_no_distances_are_equal(points, tuning):
+    wanted = hierarchy.complete(pdist(points))
+    np.testing.assert_array_equal(mg.linkage(points), wanted)
+    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), wanted)
+
+
+@given(scattered(max_points=60), st.integers(1, 10))
+def test_a_partition_into_k_is_scipys(points, k):
+    k = min(k, len(points))
+    labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
+    wanted = hierarchy.fcluster(hierarchy.complete(pdist(points)), k, "maxclust")
+    np.testing.assert_array_equal(labels, by_first_appearance(wanted))
+
+
+@given(scattered(max_points=60), tunings(), st.floats(0, 1))
+def test_a_cut_between_two_heights_is_scipys(points, tuning, quantile):
+    tree = hierarchy.complete(pdist(points))
+    heights = np.concatenate([[0.0], tree[:, 2]])
+    low = int(quantile * (len(heights) - 2))
+    diameter = heights[low : low + 2].mean()
+    wanted = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
+    np.testing.assert_array_equal(mg.cut(points, diameter), wanted)
+    np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), wanted)
+
+
+@given(clouds(kinds=["lattice", "single precision"]), tunings(), st.floats(0, 1))
+def test_the_cut_is_that_of_the_tree(points, tuning, quantile):
+    tree = mg.linkage(points)
+    height = np.quantile(tree[:, 2], quantile)
+    for diameter in (height, np.nextafter(height, 0), np.nextafter(height, np.inf)):
+        wanted = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
+        np.testing.assert_array_equal(mg.cut(points, diameter), wanted)
+        np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), wanted)
+
+
+@given(clouds(kinds=["lattice", "single precision"]), st.floats(0, 1))
+def test_clusters_are_no_wider_than_asked_and_no_two_could_be_one(points, quantile):
+    distances = squareform(pdist(points))
+    diameter = np.quantile(distances, quantile)
+    labels = mg.cut(points, diameter)
+    groups = [np.flatnonzero(labels == i) for i in range(labels.max() + 1)]
+    assert all(distances[np.ix_(group, group)].max() <= diameter for group in groups)
+    pairs = itertools.combinations(groups, 2)
+    assert all(distances[np.ix_(a, b)].max() > diameter for a, b in pairs)
+
+
+@given(clouds(kinds=["lattice", "single precision"]))
+def test_points_merge_no_lower_than_they_are_apart(points):
+    assert (hierarchy.cophenet(mg.linkage(points)) >= pdist(points)).all()
+
+
+@given(scattered(max_points=60), st.randoms(use_true_random=False))
+def test_order_is_of_no_matter_where_no_distances_are_equal(points, random):
+    order = random.sample(range(len(points)), len(points))
+    apart = squareform(hierarchy.cophenet(mg.linkage(points)))
+    shuffled = squareform(hierarchy.cophenet(mg.linkage(points[order])))
+    np.testing.assert_array_equal(shuffled, apart[np.ix_(order, order)])
+
+
+@given(clouds(kinds=["lattice", "single precision"]), st.integers(-900, 900))
+def test_the_unit_is_of_no_matter(points, exponent):
+    tree = mg.linkage(points)
+    scaled = mg.linkage(np.ldexp(points, exponent))
+    np.testing.assert_array_equal(scaled[:, [0, 1, 3]], tree[:, [0, 1, 3]])
+    np.testing.assert_array_equal(scaled[:, 2], np.ldexp(tree[:, 2], exponent))
+
+
+@given(scattered(max_points=60), st.integers(0, 2**32), st.floats(-100, 100))
+def test_turning_and_moving_all_points_is_of_no_matter(points, seed, shift):
+    axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(points.shape[1],) * 2))[0]
+    heights = np.unique(mg.linkage(points)[:, 2])
+    between = heights[:-1][np.diff(heights) > 1e-6 * heights[-1]]
+    assume(len(between) and np.abs(points).max() < 1e3)
+    diameter = between[len(between) // 2] + 5e-7 * heights[-1]
+    moved = points @ axes + shift
+    np.testing.assert_array_equal(mg.cut(moved, diameter), mg.cut(points, diameter))
+
+
+@given(scattered(max_points=40), st.floats(1.5, 100))
+def test_clusters_follow_the_unit_by_rms_and_not_by_the_printed_formula(points, factor):
+    assume(np.abs(points).max() < 1e3)
+    for kind, power in (("rms", 1.0), ("literal", 0.5)):
+        one, other = mg.threshold(points, kind), mg.threshold(points * factor, kind)
+        assert other == pytest.approx(one * factor**power)
+
+
+@given(clouds(kinds=["lattice", "single precision"]))
+def test_the_condensed_tree_is_that_of_the_points(points):
+    distances = pdist(points)
+    # Distances that are equal only when rounded would be told apart by their squares.
+    assume(len(np.unique(distances)) == len(np.unique(pdist(points, "sqeuclidean"))))
+    tree = mg.linkage(points)
+    np.testing.assert_array_equal(mg.linkage_condensed(distances), tree)
+    np.testing.assert_array_equal(mg.linkage_condensed(distances, memory_limit=0), tree)
+
+
+@pytest.mark.parametrize("n_axes", [1, 2, 30, 300])
+def test_axes_may_be_few_or_hundreds(n_axes):
+    points = np.random.default_rng(n_axes).standard_normal((700, n_axes))
+    wanted = hierarchy.complete(pdist(points))
+    for memory_limit in (0, None):
+        np.testing.assert_array_equal(mg.linkage(points, memory_limit=memory_limit), wanted)
+
+
+def test_real_points_cluster_as_scipy_clusters_them():
+    if not REAL.exists():
+        pytest.skip(f"needs the embedded motions of {REAL.name}")
+    points = np.load(REAL)[::30].astype(np.float64)
+    tree = mg.linkage(points, memory_limit=0)
+    np.testing.assert_array_equal(tree, hierarchy.complete(pdist(points)))
+    for diameter in (3.525, 13.590):
+        wanted = hierarchy.fcluster(tree, diameter, "distance")
+        labels = mg.cut(points, diameter, memory_limit=0)
+        np.testing.assert_array_equal(labels, by_first_appearance(wanted))
+    for k in (2, 40, 900):
+        wanted = by_first_appearance(hierarchy.fcluster(tree, k, "maxclust"))
+        labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
+        np.testing.assert_array_equal(labels, wanted)
+
+
+def hard_clouds(n):
+    """Large clouds that are each hard in a way of its own."""
+    rng = np.random.default_rng(n)
+    white = rng.standard_normal((n, 10))
+    yield "scattered", white
+    yield "lattice", np.round(2 * white)
+    yield "repeated", white[rng.integers(0, n // 2, n)]
+    yield "clump", np.where(np.arange(n)[:, None] % 2, white, 1e-9 * white)
+    yield "scale-free", white * 10.0 ** (-8 * rng.random((n, 1)))
+    yield "tails", rng.standard_cauchy((n, 10))
+    yield "far off", white + 1e8
+
+
+def agree_with_themselves(n):
+    for name, points in hard_clouds(n):
+        tree = mg.linkage(points)
+        diameter = np.quantile(tree[:, 2], 0.9)
+        labels = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
+        np.testing.assert_array_equal(mg.cut(points, diameter), labels, name)
+        for threads, level, degree, finish, crowd in [
+            (1, 0, 16.0, 256, 1 << 20),
+            (2, 1, 6.0, 2, 1 << 20),
+            (3, 2, 40.0, 1000, 1 << 10),
+        ]:
+            other = _core.linkage_tuned(points, threads, level, degree, finish, crowd)
+            np.testing.assert_array_equal(other, tree, name)
+
+
+def test_many_points_cluster_alike_however_it_is_tuned():
+    agree_with_themselves(2_500)
+
+
+@pytest.mark.thorough
+def test_very_many_points_cluster_alike_however_it_is_tuned():
+    agree_with_themselves(100_000)
+
+
+@pytest.mark.thorough
+def test_equal_distances_without_number_take_no_memory_to_speak_of():
+    """Binary points of many axes: single distances that 5 % of all pairs have."""
+    script = """
+import resource, numpy as np, mograft as mg
+points = np.random.default_rng(5).integers(0, 2, (12_000, 64)).astype(float)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+mg.cut(points, np.sqrt(20.0), memory_limit=0)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert int(run.stdout) < 300 * 1024  # in kB; a matrix would take 1.1 GB
+
+
+def test_progress_is_told_and_what_it_raises_ends_the_call():
+    points = np.random.default_rng(0).standard_normal((20_000, 12))
+    told = []
+
+    def progress(done):
+        told.append(done)
+        if len(told) == 2:
+            raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        mg.linkage(points, progress=progress)
+    assert all(0.0 <= done <= 1.0 for done in told)
+
+
+def test_ctrl_c_ends_the_call():
+    points = np.random.default_rng(0).standard_normal((20_000, 12))
+    interrupt = iter([signal.SIGINT])
+
+    def progress(_):
+        for number in interrupt:
+            signal.raise_signal(number)
+
+    with pytest.raises(KeyboardInterrupt):
+        mg.linkage(points, progress=progress)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_a_few_points_are_no_special_case(n):
+    points = np.arange(2.0 * n).reshape(n, 2)
+    np.testing.assert_array_equal(mg.cut(points, 1.0), np.arange(n))
+    np.testing.assert_array_equal(mg.cut(points, 9.0), np.zeros(n))
+    if n:
+        np.testing.assert_array_equal(mg.linkage(points), greedy(points))
+    else:
+        with pytest.raises(ValueError, match="points must have shape"):
+            mg.linkage(points)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_values_that_are_not_finite_are_refused_by_their_place(bad):
+    points = np.zeros((4, 3))
+    points[2, 1] = bad
+    for refuse in (mg.linkage, lambda points: mg.cut(points, 1.0)):
+        with pytest.raises(ValueError, match=r"points must be finite, got -?(nan|inf) at \[2, 1\]"):
+            refuse(points)
+
+
+@pytest.mark.parametrize("diameter", [-1.0, np.nan])
+def test_a_diameter_below_zero_is_refused(diameter):
+    with pytest.raises(ValueError, match="max_diameter must be 0 or more, got"):
+        mg.cut([[0.0]], diameter)
+
+
+def test_a_matrix_that_is_not_condensed_is_refused():
+    with pytest.raises(ValueError, match=r"distances must be n\(n-1\)/2 in number, got 4"):
+        mg.linkage_condensed(np.ones(4))
+    with pytest.raises(ValueError, match=r"distances must be finite and not negative.* at \[1\]"):
+        mg.linkage_condensed([1.0, -1.0, 1.0])
+
+
+def test_threshold_is_sigma_about_the_mean_point():
+    rng = np.random.default_rng(14)
+    points = rng.normal(size=(50, 3))
+    away = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    assert mg.threshold(points) == pytest.approx(np.sqrt(np.mean(away**2)))
+    assert mg.threshold(points, "literal", scale=0.5) == pytest.approx(0.5 * np.sqrt(away.mean()))
+    assert mg.threshold(points, 2.5, scale=3.0) == 2.5
+    with pytest.raises(ValueError, match="kind must be 'rms', 'literal' or a number, got 'std'"):
+        mg.threshold(points, "std")
+
+
+@pytest.mark.parametrize(("name", "value"), [("threads", 0), ("memory_limit", -1)])
+def test_numbers_that_make_no_sense_are_refused(name, value):
+    for cluster in (mg.linkage, lambda points, **wrong: mg.cut(points, 1.0, **wrong)):
+        with pytest.raises(ValueError, match=f"{name} must be . or more, got {value}"):
+            cluster([[0.0], [1.0]], **{name: value})
+
+
+@pytest.mark.filterwarnings("ignore:Estimator CompleteLinkage does not inherit:UserWarning")
+def test_the_estimator_passes_scikit_learns_checks():
+    results = check_estimator(mg.CompleteLinkage(), on_skip=None)
+    assert {result["status"] for result in results} == {"passed", "skipped"}
+
+
+def test_the_estimator_is_scikit_learns_but_for_ties_at_the_threshold():
+    points = np.random.default_rng(3).standard_normal((60, 4))
+    for ours, theirs in [
+        ({"n_clusters": 7}, {"n_clusters": 7}),
+        ({"max_diameter": 3.0}, {"n_clusters": None, "distance_threshold": 3.0}),
+    ]:
+        model = mg.CompleteLinkage(**ours).fit(points)
+        peer = AgglomerativeClustering(linkage="complete", compute_distances=True, **theirs)
+        peer.fit(points)
+        np.testing.assert_array_equal(model.labels_, by_first_appearance(peer.labels_))
+        np.testing.assert_array_equal(np.sort(model.children_), np.sort(peer.children_))
+        np.testing.assert_allclose(model.distances_, peer.distances_, rtol=1e-12)
+        assert model.n_clusters_ == peer.n_clusters_
+        assert model.n_leaves_ == peer.n_leaves_ == 60
+
+
+def test_the_estimator_chooses_a_diameter_or_takes_one_wish():
+    points = np.random.default_rng(3).standard_normal((60, 4))
+    labels = mg.CompleteLinkage().fit_predict(points)
+    np.testing.assert_array_equal(labels, mg.cut(points, mg.threshold(points)))
+    with pytest.raises(ValueError, match=r"must not both be given, got 1\.0 and 2"):
+        mg.CompleteLinkage(1.0, n_clusters=2).fit(points)
+    with pytest.raises(ValueError, match="n_clusters must be 1 to n_samples = 60, got 61"):
+        mg.CompleteLinkage(n_clusters=61).fit(points)
+    with pytest.raises(ValueError, match=r"params must be among max_diameter, .*, got 'linkage'"):
+        mg.CompleteLinkage().set_params(linkage="complete")
+    assert repr(mg.CompleteLinkage(n_clusters=3)) == "CompleteLinkage(n_clusters=3)"
+
+
+def test_scikit_learn_is_not_imported():
+    script = "import sys, mograft as mg; mg.CompleteLinkage(); print('sklearn' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert run.stdout.split() == [b"False"]

@@ -1,0 +1,356 @@
+"""Properties of features and principal components."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+from sklearn.decomposition import PCA
+
+from mograft import Config, Segments, segment
+from mograft._util.linalg import GRID
+from mograft.analysis.embedding import (
+    Samples,
+    embed,
+    features,
+    mean_rotations,
+    means_of,
+    moments,
+    normalise,
+)
+from mograft.analysis.principal_components import Spread
+from mograft.analysis.principal_components import pca as components_of
+from mograft.motion import rotations
+from tests.hierarchies import DATA
+from tests.oracles import pipeline as plain
+from tests.strategies import SEEDS, motions, quaternions, same_rotations, wander
+
+ROBUST, PAPER = Config(), Config.paper()
+LONG = motions(min_frames=60, max_frames=150, min_joints=2)
+PLACE = {"root": 0, "up": 1, "heights": [1.7]}
+
+
+def pca(matrix, n_components, floors):
+    spread = Spread.of([matrix])
+    return spread.mean, *components_of(spread, n_components, floors)
+
+
+def matrix_of(motion, config, joints=None):
+    joints = np.arange(motion.n_joints) if joints is None else joints
+    samples = normalise([motion], segment(motion, config), config, **PLACE)
+    reference = mean_rotations(moments(samples))[joints]
+    if not config.keep_heading:
+        reference[joints == 0] = rotations.IDENTITY
+    return features(samples, joints, reference, has_root=0 in joints)
+
+
+def poses(quats):
+    """Return poses as segments of one sample each."""
+    n, n_joints, _ = quats.shape
+    return Samples(np.concatenate([quats.reshape(n, -1), np.zeros((n, 4))], axis=1), 1, n_joints)
+
+
+@given(SEEDS, st.integers(1, 300), st.integers(1, 3), st.integers(1, 4), st.booleans())
+def test_kernels_take_rows_as_they_are_kept(seed, n, n_samples, n_joints, is_single):
+    """Whatever the precision and the order of joints: the numbers of the plain version."""
+    rng = np.random.default_rng(seed)
+    quats = wander(rng, n * n_samples, n_joints).reshape(n, n_samples, n_joints, 4)
+    rest = rng.normal(size=(n, 3 * n_samples + 1))
+    rows = np.concatenate([quats.reshape(n, -1), rest], axis=1)
+    samples = Samples(rows.astype(np.float32) if is_single else rows, n_samples, n_joints)
+    turned, behind = samples.rotations.astype(np.float64), samples.rest.astype(np.float64)
+    products = turned[..., :, None] * turned[..., None, :]
+    summed = products.reshape(-1, n_joints, 4, 4).cumsum(axis=0)[-1]
+    np.testing.assert_array_equal(moments(samples), summed)
+    joints = rng.permutation(n_joints)[: rng.integers(n_joints + 1)]
+    reference = wander(rng, 1, len(joints))[0]
+    there = turned[:, :, joints] / np.linalg.norm(turned[:, :, joints], axis=-1, keepdims=True)
+    vectors = rotations.log(rotations.multiply(rotations.inverse(reference), there))
+    vectors = vectors.swapaxes(1, 2).reshape(n, -1)
+    for has_root, tail in ((False, behind[:, -1:]), (True, behind)):
+        matrix = features(samples, joints, reference, has_root=has_root)
+        np.testing.assert_allclose(matrix[:, : vectors.shape[1]], vectors, atol=1e-12)
+        np.testing.assert_array_equal(matrix[:, vectors.shape[1] :], tail)
+
+
+@given(LONG, st.sampled_from((ROBUST, PAPER)))
+def test_features_are_those_of_the_plain_version(motion, config):
+    cut = segment(motion, config)
+    bounds = np.array([*cut.start, cut.stop[-1]])
+    joints = np.arange(motion.n_joints)
+    expected = plain.features(
+        motion.rotations,
+        motion.positions[:, 0],
+        bounds,
+        joints,
+        0,
+        1,
+        1.7,
+        motion.frame_time,
+        config,
+    )
+    np.testing.assert_allclose(matrix_of(motion, config), expected, atol=1e-9)
+
+
+def test_the_papers_lower_body_has_its_number_of_features():
+    rng = np.random.default_rng(0)
+    motion = next_motion(rng, n_joints=7)
+    matrix = matrix_of(motion, PAPER)
+    assert matrix.shape[1] == 240 + 1
+    constant = matrix.std(axis=0) < 1e-9
+    assert constant.sum() == 3
+    without_root = matrix_of(motion, PAPER, np.arange(1, 7))
+    assert without_root.shape[1] == 3 * 6 * 10 + 1
+
+
+def next_motion(rng, n_joints):
+    from mograft import Motion
+    from tests.strategies import skeletons
+
+    skeleton = skeletons(rng, n_joints)
+    places = np.tile(skeleton.offsets, (200, 1, 1))
+    places[:, 0] += np.cumsum(rng.normal(size=(200, 3)), axis=0)
+    return Motion(skeleton, 1 / 30, wander(rng, 200, n_joints), places)
+
+
+@given(LONG, npst.arrays(float, 3, elements=st.floats(-1e3, 1e3)), st.floats(-3, 3))
+def test_place_never_counts_and_heading_counts_for_the_paper_alone(motion, shift, yaw):
+    turn = rotations.from_axis_angle([0, 1, 0], yaw)
+    quats, places = motion.rotations.copy(), motion.positions.copy()
+    places[:, 0] += shift
+    moved = replace(motion, positions=places)
+    for config in (ROBUST, PAPER):
+        np.testing.assert_allclose(matrix_of(moved, config), matrix_of(motion, config), atol=1e-8)
+    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+    places[:, 0] = rotations.rotate(turn, places[:, 0])
+    turned = replace(motion, rotations=quats, positions=places)
+    np.testing.assert_allclose(matrix_of(turned, ROBUST), matrix_of(motion, ROBUST), atol=1e-8)
+    if abs(yaw) > 0.1:
+        assert np.abs(matrix_of(turned, PAPER) - matrix_of(motion, PAPER)).max() > 1e-3
+
+
+@given(LONG, SEEDS)
+def test_signs_of_quaternions_do_not_matter(motion, seed):
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], motion.rotations.shape[:2])
+    flipped = replace(motion, rotations=motion.rotations * signs[..., None])
+    np.testing.assert_allclose(matrix_of(flipped, ROBUST), matrix_of(motion, ROBUST), atol=1e-9)
+
+
+@given(SEEDS, quaternions(()))
+def test_the_mean_rotation_is_among_them_and_turns_with_them(seed, turn):
+    quats = wander(np.random.default_rng(seed), 30, 2)
+    mean = mean_rotations(moments(poses(quats)))
+    turned = mean_rotations(moments(poses(rotations.multiply(turn, quats))))
+    same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
+    assert (
+        rotations.angle(quats, mean).mean(axis=0)
+        <= rotations.angle(quats, quats[0]).mean(axis=0) + 0.2
+    ).all()
+
+
+MATRICES = npst.arrays(
+    np.float64,
+    st.tuples(st.integers(4, 40), st.integers(2, 12)),
+    elements=st.floats(-10, 10).map(lambda x: round(x, 3)),
+).filter(lambda m: ((m.std(axis=0) > 1e-3) | (m.std(axis=0) == 0)).all() and m.std(axis=0).any())
+
+
+@given(MATRICES)
+def test_pca_components_are_orthonormal_and_scores_uncorrelated(matrix):
+    mean, scale, components, variances = pca(matrix, 10, np.zeros(matrix.shape[1]))
+    # Loadings are rounded by GRID / 2: relative to an exact axis, a score moves by no more than
+    # √D · GRID / 2 times the norm of its row, and a variance or covariance by √D · GRID · D.
+    n_features, kept = components.shape
+    moved = np.sqrt(n_features) * GRID
+    np.testing.assert_allclose(components.T @ components, np.eye(kept), atol=1.1 * moved)
+    standard = (matrix - mean) / scale
+    points = standard @ components
+    covariance = points.T @ points / (len(matrix) - 1)
+    total = np.isfinite(scale).sum()
+    np.testing.assert_allclose(covariance, np.diag(variances[:kept]), atol=1.1 * moved * total)
+    assert (np.diff(variances) <= 0).all()
+    assert variances.sum() == pytest.approx(total, abs=1e-7)
+    lost = ((standard - points @ components.T) ** 2).sum() / (len(matrix) - 1)
+    assert lost == pytest.approx(variances[kept:].sum(), abs=1e-7 + kept * moved**2 * total)
+    largest = np.abs(components).argmax(axis=0)
+    assert (components[largest, np.arange(kept)] > 0).all()
+
+
+@given(MATRICES, SEEDS)
+def test_pca_matches_scikit_learn_in_any_order_of_segments(matrix, seed):
+    floors = np.zeros(matrix.shape[1])
+    mean, scale, components, variances = pca(matrix, 3, floors)
+    kept = np.isfinite(scale)
+    standard = ((matrix - mean) / scale)[:, kept]
+    theirs = PCA(components.shape[1], svd_solver="full").fit(standard)
+    np.testing.assert_allclose(
+        theirs.explained_variance_, variances[: components.shape[1]], atol=1e-8
+    )
+    gaps = -np.diff(variances[: components.shape[1] + 1])
+    for column in range(components.shape[1]):
+        is_single = (gaps[max(column - 1, 0) : column + 1] > 1e-3).all()
+        if is_single:
+            own, other = components[kept, column], theirs.components_[column]
+            # The cosine of vectors that differ by d is 1 - d²/2, that of unrounded ones 1.
+            assert abs(own @ other) == pytest.approx(1.0, abs=GRID * np.sqrt(len(own)))
+            assert np.abs(own - other * np.sign(own @ other)).max() <= GRID / 2 + 1e-9
+    order = np.random.default_rng(seed).permutation(len(matrix))
+    shuffled = pca(matrix[order], 3, floors)
+    np.testing.assert_allclose(shuffled[3], variances, atol=1e-8)
+
+
+def test_pca_components_of_negligible_variance_are_dropped():
+    rng = np.random.default_rng(4)
+    axes = rng.normal(size=(60, 2)) * [1.0, 1e-4]
+    matrix = axes @ np.linalg.qr(rng.normal(size=(6, 6)))[0][:2]
+    assert pca(matrix, 6, np.ones(6))[2].shape == (6, 1)
+    assert pca(axes @ np.eye(2, 6) * [1.0, 1e2, 1, 1, 1, 1], 6, np.ones(6))[2].shape == (6, 2)
+
+
+def test_floors_keep_still_features_from_counting_as_much_as_others():
+    rng = np.random.default_rng(1)
+    matrix = rng.normal(size=(50, 2)) * [1.0, 1e-3]
+    bare = pca(matrix, 2, np.zeros(2))
+    floored = pca(matrix, 2, np.array([0.1, 0.1]))
+    np.testing.assert_allclose(bare[3].sum(), 2.0)
+    assert floored[3].sum() < 1.1
+
+
+def test_a_projected_segment_is_where_it_was_embedded():
+    motion = next_motion(np.random.default_rng(3), 4)
+    cut = segment(motion)
+    samples = normalise([motion], cut, ROBUST, **PLACE)
+    own = embed(
+        samples,
+        np.arange(4),
+        means_of(samples, samples.rotations.shape[2]),
+        ROBUST,
+        root=0,
+        group="all",
+    )
+    matrix = features(samples, own.joints, own.reference, has_root=True)
+    np.testing.assert_allclose(own.project(matrix), own.points, atol=1e-10)
+
+
+def test_nothing_to_compare_is_said():
+    motion = next_motion(np.random.default_rng(3), 4)
+    for cut, message in (
+        (Segments([0, 9], [9, 20]), "group all: 2 segments are too few"),
+        (Segments([0, 0, 0], [9, 9, 9]), "group all: all 3 segments are alike"),
+    ):
+        samples = normalise([motion], cut, ROBUST, **PLACE)
+        with pytest.warns(UserWarning, match=message):
+            assert (
+                embed(
+                    samples,
+                    np.arange(4),
+                    means_of(samples, samples.rotations.shape[2]),
+                    ROBUST,
+                    root=0,
+                    group="all",
+                )
+                is None
+            )
+
+
+def test_poses_a_half_turn_from_the_mean_are_warned_of():
+    motion = next_motion(np.random.default_rng(3), 2)
+    quats = motion.rotations.copy()
+    quats[:, 1] = rotations.from_axis_angle([1, 0, 0], np.linspace(-3.14, 3.14, len(quats)))
+    spun = replace(motion, rotations=quats)
+    samples = normalise([spun], segment(spun), ROBUST, **PLACE)
+    with pytest.warns(UserWarning, match="nearly a half turn from the mean"):
+        embed(
+            samples,
+            np.array([1]),
+            means_of(samples, samples.rotations.shape[2]),
+            ROBUST,
+            root=0,
+            group="arm",
+        )
+
+
+def test_what_is_kept_between_passes_changes_nothing(monkeypatch):
+    from mograft.analysis import embedding
+
+    monkeypatch.setattr(embedding, "CHUNK", 3)
+    motion = next_motion(np.random.default_rng(3), 4)
+    samples = normalise([motion], segment(motion), ROBUST, **PLACE)
+    assert len(samples) % 3
+    plain = None
+    for room in (0, 8 * 700, 8 * 1500, 1 << 30):
+        monkeypatch.setattr(embedding, "_CACHE_BYTES", room)
+        own = embed(
+            samples,
+            np.arange(4),
+            means_of(samples, samples.rotations.shape[2]),
+            ROBUST,
+            root=0,
+            group="all",
+        )
+        plain = own.points if plain is None else plain
+        np.testing.assert_array_equal(own.points, plain)
+
+
+EMBEDDINGS = """
+import hashlib, json, sys, warnings
+from pathlib import Path
+from mograft import Library, read_bvh
+
+warnings.simplefilter("ignore")
+
+
+def digests(library):
+    found = {}
+    for group, own in library.embedding.items():
+        if own is None:
+            continue
+        arrays = (own.points, own.components, own.variances, own.mean, own.scale)
+        content = b"".join(array.tobytes() for array in (*arrays, library.labels[group]))
+        found[group] = hashlib.sha256(content).hexdigest()
+    return found
+
+
+found = {}
+for folder in sorted(Path(sys.argv[1]).glob(sys.argv[2])):
+    hierarchies = {}
+    for path in sorted(folder.glob("*.bvh")):
+        clip = read_bvh(path)
+        if clip.n_frames > 1:
+            skeleton = clip.skeleton
+            hierarchies.setdefault((skeleton.names, tuple(skeleton.parents)), []).append(clip)
+    for clips in hierarchies.values():
+        key = f"{folder.name}/{clips[0].name}"
+        try:
+            library = Library.build(clips)
+            found[key] = digests(library)
+            found[f"{key}, mirrored"] = digests(library.mirrored())
+        except ValueError:  # no legs, or not symmetric
+            pass
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.skipif(not DATA.exists(), reason=f"no recordings at {DATA}")
+@pytest.mark.parametrize(
+    ("folders", "min_libraries"),
+    [("dance_[mp]*", 5), pytest.param("*", 50, marks=pytest.mark.thorough)],
+)
+def test_embed_blas_thread_count_changes_no_bit(folders, min_libraries):
+    """Mirrored libraries included, whose axes have pairs of entries of equal size."""
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+    printed = {}
+    for threads in ("1", "2", "3"):
+        environment = {**os.environ, **dict.fromkeys(names, threads)}
+        command = [sys.executable, "-c", EMBEDDINGS, str(DATA), folders]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        printed[threads] = json.loads(done.stdout)
+    assert len(printed["1"]) >= min_libraries
+    assert printed["2"] == printed["1"]
+    assert printed["3"] == printed["1"]

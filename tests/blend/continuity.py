@@ -1,0 +1,47 @@
+"""Jumps of closed donor layouts, measured between frames."""
+
+import numpy as np
+
+from mograft.blend.donor_timeline import SegmentTimes
+
+STEP = 1e-5  # of a frame
+
+
+def one_sided_velocities(space, curve, frames, side):
+    """Velocities per frame on one side, exact to the second order."""
+    here, near, far = (curve(frames + side * step) for step in (0.0, STEP, 2 * STEP))
+    return side * (4.0 * space.delta(here, near) - space.delta(here, far)) / (2.0 * STEP)
+
+
+def jumps(layout, space):
+    """Largest jump in value, and in velocity relative to 1 + velocity.
+
+    Measured at segment boundaries, at inner frames and where blend windows end.
+    """
+
+    def on(segment):
+        return lambda frames: layout.close_at(space, SegmentTimes(segment, frames))
+
+    n = layout.timeline.cut.lengths
+    left = np.arange(len(n) - 1)
+    before, after = on(left), on(left + 1)
+    ends, starts = n[:-1].astype(float), np.zeros(len(n) - 1)
+    value = space.delta(before(ends), after(starts))
+    pairs = [
+        (
+            one_sided_velocities(space, before, ends, -1),
+            one_sided_velocities(space, after, starts, 1),
+        )
+    ]
+    reach = layout.config.seam_blend * layout.timeline.rate
+    inner = np.concatenate([np.arange(1.0, m) for m in n])
+    segment = np.repeat(np.arange(len(n)), n - 1)
+    places = [(segment, inner), (np.arange(len(n)), np.full(len(n), reach)), (left, ends - reach)]
+    for index, frames in places:
+        inside = (frames > 2 * STEP) & (frames < n[index] - 2 * STEP)
+        curve = on(index[inside])
+        pairs.append(
+            tuple(one_sided_velocities(space, curve, frames[inside], side) for side in (-1, 1))
+        )
+    velocity = [np.abs(a - b).max(axis=-1) / (1 + np.abs(a).max(axis=-1)) for a, b in pairs]
+    return np.abs(value).max(initial=0), max(v.max(initial=0) for v in velocity)

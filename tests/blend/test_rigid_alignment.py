@@ -1,0 +1,80 @@
+"""Laws of roots that are moved over the floor."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.dancer import dance
+from mograft.motion import rotations
+from tests.strategies import SEEDS, motions, quaternions, vectors
+
+ROOTS = st.builds(RootTransforms, quaternions((5,)), vectors((5,), 200.0))
+UPS = st.integers(0, 2)
+
+
+def headings(turns, up):
+    """How far rotations turn about up, in radians."""
+    return 2 * np.arctan2(turns[:, up], turns[:, 3])
+
+
+@given(ROOTS, ROOTS, UPS)
+def test_roots_come_to_stand_and_head_as_wanted_at_their_own_height_and_lean(own, wanted, up):
+    moved = AlignmentTransform.from_roots(own, wanted, up).apply(own)
+    level = np.arange(3) != up
+    np.testing.assert_allclose(moved.positions[:, level], wanted.positions[:, level], atol=1e-9)
+    np.testing.assert_allclose(moved.positions[:, up], own.positions[:, up], atol=1e-9)
+    upward = np.eye(3)[up]
+    leans = [
+        rotations.rotate(rotations.inverse(q), np.tile(upward, (5, 1)))
+        for q in (own.rotations, moved.rotations)
+    ]
+    np.testing.assert_allclose(*leans, atol=1e-9)
+    left = rotations.multiply(wanted.rotations, rotations.inverse(moved.rotations))
+    # A half turn about a level axis has no heading.
+    known = np.hypot(left[:, up], left[:, 3]) > 1e-3
+    off = np.angle(np.exp(1j * headings(left, up)))
+    np.testing.assert_allclose(off[known], 0.0, atol=1e-6)
+
+
+@given(ROOTS, UPS)
+def test_what_is_there_stays_to_the_bit(root, up):
+    same = AlignmentTransform.from_roots(root, root, up).apply(root)
+    np.testing.assert_array_equal(same.rotations, root.rotations)
+    np.testing.assert_array_equal(same.positions, root.positions)
+
+
+@given(motions(max_frames=12), st.data())
+def test_roots_are_where_forward_kinematics_puts_them_and_seen_from_their_parent_again(
+    motion, data
+):
+    joint = data.draw(st.integers(0, motion.n_joints - 1))
+    root = RootTransforms.from_motion(motion, joint)
+    turned, placed = motion.world_transforms()
+    np.testing.assert_allclose(root.rotations, turned[:, joint], atol=1e-9)
+    np.testing.assert_allclose(root.positions, placed[:, joint], atol=1e-9)
+    frames = np.array(data.draw(st.lists(st.integers(0, motion.n_frames - 1), max_size=5)), int)
+    local = root[frames].relative_to_parent(motion, frames, joint)
+    np.testing.assert_allclose(local.rotations, motion.rotations[frames, joint], atol=1e-9)
+    np.testing.assert_allclose(local.positions, motion.positions[frames, joint], atol=1e-8)
+
+
+@settings(max_examples=20)
+@given(SEEDS)
+def test_bodies_are_moved_as_a_whole(seed):
+    rng = np.random.default_rng(seed)
+    motion = dance(strides=1).motion[:6]
+    poses, root = mg.Poses.from_motion(motion), RootTransforms.from_motion(motion, 0)
+    wanted = RootTransforms(rng.permutation(root.rotations), rng.normal(size=(6, 3)) * 100)
+    goes = AlignmentTransform.from_roots(root, wanted, 1)
+    moved = goes.apply_to_poses(poses)
+    np.testing.assert_allclose(moved.positions[:, 0], goes.apply(root).positions, atol=1e-9)
+    np.testing.assert_allclose(moved.rotations[:, 0], goes.apply(root).rotations, atol=1e-9)
+
+    def apart(placed):
+        return np.linalg.norm(placed[:, :, None] - placed[:, None], axis=-1)
+
+    np.testing.assert_allclose(apart(moved.positions), apart(poses.positions), atol=1e-9)
+    between = [rotations.angle(p.rotations, p.rotations[:, :1]) for p in (moved, poses)]
+    np.testing.assert_allclose(*between, atol=1e-6)

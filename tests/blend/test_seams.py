@@ -1,0 +1,217 @@
+"""Laws of every seam treatment in the registry: continuity, reach, causality, root velocity."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from mograft import Config, Library, graft
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import PieceTimes, SeamBoundaries
+from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
+from mograft.motion import rotations
+from mograft.motion.resample import slerp
+from tests.blend.continuity import jumps, one_sided_velocities
+from tests.hierarchies import DANCES, recording
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    quaternions,
+    same_rotations,
+    select_segments,
+    tile_segments,
+    vectors,
+    wander,
+)
+
+RATE = 30.0
+NAMES = SEAM_TREATMENTS.names
+SMOOTH = [name for name in NAMES if SEAM_TREATMENTS.get(name).is_velocity_continuous]
+CAUSAL = [name for name in NAMES if SEAM_TREATMENTS.get(name).is_causal]
+
+
+def random_layout(lengths, seed, seam):
+    """A track of two joints whose segments are replaced by one another at random."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    track = wander(rng, int(cut.stop[-1]) + 1, 2)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    timeline = DonorTimeline(cut, donors, RATE)
+    positions = np.ascontiguousarray(rotations.log(track))
+    seams = timeline.find_seams([track])
+    return DonorLayout(timeline, [track], [positions], seams, Config(seam=seam))
+
+
+@settings(deadline=None)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
+def test_close_any_treatment_makes_rotations_continuous(lengths, seed, seam):
+    value, velocity = jumps(random_layout(lengths, seed, seam), ROTATIONS)
+    assert value < 1e-9
+    if seam in SMOOTH:
+        assert velocity < 1e-5
+
+
+@settings(deadline=None)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
+def test_close_any_treatment_makes_translations_continuous(lengths, seed, seam):
+    value, velocity = jumps(random_layout(lengths, seed, seam), TRANSLATIONS)
+    assert value < 1e-9
+    if seam in SMOOTH:
+        assert velocity < 1e-5
+
+
+@pytest.mark.parametrize("seam", [name for name in NAMES if name not in SMOOTH])
+def test_close_treatment_declared_without_velocity_continuity_has_velocity_jump(seam):
+    layout = random_layout(np.array([9, 6, 12, 7]), 1, seam)
+    assert jumps(layout, ROTATIONS)[1] > 0.05
+
+
+@given(quaternions((3, 2)), vectors((4, 2)), st.floats(0.05, 1.0), st.sampled_from(NAMES))
+def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, seam):
+    """Pieces of constant angular velocity with any pose, including gaps near half a turn."""
+    pieces, speeds = poses[:2], angular[:2]
+    durations = np.array([0.4, 0.7])
+    boundaries = SeamBoundaries(pieces[:1], pieces[1:], speeds[:1], speeds[1:])
+    treatment = SEAM_TREATMENTS.get(seam)
+
+    def curve(piece):
+        def closed(frames):
+            seconds = np.asarray(frames) / RATE
+            from_seam = seconds - durations[0] if piece == 0 else seconds
+            values = rotations.multiply(
+                pieces[piece], rotations.exp(speeds[piece] * from_seam[:, None, None])
+            )
+            times = PieceTimes(np.full(len(seconds), piece), seconds, durations)
+            return treatment.close(ROTATIONS, values, times, boundaries, blend)
+
+        return closed
+
+    end, start = np.array([durations[0] * RATE]), np.zeros(1)
+    gap = np.linalg.norm(ROTATIONS.delta(boundaries.before, boundaries.after), axis=-1)
+    if (gap > np.pi - 1e-3).any():
+        return  # both directions are as short: the halves may take different ones
+    assert rotations.angle(curve(0)(end), curve(1)(start)).max() < 1e-9
+    if seam in SMOOTH:
+        before = one_sided_velocities(ROTATIONS, curve(0), end, -1)
+        after = one_sided_velocities(ROTATIONS, curve(1), start, 1)
+        assert np.abs(before - after).max() < 1e-5
+
+
+@settings(deadline=None)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
+def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
+    layout, treatment = random_layout(lengths, seed, seam), SEAM_TREATMENTS.get(seam)
+    timeline = layout.timeline
+    times = timeline.frame_times()
+    source = timeline.sample(ROTATIONS, layout.rotations, times)
+    values = layout.close_at(ROTATIONS, times)
+    np.testing.assert_allclose(np.linalg.norm(values, axis=-1), 1.0, atol=1e-12)
+    every = np.concatenate([[False], layout.seams, [False]])
+    if treatment.spans_segments:
+        # Segments without a seam at either end.
+        unchanged = ~(every[:-1] | every[1:])[times.segment]
+    else:
+        pieces = timeline.piece_times(np.flatnonzero(layout.seams), times)
+        unchanged = (pieces.seconds >= layout.config.seam_blend) | (pieces.piece == 0)
+        if not treatment.is_causal:
+            last = len(pieces.durations) - 1
+            unchanged &= (pieces.seconds_left >= layout.config.seam_blend) | (pieces.piece == last)
+    np.testing.assert_array_equal(values[unchanged], source[unchanged])
+
+
+@given(SEEDS, st.sampled_from(NAMES))
+def test_close_pieces_that_already_meet_are_unchanged(seed, seam):
+    rng = np.random.default_rng(seed)
+    pose, speed = wander(rng, 1, 3), rng.normal(size=(1, 3, 3))
+    boundaries = SeamBoundaries(pose, pose, speed, speed)
+    seconds = np.array([0.1, 0.2, 0.0, 0.1])
+    times = PieceTimes(np.array([0, 0, 1, 1]), seconds, np.array([0.2, 0.3]))
+    values = wander(rng, 4, 3)
+    closed = SEAM_TREATMENTS.get(seam).close(ROTATIONS, values, times, boundaries, 0.3)
+    np.testing.assert_array_equal(closed, values)
+
+
+@given(SEEDS, st.sampled_from(CAUSAL))
+def test_close_causal_treatment_keeps_frames_before_the_seam(seed, seam):
+    rng = np.random.default_rng(seed)
+    poses, speeds = wander(rng, 2, 3), rng.normal(size=(2, 3, 3))
+    boundaries = SeamBoundaries(poses[:1], poses[1:], speeds[:1], speeds[1:])
+    times = PieceTimes(np.zeros(5, int), np.linspace(0, 0.2, 5), np.array([0.2, 0.3]))
+    values = wander(rng, 5, 3)
+    closed = SEAM_TREATMENTS.get(seam).close(ROTATIONS, values, times, boundaries, 0.3)
+    np.testing.assert_array_equal(closed, values)
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=20), st.sampled_from(NAMES))
+def test_root_velocity_weights_fall_from_the_seam_to_zero(shares, seam):
+    treatment = SEAM_TREATMENTS.get(seam)
+    weights = treatment.root_velocity_weights(np.sort([0.0, 1.0, *shares]))
+    for side in weights:
+        assert side[0] == 0.0
+        assert (np.diff(side) >= 0.0).all()
+    assert sum(side[-1] for side in weights) in (0.0, 1.0)
+    if treatment.is_causal:
+        assert not weights[0].any()
+
+
+def test_displacement_opposite_gaps_cancel_half_way():
+    delta = np.array([[[0.3, -0.2, 0.5]]])
+    pose = np.array([[rotations.IDENTITY]])
+    other = rotations.exp(delta)
+    boundaries = SeamBoundaries(
+        np.concatenate([pose, pose]), np.concatenate([other, other]), *[np.zeros((2, 1, 3))] * 2
+    )
+    times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3))
+    closed = SEAM_TREATMENTS.get("displacement").close(ROTATIONS, pose, times, boundaries, 0.3)
+    np.testing.assert_allclose(closed, pose, atol=1e-15)
+
+
+@given(quaternions(()), quaternions(()))
+def test_displacement_meets_in_slerp_halfway_pose(a, b):
+    assume(abs(a @ b) > 1e-6)
+    before, after = np.array([[a]]), np.array([[b]])
+    boundaries = SeamBoundaries(before, after, np.zeros((1, 1, 3)), np.zeros((1, 1, 3)))
+    times = PieceTimes(np.array([0, 1]), np.array([1.0, 0.0]), np.ones(2))
+    poses = np.concatenate([before, after])
+    closed = SEAM_TREATMENTS.get("displacement").close(ROTATIONS, poses, times, boundaries, 0.3)
+    halfway = slerp([0.0, 1.0], poses, [0.5])
+    same_rotations(closed, np.concatenate([halfway, halfway]), 1e-12)
+
+
+@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
+@pytest.mark.parametrize("name", DANCES)
+def test_offset_is_smooth_at_every_seam_of_grafts_of_recordings(name):
+    motion = recording(name)
+    library = Library.build(motion)
+    substitutions = graft(library, seed=3).substitutions
+    cut = select_segments(library.segments, np.array([s.segment for s in substitutions]))
+    donors = select_segments(library.segments, np.array([s.donor for s in substitutions]))
+    timeline = DonorTimeline(cut, donors, library.rate)
+    track = np.ascontiguousarray(motion.rotations[:, library.joints("upper")])
+    seams = timeline.find_seams([track])
+    assert seams.sum() > 10
+    value, velocity = jumps(DonorLayout(timeline, [track], [], seams, library.config), ROTATIONS)
+    assert value < 1e-9
+    assert velocity < 1e-4
+
+
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_close_at_fractional_frames_agrees_with_whole_frames(lengths, seed):
+    """Evaluated at any subset of times, a curve has the same values."""
+    layout = random_layout(lengths, seed, "offset")
+    times = layout.timeline.frame_times()
+    some = np.random.default_rng(seed).random(len(times.segment)) < 0.5
+    subset = SegmentTimes(times.segment[some], times.frames[some])
+    np.testing.assert_array_equal(
+        layout.close_at(ROTATIONS, subset), layout.close_at(ROTATIONS, times)[some]
+    )
+
+
+def test_config_unknown_seam_raises_value_error():
+    with pytest.raises(ValueError, match=r"`seam` must be one of .*'offset'.*, got 'glue'"):
+        replace(Config(), seam="glue")
+    with pytest.raises(ValueError, match=r"seam_blend.* must be (?:above|greater than) 0, got 0"):
+        Config(seam_blend=0)

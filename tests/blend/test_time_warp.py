@@ -1,0 +1,172 @@
+"""Laws of bent time: it only goes on, keeps its ends, and is bent only where that helps."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from mograft import Config, Library, Segments, graft
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.recombine import recombine
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.time_warp import TimeWarp, warping_path
+from mograft.blend.transplant import GraftedGroup, transplant
+from mograft.blend.value_spaces import ROTATIONS
+from mograft.dancer import dance
+from mograft.motion import rotations
+from mograft.motion.resample import cubic
+from tests.blend.continuity import jumps
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    same_rotations,
+    select_segments,
+    star_clip,
+    tile_segments,
+)
+
+JOINTS = np.array([1, 3])
+BASE_JOINTS = np.array([0, 2])
+GROUP = GraftedGroup(JOINTS, base_joints=BASE_JOINTS)
+SMOOTH = [name for name in SEAM_TREATMENTS if SEAM_TREATMENTS.get(name).is_velocity_continuous]
+DTW = Config(alignment="dtw")
+
+
+def distances(most=12):
+    shapes = st.integers(2, most).map(lambda n: (n + 1, 2 * n + 1))
+    return npst.arrays(np.float64, shapes, elements=st.floats(0, 3))
+
+
+@given(distances(30))
+def test_a_path_only_goes_on_and_keeps_its_ends(gaps):
+    path, n = warping_path(gaps), len(gaps) - 1
+    assert path[0] == 0
+    assert path[-1] == 2 * n
+    assert set(np.diff(path)) <= {1, 2, 3, 4}
+    assert np.abs(path - 2 * np.arange(n + 1)).max() <= max(round(0.4 * n), 1)
+
+
+@settings(max_examples=50)
+@given(distances(6))
+def test_no_path_is_shorter(gaps):
+    """All paths, one after the other."""
+    n = len(gaps) - 1
+    rows = np.arange(n + 1)
+    best = np.inf
+    for steps in product((1, 2, 3, 4), repeat=n):
+        path = np.concatenate([[0], np.cumsum(steps)])
+        near = np.abs(path - 2 * rows).max() <= max(round(0.4 * n), 1)
+        if path[-1] == 2 * n and near:
+            best = min(best, gaps[rows, path].sum())
+    assert gaps[rows, warping_path(gaps)].sum() == pytest.approx(best)
+
+
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_a_segment_is_not_bent_to_itself(lengths, seed):
+    cut = tile_segments(lengths)
+    base = star_clip(np.random.default_rng(seed), cut)
+    warp = TimeWarp.by_dtw(base, cut, cut, [base], BASE_JOINTS)
+    assert not warp.is_warped.any()
+    part = transplant(base, cut, cut, [base], GROUP, DTW)
+    np.testing.assert_array_equal(part.rotations, base.rotations[:, JOINTS])
+
+
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_time_goes_on_and_keeps_its_ends(lengths, seed):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    warp = TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
+    shares = np.linspace(0.0, 1.0, 201)
+    for at in range(len(cut)):
+        over = warp.donor_share(np.full(201, at), shares)
+        assert over[0] == 0.0
+        assert over[-1] == 1.0
+        assert (np.diff(over) > 0).all()
+        assert np.abs(over - shares).max() < 0.3
+        if not warp.is_warped[at]:
+            np.testing.assert_allclose(over, shares, atol=1e-12)
+
+
+@given(SEEDS, st.floats(-0.6, 0.6))
+def test_a_donor_that_does_the_same_at_another_time_does_it_at_the_same(seed, bend):
+    """A clip and the same clip in bent time: the graft undoes the better part of it."""
+    rng = np.random.default_rng(seed)
+    n = 40
+    cut = tile_segments(np.array([n]))
+    base = star_clip(rng, cut)
+    shares = np.arange(n + 1) / n
+    late = shares + bend * 0.15 * np.sin(np.pi * shares) ** 2
+    quats = cubic(np.arange(n + 1), base.rotations, (late * n).clip(0, n))
+    donor = recombine(base, [], "donor")
+    donor = replace(donor, rotations=rotations.continuous_signs(quats), channel_values=None)
+    even, bent = (
+        transplant(base, cut, cut, [donor], GROUP, Config(alignment=own))
+        for own in ("uniform", "dtw")
+    )
+    off = [rotations.angle(p.rotations, base.rotations[:, JOINTS]).mean() for p in (even, bent)]
+    assert off[1] <= 1.05 * off[0] + 1e-9
+    if abs(bend) > 0.4:
+        assert off[1] < 0.6 * off[0]
+
+
+@settings(deadline=None, max_examples=40)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(SMOOTH))
+def test_bent_pieces_meet_smoothly_too(lengths, seed, seam):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    track = np.ascontiguousarray(base.rotations[:, JOINTS])
+    timeline = DonorTimeline(
+        cut, donors, 30.0, warp=TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
+    )
+    seams = timeline.find_seams([track])
+    layout = DonorLayout(timeline, [track], [], seams, Config(seam=seam))
+    value, velocity = jumps(layout, ROTATIONS)
+    assert value < 1e-9
+    assert velocity < 1e-4
+
+
+def test_neighbours_of_which_one_is_warped_meet_at_a_seam():
+    """They are as long as the places they take, but one of them is not at its own pace."""
+    cut = tile_segments(np.array([20, 20, 20, 20]))
+    base = star_clip(np.random.default_rng(8), cut)
+    donors = select_segments(cut, np.array([2, 3, 2, 3]))
+    timeline = DonorTimeline(cut, donors, 30.0)
+    track = np.ascontiguousarray(base.rotations[:, JOINTS])
+    even = TimeWarp.by_dtw(base, cut, donors, [base], np.zeros(0, np.int64))
+    bent = replace(even, is_warped=np.array([True, False, False, False]))
+    assert timeline.find_seams([track]).tolist() == [False, True, False]
+    assert replace(timeline, warp=even).find_seams([track]).tolist() == [False, True, False]
+    assert replace(timeline, warp=bent).find_seams([track]).tolist() == [True, True, False]
+
+
+def test_grafts_can_be_aligned():
+    motion = dance(seed=3, strides=1).motion
+    even, bent = (
+        graft(Library.build(motion, config=Config(alignment=own)), seed=2)
+        for own in ("uniform", "dtw")
+    )
+    assert [s.donor for s in even.substitutions] == [s.donor for s in bent.substitutions]
+    assert (even.motion.rotations != bent.motion.rotations).any()
+    np.testing.assert_array_equal(bent.motion.rotations[:, :7], motion.rotations[:, :7])
+    same_rotations(bent.motion.rotations[:1], even.motion.rotations[:1], 0.5)
+
+
+def test_without_guides_nothing_is_warped():
+    cut = tile_segments(np.array([9, 12]))
+    base = star_clip(np.random.default_rng(5), cut)
+    donors = Segments(cut.start[::-1], cut.stop[::-1])
+    even = transplant(base, cut, donors, [base], GROUP, Config())
+    for joints in (None, np.zeros(0, np.int64)):
+        group = replace(GROUP, base_joints=joints)
+        part = transplant(base, cut, donors, [base], group, DTW)
+        np.testing.assert_array_equal(part.rotations, even.rotations)
+    with pytest.raises(ValueError, match=r"`alignment` must be one of .*'dtw'.*, got 'warp'"):
+        Config(alignment="warp")

@@ -1,0 +1,328 @@
+"""Laws of recombination and seams."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import Config
+from mograft.blend.recombine import recombine
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seam_treatments.paper import smoothing_windows
+from mograft.blend.transplant import GraftedGroup, transplant
+from mograft.motion import rotations
+from tests.oracles import pipeline as plain
+from tests.strategies import (
+    SEEDS,
+    SEGMENT_LENGTHS,
+    person,
+    same_rotations,
+    select_segments,
+    star_clip,
+    tile_segments,
+    wander,
+)
+
+CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
+PLAIN = st.sampled_from([Config(seam=seam) for seam in ("offset", "paper", "displacement")])
+
+
+JOINTS = np.array([1, 3])
+GROUP = GraftedGroup(JOINTS)
+
+
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
+def test_a_part_put_back_in_its_place_changes_no_bit(lengths, seed, config):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut, moving=(3,))
+    part = transplant(base, cut, cut, [base], GROUP, config)
+    new = recombine(base, [part], "same")
+    np.testing.assert_array_equal(new.rotations, base.rotations)
+    np.testing.assert_array_equal(new.positions, base.positions)
+    np.testing.assert_array_equal(new.channel_numbers(), base.channel_values)
+    assert not len(part.seams)
+
+
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
+def test_a_part_of_the_same_clip_under_another_name_changes_no_number(lengths, seed, config):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    twin = replace(cut, clip=np.ones(len(cut), int))
+    part = transplant(base, cut, twin, [base, base], GROUP, config)
+    np.testing.assert_array_equal(
+        recombine(base, [part], "twin").channel_numbers(), base.channel_values
+    )
+
+
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
+def test_other_joints_keep_every_number(lengths, seed, config):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut, moving=(3,))
+    chosen = rng.integers(0, len(cut), len(cut))
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, config)
+    new = recombine(base, [part], "new")
+    assert new.n_frames == base.n_frames
+    others = [0, 2]
+    np.testing.assert_array_equal(new.rotations[:, others], base.rotations[:, others])
+    np.testing.assert_array_equal(new.positions[:, others], base.positions[:, others])
+    columns = [c for j in others for c in base.skeleton.channel_columns[j]]
+    np.testing.assert_array_equal(
+        new.channel_numbers()[:, columns], base.channel_values[:, columns]
+    )
+    np.testing.assert_allclose(np.linalg.norm(new.rotations, axis=-1), 1.0, atol=1e-12)
+    # What the file says is what the motion is.
+    for joint in JOINTS:
+        order = base.skeleton.rotation_order(joint)
+        own = [
+            c
+            for c, name in zip(
+                base.skeleton.channel_columns[joint], base.skeleton.channels[joint], strict=True
+            )
+            if name.endswith("rotation")
+        ]
+        written = rotations.from_euler(np.radians(new.channel_numbers()[:, own]), order)
+        same_rotations(written, new.rotations[:, joint], 1e-9)
+
+
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
+def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, seed, config):
+    """Files hold angles that no derivation gives, such as whole turns: they stay."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    turns = 360.0 * rng.integers(-2, 3, base.channel_values.shape)
+    base = replace(base, channel_values=base.channel_values + turns)
+    chosen = np.where(rng.random(len(cut)) < 0.7, np.arange(len(cut)), rng.integers(len(cut)))
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, config)
+    numbers = recombine(base, [part], "new").channel_numbers()
+    for column, joint in enumerate(JOINTS):
+        same = (part.rotations[:, column] == base.rotations[:, joint]).all(axis=-1)
+        own = list(base.skeleton.channel_columns[joint])
+        np.testing.assert_array_equal(numbers[same][:, own], base.channel_values[same][:, own])
+
+
+@given(SEGMENT_LENGTHS, SEEDS, st.integers(-3, 3))
+def test_new_angles_go_on_from_the_last_one_kept(lengths, seed, turns):
+    """A curve that stands at whole turns from zero stays there: no jump where a graft begins."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(np.array([9, *lengths]))
+    base = star_clip(rng, cut)
+    base = replace(base, channel_values=base.channel_values + 360.0 * turns)
+    chosen = np.concatenate([[0], rng.integers(0, len(cut), len(lengths))])
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, Config())
+    numbers = recombine(base, [part], "new").channel_numbers()
+    for column, joint in enumerate(JOINTS):
+        changed = (part.rotations[:, column] != base.rotations[:, joint]).any(axis=-1)
+        begins = np.flatnonzero(changed[1:] & ~changed[:-1])
+        own = list(base.skeleton.channel_columns[joint])
+        steps = numbers[begins + 1][:, own] - numbers[begins][:, own]
+        assert (np.abs(steps) <= 180.0 + 1e-9).all()
+
+
+@given(SEGMENT_LENGTHS, SEEDS, PLAIN)
+def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    chosen = rng.integers(0, len(cut), len(cut))
+    part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, config)
+    bounds = np.array([0, *cut.stop])
+    expected = plain.transplant(base.rotations[:, JOINTS], bounds, chosen, base.rate, config)
+    # The plain offset differentiates numerically.
+    same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
+
+
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_displacement_closes_every_gap_half_way(lengths, seed):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut, moving=(1,))
+    chosen = rng.integers(0, len(cut), len(cut))
+    donors = select_segments(cut, chosen)
+    part = transplant(base, cut, donors, [base], GROUP, Config(seam="displacement"))
+    for i in np.flatnonzero(np.isin(cut.stop[:-1], part.seams)):
+        before = base.rotations[donors.stop[i]][JOINTS]
+        after = base.rotations[donors.start[i + 1]][JOINTS]
+        at = part.rotations[cut.stop[i]]
+        gaps = rotations.angle(before, after)
+        np.testing.assert_allclose(rotations.angle(before, at), gaps / 2, atol=1e-9)
+        np.testing.assert_allclose(rotations.angle(at, after), gaps / 2, atol=1e-9)
+        places = base.positions[[donors.stop[i], donors.start[i + 1]]][:, 1]
+        np.testing.assert_allclose(part.positions[cut.stop[i], 0], places.mean(axis=0), atol=1e-9)
+
+
+def kink(seed, before, after, fine, seam):
+    """The greatest change of angular velocity from step to step, and the frames outside."""
+    cut = tile_segments(np.array([before, after, 7]) * fine)
+    base = star_clip(np.random.default_rng(seed), cut)
+    quats = wander(np.random.default_rng(seed), base.n_frames, 4, speed=0.3 / fine)
+    base = replace(base, rotations=quats, channel_values=None)
+    config = Config(seam=seam, seam_window=fine / 6)
+    part = transplant(base, cut, select_segments(cut, np.array([0, 2, 2])), [base], GROUP, config)
+    own = part.rotations[: (before + after) * fine]
+    steps = rotations.log(rotations.multiply(rotations.inverse(own[:-1]), own[1:]))
+    return np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(), part
+
+
+@given(st.integers(2, 15), st.integers(2, 15), SEEDS)
+def test_the_curve_about_a_seam_has_no_kink(before, after, seed):
+    """Sampled four times as finely, a smooth curve bends a sixteenth per step, a kink a quarter."""
+    coarse, fine = (kink(seed, before, after, n, "paper")[0] for n in (32, 128))
+    assert fine < 0.12 * coarse
+
+
+def test_displacement_alone_leaves_a_kink():
+    coarse, fine = (kink(3, 6, 9, n, "displacement")[0] for n in (32, 128))
+    assert fine > 0.2 * coarse
+
+
+@given(st.integers(1, 15), st.integers(1, 15), SEEDS)
+def test_outside_its_window_the_curve_is_left_as_it_was(before, after, seed):
+    smooth, moved = (kink(seed, before, after, 4, seam)[1] for seam in ("paper", "displacement"))
+    reach = min(5 * 4, before * 4 // 2 - 1, after * 4 // 2 - 1)
+    seam = before * 4
+    outside = np.r_[0 : seam - reach, seam + reach + 1 : seam + after * 2]
+    np.testing.assert_array_equal(smooth.rotations[outside], moved.rotations[outside])
+
+
+def test_no_window_leaves_its_half():
+    for a in range(1, 16):
+        for b in range(1, 16):
+            cut = tile_segments(np.array([a, b]))
+            left, right = smoothing_windows(cut, np.array([0]), 5)
+            if min(a, b) < 2:
+                assert not len(left)
+            else:
+                assert a - a // 2 <= left[0] < a < right[0] <= a + b // 2
+
+
+@pytest.mark.parametrize("seam", SEAM_TREATMENTS.names)
+def test_a_seam_without_a_gap_is_no_bend(seam):
+    """Segments that are alike but not neighbours: the poses meet, only velocities may not."""
+    cut = tile_segments(np.array([10, 10, 10]))
+    base = star_clip(np.random.default_rng(0), cut)
+    still = replace(base, rotations=np.tile(rotations.IDENTITY, (31, 4, 1)), channel_values=None)
+    part = transplant(
+        still, cut, select_segments(cut, np.array([0, 2, 1])), [still], GROUP, Config(seam=seam)
+    )
+    np.testing.assert_array_equal(part.rotations, still.rotations[:, JOINTS])
+
+
+def test_stretched_neighbours_keep_their_shared_pose():
+    cut = tile_segments(np.array([10, 10, 8, 8]))
+    base = star_clip(np.random.default_rng(1), cut)
+    part = transplant(
+        base,
+        cut,
+        select_segments(cut, np.array([2, 3, 2, 3])),
+        [base],
+        GROUP,
+        Config(seam="displacement"),
+    )
+    np.testing.assert_array_equal(part.rotations[10], base.rotations[28][JOINTS])
+    assert part.gaps[0].max() == 0.0
+
+
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_translations_travel_only_where_they_move(lengths, seed):
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    base = star_clip(rng, cut)
+    grown = replace(
+        star_clip(rng, cut),
+        skeleton=base.skeleton.with_offsets(base.skeleton.offsets * 2),
+        positions=base.positions * 2,
+    )
+    donors = replace(cut, clip=np.ones(len(cut), int))
+    part = transplant(base, cut, donors, [base, grown], GROUP, Config())
+    np.testing.assert_array_equal(part.positions, base.positions[:, JOINTS])
+
+
+def test_a_motion_without_file_numbers_has_none_after():
+    cut = tile_segments(np.array([5, 6]))
+    base = replace(star_clip(np.random.default_rng(1), cut), channel_values=None)
+    part = transplant(base, cut, select_segments(cut, np.array([1, 0])), [base], GROUP, Config())
+    new = recombine(base, [part], "new")
+    assert new.channel_values is None
+    assert np.isfinite(new.channel_numbers()).all()
+    assert new.name == "new"
+    with pytest.raises(ValueError, match="read-only"):
+        new.rotations[0] = 0
+
+
+UPPER = GraftedGroup(np.arange(7, 18))  # the chest and all joints below it
+
+
+def leans(motion, joint):
+    """How a joint leans in the world, and what it faces there."""
+    turned = motion.world_transforms()[0][:, joint]
+    yaw = rotations.twist(turned, 1)
+    return rotations.multiply(rotations.inverse(yaw), turned), yaw
+
+
+@given(SEEDS, SEEDS)
+def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_heading(a, b):
+    base, donor = person(a), person(b)
+    cut = tile_segments(np.array([39]))
+    part = transplant(base, cut, cut, [donor], UPPER, Config(torso="world"))
+    new = recombine(base, [part], "new")
+    hips, chest = 0, 7
+    (_, facing), (above, _) = leans(base, hips), leans(donor, hips)
+    upright = rotations.multiply(above, donor.rotations[:, chest])
+    same_rotations(new.world_transforms()[0][:, chest], rotations.multiply(facing, upright), 1e-9)
+    # All that hangs on the chest goes with it, as it is in the donor's clip.
+    np.testing.assert_array_equal(new.rotations[:, 8:], donor.rotations[:, 8:])
+    np.testing.assert_array_equal(new.rotations[:, :7], base.rotations[:, :7])
+    # To the pelvis it stands as in the donor's clip only where both lean alike.
+    plain_part = transplant(base, cut, cut, [donor], UPPER, Config())
+    np.testing.assert_array_equal(plain_part.rotations, donor.rotations[:, UPPER.joints])
+
+
+@given(SEEDS, SEEDS, st.floats(-3, 3))
+def test_what_the_donor_faces_does_not_matter(a, b, yaw):
+    base, donor = person(a), person(b)
+    turned = donor.rotations.copy()
+    turned[:, 0] = rotations.multiply(rotations.from_axis_angle([0, 1, 0], yaw), turned[:, 0])
+    other = replace(donor, rotations=turned)
+    cut = tile_segments(np.array([12, 27]))
+    own, twin = (
+        transplant(base, cut, cut, [one], UPPER, Config(torso="world")) for one in (donor, other)
+    )
+    same_rotations(own.rotations, twin.rotations, 1e-9)
+
+
+@given(
+    SEGMENT_LENGTHS,
+    SEEDS,
+    st.sampled_from([Config(seam=seam, torso="world") for seam in SEAM_TREATMENTS.names]),
+)
+def test_its_own_trunk_keeps_every_bit_in_the_world_too(lengths, seed, config):
+    cut = tile_segments(lengths)
+    base = person(seed, int(lengths.sum()) + 1)
+    part = transplant(base, cut, cut, [base], UPPER, config)
+    np.testing.assert_array_equal(part.rotations, base.rotations[:, UPPER.joints])
+    # And where a donor takes one place alone, so it does far from it.
+    if len(lengths) > 2:
+        chosen = np.arange(len(lengths))
+        chosen[0] = len(lengths) - 1
+        part = transplant(base, cut, select_segments(cut, chosen), [base], UPPER, config)
+        np.testing.assert_allclose(np.linalg.norm(part.rotations, axis=-1), 1.0, atol=1e-12)
+
+
+def test_what_hangs_on_no_other_group_is_left():
+    """Arms keep to the trunk that they hang on, and legs to the pelvis."""
+    base, donor = person(1), person(2)
+    cut = tile_segments(np.array([39]))
+    for joints in (np.arange(1, 4), np.arange(8, 12), np.arange(18)):
+        own, world = (
+            transplant(base, cut, cut, [donor], GraftedGroup(joints, root=0), Config(torso=torso))
+            for torso in ("pelvis", "world")
+        )
+        np.testing.assert_array_equal(own.rotations, world.rotations)
+    with pytest.raises(ValueError, match=r"`torso` must be one of .*'world'.*, got 'hips'"):
+        Config(torso="hips")

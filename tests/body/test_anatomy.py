@@ -1,0 +1,421 @@
+"""Laws and tables of what joints are."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import Skeleton
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.body_parts import ARM, LEG, PARTS
+from tests.hierarchies import (
+    DATA,
+    distinct_recordings,
+    human,
+    orders,
+    read_hierarchy,
+    skeleton_from_text,
+    skeletons,
+    with_names,
+    with_order,
+)
+
+LIMBS = {
+    "left": ("Left", "L", "l", "_L", ".L"),
+    "right": ("Right", "R", "r", "_R", ".R"),
+}
+# `{Side}`, `{S}`, `{s}`, `{_S}` and `{.S}` stand for both sides in turn.
+SCHEMES = {
+    "motionbuilder": "Hips=pelvis {Spine=trunk > Spine1=trunk {Neck=neck > Head=head"
+    " | {Side}Shoulder=clavicle > {Side}Arm=upper_arm > {Side}ForeArm=forearm > {Side}Hand=hand"
+    " {{Side}HandThumb1=finger | {Side}InHandIndex=finger > {Side}HandIndex1=finger}"
+    " | }| {Side}UpLeg=thigh > {Side}Leg=shank > {Side}Foot=foot > {Side}ToeBase=toe}",
+    "mixamo": "mixamorig:Hips=pelvis {mixamorig:Spine=trunk {mixamorig:Neck=neck >"
+    " mixamorig:Head=head {mixamorig:HeadTop_End=head | mixamorig:{Side}Eye=head}"
+    " | mixamorig:{Side}Shoulder=clavicle > mixamorig:{Side}Arm=upper_arm >"
+    " mixamorig:{Side}ForeArm=forearm > mixamorig:{Side}Hand=hand}"
+    " | mixamorig:{Side}UpLeg=thigh > mixamorig:{Side}Leg=shank > mixamorig:{Side}Foot=foot}",
+    "mixamo without colon": "mixamorigHips=pelvis {mixamorigSpine=trunk > mixamorigHead=head"
+    " | mixamorig{Side}UpLeg=thigh > mixamorig{Side}Leg=shank"
+    " | mixamorig{Side}Arm=upper_arm > mixamorig{Side}ForeArm=forearm}",
+    "cmu": "Hips=pelvis {{S}HipJoint=pelvis > {Side}UpLeg=thigh > {Side}Leg=shank >"
+    " {Side}Foot=foot > {Side}ToeBase=toe | LowerBack=trunk > Spine=trunk {Neck=neck >"
+    " Neck1=neck > Head=head | {Side}Shoulder=clavicle > {Side}Arm=upper_arm >"
+    " {Side}ForeArm=forearm > {Side}Hand=hand"
+    " {{Side}FingerBase=finger > {Side}HandIndex1=finger | {S}Thumb=finger}}}",
+    "cmu asf": "root=pelvis {{s}hipjoint=pelvis > {s}femur=thigh > {s}tibia=shank > {s}foot=foot >"
+    " {s}toes=toe | lowerback=trunk > upperback=trunk > thorax=trunk {lowerneck=neck >"
+    " upperneck=neck > head=head | {s}clavicle=clavicle > {s}humerus=upper_arm >"
+    " {s}radius=forearm > {s}wrist=hand > {s}hand=hand {{s}fingers=finger | {s}thumb=finger}}}",
+    "cmu for 3ds max": "Hips=pelvis {{S}HipJoint=pelvis > {Side}Hip=thigh > {Side}Knee=shank >"
+    " {Side}Ankle=foot > {Side}Toe=toe | lowerback=trunk > Chest=trunk {lowerneck=neck > Head=head"
+    " | {Side}Collar=clavicle > {Side}Shoulder=upper_arm > {Side}Elbow=forearm >"
+    " {Side}Wrist=hand > {s}hand=hand > {S}Fingers=finger}}",
+    "biped": "Bip01=other > Bip01 Pelvis=pelvis > Bip01 Spine=pelvis {Bip01 {S} Thigh=thigh >"
+    " Bip01 {S} Calf=shank > Bip01 {S} Foot=foot > Bip01 {S} Toe0=toe"
+    " | Bip01 Spine1=trunk > Bip01 Neck=neck {Bip01 Head=head"
+    " | Bip01 {S} Clavicle=clavicle > Bip01 {S} UpperArm=upper_arm > Bip01 {S} Forearm=forearm"
+    " {Bip01 {S} ForeTwist=forearm | Bip01 {S} Hand=hand > Bip01 {S} Finger0=finger}}}",
+    "bandai": "joint_Root=other > Hips=pelvis {Spine=trunk > Chest=trunk {Neck=neck > Head=head"
+    " | Shoulder{_S}=clavicle > UpperArm{_S}=upper_arm > LowerArm{_S}=forearm > Hand{_S}=hand}"
+    " | UpperLeg{_S}=thigh > LowerLeg{_S}=shank > Foot{_S}=foot > Toes{_S}=toe}",
+    "biovision": "Hips=pelvis {Chest=trunk > Chest4=trunk {Neck=neck > Head=head"
+    " | {Side}Collar=clavicle > {Side}Shoulder=upper_arm > {Side}Elbow=forearm > {Side}Wrist=hand}"
+    " | {Side}Hip=thigh > {Side}Knee=shank > {Side}Ankle=foot > {Side}Toe=toe}",
+    "poser": "hip=pelvis {abdomen=trunk > chest=trunk {neck=neck > head=head > {side}Eye=head"
+    " | {s}Collar=clavicle > {s}Shldr=upper_arm > {s}ForeArm=forearm > {s}Hand=hand"
+    " {{s}Thumb1=finger | {s}Mid1=finger}} | {s}Buttock=pelvis > {s}Thigh=thigh > {s}Shin=shank >"
+    " {s}Foot=foot}",
+    "daz": "hip=pelvis {pelvis=pelvis > {s}ThighBend=thigh > {s}ThighTwist=thigh > {s}Shin=shank >"
+    " {s}Foot=foot > {s}Metatarsals=toe > {s}Toe=toe > {s}SmallToe4=toe > {s}SmallToe4_2=toe"
+    " | abdomenLower=trunk > chestLower=trunk {chestUpper=trunk {{s}Collar=clavicle >"
+    " {s}ShldrBend=upper_arm > {s}ShldrTwist=upper_arm > {s}ForearmBend=forearm >"
+    " {s}ForearmTwist=forearm > {s}Hand=hand > {s}Carpal1=finger > {s}Ring1=finger"
+    " | neckLower=neck > head=head {lowerJaw=head > tongue01=head > MidNoseBridge=head"
+    " | {s}Ear=head | {s}NasolabialLower=head}} | {s}Pectoral=trunk}}",
+    "games105": "RootJoint=pelvis {{s}Hip=thigh > {s}Knee=shank > {s}Ankle=foot > {s}ToeJoint=toe"
+    " | pelvis_lowerback=trunk > lowerback_torso=trunk {torso_head=head"
+    " | {s}Torso_Clavicle=clavicle > {s}Shoulder=upper_arm > {s}Elbow=forearm > {s}Wrist=hand}}",
+    "dfki": "FK_back1_jnt=pelvis {FK_back2_jnt=trunk {head_jnt=head > head_end_jnt=head"
+    " | {S}_shoulder_jnt=clavicle {{S}_shoulderEnd_jnt=clavicle | {S}_upArm_jnt=upper_arm >"
+    " {S}_lowArm_jnt=forearm > {S}_hand_jnt=hand {{S}_hand_end_jnt=hand | {S}_handRoot_jnt=hand >"
+    " {S}_index_root_jnt=finger > {S}_index_mid_jnt=finger > {S}_index_end_jnt=finger}}}"
+    " | {S}_upLeg_jnt=thigh > {S}_lowLeg_jnt=shank > {S}_foot_jnt=foot > {S}_toe_tip_jnt=toe}",
+    "makehuman": "root=pelvis {pelvis{.S}=pelvis > upperleg01{.S}=thigh > upperleg02{.S}=thigh >"
+    " lowerleg01{.S}=shank > foot{.S}=foot > metatarsal1{.S}=toe > toe1-1{.S}=toe"
+    " | spine05=trunk > spine01=trunk {clavicle{.S}=clavicle > shoulder01{.S}=clavicle >"
+    " upperarm01{.S}=upper_arm > upperarm02{.S}=upper_arm > lowerarm01{.S}=forearm > wrist{.S}=hand"
+    " > metacarpal1{.S}=finger > finger2-1{.S}=finger | neck01=neck > head=head {jaw=head >"
+    " special04=head | levator02{.S}=head}} | breast{.S}=trunk}",
+    "makehuman, older": "Root=pelvis {Spine1=trunk {Neck=neck > Head=head > __Jaw=head"
+    " | __Clavicle{_S}=clavicle > Clavicle{_S}=clavicle > UpArm{_S}=upper_arm > LoArm{_S}=forearm >"
+    " Hand{_S}=hand > __Thumb1{_S}=finger} | Hips=pelvis > UpLeg{_S}=thigh > LoLeg{_S}=shank >"
+    " Foot{_S}=foot > Toe{_S}=toe}",
+    "mass": "Character1_Hips=pelvis {Character1_Spine=trunk {Character1_{Side}Shoulder=clavicle"
+    " {Character1_{Side}Arm=upper_arm {Character1_{Side}ForeArm=forearm"
+    " {Character1_{Side}Hand=hand | {S}_Radius_RIGMESH=forearm} | {S}_Humerus_RIGMESH=upper_arm}"
+    " | {S}_Shoulder_RIGMESH=clavicle} | Character1_Head=head | Torso_RIGMESH=trunk}"
+    " | Character1_{Side}UpLeg=thigh {Character1_{Side}Leg=shank {Character1_{Side}Foot=foot"
+    " {Character1_{Side}ToeBase=toe | {S}_Talus_RIGMESH=foot} | {S}_Tibia_RIGMESH=shank}"
+    " | {S}_Femur_RIGMESH=thigh} | Pelvis_RIGMESH=pelvis}",
+    "biovision with markers": "Hips=pelvis {{Side}Hip=thigh {{Side}Knee=shank > {Side}Ankle=foot"
+    " | {S}_Femur_RIGMESH=thigh} | Chest=trunk > {Side}Collar=clavicle > {Side}Shoulder=upper_arm"
+    " {{Side}Elbow=forearm > {Side}Wrist=hand | {S}_Humerus_RIGMESH=upper_arm}}",
+    "vertebrae": "Pelvis=pelvis {J_{S}_Hip=thigh > J_{S}_Knee=shank > J_{S}_Ankle=foot >"
+    " J_{S}_Bale=toe | J_L5=trunk > J_L1=trunk > J_T12=trunk > J_T1=trunk {J_C7=neck > J_C1=neck >"
+    " J_Atlas=head | J_{S}_Clavicle=clavicle > J_{S}_Shoulder=upper_arm > J_{S}_Elbow=forearm >"
+    " J_{S}_Hand=hand}}",
+    "rolls": "Hips=pelvis {Spine=trunk {Neck=neck | {Side}Shoulder=clavicle > {Side}Arm=upper_arm >"
+    " {Side}ArmRoll=upper_arm > {Side}ForeArm=forearm > {Side}ForeArmRoll=forearm >"
+    " {Side}Hand=hand} | {Side}UpLeg=thigh > {Side}UpLegRoll=thigh > {Side}Leg=shank >"
+    " {Side}LegRoll=shank > {Side}Foot=foot > {Side}FootPinky1=toe}",
+    "ends of bones": "Hips=pelvis {Spine=trunk {Head=head > HeadEnd=head"
+    " | {Side}Shoulder=clavicle > {Side}Arm=upper_arm > {Side}ForeArm=forearm"
+    " {{Side}Hand=hand {{Side}HandThumb1=finger | {Side}ForeArmEnd=hand} | {Side}ArmEnd=forearm}}"
+    " | {Side}UpLeg=thigh > {Side}Leg=shank {{Side}Foot=foot {{Side}ToeBase=toe >"
+    " {Side}ToeBaseEnd=toe | {Side}LegEnd=foot} | {Side}UpLegEnd=shank}}",
+    "woddy": "Hips=pelvis {Spine=trunk {HEad=head | {Side}Shoulder1=clavicle >"
+    " {Side}Arm=upper_arm > {Side}ForeArm=forearm} | {Side}UpLeg=thigh > {Side}Leg=shank}",
+    "unreal": "root=other {pelvis=pelvis {spine_01=trunk {neck_01=neck > head=head"
+    " | clavicle_{s}=clavicle > upperarm_{s}=upper_arm {upperarm_twist_01_{s}=upper_arm"
+    " | lowerarm_{s}=forearm > hand_{s}=hand > middle_01_{s}=finger}}"
+    " | thigh_{s}=thigh > calf_{s}=shank > foot_{s}=foot > ball_{s}=toe}"
+    " | ik_foot_root=other > ik_foot_{s}=other}",
+    "smpl": "Pelvis=pelvis {{S}_Hip=thigh > {S}_Knee=shank > {S}_Ankle=foot > {S}_Foot=toe"
+    " | Spine1=trunk {Neck=neck > Head=head | {S}_Collar=clavicle > {S}_Shoulder=upper_arm >"
+    " {S}_Elbow=forearm > {S}_Wrist=hand > {S}_Hand=hand}}",
+    "kinect": "SpineBase=pelvis {SpineMid=trunk > SpineShoulder=trunk {Neck=neck > Head=head"
+    " | Shoulder{Side}=upper_arm > Elbow{Side}=forearm > Wrist{Side}=hand > HandTip{Side}=hand"
+    " > Thumb{Side}=finger} | Hip{Side}=thigh > Knee{Side}=shank > Ankle{Side}=foot"
+    " > Foot{Side}=toe}",
+    "rigify": "DEF-spine=pelvis {DEF-thigh{.S}=thigh > DEF-shin{.S}=shank > DEF-foot{.S}=foot >"
+    " DEF-toe{.S}=toe | DEF-spine.001=trunk > DEF-spine.003=trunk {DEF-shoulder{.S}=clavicle >"
+    " DEF-upper_arm{.S}=upper_arm > DEF-forearm{.S}=forearm > DEF-hand{.S}=hand"
+    " | DEF-spine.004=neck > DEF-spine.005=neck > DEF-spine.006=head}}",
+    "quadruped": "Pelvis=pelvis {Spine1=trunk > Chest=trunk {Neck=neck > Head=head > Jaw=head"
+    " | Scapula{_S}=clavicle > Humerus{_S}=upper_arm > Radius{_S}=forearm > Carpus{_S}=hand >"
+    " ForePaw{_S}=finger} | Tail1=tail > Tail2=tail"
+    " | Femur{_S}=thigh > Tibia{_S}=shank > Tarsus{_S}=foot > HindPaw{_S}=toe}",
+    "one unknown word": "Hips=pelvis {Gizmo=pelvis > {Side}UpLeg=thigh > {Side}Qwx=thigh >"
+    " {Side}Leg=shank > {Side}Foot=foot > {Side}Sole=toe"
+    " | Spine=trunk {Zzz=trunk > Head=head > Hat=head | {Side}Arm=upper_arm > {Side}Hand=hand >"
+    " {Side}Blob=finger}}",
+    "legs of one word": "Hips=pelvis {{Side}Leg=thigh > {Side}LegTwist=thigh > {Side}Knee=shank"
+    " | Spine=trunk > {Side}Arm=upper_arm}",
+}
+
+
+def both_sides(text):
+    """Return a scheme with each branch that stands for both sides written out twice."""
+
+    def one(branch, side):
+        long, capital, small, under, dot = LIMBS[side]
+        for mark, word in (
+            ("{Side}", long),
+            ("{side}", long.lower()),
+            ("{S}", capital),
+            ("{s}", small),
+            ("{_S}", under),
+            ("{.S}", dot),
+        ):
+            branch = branch.replace(mark, word)
+        return branch
+
+    marks = re.compile(r"\{(?:Side|side|S|s|_S|\.S)\}")
+    # Outermost branches whose first joint has a mark are doubled, with all below them.
+    doubled, position = "", 0
+    while position < len(text):
+        mark = marks.search(text, position)
+        if not mark:
+            return doubled + text[position:]
+        plain = marks.sub(lambda m: "#" * len(m[0]), text)
+        start = max(plain.rfind(sign, 0, mark.start()) for sign in "{|>") + 1
+        depth, stop = 0, start
+        while stop < len(plain) and not (depth == 0 and plain[stop] in "|}"):
+            depth += {"{": 1, "}": -1}.get(plain[stop], 0)
+            stop += 1
+        branch = text[start:stop]
+        twins = f"{one(branch, 'left')} | {one(branch, 'right')}"
+        if plain[start - 1] == ">":
+            doubled += text[position : start - 1] + "{" + twins + "}"
+        else:
+            doubled += text[position:start] + twins
+        position = stop
+    return doubled
+
+
+def scheme(name):
+    """Return the skeleton of a scheme with the part and the side of each joint."""
+    skeleton, notes = skeleton_from_text(both_sides(SCHEMES[name].replace("| }", "}")))
+    sides = []
+    for own in skeleton.names:
+        bare = own.split(":")[-1]
+        told = re.search(r"(Left|Right|left|right)|(?:^|[ _.])([LRlr])(?:[_ .]|$)", bare)
+        told = told or re.match(r"()([lrLR])(?=[A-Z]|hand)", bare)
+        word = (told[1] or told[2]).lower()[0] if told else ""
+        sides.append({"l": "left", "r": "right", "": ""}[word])
+    return skeleton, [note[0] for note in notes], sides
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_anatomy_known_naming_schemes_give_expected_parts(name):
+    skeleton, parts, _ = scheme(name)
+    found = anatomy(skeleton)
+    got = dict(zip(skeleton.names, found.parts, strict=True))
+    assert got == dict(zip(skeleton.names, parts, strict=True))
+    assert found.scheme == "names"
+
+
+@pytest.mark.parametrize("name", sorted(set(SCHEMES) - {"cmu asf"}))
+def test_anatomy_known_naming_schemes_give_expected_sides(name):
+    skeleton, _, sides = scheme(name)
+    got = dict(zip(skeleton.names, anatomy(skeleton).sides, strict=True))
+    assert got == dict(zip(skeleton.names, sides, strict=True))
+
+
+def test_anatomy_side_joined_to_word_is_recognised():
+    skeleton, _, _ = scheme("cmu asf")
+    sides = dict(zip(skeleton.names, anatomy(skeleton).sides, strict=True))
+    told = {name: side for name, side in sides.items() if side}
+    middle = ["root", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"]
+    assert set(skeleton.names) - set(told) == set(middle)
+    assert all(side[0] == name[0] for name, side in told.items())
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize(
+    "dress",
+    [
+        lambda name: f"LeftHand:{name.split(':')[-1]}",
+        lambda name: f"|Head|{name}",
+        lambda name: f"Fred_{name}",
+        lambda name: f"Fred-{name}-rig",
+    ],
+    ids=["namespace", "path", "prefix", "suffix"],
+)
+def test_anatomy_ignores_namespace_prefix_and_suffix(name, dress):
+    skeleton, parts, _ = scheme(name)
+    other = anatomy(with_names(skeleton, lambda _, own: dress(own)))
+    assert list(other.parts) == parts
+    assert other.sides == anatomy(skeleton).sides
+
+
+@pytest.mark.parametrize(
+    "name", ["motionbuilder", "cmu", "bandai", "biovision", "biped", "makehuman", "games105"]
+)
+@pytest.mark.parametrize("case", [str.upper, str.lower, str.title])
+def test_anatomy_ignores_case(name, case):
+    skeleton, parts, sides = scheme(name)
+    other = anatomy(with_names(skeleton, lambda _, own: case(own)))
+    assert list(other.parts) == parts
+    limbs = [joint for joint, part in enumerate(parts) if part in ARM + LEG]
+    assert [other.sides[joint] for joint in limbs] == [sides[joint] for joint in limbs]
+
+
+@pytest.mark.parametrize("name", ["motionbuilder", "biovision"])
+def test_anatomy_swapped_names_swap_sides(name):
+    skeleton, _, sides = scheme(name)
+    swapped = anatomy(
+        with_names(
+            skeleton,
+            lambda _, own: re.sub(
+                "Left|Right", lambda m: {"Left": "Right", "Right": "Left"}[m[0]], own
+            ),
+        )
+    )
+    assert swapped.parts == anatomy(skeleton).parts
+    assert list(swapped.sides) == [{"left": "right", "right": "left", "": ""}[s] for s in sides]
+
+
+def test_anatomy_unknown_names_use_symmetry():
+    skeleton = human()
+    by_names = anatomy(skeleton)
+    by_structure = anatomy(with_names(skeleton, lambda joint, _: f"j{joint}"))
+    assert by_structure.parts == by_names.parts
+    assert by_structure.sides == by_names.sides
+    assert by_structure.scheme == "structure"
+    assert not by_structure.human
+    assert by_structure.unmatched == tuple(range(skeleton.n_joints))
+
+
+def test_anatomy_unknown_names_take_sides_from_foot_direction():
+    nameless = with_names(human(), lambda joint, _: f"j{joint}")
+    mirrored = nameless.with_offsets(nameless.offsets * [-1, 1, 1])
+    swap = {"left": "right", "right": "left", "": ""}
+    assert anatomy(mirrored).sides == tuple(swap[side] for side in anatomy(nameless).sides)
+
+
+@given(st.integers(0, 2), st.integers(0, 2))
+def test_anatomy_unknown_names_ignore_orientation(turns, more):
+    nameless = with_names(human(), lambda joint, _: f"j{joint}")
+    cycled = np.roll(nameless.offsets, turns, axis=1)  # an even permutation is a rotation
+    sites = [type(s)(s.parent, np.roll(s.offset, turns)) for s in nameless.end_sites]
+    turned = Skeleton(nameless.names, nameless.parents, cycled * (1 + more), end_sites=sites)
+    assert anatomy(turned).parts == anatomy(nameless).parts
+    assert anatomy(turned).sides == anatomy(nameless).sides
+
+
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_anatomy_named_legs_or_arms_complete_the_other_pair(mirror):
+    """Legs of unknown names beside known arms are found by symmetry, and sided by the arms."""
+    words = {"Hip": "Pata", "Knee": "Jarrete", "Ankle": "Casco"}
+    skeleton = with_names(
+        human(), lambda j, own: next((f"{w}{j}" for k, w in words.items() if k in own[4:]), own)
+    )
+    skeleton = with_names(skeleton, lambda _, own: "Pata16" if own == "RightHip" else own)
+    found = anatomy(skeleton.with_offsets(skeleton.offsets * [mirror, 1, 1]))
+    assert found.parts == anatomy(human()).parts
+    assert found.sides == anatomy(human()).sides
+    assert found.scheme == "structure"
+
+
+def test_anatomy_unknown_names_long_clavicles_and_roll_joints():
+    skeleton, _ = skeleton_from_text(
+        "Hips {LeftUpLeg > LeftUpLegRoll > LeftLeg > LeftLegRoll > LeftFoot"
+        " | RightUpLeg > RightUpLegRoll > RightLeg > RightLegRoll > RightFoot"
+        " | Spine {Head | LeftShoulder > LeftArm > LeftForeArm > LeftHand"
+        " | RightShoulder > RightArm > RightForeArm > RightHand}}"
+    )
+    leg = [(0, 0, 0), (0, -40, 0), (0, 0, 0), (0, -40, 0)]
+    arm = [(2, 0, 0), (22, 0, 0), (28, 0, 0), (21, 0, 0)]
+    right = [(-x, y, z) for x, y, z in arm]
+    places = [(0, 0, 0), (9, 0, 0), *leg, (-9, 0, 0), *leg, (0, 50, 0), (0, 9, 0), *arm, *right]
+    skeleton = skeleton.with_offsets(places)
+    nameless = with_names(skeleton, lambda joint, _: f"j{joint}")
+    assert anatomy(nameless).parts == anatomy(skeleton).parts
+
+
+def test_anatomy_short_mirrored_pairs_are_not_limbs():
+    skeleton, _ = skeleton_from_text("a {b | c | d}")
+    body = human()
+    shift = skeleton.n_joints
+    joined = Skeleton(
+        [f"j{joint}" for joint in range(shift + body.n_joints)],
+        [*skeleton.parents, 0, *(int(parent) + shift for parent in body.parents[1:])],
+        [(0, 0, 0), (7, 0, 0), (-7, 0, 0), (0, 0, 3), *body.offsets],
+    )
+    assert anatomy(joined).hips == shift
+    assert anatomy(joined).parts[shift:] == anatomy(body).parts
+
+
+@given(st.data())
+def test_anatomy_ignores_joint_order(data):
+    nameless = with_names(human(), lambda joint, _: f"j{joint}")
+    named = [scheme(name)[0] for name in ("daz", "mass")]
+    skeleton = data.draw(st.sampled_from([human(), nameless, *named]))
+    order = data.draw(orders(skeleton))
+    before, after = anatomy(skeleton), anatomy(with_order(skeleton, order))
+    assert after.parts == tuple(before.parts[joint] for joint in order)
+    assert after.sides == tuple(before.sides[joint] for joint in order)
+    assert order[after.hips] == before.hips
+
+
+@given(skeletons())
+def test_anatomy_every_joint_has_a_part(skeleton):
+    found = anatomy(skeleton)
+    assert len(found.parts) == len(found.sides) == skeleton.n_joints
+    assert set(found.parts) <= set(PARTS)
+    assert set(found.sides) <= {"left", "right", ""}
+    for joint, part in enumerate(found.parts):  # only dummies hang above the hips
+        if part in LEG:
+            parent = int(skeleton.parents[joint])
+            while parent >= 0:
+                assert found.parts[parent] in (*LEG, "pelvis", "other")
+                parent = int(skeleton.parents[parent])
+
+
+@given(skeletons(names=st.text(max_size=12)))
+def test_anatomy_arbitrary_names_do_not_fail(skeleton):
+    assert len(anatomy(skeleton).parts) == skeleton.n_joints
+
+
+def test_anatomy_numbered_names_are_not_vertebrae():
+    skeleton = with_names(human(), lambda joint, _: f"c{joint}")
+    assert anatomy(skeleton).unmatched == tuple(range(skeleton.n_joints))
+
+
+def test_anatomy_joints_selects_parts_and_sides():
+    found = anatomy(human())
+    assert found.joints("shank", "foot", side="right") == [5, 6]
+    assert found.joints("shank") == [2, 5]
+    with pytest.raises(ValueError, match=r"parts must be of pelvis, .*, got \['knee'\]"):
+        found.joints("knee")
+
+
+def test_feature_joints_exclude_fingers_and_toes():
+    skeleton, parts, _ = scheme("dfki")
+    kept = feature_joints(skeleton, range(skeleton.n_joints))
+    names = [skeleton.names[joint] for joint in kept]
+    assert not [name for name in names if re.search("toe|index|[eE]nd", name)]
+    assert {"head_jnt", "L_hand_jnt", "R_foot_jnt"} <= set(names)
+    assert len(parts) > len(names)
+
+
+def test_feature_joints_exclude_markers_and_face():
+    skeleton, _, _ = scheme("mass")
+    kept = feature_joints(skeleton, range(skeleton.n_joints))
+    assert not [skeleton.names[j] for j in kept if skeleton.names[j].endswith("RIGMESH")]
+    skeleton, _, _ = scheme("daz")
+    kept = feature_joints(skeleton, range(skeleton.n_joints))
+    assert [skeleton.names[j] for j in kept if anatomy(skeleton).parts[j] == "head"] == ["head"]
+
+
+def test_feature_joints_of_fingers_alone_keep_them():
+    skeleton, parts, _ = scheme("motionbuilder")
+    fingers = [joint for joint, part in enumerate(parts) if part == "finger"]
+    assert feature_joints(skeleton, fingers).tolist() == fingers
+
+
+@pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
+@pytest.mark.parametrize(
+    "path", distinct_recordings(), ids=lambda path: f"{path.parent.name}/{path.stem}"
+)
+def test_anatomy_recordings_agree_with_and_without_names(path):
+    skeleton = read_hierarchy(path)
+    lower = [
+        [part in (*LEG, "pelvis", "other", "tail") for part in anatomy(named).parts]
+        for named in (skeleton, with_names(skeleton, lambda joint, _: f"j{joint}"))
+    ]
+    assert lower[0] == lower[1] or skeleton.n_joints < 5

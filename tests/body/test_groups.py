@@ -1,0 +1,338 @@
+"""Laws of groups of joints, and what the presets make of recordings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import JointGroups, Skeleton, subtree
+from mograft.body.anatomy import anatomy
+from mograft.body.groups import PRESETS
+from tests.hierarchies import (
+    DATA,
+    distinct_recordings,
+    human,
+    read_hierarchy,
+    skeleton_from_text,
+    skeletons,
+    with_names,
+)
+
+
+def names_of(skeleton, joints):
+    return [skeleton.names[joint] for joint in joints]
+
+
+def small():
+    return skeleton_from_text("Hips {Spine > Head | LeftLeg > LeftFoot | RightLeg}")[0]
+
+
+# What the whole lower group is, by hand; everything else is upper.
+LOWER = {
+    "bandai_ds1/dataset-1_dance-short_normal_001": "joint_Root Hips UpperLeg_L LowerLeg_L Foot_L"
+    " Toes_L UpperLeg_R LowerLeg_R Foot_R Toes_R",
+    "dance_cmu60_salsa/60_01": "hip rButtock rThigh rShin rFoot lButtock lThigh lShin lFoot",
+    "dance_cmu94_indian_30fps/94_01_1": "Hips LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase"
+    " RHipJoint RightUpLeg RightLeg RightFoot RightToeBase",
+    "dance_mass_snu/backflip": "Character1_Hips Character1_RightUpLeg Character1_RightLeg"
+    " Character1_RightFoot Character1_RightToeBase R_Talus_RIGMESH R_Tibia_RIGMESH R_Femur_RIGMESH"
+    " Character1_LeftUpLeg Character1_LeftLeg Character1_LeftFoot Character1_LeftToeBase"
+    " L_Talus_RIGMESH L_Tibia_RIGMESH L_Femur_RIGMESH Pelvis_RIGMESH",
+    "dance_perfume_test/A_test": "Hips RightHip RightKnee RightAnkle RightToe LeftHip LeftKnee"
+    " LeftAnkle LeftToe",
+    "database_vsports_basket/s_006_1_1": "Hips LeftUpLeg LeftLeg LeftFoot LeftToe RightUpLeg"
+    " RightLeg RightFoot RightToe",
+    "skel_animated_drawings/jumping_jacks": "Hips LHipJoint LeftHip LeftKnee LeftAnkle LeftToe"
+    " RHipJoint RightHip RightKnee RightAnkle RightToe",
+    "skel_bvhfiles_jl/Example": "Pelvis J_L_Hip J_L_Knee J_L_Ankle J_L_Bale J_R_Hip J_R_Knee"
+    " J_R_Ankle J_R_Bale",
+    "skel_dfki/custom_skeleton_walk_example": "FK_back1_jnt L_upLeg_jnt L_lowLeg_jnt L_foot_jnt"
+    " L_toe_jnt L_toe_tip_jnt R_upLeg_jnt R_lowLeg_jnt R_foot_jnt R_toe_jnt R_toe_tip_jnt",
+    "skel_games105/idle": "RootJoint lHip lKnee lAnkle lToeJoint rHip rKnee rAnkle rToeJoint",
+    "skel_makehuman/dance1": "Root Hips __UpLeg_L UpLeg_L LoLeg_L Foot_L Toe_L __UpLeg_R UpLeg_R"
+    " LoLeg_R Foot_R Toe_R",
+    "skel_motionmachine/animation": "Hips RightUpLeg RightUpLegRoll RightLeg RightLegRoll"
+    " RightFoot RightToeBase RightFootPinky1 LeftUpLeg LeftUpLegRoll LeftLeg LeftLegRoll LeftFoot"
+    " LeftToeBase LeftFootPinky1",
+    "synthetic_quadruped/quadruped_trot": "Pelvis Tail1 Tail2 Tail3 Femur_L Tibia_L Tarsus_L"
+    " HindPaw_L Femur_R Tibia_R Tarsus_R HindPaw_R",
+}
+# The presets that a skeleton has not the parts for.
+LACKING = {
+    "skel_pybvh/full_precision_frame_time": {
+        "lower_upper": "legs",
+        "lower_torso_arms": "legs and arms",
+        "lower_torso_larm_rarm": "legs and left arm and right arm",
+        "lower_torso_head_larm_rarm": "legs and torso and left arm and right arm",
+    },
+    "skel_pybvh/rotation_first_root": {
+        "lower_torso_arms": "arms",
+        "lower_torso_larm_rarm": "left arm and right arm",
+        "lower_torso_head_larm_rarm": "left arm and right arm",
+    },
+    "skel_snu_wd2/wd2_spiral_walk_slow02": {"lower_torso_head_larm_rarm": "neck or head"},
+}
+
+
+def clip_name(path):
+    return f"{path.parent.name}/{path.stem}"
+
+
+def test_preset_lower_upper_has_degrees_of_freedom_of_paper():
+    skeleton = human()
+    found = JointGroups.preset("lower_upper", skeleton).resolve(skeleton)
+    assert {
+        name: sum(len(skeleton.channels[joint]) for joint in joints)
+        for name, joints in found.items()
+    } == {"lower": 24, "upper": 33}
+
+
+def test_preset_of_human_has_expected_joints():
+    skeleton = human()
+    arm = ["Collar", "Shoulder", "Elbow", "Wrist"]
+    left, right = [f"Left{part}" for part in arm], [f"Right{part}" for part in arm]
+    expected = {
+        "lower_torso_arms": [["Chest", "Neck", "Head"], left + right],
+        "lower_torso_larm_rarm": [["Chest", "Neck", "Head"], left, right],
+        "lower_torso_head_larm_rarm": [["Chest"], ["Neck", "Head"], left, right],
+    }
+    for preset, wanted in expected.items():
+        groups = JointGroups.preset(preset, skeleton)
+        found = groups.resolve(skeleton)
+        assert "_".join(found) == preset
+        assert groups.base == "lower"
+        assert [names_of(skeleton, joints) for joints in list(found.values())[1:]] == wanted
+
+
+@given(skeletons(), st.sampled_from(sorted(PRESETS)))
+def test_presets_are_disjoint_and_complete(skeleton, preset):
+    try:
+        groups = JointGroups.preset(preset, skeleton)
+    except ValueError as error:
+        assert "needs" in str(error)  # noqa: PT017 - either is lawful
+        return
+    found = groups.resolve(skeleton)
+    together = np.concatenate(list(found.values()))
+    assert sorted(together) == list(range(skeleton.n_joints))
+    assert "_".join(found) == preset
+    assert all((np.diff(joints) > 0).all() and len(joints) for joints in found.values())
+    assert 0 in found["lower"]
+
+
+@given(skeletons(names=st.text(st.characters(), max_size=6)), st.data())
+def test_groups_toml_round_trips(skeleton, data):
+    kept = data.draw(st.lists(st.sampled_from(range(skeleton.n_joints)), min_size=1))
+    text = st.text(st.characters(exclude_categories=["Cs"]), max_size=6)
+    groups = JointGroups(
+        {
+            data.draw(text): kept,
+            "ü\\ü\x7f\n": [subtree(0), "a", subtree(data.draw(text)), data.draw(text)],
+            data.draw(text) + "!": [name for name in skeleton.names if _encodes(name)] or [0],
+        },
+        base="ü\\ü\x7f\n",
+    )
+    written_text = groups.to_toml()
+    assert JointGroups.from_toml(written_text) == groups
+    assert written_text.encode().decode() == written_text
+
+
+def _encodes(name):
+    return not any("\ud800" <= letter <= "\udfff" for letter in name)
+
+
+def test_groups_toml_file_round_trips(tmp_path):
+    skeleton = with_names(human(), lambda _, own: f'{own} "ü" #\\')
+    groups = JointGroups.preset("lower_torso_larm_rarm", skeleton)
+    path = tmp_path / "groups.toml"
+    path.write_text(groups.to_toml(), encoding="utf-8")
+    for source in (path, str(path)):
+        again = JointGroups.from_toml(source)
+        assert again == groups
+        for name, joints in again.resolve(skeleton).items():
+            assert joints.tolist() == groups.resolve(skeleton)[name].tolist()
+
+
+def test_preset_duplicate_names_use_indices():
+    skeleton = with_names(human(), lambda _, own: "Head" if own in ("Head", "LeftAnkle") else own)
+    skeleton = Skeleton(skeleton.names, skeleton.parents, human().offsets)
+    groups = JointGroups.preset("lower_torso_head_larm_rarm", skeleton)
+    found = JointGroups.from_toml(groups.to_toml()).resolve(skeleton)
+    ankle, head = (joint for joint, name in enumerate(skeleton.names) if name == "Head")
+    assert ankle in groups.resolve(skeleton)["lower"]
+    assert head in groups.resolve(skeleton)["head"]
+    assert found["head"].tolist() == groups.resolve(skeleton)["head"].tolist()
+
+
+def test_preset_unencodable_names_use_indices():
+    skeleton = with_names(human(), lambda joint, own: own + ("\udc80" if joint == 3 else ""))
+    assert JointGroups.preset("lower_upper", skeleton).to_toml().encode()
+
+
+def test_preset_markers_belong_to_group_of_parent():
+    skeleton, _ = skeleton_from_text(
+        "joint_Root {Prop | Hips {LeftUpLeg {LeftLeg | Sticker} | Spine {Gadget | Tail |"
+        " LeftArm > Watch}}}"
+    )
+    found = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
+    assert {name: names_of(skeleton, joints) for name, joints in found.items()} == {
+        "lower": ["joint_Root", "Prop", "Hips", "LeftUpLeg", "LeftLeg", "Sticker"],
+        "torso": ["Spine", "Gadget", "Tail"],
+        "arms": ["LeftArm", "Watch"],
+    }
+
+
+def test_groups_accept_names_globs_indices_and_subtrees():
+    groups = JointGroups(
+        {"feet": ["*Foot", 5], "lower": ["Hips", "LeftLeg"], "upper": [subtree("Sp?ne")]}
+    )
+    assert {name: joints.tolist() for name, joints in groups.resolve(small()).items()} == {
+        "feet": [4, 5],
+        "lower": [0, 3],
+        "upper": [1, 2],
+    }
+    assert groups.resolve(small())["feet"].dtype == np.int64
+    assert groups.names == ("feet", "lower", "upper")
+    assert repr(groups) == (
+        "JointGroups(feet: *Foot 5; lower: Hips LeftLeg; upper: subtree('Sp?ne'); base lower)"
+    )
+
+
+def test_subtree_includes_all_descendants():
+    skeleton, _ = skeleton_from_text("Hips {Spine > Neck {Head > Jaw | Arm > Hand} | Leg > Foot}")
+    groups = JointGroups({"lower": ["Hips", subtree("Leg")], "upper": [subtree("Spine")]})
+    assert groups.resolve(skeleton)["upper"].tolist() == [1, 2, 3, 4, 5, 6]
+
+
+def test_groups_exact_name_precedes_glob():
+    skeleton, _ = skeleton_from_text("Hips {Arm[1] | Arm1 | Arm2}")
+    groups = JointGroups({"lower": ["Hips", "Arm[1]"], "upper": ["Arm[0-9]"]})
+    assert groups.resolve(skeleton)["lower"].tolist() == [0, 1]
+    assert groups.resolve(skeleton)["upper"].tolist() == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("groups", "message"),
+    [
+        (
+            {"lower": ["Hips", "LeftLeg", "LeftFoot", "RightLeg"], "upper": ["Spin", "Head"]},
+            "group 'upper': no joint is named 'Spin'; did you mean 'Spine'",
+        ),
+        (
+            {"lower": ["Hips"], "upper": ["*Wing*"]},
+            r"no joint is named '\*Wing\*'; joints are Hips, Spine, Head, LeftLeg",
+        ),
+        (
+            {"lower": [subtree("Hips")], "upper": [subtree("Spine")]},
+            "joint Spine must be in one group, got 'lower' and 'upper'",
+        ),
+        (
+            {"lower": ["Hips"], "upper": [subtree("Spine")]},
+            "every joint must be in a group, got none for LeftLeg, LeftFoot, RightLeg",
+        ),
+        ({"lower": ["Hips", 6], "upper": ["Spine"]}, "'lower': index must be 0 to 5, got 6"),
+        ({"lower": [subtree("Tail")], "upper": ["Spine"]}, "no joint is named 'Tail'"),
+    ],
+)
+def test_resolve_invalid_entry_names_it(groups, message):
+    with pytest.raises(ValueError, match=message):
+        JointGroups(groups).resolve(small())
+
+
+def test_resolve_duplicate_names_show_index():
+    skeleton, _ = skeleton_from_text("Hips {Head | Head}")
+    with pytest.raises(ValueError, match=r"got none for Head \(index 2\)"):
+        JointGroups({"lower": ["Hips"], "upper": [1]}).resolve(skeleton)
+
+
+@pytest.mark.parametrize(
+    ("groups", "base", "error", "message"),
+    [
+        ({"lower": ["a"]}, "lower", ValueError, "at least two entries, a base.*got \\['lower'\\]"),
+        ({}, "lower", ValueError, "at least two entries"),
+        ({"lower": ["a"], "upper": []}, "lower", ValueError, "'upper' must have at least one"),
+        ({"legs": ["a"], "arms": ["b"]}, "lower", ValueError, "base must be one of legs, arms"),
+        ({"lower": "Hips", "upper": ["b"]}, "lower", TypeError, "'lower' must be a list"),
+        ({"lower": [1.5], "upper": ["b"]}, "lower", TypeError, "'lower' must contain names.*1.5"),
+        ({"lower": [True], "upper": ["b"]}, "lower", TypeError, "must contain names"),
+        ({1: ["a"], "lower": ["b"]}, "lower", TypeError, "group names must be str, got 1"),
+        (["a", "b"], "lower", TypeError, "groups must map names to joints"),
+    ],
+)
+def test_groups_invalid_arguments_raise(groups, base, error, message):
+    with pytest.raises(error, match=message):
+        JointGroups(groups, base=base)
+
+
+def test_groups_entry_types_are_checked():
+    groups = JointGroups({"lower": np.array([0, 1]), "upper": [2]})
+    assert groups.to_toml().count("    0,") == 1
+    with pytest.raises(TypeError, match=r"joint must be a name or an index, got \['Spine'\]"):
+        subtree(["Spine"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("base = \n", "groups: not valid TOML: .*line 1"),
+        ('base = "a"\n', r"must contain base and a table \[groups\], got base"),
+        ("groups = 1\n", "must contain base and a table"),
+        ('speed = 1\n[groups]\na = ["x"]\n', "must contain base and a table.*got speed, groups"),
+        ('[groups]\na = "x"\nlower = ["b"]\n', "group 'a' must be a list, got 'x'"),
+        ('[groups]\na = [1.5]\nlower = ["b"]\n', "group 'a' must contain names, indices or"),
+        ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must contain names"),
+        ('[groups]\na = [{subtree = true}]\nlower = ["b"]\n', "group 'a' must contain names"),
+        ('[groups]\nlower = ["b"]\n', "groups: groups must have at least two"),
+        ('base = 3\n[groups]\nlower = ["b"]\nupper = ["c"]\n', "base must be one of.*got 3"),
+    ],
+)
+def test_from_toml_invalid_text_raises_value_error(text, message):
+    with pytest.raises(ValueError, match=message):
+        JointGroups.from_toml(text)
+
+
+def test_from_toml_errors_name_the_file(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xff\n")
+    with pytest.raises(ValueError, match=r"mine\.toml: not UTF-8"):
+        JointGroups.from_toml(path)
+    with pytest.raises(FileNotFoundError):
+        JointGroups.from_toml(tmp_path / "none.toml")
+
+
+def test_preset_unknown_name_raises_value_error():
+    with pytest.raises(ValueError, match=r"preset must be one of lower_upper.*got 'upper_lower'"):
+        JointGroups.preset("upper_lower", human())
+
+
+needs_recordings = pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
+
+
+@needs_recordings
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("path", distinct_recordings(), ids=clip_name)
+def test_preset_recordings_resolve_or_name_missing_parts(path, preset):
+    skeleton = read_hierarchy(path)
+    lacking = LACKING.get(clip_name(path), {}).get(preset)
+    if lacking:
+        message = f"needs {lacking}, found none among the joints"
+        with pytest.raises(ValueError, match=message):
+            JointGroups.preset(preset, skeleton)
+        return
+    found = JointGroups.preset(preset, skeleton).resolve(skeleton)
+    assert sum(map(len, found.values())) == skeleton.n_joints
+    known = anatomy(skeleton)
+    for side, group in (("left", "larm"), ("right", "rarm")):
+        if group in found:
+            assert {known.sides[joint] for joint in found[group]} == {side}
+            tops = {int(skeleton.parents[joint]) for joint in found[group]} - {*found[group]}
+            assert len(tops) == 1  # an arm hangs on one joint
+
+
+@needs_recordings
+@pytest.mark.parametrize("name", LOWER)
+def test_preset_lower_group_of_recordings_matches_manual_labels(name):
+    skeleton = read_hierarchy(Path(DATA, f"{name}.bvh"))
+    found = JointGroups.preset("lower_upper", skeleton).resolve(skeleton)
+    assert names_of(skeleton, found["lower"]) == LOWER[name].split()

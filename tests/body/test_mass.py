@@ -1,0 +1,334 @@
+"""Laws of masses, inertias and statures."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from mograft import EndSite, Motion, Skeleton
+from mograft.body.anatomy import anatomy
+from mograft.body.mass import mass_model, moments_of_inertia, up_axis
+from tests.hierarchies import (
+    DATA,
+    distinct_recordings,
+    human,
+    orders,
+    read_hierarchy,
+    skeleton_from_text,
+    skeletons,
+    with_names,
+    with_order,
+)
+
+SEXES = st.sampled_from(["mean", "female", "male"])
+KINDS = ["own", "subtree", "unit"]
+
+
+def nameless(skeleton):
+    return with_names(skeleton, lambda joint, _: f"j{joint}")
+
+
+def scaled(skeleton, factor):
+    sites = [EndSite(s.parent, s.offset * factor) for s in skeleton.end_sites]
+    return Skeleton(
+        skeleton.names, skeleton.parents, skeleton.offsets * factor, end_sites=tuple(sites)
+    )
+
+
+def at_rest(skeleton, axes=(0, 1, 2)):
+    """A motion of two frames in the rest pose, in a world whose axes are permuted."""
+    offsets = skeleton.offsets[:, axes]
+    still = Skeleton(skeleton.names, skeleton.parents, offsets)
+    quats = np.tile([0.0, 0.0, 0.0, 1.0], (2, skeleton.n_joints, 1))
+    return Motion(still, 1 / 30, quats, np.tile(offsets, (2, 1, 1)))
+
+
+@given(skeletons(), SEXES)
+def test_mass_model_masses_sum_to_one(skeleton, sex):
+    found = mass_model(skeleton, sex=sex)
+    assert math.isclose(found.mass.sum(), 1.0, rel_tol=1e-12)
+    assert (found.mass >= 0).all()
+
+
+@pytest.mark.parametrize("sex", ["mean", "female", "male"])
+def test_mass_model_human_has_de_leva_masses(sex):
+    skeleton = human()
+    found = mass_model(skeleton, sex=sex)
+    assert found.model == "de Leva"
+    # Female masses of the table sum to 99.99.
+    thigh = {"male": 14.16, "female": 14.78 / 0.9999, "mean": 14.47 / 0.99995}[sex]
+    assert found.mass[skeleton.index("LeftHip")] == pytest.approx(thigh / 100, rel=1e-9)
+    center = {"male": 0.41, "female": 0.361, "mean": 0.3855}[sex]
+    assert found.center[skeleton.index("LeftHip")] == pytest.approx(center)
+    gyration = {"male": 0.329, "female": 0.364, "mean": 0.3465}[sex]
+    assert found.gyration[skeleton.index("RightHip")] == pytest.approx(gyration)
+
+
+def test_mass_model_part_mass_is_divided_by_bone_length():
+    skeleton = human()
+    found = mass_model(skeleton, sex="male")
+    neck, head = skeleton.index("Neck"), skeleton.index("Head")
+    lengths = np.linalg.norm([(0, 9, 2), (0, 18, 0)], axis=1)
+    np.testing.assert_allclose(
+        found.mass[[neck, head]], 0.0694 * lengths / lengths.sum(), rtol=1e-9
+    )
+    assert found.center[neck] == found.center[head] == 0.5
+    assert found.gyration[neck] == 0.289
+
+
+def test_mass_model_missing_part_adds_to_proximal_part():
+    skeleton, _ = skeleton_from_text(
+        "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
+        " | Chest {LeftShoulder > LeftElbow | RightArm}}",
+    )
+    found = mass_model(skeleton.with_offsets(np.full((11, 3), 1.0)), sex="male")
+    assert found.mass[skeleton.index("LeftElbow")] == pytest.approx(0.0162 + 0.0061)
+    assert found.mass[skeleton.index("RightArm")] == pytest.approx(0.0271 + 0.0162 + 0.0061)
+    trunk = found.mass[[skeleton.index("Hips"), skeleton.index("Chest")]].sum()
+    assert trunk == pytest.approx(0.4346 + 0.0694)
+
+
+@given(skeletons(), st.floats(1e-3, 1e3))
+def test_mass_model_scale_changes_only_height(skeleton, factor):
+    assume(skeleton.offsets[1:].any())
+    small, large = mass_model(skeleton), mass_model(scaled(skeleton, factor))
+    assume(small.height_from != "nothing")
+    assert math.isclose(large.height, factor * small.height, rel_tol=1e-9)
+    np.testing.assert_allclose(large.mass, small.mass, rtol=1e-9)
+    for kind in KINDS:
+        np.testing.assert_allclose(
+            moments_of_inertia(large, scaled(skeleton, factor), kind),
+            moments_of_inertia(small, skeleton, kind),
+            rtol=1e-7,
+            atol=1e-12,
+        )
+
+
+@given(st.data(), st.booleans())
+def test_mass_model_ignores_joint_order(data, with_names):
+    skeleton = human() if with_names else nameless(human())
+    order = data.draw(orders(skeleton))
+    shuffled = with_order(skeleton, order)
+    before, after = mass_model(skeleton), mass_model(shuffled)
+    assert math.isclose(after.height, before.height, rel_tol=1e-12)
+    for name in ("mass", "bone", "center", "gyration", "inertia"):
+        np.testing.assert_allclose(getattr(after, name), getattr(before, name)[order], atol=1e-12)
+    assert [order[foot.ankle] for foot in after.feet] == [foot.ankle for foot in before.feet]
+    np.testing.assert_allclose(
+        moments_of_inertia(after, shuffled, "subtree"),
+        moments_of_inertia(before, skeleton, "subtree")[order],
+        atol=1e-12,
+    )
+
+
+@given(skeletons())
+def test_moments_of_inertia_zero_length_bones_are_zero(skeleton):
+    found = mass_model(skeleton)
+    still = ~found.bone.any(axis=1)
+    assert not found.inertia[still].any()
+    assert not moments_of_inertia(found, skeleton, "unit")[still].any()
+    assert np.isfinite(found.inertia).all()
+    assert (found.inertia >= 0).all()
+
+
+def test_mass_model_joints_above_hips_have_no_mass():
+    skeleton, _ = skeleton_from_text(
+        "joint_Root > Hips {LeftHip > LeftKnee | RightHip > RightKnee | Chest}"
+    )
+    skeleton = skeleton.with_offsets(np.arange(21.0).reshape(7, 3))
+    for kind in KINDS:
+        moments = moments_of_inertia(mass_model(skeleton), skeleton, kind)
+        assert moments[0] == 0
+        assert moments[1] > 0
+    assert mass_model(skeleton).mass[0] == 0
+    assert mass_model(skeleton).hips == 1
+
+
+def test_mass_model_markers_and_face_have_no_mass():
+    skeleton, _ = skeleton_from_text(
+        "Hips {LeftHip {LeftKnee > LeftAnkle | L_Femur_RIGMESH} | RightHip > RightKnee"
+        " | Chest > Head {Jaw | LeftEye}}"
+    )
+    skeleton = skeleton.with_offsets(np.arange(33.0).reshape(11, 3))
+    light = [skeleton.index(name) for name in ("L_Femur_RIGMESH", "Jaw", "LeftEye")]
+    sites = tuple(EndSite(joint, (0, 3, 0)) for joint in light)
+    found = mass_model(
+        Skeleton(skeleton.names, skeleton.parents, skeleton.offsets, end_sites=sites)
+    )
+    assert not found.mass[light].any()
+    np.testing.assert_array_equal(
+        found.bone[skeleton.index("LeftHip")], skeleton.offsets[skeleton.index("LeftKnee")]
+    )
+
+
+def test_moments_of_inertia_own_matches_formula():
+    skeleton = human()
+    found = mass_model(skeleton, sex="male")
+    knee = skeleton.index("LeftKnee")
+    length = math.hypot(40, 2) / found.height
+    expected = 0.0433 * length**2 * (0.44**2 + 0.246**2)
+    assert found.inertia[knee] == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_array_equal(moments_of_inertia(found, skeleton), found.inertia)
+
+
+def test_moments_of_inertia_subtree_matches_point_masses():
+    skeleton = human()
+    found = mass_model(skeleton)
+    moments = moments_of_inertia(found, skeleton, "subtree")
+    places = skeleton.rest_positions()
+    for joint in range(skeleton.n_joints):
+        below = {joint}
+        for other, parent in enumerate(skeleton.parents):
+            if int(parent) in below:
+                below.add(other)
+        total = 0.0
+        for other in below:
+            away = places[other] + found.bone[other] * found.center[other] - places[joint]
+            width = found.gyration[other] * np.linalg.norm(found.bone[other])
+            total += found.mass[other] * (away @ away + width**2)
+        assert moments[joint] == pytest.approx(total / found.height**2, rel=1e-9)
+
+
+def test_moments_of_inertia_leaf_own_equals_subtree():
+    skeleton = human()
+    moments = moments_of_inertia(mass_model(skeleton), skeleton, "subtree")
+    leaf = skeleton.index("LeftWrist")
+    assert moments[leaf] == pytest.approx(mass_model(skeleton).inertia[leaf], rel=1e-9)
+
+
+def test_mass_model_bone_ends_of_trunk_and_leaves():
+    skeleton = human()
+    bone = dict(zip(skeleton.names, mass_model(skeleton).bone.tolist(), strict=True))
+    assert bone["Chest"] == [0, pytest.approx(64 / 3), pytest.approx(2 / 3)]
+    assert bone["LeftHip"] == [0, -41, 0]
+    assert bone["LeftWrist"] == [17, 0, 0]
+
+
+def test_mass_model_height_of_human():
+    found = mass_model(human())
+    leg, upper = 9 + 41 + math.hypot(40, 2), 22 + 24 + math.hypot(9, 2)
+    assert found.height == pytest.approx((leg + upper) / 0.87)
+    assert found.height_from == "legs and head"
+    assert found.head == human().index("Head")
+    assert [(foot.side, foot.ankle, foot.toe) for foot in found.feet] == [
+        ("left", 3, None),
+        ("right", 6, None),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "height", "source"),
+    [
+        ("Hips > LeftHip > LeftKnee > LeftAnkle", (0, 2, 0), 6 / 0.525, "legs"),
+        ("Hips > Chest > Head", (0, 2, 0), 4 / 0.345, "head"),
+        ("a > b > c", (0, 2, 0), 4, "longest path"),
+        ("a {b > c | d}", (0, 2, 0), 6, "longest path"),
+        ("a > b > c", (0, 0, 0), 1, "nothing"),
+        ("Hips > Head", (0, 0, 0), 1, "nothing"),
+        ("Hips", (5, 0, 0), 1, "nothing"),
+    ],
+)
+def test_mass_model_height_of_partial_skeletons(text, offset, height, source):
+    skeleton, _ = skeleton_from_text(text)
+    found = mass_model(skeleton.with_offsets([offset] * skeleton.n_joints))
+    assert found.height == pytest.approx(height)
+    assert found.height_from == source
+
+
+def test_mass_model_unknown_names_use_rods():
+    skeleton, _ = skeleton_from_text("a {b > c | d}")
+    found = mass_model(skeleton.with_offsets([[0, 0, 0], [0, 3, 0], [0, 1, 0], [0, 0, 0]]))
+    assert found.model == "rods"
+    assert found.unmatched == ("a", "b", "c", "d")
+    lengths = np.linalg.norm(found.bone, axis=1)
+    np.testing.assert_allclose(found.mass, lengths / lengths.sum())
+    assert set(found.center) == {0.5}
+    assert set(found.gyration) == {0.289}
+
+
+def test_mass_model_animals_use_rods():
+    skeleton, _ = skeleton_from_text(
+        "Pelvis {Tail1 > Tail2 | Femur_L > Tibia_L | Femur_R > Tibia_R | Spine > Head}"
+    )
+    assert mass_model(skeleton).model == "rods"
+    assert (
+        mass_model(with_names(skeleton, lambda _, own: own.replace("Tail", "Spine"))).model
+        == "de Leva"
+    )
+
+
+def test_mass_model_arrays_are_read_only():
+    found = mass_model(human())
+    for array in (found.mass, found.bone, found.center, found.gyration, found.inertia):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_mass_model_invalid_options_raise_value_error():
+    with pytest.raises(ValueError, match="sex must be one of male, female, mean, got 'both'"):
+        mass_model(human(), sex="both")
+    with pytest.raises(ValueError, match="kind must be 'own', 'subtree' or 'unit', got 'all'"):
+        moments_of_inertia(mass_model(human()), human(), "all")
+
+
+@pytest.mark.parametrize("axes", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
+@pytest.mark.parametrize(
+    "skeleton",
+    [
+        human(),
+        nameless(human()),
+        Skeleton(["Hips", "Chest", "Head"], [-1, 0, 1], [[0, 0, 0], [1, 30, 0], [5, 20, 3]]),
+    ],
+    ids=["human", "nameless", "without feet"],
+)
+def test_up_axis_is_direction_from_feet_to_hips(skeleton, axes):
+    assert up_axis(at_rest(skeleton, axes)) == axes.index(1)
+
+
+def test_up_axis_defaults_to_y():
+    skeleton, _ = skeleton_from_text("a > b")
+    assert up_axis(at_rest(skeleton)) == 1
+    assert up_axis(at_rest(human().with_offsets(np.zeros((18, 3))))) == 1
+
+
+def test_up_axis_in_a_split_uses_the_head():
+    skeleton = human()
+    offsets = skeleton.offsets.copy()
+    for name in ("LeftKnee", "LeftAnkle", "RightKnee", "RightAnkle"):
+        offsets[skeleton.index(name)] = [0, 0, 40 if name.startswith("Left") else -40]
+    assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
+
+
+def test_up_axis_of_animal_ignores_the_head():
+    skeleton, _ = skeleton_from_text(
+        "Pelvis {Femur_L > Tibia_L > Tarsus_L | Femur_R > Tibia_R > Tarsus_R | Spine > Head}"
+    )
+    leg = [(0, -10, 3), (0, -10, -3), (0, -8, 0)]
+    offsets = [(0, 0, 0), *leg, *leg, (0, 2, 50), (0, 10, 30)]
+    assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
+
+
+def test_up_axis_is_translation_invariant():
+    motion = at_rest(human())
+    moved = np.array(motion.positions)
+    moved[:, 0] += [1e4, -1e3, 5e3]
+    assert up_axis(Motion(motion.skeleton, motion.frame_time, motion.rotations, moved)) == 1
+
+
+@pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
+@pytest.mark.parametrize(
+    "path", distinct_recordings(), ids=lambda path: f"{path.parent.name}/{path.stem}"
+)
+def test_mass_model_recordings_have_plausible_values(path):
+    skeleton = read_hierarchy(path)
+    found = mass_model(skeleton)
+    assert found.mass.sum() == pytest.approx(1)
+    assert (found.model == "de Leva") == anatomy(skeleton).human
+    if found.model == "de Leva":
+        assert found.height_from in ("legs and head", "legs")
+        assert [foot.side for foot in found.feet] == ["left", "right"]
+        assert 0.002 < found.inertia.sum() < 0.02
+    again = mass_model(nameless(skeleton))
+    assert again.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14

@@ -1,0 +1,63 @@
+"""Fixtures of the command line: clips, an empty working folder, and ways to run commands."""
+
+import os
+
+import pytest
+
+from mograft import write_bvh
+from mograft.cli import main
+from mograft.dancer import dance
+
+
+@pytest.fixture(autouse=True)
+def working_folder(tmp_path, monkeypatch):
+    """Change to an empty folder, and remove all settings from the environment."""
+    for name in [name for name in os.environ if name.startswith("MOGRAFT_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="package")
+def folder(tmp_path_factory):
+    """A folder of two clips, a.bvh of 600 frames and b.bvh."""
+    folder = tmp_path_factory.mktemp("clips")
+    motion = dance(seed=1, strides=1).motion
+    write_bvh(motion[:600], folder / "a.bvh")
+    write_bvh(motion[600:], folder / "b.bvh")
+    return folder
+
+
+@pytest.fixture(scope="package")
+def clip(tmp_path_factory):
+    """A BVH file of 400 frames."""
+    path = tmp_path_factory.mktemp("clip") / "a.bvh"
+    write_bvh(dance(seed=1, strides=1).motion[:400], path)
+    return path
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command; return the exit code, stdout and stderr."""
+
+    def run_command(*words):
+        code = main([str(word) for word in words])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run_command
+
+
+@pytest.fixture
+def usage_error(capsys):
+    """Run a command that must end with a usage error; return stderr."""
+
+    def run_command(*words):
+        with pytest.raises(SystemExit) as stopped:
+            main([str(word) for word in words])
+        assert stopped.value.code == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        return captured.err
+
+    return run_command

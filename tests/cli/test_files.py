@@ -1,0 +1,187 @@
+"""The other commands that read or write files, and the messages about files."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from mograft import read_bvh, write_bvh
+
+
+def test_info_prints_joints_frames_and_groups(run, folder):
+    code, out, _ = run("info", folder)
+    assert code == 0
+    assert "18 joints, 57 channels (DoF)" in out
+    assert "600 frames at 30 fps" in out
+    code, out, _ = run("info", "--json", folder / "a.bvh")
+    document = json.loads(out)
+    assert document["schema"] == "mograft.info/1"
+    assert document["files"][0]["joints"] == 18
+    assert document["files"][0]["groups"]["lower"][0] == "Hips"
+
+
+def test_info_large_file_is_scanned(run, folder, monkeypatch):
+    whole = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
+    monkeypatch.setattr("mograft.cli.info.MAX_BYTES_IN_MEMORY", 1000)
+    streamed = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
+    assert streamed.pop("faults") is None
+    assert whole.pop("faults") == []
+    assert streamed == whole
+    assert "see mograft check" in run("info", folder / "a.bvh")[1]
+
+
+def test_check_lists_errors_and_faults_of_every_file(run, folder, tmp_path):
+    assert run("check", folder)[0] == 0
+    motion = read_bvh(folder / "a.bvh")
+    places = motion.positions.copy()
+    places[100:] += 400.0
+    write_bvh(replace(motion, positions=places, channel_values=None), tmp_path / "leap.bvh")
+    text = (folder / "a.bvh").read_text()
+    (tmp_path / "short.bvh").write_text(text.replace("Frames: 600", "Frames: 601"))
+    (tmp_path / "bad.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
+    code, out, err = run("check", tmp_path)
+    assert code == 3
+    assert "bad.bvh:4:2: expected OFFSET" in err
+    assert "teleport: frames 99 to 100" in out
+    assert "tolerated: " in out
+    assert run("check", tmp_path / "short.bvh")[0] == 0
+    assert run("check", "--strict", tmp_path / "short.bvh")[0] == 3
+    code, out, _ = run("check", "--json", tmp_path)
+    document = json.loads(out)
+    assert document["schema"] == "mograft.check/1"
+    assert [bool(file["error"]) for file in document["files"]] == [True, False, False]
+
+
+def test_groups_output_is_accepted_by_graft(run, folder, tmp_path):
+    code, out, _ = run("groups", folder / "a.bvh", "--preset", "lower_torso_arms")
+    assert code == 0
+    assert "LeftForeArm" in out
+    path = tmp_path / "groups.toml"
+    code, out, _ = run("groups", folder / "a.bvh", "-o", path)
+    assert out.strip() == str(path)
+    assert run("groups", folder / "a.bvh", "-o", path)[0] == 1
+    out_file = tmp_path / "x.bvh"
+    assert run("graft", folder / "a.bvh", "--groups", path, "-o", out_file)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "message"),
+    [
+        ("this is no motion", 3, "bad.bvh:1"),
+        (None, 1, "bad.bvh: No such file or directory"),
+    ],
+)
+def test_graft_invalid_file_prints_one_line_and_exit_code(run, tmp_path, text, code, message):
+    path = tmp_path / "bad.bvh"
+    if text is not None:
+        path.write_text(text)
+    got, out, err = run("graft", path, "-o", tmp_path / "out")
+    assert got == code
+    assert message in err
+    assert out == ""
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", [("plot", "strip"), ("export",)])
+def test_frames_beyond_motion_returns_1(run, folder, tmp_path, command):
+    ending = "png" if command[0] == "plot" else "npz"
+    target, last = tmp_path / f"a.{ending}", read_bvh(folder / "a.bvh").n_frames - 1
+    words = (*command, folder / "a.bvh", "-o", target, "--frames")
+    code, _, err = run(*words, f"5-{last + 1}")
+    assert code == 1
+    assert f"--frames must be within 0-{last} of a, got 5-{last + 1}" in err
+    assert not target.exists()
+    assert run(*words, f"{last - 4}-{last}")[0] == 0
+
+
+def test_groups_file_is_accepted_by_all_commands(run, folder, tmp_path):
+    groups = tmp_path / "groups.toml"
+    groups.write_text('base = "all"\n[groups]\nall = ["*"]\n')
+    assert run("groups", folder / "a.bvh", "-o", groups, "--force")[0] == 0
+    groups.write_text(groups.read_text().replace("upper", "above"))
+    clip = folder / "a.bvh"
+    for words in (
+        ("plot", "clusters", clip, "--group", "above", "-o", tmp_path / "a.png"),
+        ("plot", "strip", clip, "-o", tmp_path / "strip.png"),
+        ("view", clip, "-o", tmp_path / "a.html"),
+        ("export", clip, "-o", tmp_path / "a.glb"),
+        ("candidates", clip, "--segment", 3, "--group", "above"),
+    ):
+        code, _, err = run(*words, "--groups", groups)
+        assert code == 0, err
+    assert '"above"' in (tmp_path / "a.html").read_text()
+
+
+def test_output_missing_folders_are_created(run, folder, tmp_path):
+    clip = folder / "a.bvh"
+    for number, words in enumerate(
+        [
+            ("groups", clip, "-o", "g.toml"),
+            ("view", clip, "-o", "p.html"),
+            ("plot", "energy", clip, "-o", "p.png"),
+            ("export", clip, "-o", "p.csv"),
+        ]
+    ):
+        target = tmp_path / str(number) / "deep" / words[-1]
+        assert run(*words[:-1], target)[0] == 0
+        assert [path.name for path in target.parent.iterdir()] == [words[-1]]
+
+
+def test_output_file_in_place_of_folder_returns_1(run, folder, tmp_path):
+    file = tmp_path / "file"
+    file.write_text("text")
+    for words in (("graft", folder, "-o", file), ("demo", "-o", file)):
+        code, _, err = run(*words, "--force")
+        assert code == 1
+        assert f"{file} is a file; expected a folder" in err
+    assert file.read_text() == "text"
+    code, _, err = run("view", folder, "-o", tmp_path, "--force")
+    assert code == 1
+    assert f"{tmp_path}: is a folder, expected a file" in err
+
+
+def test_library_in_place_of_files_is_refused(run, usage_error, folder, tmp_path):
+    library = tmp_path / "lib"
+    assert run("index", folder, "-o", library)[0] == 0
+    code, _, err = run("export", library, "-o", tmp_path / "a.glb")
+    assert code == 1
+    assert f"{library} is a library; expected BVH files" in err
+    err = usage_error("graft", folder / "a.bvh", library, "-o", tmp_path / "out")
+    assert "expected one library or BVH files" in err
+
+
+def test_index_excluded_file_is_named_once(run, folder, tmp_path):
+    bad, library = folder / "bad.bvh", tmp_path / "lib"
+    bad.write_text("HIERARCHY")
+    code, _, err = run("index", folder, "-o", library)
+    bad.unlink()
+    lines = [line for line in err.splitlines() if line.startswith("excluded: ")]
+    assert code == 0
+    assert len(lines) == 1
+    assert lines[0].count("bad.bvh") == 1
+    assert f"  {lines[0]}" in run("lib", "info", library)[1]
+
+
+def test_index_unmatched_rates_and_tags_print_warning(run, folder, tmp_path):
+    tags = tmp_path / "tags.csv"
+    tags.write_text("clip,tag\na.bvh,slow\nz*,fast\n")
+    words = ["--tags", tags, "--true-rate", "b=60", "--true-rate", "c=60"]
+    code, _, err = run("index", folder, "-o", tmp_path / "lib", *words)
+    assert code == 0
+    assert "--true-rate or --tags match no clip of these files: c, z*" in err
+
+
+def test_plot_strip_unknown_body_needs_no_groups(run, tmp_path):
+    path = tmp_path / "chain.bvh"
+    rows = "\n".join(f"0 0 0 {angle} 0 0 0 0 {angle}" for angle in range(9))
+    joint = "OFFSET 0 9 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 9 0\n}"
+    root = "OFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+    path.write_text(
+        f"HIERARCHY\nROOT a\n{{\n{root}\nJOINT b\n{{\n{joint}\n}}\n}}\n"
+        f"MOTION\nFrames: 9\nFrame Time: 0.04\n{rows}\n"
+    )
+    assert run("plot", "strip", path, "-o", tmp_path / "strip.png")[0] == 0
+    code, _, err = run("plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper")
+    assert code == 1
+    assert "needs legs" in err

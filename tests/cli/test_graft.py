@@ -1,0 +1,286 @@
+"""`mograft graft`, `candidates` and `demo`: files, options and messages."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from mograft import __version__, read_bvh, write_bvh
+from mograft.cli import main
+
+
+def test_demo_writes_sample_grafts_and_provenance(run, tmp_path):
+    code, out, _ = run("demo", "-o", tmp_path / "demo")
+    assert code == 0
+    assert "segments" in out
+    assert "mograft graft your.bvh" in out
+    sample = read_bvh(tmp_path / "demo" / "dance.bvh")
+    for index in range(3):
+        new = read_bvh(tmp_path / "demo" / f"dance_graft{index}.bvh")
+        assert new.n_frames == sample.n_frames
+        assert (tmp_path / "demo" / f"dance_graft{index}.json").exists()
+    code, _, err = run("demo", "-o", tmp_path / "demo")
+    assert code == 1
+    assert "exist; --force overwrites" in err
+
+
+def test_graft_count_three_writes_different_motions_with_base_legs(run, folder, tmp_path):
+    code, out, err = run("graft", folder, "-o", tmp_path / "out", "-n", 3)
+    assert code == 0
+    paths = out.split()
+    assert paths == [str(tmp_path / "out" / f"a_graft{i}.bvh") for i in range(3)]
+    assert "segments exchanged" in err
+    base = read_bvh(folder / "a.bvh")
+    legs = [c for j in range(7) for c in base.skeleton.channel_columns[j]]
+    news = [read_bvh(path) for path in paths]
+    for new in news:
+        np.testing.assert_array_equal(new.channel_values[:, legs], base.channel_values[:, legs])
+    assert len({new.channel_values.tobytes() for new in news}) == 3
+    document = json.loads((tmp_path / "out" / "a_graft0.json").read_text())
+    assert document["mograft"] == __version__
+    assert {clip["name"] for clip in document["clips"]} == {"a", "b"}
+
+
+def test_graft_provenance_contains_sha256_of_clips(run, folder, tmp_path):
+    expected = {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()
+    }
+    assert run("index", folder, "-o", tmp_path / "lib")[0] == 0
+    for number, source in enumerate((folder, tmp_path / "lib")):
+        target = tmp_path / f"{number}.bvh"
+        assert run("graft", source, "-o", target)[0] == 0
+        clips = json.loads(target.with_suffix(".json").read_text())["clips"]
+        assert {clip["file"]: clip["sha256"] for clip in clips} == expected
+
+
+def test_graft_single_file_with_base_groups_and_json(run, folder, tmp_path):
+    target = tmp_path / "new.bvh"
+    options = ["--base", folder / "b.bvh", "--groups", "lower_torso_arms", "--swap", "arms"]
+    code, out, _ = run("graft", folder, *options, "-o", target, "--json", "--seed", 5)
+    assert code == 0
+    document = json.loads(out)
+    assert document["schema"] == "mograft.grafts/1"
+    assert document["grafts"][0]["base"] == "b"
+    assert {s["group"] for s in document["grafts"][0]["substitutions"]} == {"arms"}
+    before = target.read_bytes()
+    code, _, err = run("graft", folder, *options, "-o", target)
+    assert code == 1
+    assert "new.bvh and 1 other file exist; --force overwrites" in err
+    assert target.read_bytes() == before
+    assert run("graft", folder, *options, "-o", target, "--force", "--seed", 5)[0] == 0
+    assert target.read_bytes() == before
+
+
+def test_graft_choice_and_seed_options_select_donors(run, folder, tmp_path):
+    def donors(name, *options):
+        code, out, _ = run("graft", folder, "-o", tmp_path / name, "--json", *options)
+        assert code == 0
+        document = json.loads(out)["grafts"][0]
+        return document["config"]["choice"], document["substitutions"]
+
+    assert donors("a.bvh")[0] == "sample"
+    assert donors("b.bvh", "--seed", 1) != donors("c.bvh", "--seed", 2)
+    cheapest = [donors(f"{s}.bvh", "--choice", "viterbi", "--seed", s) for s in (1, 2)]
+    assert cheapest[0] == cheapest[1]
+    assert donors("d.bvh", "--temperature", "0.001")[1] == cheapest[0][1]
+    assert donors("f.bvh", "--preset", "paper")[0] == "random"
+
+
+def test_graft_seam_option_changes_motion(run, folder, tmp_path):
+    motions = {}
+    for seam in ("offset", "paper"):
+        path = tmp_path / f"{seam}.bvh"
+        assert run("graft", folder, "--seam", seam, "-o", path)[0] == 0
+        assert json.loads(path.with_suffix(".json").read_text())["config"]["seam"] == seam
+        motions[seam] = path.read_bytes()
+    assert run("graft", folder, "-o", tmp_path / "default.bvh")[0] == 0
+    assert (tmp_path / "default.bvh").read_bytes() == motions["offset"] != motions["paper"]
+
+
+def test_graft_torso_alignment_and_mirror_options_apply(run, folder, tmp_path):
+    def write_graft(name, *options):
+        path = tmp_path / f"{name}.bvh"
+        assert run("graft", folder, "-o", path, *options)[0] == 0
+        document = json.loads(path.with_suffix(".json").read_text())
+        return path.read_bytes(), document
+
+    plain, document = write_graft("plain")
+    assert (document["config"]["torso"], document["config"]["alignment"]) == ("pelvis", "uniform")
+    for name, value in (("torso", "world"), ("alignment", "dtw")):
+        other, document = write_graft(name, f"--{name}", value)
+        assert document["config"][name] == value
+        assert other != plain
+    _, document = write_graft("mirror", "--mirror")
+    assert {c["name"] for c in document["clips"]} == {"a", "b", "a_mirrored", "b_mirrored"}
+
+
+def left_hand(folder, frame):
+    motion = read_bvh(folder / "a.bvh")
+    return motion.world_positions()[frame, motion.skeleton.index("LeftHand")]
+
+
+def test_graft_unsatisfied_constraint_returns_4_and_prints_violation(run, folder, tmp_path):
+    near = ",".join(f"{x:.3f}" for x in left_hand(folder, 100))
+    reach = f"100:LeftHand:{near}~0.05"
+    code, out, _ = run("graft", folder, "--reach", reach, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    motion = read_bvh(tmp_path / "a.bvh")
+    place = motion.world_positions()[100, motion.skeleton.index("LeftHand")]
+    assert np.linalg.norm(place - left_hand(folder, 100)) < 0.05 * 180
+    far = "100:LeftHand:0,900,0"
+    code, out, err = run("graft", folder, "--reach", far, "-o", tmp_path / "b.bvh")
+    assert code == 4
+    assert "LeftHand is " in err
+    assert "heights" in err
+    assert "no donor sequence satisfies the constraints" in err
+    assert out == ""
+    assert not (tmp_path / "b.bvh").exists()
+    code, out, err = run("graft", folder, "--reach", far, "-o", tmp_path / "b.bvh", "--best-effort")
+    assert code == 0
+    document = json.loads((tmp_path / "b.json").read_text())
+    assert document["violations"][0]["constraint"] == "Reach"
+
+
+def test_graft_repair_changes_only_violating_frames(run, folder, tmp_path):
+    x, y, z = left_hand(folder, 300)
+    ball = f"sphere:{x:.2f},{y + 8:.2f},{z:.2f},5"
+    options = ["--repair", "--avoid", ball, "--best-effort", "--base", folder / "a.bvh"]
+    code, _, err = run("graft", folder, *options, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    assert "segments exchanged" in err
+    old, new = read_bvh(folder / "a.bvh"), read_bvh(tmp_path / "a.bvh")
+    same = (old.channel_values == new.channel_values).all(axis=1)
+    assert same[:100].all()
+    assert not same.all()
+
+
+def test_candidates_lists_allowed_and_refused_donors(run, folder):
+    options = ["--clip", "a", "--segment", 12]
+    code, out, _ = run("candidates", folder, *options)
+    assert code == 0
+    assert "a, frames " in out
+    assert " + a" in out
+    assert "segments are in other clusters" in out
+    ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
+    code, out, _ = run("candidates", folder, *options, *ball)
+    document = json.loads(out)
+    assert document["schema"] == "mograft.candidates/1"
+    assert document["allowed"] == []
+    assert all("Avoid: penetration depth" in c["refused"] for c in document["refused"])
+    last = document["frames"][1]
+    code, again, _ = run("candidates", folder, "--clip", "a", "--frame", last, *ball)
+    assert json.loads(again) == document
+    code, _, err = run("candidates", folder, "--segment", 99999)
+    assert code == 1
+    assert "--segment must be 0 to" in err
+
+
+def test_graft_constraint_options_restrict_donors(run, folder, tmp_path):
+    other = f"{folder / 'b.bvh'}@300,0,0,90"
+    options = ["--avoid", other, "--radius", "1.2", "--avoid-self", "--keep", "0-60"]
+    options += ["--avoid", "wall:0,-50,0,0,1,0", "--avoid", "box:900,0,0,5,5,5"]
+    options += ["--avoid", "capsule:900,0,0,900,90,0,5", "--face", "0,150,900@20-30"]
+    options += ["--only-from", "a,b", "--not-from", "b", "--max-stretch", "0.1"]
+    options += ["--max-angle", "30", "--best-effort"]
+    code, _, _ = run("graft", folder, *options, "-o", tmp_path / "a.bvh")
+    assert code == 0
+    document = json.loads((tmp_path / "a.json").read_text())
+    for s in document["substitutions"]:
+        assert s["clip"] == "a"
+        assert not (s["exchanged"] and s["frames"][0] <= 60)
+        assert abs(s["stretch"]) <= 0.1 / 0.9 + 1e-6
+
+
+def test_graft_scenario_options_set_length_path_and_clips(run, folder, tmp_path):
+    path = tmp_path / "walk.bvh"
+    options = ["--scenario", "graph", "--duration", 12]
+    assert run("graft", folder, *options, "-o", path)[0] == 0
+    walked = read_bvh(path)
+    assert 12.0 <= walked.duration < 14.1
+    document = json.loads(path.with_suffix(".json").read_text())
+    assert {part["clip"] for part in document["scenario"]} <= {"a", "b"}
+    kinds = {
+        "frames": ["--frames", 301],
+        "beats": ["--beats", 100, "--duration", 6],
+        "path": ["--path=0,0:250,-30", "--feet", "never", "--among", "b"],
+    }
+    walks = {}
+    for name, more in kinds.items():
+        target = tmp_path / f"{name}.bvh"
+        assert run("graft", folder, "--scenario", "graph", *more, "-o", target)[0] == 0
+        walks[name] = read_bvh(target)
+    assert walks["frames"].n_frames == 301
+    assert walks["beats"].n_frames == 181
+    np.testing.assert_allclose(walks["path"].positions[0, 0, [0, 2]], 0.0, atol=1e-6)
+    assert np.linalg.norm(walks["path"].positions[-1, 0, [0, 2]] - [250, -30]) < 60
+    parts = json.loads((tmp_path / "path.json").read_text())["scenario"]
+    assert {part["clip"] for part in parts} == {"b"}
+    numbered = tmp_path / "numbered.bvh"
+    assert run("graft", folder, "--scenario", "3,4,0", "-o", numbered)[0] == 0
+    assert len(json.loads(numbered.with_suffix(".json").read_text())["scenario"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ["--scenario", "waltz"],
+            "--scenario must be original, graph or segment numbers; got waltz",
+        ),
+        (["--scenario", "graph", "--base", "b.bvh"], "--base cannot be combined with --scenario"),
+        (["--duration", "5"], "--duration requires --scenario graph"),
+        (["--scenario", "graph", "--duration", "0"], "--duration must be above 0 seconds, got 0"),
+        (["--frames", "9"], "--frames requires --scenario graph"),
+        (["--scenario", "graph", "--frames", "1"], "--frames must be at least 2, got 1"),
+        (
+            ["--scenario", "graph", "--frames", "9", "--beats", "90"],
+            "--frames cannot be combined with --beats",
+        ),
+        (
+            ["--scenario", "graph", "--beats", "0"],
+            "--beats must be above 0 beats per minute, got 0",
+        ),
+        (["--scenario", "graph", "--path", "1,2"], "--path must be at least two corners"),
+    ],
+)
+def test_graft_contradictory_scenario_is_usage_error(capsys, folder, tmp_path, options, message):
+    with pytest.raises(SystemExit) as stopped:
+        main(["graft", str(folder), *options, "-o", str(tmp_path / "x.bvh")])
+    assert stopped.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_graft_few_segments_increases_sigma_scale(run, folder, tmp_path):
+    motion = read_bvh(folder / "a.bvh")
+    write_bvh(motion[:40], tmp_path / "short.bvh")
+    short = tmp_path / "short.bvh"
+    code, out, err = run("graft", short, "-o", tmp_path / "out", "-n", 30)
+    assert code == 0
+    assert "which allows less similar donors" in err
+    fixed = ["-o", tmp_path / "fixed", "-n", 2, "--sigma-scale", "0.001"]
+    code, out, err = run("graft", short, *fixed)
+    assert code == 0
+    assert len(out.split()) == 1
+    assert "the donors allow only 1 different motions, not 2" in err
+    assert "had no candidate and were kept" in err
+
+
+def test_graft_different_skeletons_names_joints(run, folder, tmp_path):
+    text = (folder / "a.bvh").read_text().replace("LeftForeArm", "LeftElbow")
+    (tmp_path / "other.bvh").write_text(text)
+    code, _, err = run("graft", folder / "a.bvh", tmp_path / "other.bvh", "-o", tmp_path / "out")
+    assert code == 1
+    assert "other lacks LeftForeArm and has also LeftElbow" in err
+
+
+def test_graft_base_given_as_path_file_name_or_clip_is_same(run, folder, tmp_path):
+    motions = []
+    for index, name in enumerate([folder / "b.bvh", "b.bvh", "b"]):
+        target = tmp_path / f"{index}.bvh"
+        assert run("graft", folder, "--base", name, "-o", target)[0] == 0
+        motions.append(target.read_bytes())
+    assert len(set(motions)) == 1
+    code, _, err = run("graft", folder, "--base", "c.bvh", "-o", tmp_path / "c.bvh")
+    assert code == 1
+    assert "--base must be a clip, one of a, b, or a file; got 'c.bvh'" in err

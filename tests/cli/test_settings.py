@@ -1,0 +1,192 @@
+"""Options from mograft.toml and the environment, and `mograft config show`."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft.cli import COMMANDS, main
+from mograft.cli.settings import CONFIG_FILE, find_settings
+
+BY_NAME = {command.name: command for command in COMMANDS}
+
+
+@pytest.fixture
+def graft_config(run, clip):
+    """Graft the clip; return the choice, the seam treatment and the seed of the graft."""
+
+    def graft(*words):
+        code, out, err = run("graft", clip, "-o", "x.bvh", "--force", "--json", *words)
+        assert code == 0, err
+        document = json.loads(out)["grafts"][0]
+        return document["config"]["choice"], document["config"]["seam"], document["seed"]
+
+    return graft
+
+
+VALUES = {"seed": ["1", "2"], "choice": ["best", "viterbi"], "seam": ["dead", "paper"]}
+SOURCES = ("shared", "table", "MOGRAFT_{}", "MOGRAFT_GRAFT_{}", "flag")
+"""Where an option can be set, in ascending order of precedence."""
+
+
+def test_settings_precedence_is_file_environment_command_line(graft_config, monkeypatch):
+    assert graft_config() == ("sample", "offset", 0)
+    Path(CONFIG_FILE).write_text('seed = 3\nchoice = "best"\n[graft]\nchoice = "viterbi"\n')
+    assert graft_config() == ("viterbi", "offset", 3)
+    monkeypatch.setenv("MOGRAFT_CHOICE", "nearest")
+    monkeypatch.setenv("MOGRAFT_SEAM", "dead")
+    assert graft_config() == ("nearest", "dead", 3)
+    monkeypatch.setenv("MOGRAFT_GRAFT_CHOICE", "random")
+    assert graft_config() == ("random", "dead", 3)
+    assert graft_config("--choice", "sample", "--seed", 5) == ("sample", "dead", 5)
+
+
+@given(
+    st.fixed_dictionaries(
+        {
+            n: st.dictionaries(st.sampled_from(SOURCES), v)
+            for n, v in ((n, st.sampled_from(v)) for n, v in VALUES.items())
+        }
+    )
+)
+def test_find_settings_each_option_takes_nearest_source(tmp_path_factory, values):
+    folder = tmp_path_factory.mktemp("s")
+    document = {"shared": {}, "table": {}}
+    environment = {}
+    for name, by_source in values.items():
+        for source, value in by_source.items():
+            if source in document:
+                document[source][name] = value
+            elif source != "flag":
+                environment[source.format(name.upper())] = value
+    lines = [f'{n} = "{v}"' for n, v in document["shared"].items()]
+    lines += ["[graft]", *(f'{n} = "{v}"' for n, v in document["table"].items())]
+    (folder / CONFIG_FILE).write_text("\n".join(lines))
+    (folder / "a" / "b").mkdir(parents=True)
+    found = find_settings(BY_NAME["graft"], COMMANDS, folder / "a" / "b", environment)
+    for name, by_source in values.items():
+        given = [source for source in SOURCES[:-1] if source in by_source]
+        if not given:
+            assert name not in found
+            continue
+        assert str(found[name].value) == by_source[given[-1]]
+        is_variable = "{" in given[-1]
+        file = str(folder.resolve() / CONFIG_FILE)
+        assert found[name].origin == (given[-1].format(name.upper()) if is_variable else file)
+
+
+def test_config_show_output_is_valid_config_file(run, working_folder):
+    Path(CONFIG_FILE).write_text('[plot]\ndark = true\ngroups = "lower_torso_arms"\n')
+    code, out, _ = run("config", "show")
+    assert code == 0
+    shown = tomllib.loads(out)
+    assert shown["plot"]["dark"] is True
+    assert shown["plot"]["groups"] == "lower_torso_arms"
+    # The output, saved as a configuration file, gives the same settings.
+    Path(CONFIG_FILE).write_text(out)
+    assert run("config", "show")[1] == out
+    code, out, _ = run("config", "show", "plot", "--origin")
+    origins = {line.split(" = ")[0]: line.split("# ")[-1] for line in out.splitlines()}
+    assert origins["dark"] == str(working_folder / CONFIG_FILE)
+    Path(CONFIG_FILE).unlink()
+    code, out, _ = run("config", "show", "plot", "--json")
+    document = json.loads(out)
+    assert document["file"] is None
+    assert {s["origin"] for s in document["settings"]} == {"default"}
+    assert {s["command"] for s in document["settings"]} == {"plot"}
+
+
+@pytest.mark.parametrize("text", ['a"b', "a\\b", "\x7f\t\n", "é", "\N{GRINNING FACE}"])
+def test_config_show_any_text_is_valid_toml(run, monkeypatch, text):
+    monkeypatch.setenv("MOGRAFT_AMONG", text)
+    assert tomllib.loads(run("config", "show", "graft")[1])["graft"]["among"] == text
+
+
+def test_settings_environment_switches_off_switch_of_file(run, clip, monkeypatch):
+    Path(CONFIG_FILE).write_text("[graft]\nreport = true\n")
+    assert "x.html" in run("graft", clip, "-o", "x.bvh")[1]
+    monkeypatch.setenv("MOGRAFT_REPORT", "0")
+    assert "html" not in run("graft", clip, "-o", "y.bvh")[1]
+
+
+def test_settings_groups_path_is_relative_to_config_file(run, clip, working_folder, monkeypatch):
+    assert run("groups", clip, "--preset", "lower_torso_arms", "-o", "groups.toml")[0] == 0
+    Path(CONFIG_FILE).write_text('[graft]\ngroups = "groups.toml"\n')
+    (working_folder / "below").mkdir()
+    monkeypatch.chdir(working_folder / "below")
+    _, out, _ = run("graft", clip, "-o", "x.bvh", "--json")
+    groups = {s["group"] for s in json.loads(out)["grafts"][0]["substitutions"]}
+    assert groups == {"torso", "arms"}
+
+
+def test_settings_unused_option_is_not_refused(run, usage_error, clip):
+    Path(CONFIG_FILE).write_text(
+        '[graft]\ngroups = "lower_upper"\n[index]\ngroups = "lower_upper"\n'
+        'sigma-scale = 0.9\n[export]\nscale = "cm"\ndark = true\n'
+    )
+    assert run("index", clip, "-o", "lib")[0] == 0
+    assert run("index", clip, "-o", "lib", "--add")[0] == 0
+    assert run("graft", "lib", "-o", "x.bvh")[0] == 0
+    assert run("export", clip, "-o", "x.csv")[0] == 0
+    assert "fixed when a library is created" in usage_error(
+        "graft", "lib", "-o", "y.bvh", "--groups", "lower_upper"
+    )
+    assert "--scale requires .glb" in usage_error("export", clip, "-o", "y.csv", "--scale", "cm")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("seed = ", "mograft.toml: Invalid value"),
+        ("sed = 1", "unknown setting 'sed'; mograft config show lists"),
+        ("[graft]\npreset = 'x'", "preset must be one of default, paper, got 'x'"),
+        ("[graft]\nseed = -1", "seed: must be an integer of at least 0, got -1"),
+        ("[graft]\nseed = [1]", "seed must be a string or a number, got [1]"),
+        ("[graft]\nseed = true", "seed must be a string or a number, got true"),
+        ("[graft]\nreport = 1", "report must be true or false, got 1"),
+        ("[graft]\nforce = true", "mograft graft has no setting 'force'"),
+        ("[graft]\noutput = 'x'", "mograft graft has no setting 'output'"),
+        ("[grafts]\nseed = 1", "table must be one of demo, "),
+        (b"\xff", "mograft.toml: "),
+    ],
+)
+def test_settings_invalid_file_is_usage_error_with_place(usage_error, clip, text, message):
+    Path(CONFIG_FILE).write_bytes(text if isinstance(text, bytes) else text.encode())
+    assert message in usage_error("graft", clip, "-o", "x.bvh")
+    assert not Path("x.bvh").exists()
+    # An invalid file does not prevent the help.
+    with pytest.raises(SystemExit) as stop:
+        main(["graft", "--help"])
+    assert stop.value.code == 0
+
+
+@pytest.mark.parametrize(("name", "value"), [("SEED", "x"), ("CHOICE", "whim"), ("REPORT", "yes")])
+def test_settings_invalid_variable_is_named(usage_error, clip, monkeypatch, name, value):
+    monkeypatch.setenv(f"MOGRAFT_{name}", value)
+    text = usage_error("graft", clip, "-o", "x.bvh")
+    assert f"MOGRAFT_{name}" in text
+    assert value in text
+
+
+def test_settings_exclude_output_force_json_and_help():
+    for command in COMMANDS:
+        flags = {flag for argument in command.settings() for flag in argument.flags}
+        assert flags.isdisjoint({"-o", "--output", "--force", "--json", "--help"}), command.name
+
+
+def test_settings_groups_are_ignored_for_libraries(run, clip):
+    assert run("index", clip, "-o", "lib")[0] == 0
+    Path(CONFIG_FILE).write_text('groups = "lower_torso_arms"\n')
+    for number, words in enumerate(
+        [
+            ("plot", "strip", "lib", "-o", "a.png"),
+            ("view", "lib", "-o", "a.html"),
+            ("candidates", "lib", "--segment", "3", "--group", "upper"),
+            ("graft", "lib", "-o", "a.bvh"),
+        ]
+    ):
+        code, _, err = run(*words)
+        assert code == 0, (number, err)

@@ -1,0 +1,192 @@
+"""World positions as other readers find them, and motions exchanged with pybvh."""
+
+import io
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.motion import rotations
+from tests.dialects import motions
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+RECORDINGS = sorted(DATA.glob("*/*.bvh")) or [None]
+# Of the figure's height.
+CLOSE = 1e-4
+
+
+def named(path):
+    return "none" if path is None else f"{path.parent.name}/{path.stem}"
+
+
+def need(path):
+    if path is None:
+        pytest.skip(f"no recordings in {DATA}")
+    return path
+
+
+def height(places):
+    return max(float(np.ptp(places[0], axis=0).max()), 1e-9)
+
+
+def assert_close(actual, desired):
+    assert actual.shape == desired.shape
+    assert np.abs(actual - desired).max() <= CLOSE * height(desired)
+
+
+def pybvh_places(clip):
+    joints = [n for n, node in enumerate(clip.nodes) if not node.is_end_site()]
+    return clip.node_positions()[:, joints]
+
+
+def read_with_pybvh(path):
+    pybvh = pytest.importorskip("pybvh", reason="pybvh is not installed")
+    try:
+        return pybvh.read_bvh_file(path, world_up="+y")
+    except (ValueError, KeyError, IndexError) as error:
+        pytest.skip(f"pybvh does not read it: {error}")
+
+
+@pytest.mark.parametrize("path", RECORDINGS, ids=named)
+def test_joints_are_where_pybvh_has_them(path, tmp_path):
+    clip = read_with_pybvh(need(path))
+    motion = mg.read_bvh(path)
+    assert_close(motion.world_positions(), pybvh_places(clip))
+    assert_close(mg.from_pybvh(clip).world_positions(), pybvh_places(clip))
+    # pybvh reads what is written as it reads the file itself.
+    mg.write_bvh(motion, tmp_path / "again.bvh")
+    again = read_with_pybvh(tmp_path / "again.bvh")
+    np.testing.assert_array_equal(again.joint_angles, clip.joint_angles)
+    np.testing.assert_array_equal(again.root_pos, clip.root_pos)
+
+
+@pytest.mark.parametrize("path", RECORDINGS, ids=named)
+def test_new_angles_put_joints_where_pybvh_has_them(path, tmp_path):
+    motion = mg.read_bvh(need(path))[:50]
+    read_with_pybvh(path)
+    new = mg.Motion(motion.skeleton, motion.frame_time, motion.rotations, motion.positions)
+    mg.write_bvh(new, tmp_path / "new.bvh")
+    clip = read_with_pybvh(tmp_path / "new.bvh")
+    assert_close(pybvh_places(clip), motion.world_positions())
+
+
+# pymotion mixes up joints with fewer than three channels and roots that turn before they move.
+NOT_FOR_PYMOTION = ("rotation_first_root", "custom_skeleton_walk_example", "wd2_")
+
+
+def pymotion_places(path, motion):
+    """Where pymotion's rotations of a file put the joints."""
+    pymotion = pytest.importorskip("pymotion.io.bvh", reason="pymotion is not installed")
+    clip = pymotion.BVH()
+    try:
+        clip.load(str(path))
+        turned, placed, parents, *_ = clip.get_data()
+    except (ValueError, IndexError, AssertionError, TypeError) as error:
+        pytest.skip(f"pymotion does not read it: {error}")
+    scalar_last = np.ascontiguousarray(np.roll(turned, -1, axis=-1), dtype=np.float64)
+    parents = np.asarray([parent or 0 for parent in parents])
+    parents[0] = -1
+    other = mg.Motion(
+        mg.Skeleton(motion.skeleton.names, parents, motion.skeleton.offsets),
+        motion.frame_time,
+        scalar_last / np.linalg.norm(scalar_last, axis=-1, keepdims=True),
+        placed,
+    )
+    return other.world_positions()
+
+
+@pytest.mark.parametrize("path", RECORDINGS, ids=named)
+def test_joints_are_where_pymotion_has_them(path):
+    if need(path).stem.startswith(NOT_FOR_PYMOTION):
+        pytest.skip("pymotion misreads it")
+    motion = mg.read_bvh(path)
+    assert_close(motion.world_positions(), pymotion_places(path, motion))
+
+
+@pytest.fixture(scope="module")
+def graft():
+    return mg.graft(mg.Library.build(dance(seed=2, strides=1).motion[:400]), seed=5).motion
+
+
+def test_pybvh_and_pymotion_read_a_graft_as_it_is(graft, tmp_path):
+    mg.write_bvh(graft, tmp_path / "graft.bvh")
+    places = graft.world_positions()
+    assert_close(pymotion_places(tmp_path / "graft.bvh", graft), places)
+    assert_close(pybvh_places(read_with_pybvh(tmp_path / "graft.bvh")), places)
+
+
+# bvhio is slow, and does not read channel names in capitals.
+FOR_BVHIO = [
+    path
+    for path in RECORDINGS
+    if path and path.stat().st_size < 250_000 and not path.stem.startswith("wd2_")
+] or [None]
+
+
+@pytest.mark.parametrize("path", FOR_BVHIO, ids=named)
+def test_joints_are_where_bvhio_has_them(path):
+    bvhio = pytest.importorskip("bvhio", reason="bvhio is not installed")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        root = bvhio.readAsHierarchy(str(need(path)))
+    motion = mg.read_bvh(path)
+    frames = sorted({0, motion.n_frames // 2, motion.n_frames - 1})
+    places = []
+    for frame in frames:
+        root.loadPose(frame)
+        layout = [joint for joint, *_ in root.layout()]
+        places.append([list(joint.PositionWorld) for joint in layout])
+        assert [joint.Name.split()[0] for joint in layout] == [
+            name.split()[0] for name in motion.skeleton.names
+        ]
+    assert_close(np.array(places), motion.world_positions()[frames])
+
+
+@given(motions(), st.permutations("XYZ"))
+def test_what_goes_to_pybvh_comes_back(motion, order):
+    pytest.importorskip("pybvh", reason="pybvh is not installed")
+    # Only the root moves, and pybvh tells joints apart by name.
+    skeleton = motion.skeleton
+    placed = np.tile(motion.positions[0], (motion.n_frames, 1, 1))
+    placed[:, 0] = motion.positions[:, 0]
+    turns = tuple(f"{axis}rotation" for axis in order)
+    skeleton = mg.Skeleton(
+        tuple(f"joint {joint}" for joint in range(skeleton.n_joints)),
+        skeleton.parents,
+        placed[0],
+        (("Xposition", "Yposition", "Zposition", *turns), *[turns] * (skeleton.n_joints - 1)),
+        skeleton.end_sites,
+    )
+    motion = mg.Motion(skeleton, motion.frame_time, motion.rotations, placed)
+    with warnings.catch_warnings():
+        # pybvh guesses which way is up, which names and offsets here do not tell.
+        warnings.simplefilter("ignore", UserWarning)
+        clip = mg.to_pybvh(motion)
+    back = mg.from_pybvh(clip)
+    assert back.skeleton.names == skeleton.names
+    assert back.skeleton.channels == skeleton.channels
+    np.testing.assert_array_equal(back.skeleton.parents, skeleton.parents)
+    assert [(site.parent, site.before) for site in back.skeleton.end_sites] == [
+        (site.parent, site.before) for site in skeleton.end_sites
+    ]
+    np.testing.assert_array_equal(back.positions, motion.positions)
+    mg.write_bvh(back, file := io.BytesIO())
+    file.seek(0)
+    again = mg.read_bvh(file)
+    np.testing.assert_allclose(rotations.angle(again.rotations, motion.rotations), 0, atol=1e-7)
+    np.testing.assert_allclose(rotations.angle(back.rotations, motion.rotations), 0, atol=1e-7)
+
+
+def test_a_joint_moved_along_does_not_fit_into_pybvh():
+    pytest.importorskip("pybvh", reason="pybvh is not installed")
+    skeleton = mg.Skeleton(("a", "b"), np.array([-1, 0]), np.zeros((2, 3)))
+    placed = np.zeros((2, 2, 3))
+    placed[1, 1] = 1.0
+    motion = mg.Motion(skeleton, 0.1, np.tile(rotations.IDENTITY, (2, 2, 1)), placed)
+    with pytest.raises(ValueError, match="only the root may be moved in pybvh, got a moving b"):
+        mg.to_pybvh(motion)

@@ -1,0 +1,152 @@
+"""Laws of rotations."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mograft.motion import rotations
+from tests.oracles import pipeline as plain
+from tests.strategies import SEEDS, quaternions, same_rotations, vectors, wander
+
+ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+
+
+@given(quaternions((5,)))
+def test_exp_inverts_log_and_log_is_shortest(q):
+    logs = rotations.log(q)
+    assert (np.linalg.norm(logs, axis=-1) <= np.pi + 1e-15).all()
+    same_rotations(rotations.exp(logs), q, 1e-12)
+
+
+@given(quaternions((5,)))
+def test_log_and_angle_ignore_quaternion_sign(q):
+    np.testing.assert_array_equal(rotations.log(q), rotations.log(-q))
+    np.testing.assert_array_less(rotations.angle(q, -q), 1e-15)
+
+
+@given(quaternions((4,)), quaternions((4,)), vectors((4,)))
+def test_multiply_and_rotate_match_scipy(a, b, v):
+    scipy_a, scipy_b = Rotation.from_quat(a), Rotation.from_quat(b)
+    same_rotations(rotations.multiply(a, b), (scipy_a * scipy_b).as_quat(), 1e-14)
+    np.testing.assert_allclose(rotations.rotate(a, v), scipy_a.apply(v), atol=1e-13)
+    np.testing.assert_allclose(
+        rotations.angle(a, b), (scipy_a.inv() * scipy_b).magnitude(), atol=1e-12
+    )
+
+
+@given(
+    SEEDS,
+    st.sampled_from(
+        [((), ()), ((3,), ()), ((), (2, 3)), ((4, 1), (3,)), ((2, 1, 3), (4, 1)), ((0,), (1,))]
+    ),
+)
+def test_multiply_and_rotate_broadcast(seed, shapes):
+    """Views that go backwards or skip rows too."""
+    rng = np.random.default_rng(seed)
+    a, b, v = (
+        rng.normal(size=(*s, n)) for s, n in zip((*shapes, shapes[1]), (4, 4, 3), strict=True)
+    )
+    a, b = a / np.linalg.norm(a, axis=-1, keepdims=True), b[..., ::-1]
+    np.testing.assert_allclose(rotations.multiply(a, b), plain.multiply(a, b), atol=1e-14)
+    pure = np.concatenate([v, np.zeros((*v.shape[:-1], 1))], axis=-1)
+    turned = plain.multiply(plain.multiply(a, pure), plain.inverse(a))[..., :3]
+    np.testing.assert_allclose(rotations.rotate(a, v), turned, atol=1e-14)
+    np.testing.assert_array_equal(rotations.inverse(a), plain.inverse(a))
+
+
+@given(vectors((), size=1e-6))
+def test_angle_near_zero_is_accurate(v):
+    q = rotations.exp(v)
+    np.testing.assert_allclose(rotations.log(q), v, rtol=1e-12, atol=1e-300)
+    near = rotations.angle(q, rotations.IDENTITY)
+    np.testing.assert_allclose(near, np.linalg.norm(v), rtol=1e-9, atol=1e-16)
+
+
+@given(vectors((3,), size=10.0), st.sampled_from(ORDERS))
+def test_to_euler_matches_scipy_and_round_trips(angles, order):
+    q = rotations.from_euler(angles, order)
+    same_rotations(q, Rotation.from_euler(order, angles).as_quat(), 1e-12)
+    same_rotations(rotations.from_euler(rotations.to_euler(q, order), order), q, 1e-9)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), st.sampled_from((-0.5, 0.5)), st.sampled_from(ORDERS))
+def test_to_euler_gimbal_lock_keeps_rotation_and_first_angle(first, last, side, order):
+    q = rotations.from_euler([[first, side * np.pi, last]], order)
+    angles = rotations.to_euler(q, order, [first + 0.1, side * np.pi, 0.0])
+    same_rotations(rotations.from_euler(angles, order), q, 1e-9)
+    np.testing.assert_allclose(angles[0, 0], first + 0.1, atol=1e-9)
+
+
+@given(SEEDS, st.sampled_from(ORDERS))
+def test_to_euler_continuous_rotation_gives_continuous_angles(seed, order):
+    """Away from gimbal lock, where the outer angles may turn fast, no curve jumps."""
+    q = wander(np.random.default_rng(seed), 60, 1, speed=0.05)[:, 0]
+    angles = rotations.to_euler(q, order)
+    free = np.abs(np.cos(angles[:, 1])) > 0.3
+    jumps = np.abs(np.diff(angles, axis=0))[free[1:] & free[:-1]]
+    assert (jumps < 1.0).all()
+
+
+@given(vectors((2,), size=1.0), st.sampled_from(("Z", "XY", "YZ", "")))
+def test_to_euler_fewer_axes_round_trips(angles, order):
+    wanted = angles[:, : len(order)]
+    q = rotations.from_euler(wanted, order)
+    np.testing.assert_allclose(rotations.to_euler(q, order), wanted, atol=1e-9)
+
+
+@given(SEEDS)
+def test_continuous_signs_keeps_rotations_and_removes_jumps(seed):
+    rng = np.random.default_rng(seed)
+    q = wander(rng, 20, 2) * rng.choice([-1.0, 1.0], (20, 2, 1))
+    smooth = rotations.continuous_signs(q)
+    same_rotations(smooth, q, 1e-15)
+    assert (smooth[0, :, 3] >= 0).all()
+    assert (np.einsum("fji,fji->fj", smooth[1:], smooth[:-1]) >= 0).all()
+
+
+@given(quaternions((6,)), st.sampled_from((0, 1, 2)))
+def test_twist_remaining_swing_has_perpendicular_axis(q, axis):
+    swing = rotations.multiply(rotations.inverse(rotations.twist(q, axis)), q)
+    is_defined = np.hypot(q[:, axis], q[:, 3]) > 1e-6
+    np.testing.assert_allclose(swing[is_defined, axis], 0.0, atol=1e-9)
+
+
+@given(quaternions((3,)), quaternions((3,)), vectors((3,)), vectors((3,)))
+def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reaching):
+    def at(t):
+        return rotations.hermite(start, end, leaving, reaching, np.full(3, t))
+
+    np.testing.assert_array_equal(at(0.0), start)
+    np.testing.assert_array_equal(at(1.0), end)
+    np.testing.assert_allclose(np.linalg.norm(at(0.4), axis=-1), 1.0, atol=1e-14)
+    step = 1e-7
+    for near, far, velocity in ((start, at(step), leaving), (at(1 - step), end, reaching)):
+        across = rotations.multiply(rotations.inverse(near), far)
+        np.testing.assert_allclose(rotations.log(across) / step, velocity, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: rotations.log([0, 0, 0, 2.0]), "rotations must be unit quaternions, got norm 2"),
+        (lambda: rotations.log([0, 0, 1.0]), r"rotations must have shape \(..., 4\), got \(3,\)"),
+        (lambda: rotations.exp([0, np.nan, 0]), r"vectors must be finite, got nan at \[1\]"),
+        (lambda: rotations.from_euler([1.0], "Q"), "order must consist of the letters X, Y and Z"),
+        (lambda: rotations.from_euler([1.0, 2.0], "X"), r"angles must have shape \(..., 1\)"),
+        (
+            lambda: rotations.to_euler([[0, 0, 0, 1.0]], "ZXZ"),
+            "order must consist of different letters",
+        ),
+    ],
+)
+def test_rotations_invalid_argument_raises_value_error(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_rotations_of_strings_raise_type_error():
+    for other in (["a", "b", "c"], [1j, 0, 0], np.zeros(3, "timedelta64[s]")):
+        with pytest.raises(TypeError, match="vectors must be real numbers"):
+            rotations.exp(other)

@@ -1,0 +1,247 @@
+"""Plots: what is drawn is what was measured. Skips where matplotlib is not installed."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mograft import Config, Library, Motion, Skeleton, graft, kinetic_energy, segment, write_bvh
+from mograft.cli import main
+from mograft.cli.plot import KINDS
+from mograft.dancer import dance
+
+matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+matplotlib.use("agg")
+from matplotlib import colors, image, pyplot  # noqa: E402
+
+from mograft import plot  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(seed=1, strides=1).motion
+
+
+@pytest.fixture(scope="module")
+def library(motion):
+    return Library.build(motion)
+
+
+@pytest.fixture
+def axes():
+    yield pyplot.subplots()[1]
+    pyplot.close("all")
+
+
+def test_a_strip_holds_every_bone_of_every_pose(motion, axes):
+    assert plot.strip(motion, 7, groups="lower_upper", ax=axes) is axes
+    n_bones = motion.n_joints - 1 + len(motion.skeleton.end_sites)
+    bones = [line for line in axes.lines if len(line.get_xdata()) == 2][: 7 * n_bones]
+    assert [text.get_text() for text in axes.texts] == [
+        str(f) for f in np.linspace(0, motion.n_frames - 1, 7).round().astype(int)
+    ]
+    # The upright extent of the first pose is the world's.
+    heights = np.array([line.get_ydata() for line in bones[:n_bones]])
+    world = motion[:1].world_positions()[0, :, 1]
+    tall = 1.2 * np.ptp(world)
+    assert 0.9 * np.ptp(world) < np.ptp(heights) * _height(motion) < tall
+    shown = {colors.to_hex(line.get_color()) for line in bones}
+    assert shown == set(plot.PALETTE[:2])
+
+
+def test_a_strip_draws_no_bone_to_a_root_that_stays_behind(motion):
+    skeleton = motion.skeleton
+    under = Skeleton(
+        ["World", *skeleton.names],
+        [-1, *(skeleton.parents + 1)],
+        np.concatenate([np.zeros((1, 3)), skeleton.offsets]),
+    )
+    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (motion.n_frames, 1, 4))
+    away = motion.positions + 500.0 * (np.arange(motion.n_joints) == 0)[:, None]
+    own = Motion(
+        under,
+        motion.frame_time,
+        np.concatenate([still, motion.rotations], axis=1),
+        np.concatenate([np.zeros((motion.n_frames, 1, 3)), away], axis=1),
+    )
+    axes = plot.strip(own, 3)
+    bones = [line for line in axes.lines if len(line.get_xdata()) == 2][:-1]
+    assert len(bones) == 3 * (skeleton.n_joints - 1)
+    lengths = [np.hypot(np.ptp(line.get_xdata()), np.ptp(line.get_ydata())) for line in bones]
+    assert max(lengths) < 0.5  # of the figure's height
+    pyplot.close("all")
+
+
+def _height(motion):
+    from mograft.body.mass import mass_model
+
+    return mass_model(motion.skeleton).height
+
+
+def test_a_strip_is_the_same_whichever_axis_is_up(motion):
+    short = motion[:50]
+    turn = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    from mograft.motion import rotations
+
+    quats, places = short.rotations.copy(), short.positions.copy()
+    quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
+    places[:, 0] = rotations.rotate(turn, places[:, 0])
+    turned = replace(short, rotations=quats, positions=places, channel_values=None)
+    drawn = [plot.strip(m, 3) for m in (short, turned)]
+    ups = [np.array([line.get_ydata() for line in own.lines[:40]]) for own in drawn]
+    np.testing.assert_allclose(*ups, atol=1e-9)
+    pyplot.close("all")
+
+
+def test_the_energy_curve_is_the_energy_and_its_cuts_the_segments(motion, axes):
+    plot.energy(motion, ax=axes)
+    measured, smoothed, cuts = axes.lines
+    np.testing.assert_allclose(measured.get_ydata(), kinetic_energy(motion))
+    cut = segment(motion)
+    bounds = np.append(cut.start, cut.stop[-1])
+    np.testing.assert_allclose(cuts.get_xdata(), bounds * motion.frame_time)
+    np.testing.assert_allclose(cuts.get_ydata(), smoothed.get_ydata()[bounds])
+    assert len(axes.patches) == (len(cut) + 1) // 2
+
+
+def test_every_segment_is_a_point_in_the_colour_of_its_cluster(library, axes):
+    plot.pca(library, "upper", (2, 3), ax=axes)
+    alone, others = axes.collections
+    labels = library.labels["upper"]
+    points = library.embedding["upper"].points[:, 1:3]
+    single = np.bincount(labels)[labels] == 1
+    np.testing.assert_allclose(alone.get_offsets(), points[single])
+    np.testing.assert_allclose(others.get_offsets(), points[~single])
+    faces = [colors.to_hex(c) for c in others.get_facecolors()]
+    by_label = dict(zip(labels[~single].tolist(), faces, strict=True))
+    assert [by_label[label] for label in labels[~single].tolist()] == faces
+    variances = library.embedding["upper"].variances
+    assert f"{100 * variances[1] / variances.sum():.0f} %" in axes.get_xlabel()
+
+
+def test_exchanged_parts_of_the_timeline_are_hatched(library, axes):
+    new = graft(library, seed=2)
+    plot.timeline(new, frames=(0, 300), ax=axes)
+    assert [t.get_text() for t in axes.get_yticklabels()] == [
+        "dance · lower",
+        "dance · upper",
+        "dance_graft0 · upper",
+    ]
+    shown = [s for s in new.substitutions if s.start < 300]
+    hatched = [c for c in axes.collections if c.get_hatch()]
+    assert len(hatched) == sum(not s.is_own for s in shown)
+    starts = sorted(float(c.get_paths()[0].vertices[:, 0].min()) for c in hatched)
+    assert starts == sorted(s.start for s in shown if not s.is_own)
+    assert len(axes.collections) == 3 * len(shown)
+
+
+def test_the_dendrogram_cuts_where_the_clusters_were_cut(library, axes):
+    plot.dendrogram(library, ax=axes)
+    branches = [own for c in axes.collections for own in c.get_segments()]
+    n = len(library.segments)
+    assert len(branches) == n - 1
+    tops = np.array([own[:, 1].max() for own in branches])
+    assert (tops <= library.sigma["lower"]).sum() == n - (library.labels["lower"].max() + 1)
+    grey = [own for c in axes.collections for own in c.get_segments() if _is_grey(c)]
+    assert {own[:, 1].max() for own in grey} == set(tops[tops > library.sigma["lower"]])
+    # No point is under two branches: leaves are a permutation.
+    feet = sorted(x for own in branches for x, y in (own[0], own[3]) if y == 0)
+    assert feet == list(range(n))
+
+
+def _is_grey(collection):
+    return np.ptp(collection.get_colors()[0, :3]) == 0
+
+
+def test_bars_are_the_sizes_of_the_clusters(library, axes):
+    plot.clusters(library, ax=axes)
+    heights = [bar.get_height() for bar in axes.patches]
+    assert heights == sorted(np.bincount(library.labels["lower"]).tolist(), reverse=True)
+
+
+def test_without_axes_new_ones_are_made(motion, library):
+    made = [
+        plot.strip(motion, 1),
+        plot.energy(motion),
+        plot.pca(library),
+        plot.timeline(motion),
+        plot.dendrogram(library),
+        plot.clusters(library),
+    ]
+    assert len({id(own.figure) for own in made}) == 6
+    pyplot.close("all")
+
+
+def test_what_cannot_be_drawn_is_named(motion, library):
+    with pytest.raises(ValueError, match="poses must be at least 1, got 0"):
+        plot.strip(motion, 0)
+    with pytest.raises(ValueError, match="group must be one of lower, upper, got 'wings'"):
+        plot.pca(library, "wings")
+    with pytest.raises(ValueError, match="components must be 1 to 10, got 11"):
+        plot.pca(library, components=(1, 11))
+    with pytest.raises(ValueError, match="frames must be ascending"):
+        plot.timeline(motion, frames=(5, 5))
+    with pytest.raises(ValueError, match="at least 2 frames"):
+        plot.energy(motion[:1])
+    with pytest.warns(UserWarning, match="too few to compare"):
+        single = Library.build(motion[:4], config=Config(min_length=1.0))
+    with pytest.raises(ValueError, match="has no embedding"):
+        plot.dendrogram(single)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("dark", [False, True])
+def test_each_kind_is_drawn_by_the_command_line(motion, tmp_path, capsys, kind, dark):
+    write_bvh(motion[:400], tmp_path / "a.bvh")
+    target = tmp_path / "x.png"
+    options = ["--dark"] if dark else []
+    assert main(["plot", kind, str(tmp_path / "a.bvh"), "-o", str(target), *options]) == 0
+    assert capsys.readouterr().out.strip() == str(target)
+    picture = image.imread(target)[..., :3]
+    assert picture[0, 0].mean() == (0.0 if dark else 1.0)
+    assert 0.001 < (np.abs(picture - picture[0, 0]).max(axis=-1) > 0.2).mean() < 0.9
+    before = target.read_bytes()
+    assert main(["plot", kind, str(tmp_path / "a.bvh"), "-o", str(target), *options]) == 1
+    assert target.read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bvh", "x.png"]
+
+
+@pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
+def test_the_same_input_gives_the_same_picture(motion, tmp_path, ending):
+    write_bvh(motion[:200], tmp_path / "a.bvh")
+    made = []
+    for name in ("x", "y"):
+        target = tmp_path / f"{name}.{ending}"
+        options = ["--frames", "10-90", "--json"]
+        assert main(["plot", "energy", str(tmp_path / "a.bvh"), "-o", str(target), *options]) == 0
+        made.append(target.read_bytes())
+    assert made[0] == made[1]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["pie", "a.bvh", "-o", "x.png"], ["pca", "a.bvh", "-o", "x.jpg"]]
+    + [["strip", "a.bvh", "-o", "x.png", "--frames", text] for text in ("9", "9-3", "a-b")],
+)
+def test_wrong_usage_of_plot_ends_with_2(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["plot", *arguments])
+    assert stop.value.code == 2
+    assert capsys.readouterr().err
+
+
+def test_mograft_is_imported_without_matplotlib():
+    code = "import sys, mograft, mograft.plot, mograft.cli; print('matplotlib' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "False"
+
+
+def test_without_matplotlib_the_extra_is_named(motion, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install 'mograft\[plot\]'"):
+        plot.energy(motion)
+    write_bvh(motion[:20], tmp_path / "a.bvh")
+    assert main(["plot", "energy", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "x.png")]) == 1
+    assert "pip install 'mograft[plot]'" in capsys.readouterr().err

@@ -1,0 +1,134 @@
+"""Every example of the documentation runs, in the order of its page, and says what it says."""
+
+import contextlib
+import doctest
+import importlib
+import inspect
+import io
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mograft
+from mograft.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [page for page in PAGES if not {"_made", "_build"} & set(page.parts)]
+# Indented in a list, too.
+FENCE = re.compile(r"^( *)```(\{?[\w-]*\}?)[^\n]*\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+pytest.importorskip("matplotlib", reason="the examples draw with matplotlib").use("agg")
+
+
+def run_console(text):
+    """Run the commands of a block; compare what they print with what the block says."""
+    said = re.split(r"^\$ ", text, flags=re.MULTILINE)
+    assert not said[0].strip(), "a block must begin with a command"
+    for part in said[1:]:
+        command, _, want = part.partition("\n")
+        words = shlex.split(command)
+        assert words[0] == "mograft", f"only mograft is run here, got {words[0]}"
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
+            assert main(words[1:]) == 0, command
+        checker = doctest.OutputChecker()
+        assert checker.check_output(want, out.getvalue(), FLAGS), (command, out.getvalue())
+
+
+def run_python(text, names, page):
+    """Run the examples of a block as doctests that share their names with the page."""
+    test = doctest.DocTestParser().get_doctest(text, names, page, page, 0)
+    assert test.examples, "a block of pycon must hold an example"
+    told = io.StringIO()
+    runner = doctest.DocTestRunner(optionflags=FLAGS)
+    failed = runner.run(test, out=told.write, clear_globs=False).failed
+    names.update(test.globs)
+    assert not failed, told.getvalue()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
+def test_documentation_examples_run(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for indent, language, fenced in FENCE.findall(page.read_text(encoding="utf-8")):
+        text = re.sub(f"^{indent}", "", fenced, flags=re.MULTILINE)
+        if language == "console":
+            run_console(text)
+        elif language == "pycon":
+            run_python(text, names, page.name)
+        else:
+            # What cannot run here is marked as sh; the others would look as if they were run.
+            assert language not in ("python", "py", "bash", "shell"), (page.name, language)
+            assert ">>>" not in text
+    with contextlib.suppress(ImportError):
+        from matplotlib import pyplot
+
+        pyplot.close("all")
+
+
+def test_documentation_wrong_example_fails():
+    with pytest.raises(AssertionError):
+        run_python(">>> 1 + 1\n3\n", {}, "x")
+    with pytest.raises(AssertionError):
+        run_console("$ mograft groups none.bvh\n")
+    with pytest.raises(AssertionError):
+        run_console("$ rm -r x\n")
+
+
+def test_paper_table_names_existing_code():
+    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| ")][1:]
+    assert len(rows) > 8
+    for name in re.findall(r"`(mograft\.[\w.]+)`", text):
+        found = importlib.import_module("mograft")
+        for part in name.split(".")[1:]:
+            if not hasattr(found, part):
+                found = importlib.import_module(f"{found.__name__}.{part}")
+            else:
+                found = getattr(found, part)
+    for row in rows:
+        for path in re.findall(r"`(tests/\w+\.py)`", row):
+            assert (ROOT / path).exists(), path
+
+
+def test_documentation_builds_without_warnings(tmp_path):
+    for module in ("sphinx", "furo", "myst_parser"):
+        pytest.importorskip(module, reason=f"{module} is not installed")
+    told = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    assert told.returncode == 0, told.stderr[-3000:]
+    assert (tmp_path / "graft.html").exists()
+    for page in set(PAGES) - {ROOT / "README.md"}:
+        # Sphinx has pages of its own, as search, which would take the place of ours.
+        heading = page.read_text(encoding="utf-8").partition("\n")[0]
+        made = tmp_path / page.relative_to(ROOT / "docs").with_suffix(".html")
+        (title,) = re.findall("<h1>(.*?)<a", made.read_text(encoding="utf-8"))
+        assert re.sub(r"\W", "", title) == re.sub(r"\W", "", heading), page.name
+    commands = (tmp_path / "_made" / "cli.html").read_text(encoding="utf-8")
+    for words in ("graft", "lib verify", "config show"):
+        assert f"mograft {words}" in commands
+    reference = (tmp_path / "_made" / "api.html").read_text(encoding="utf-8")
+    for name in set(mograft.__all__) - {"__version__"}:
+        module = inspect.ismodule(getattr(mograft, name))
+        assert f">mograft.{name}<" in reference if module else f'id="mograft.{name}"' in reference
+
+
+LINK = re.compile(r"\]\(([^)#:]+)\)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
+def test_documentation_links_resolve(page):
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        if "_made/" not in target:
+            assert (page.parent / target).exists(), target

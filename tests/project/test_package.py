@@ -1,0 +1,83 @@
+"""The package as it is imported: quick, and with all the names that it promises."""
+
+import subprocess
+import sys
+
+import pytest
+
+import mograft
+
+
+def run(code):
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return told.stdout.split()
+
+
+@pytest.mark.parametrize("words", ["['--help']", "['--version']", "['graft', '--help']"])
+def test_help_does_not_import_numpy(words):
+    code = f"""
+import sys
+from mograft.cli import main
+try:
+    main({words})
+except SystemExit as stop:
+    print("code", stop.code)
+heavy = {{"numpy", "matplotlib", "webbrowser", "sqlite3", "multiprocessing", "importlib.metadata"}}
+heavy &= set(sys.modules)
+print("heavy", *heavy)
+"""
+    assert run(code)[-3:] == ["code", "0", "heavy"]
+
+
+def test_public_names_resolve_and_are_listed_by_dir():
+    code = """
+import mograft
+names = list(mograft.__all__)
+assert set(names) <= set(dir(mograft))
+print(*(name for name in names if getattr(mograft, name) is None))
+import mograft.viewing.page, mograft.analysis.segmentation
+print(mograft.view.__name__, mograft.segment.__name__)
+"""
+    assert run(code) == ["view", "segment"]
+    assert sorted(set(mograft.__all__)) == sorted(mograft.__all__)
+
+
+def test_type_checking_imports_match_lazy_table():
+    # The imports under TYPE_CHECKING and the table of homes are the same list twice.
+    import ast
+    import inspect
+
+    tree = ast.parse(inspect.getsource(mograft))
+    (block,) = (
+        node
+        for node in tree.body
+        if isinstance(node, ast.If) and not node.orelse and isinstance(node.test, ast.Name)
+    )
+    seen = {alias.name: node.module for node in block.body for alias in node.names}
+    fetched = {name: f"mograft.{home}" for name, home in mograft._HOME_OF.items()}
+    fetched |= {name: path.rpartition(".")[0] for name, path in mograft._MODULES.items()}
+    assert seen == fetched
+    assert set(mograft.__all__) <= set(seen) | {"__version__"}
+
+
+def test_unknown_attribute_raises_attribute_error():
+    with pytest.raises(AttributeError, match="module 'mograft' has no attribute 'wings'"):
+        _ = mograft.wings
+
+
+def test_closed_output_pipe_ends_without_message(tmp_path):
+    from mograft import write_bvh
+    from mograft.dancer import dance
+
+    write_bvh(dance(strides=1).motion[:20], tmp_path / "a.bvh")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mograft", "groups", tmp_path / "a.bvh"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    process.stdout.close()
+    told = process.stderr.read()
+    process.stderr.close()
+    assert process.wait() == 1
+    assert told == ""

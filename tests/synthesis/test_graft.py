@@ -1,0 +1,348 @@
+"""Laws of grafts: what is kept, what is exchanged, and how it is told."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pybvh
+import pytest
+
+from mograft import (
+    Config,
+    JointGroups,
+    Library,
+    SkeletonMismatchError,
+    foot_skate,
+    graft,
+    graft_many,
+    read_bvh,
+    write_bvh,
+)
+from mograft.dancer import dance
+from mograft.motion import rotations
+from mograft.synthesis.graft import _cheapest_sums, _side_by_side
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(seed=1, strides=2).motion
+
+
+@pytest.fixture(scope="module", params=["lower_upper", "lower_torso_larm_rarm"])
+def library(request, motion):
+    return Library.build(motion, request.param)
+
+
+def chosen_by(library, choice, **changes):
+    return replace(library, config=replace(library.config, choice=choice, **changes))
+
+
+def columns(motion, joints):
+    return [c for j in joints for c in motion.skeleton.channel_columns[j]]
+
+
+def test_the_base_group_keeps_every_number(library, motion):
+    new = graft(library, seed=4)
+    kept = columns(motion, library.joints("lower"))
+    others = np.setdiff1d(np.arange(motion.skeleton.n_channels), kept)
+    before, after = motion.channel_numbers(), new.motion.channel_numbers()
+    np.testing.assert_array_equal(after[:, kept], before[:, kept])
+    assert (after[:, others] != before[:, others]).any()
+    assert new.motion.n_frames == motion.n_frames
+
+
+def test_feet_stand_where_they_stood(library, motion):
+    new = graft(library, seed=4).motion
+    feet = [motion.skeleton.index(name) for name in ("LeftFoot", "RightFoot")]
+    np.testing.assert_array_equal(new.world_positions()[:, feet], motion.world_positions()[:, feet])
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(library, motion, tmp_path):
+    paths = [tmp_path / f"{i}.bvh" for i in range(3)]
+    for choice in ("sample", "random"):
+        chancy = chosen_by(library, choice)
+        for path, seed in zip(paths, (7, 7, 8), strict=True):
+            write_bvh(graft(chancy, motion, seed=seed).motion, path)
+        first, again, other = (path.read_bytes() for path in paths)
+        assert first == again != other
+
+
+SCRIPT = """
+import sys
+from mograft import Library, graft, write_bvh
+from mograft.dancer import dance
+from mograft.synthesis.graft import _cheapest_sums, _side_by_side
+library = Library.build(dance(seed=1, strides=2).motion)
+write_bvh(graft(library, seed=7).motion, sys.argv[1])
+"""
+
+
+def test_the_number_of_threads_changes_no_byte(tmp_path):
+    written = []
+    for threads in ("1", "2"):
+        path = tmp_path / f"{threads}.bvh"
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
+        subprocess.run([sys.executable, "-c", SCRIPT, path], check=True, env=environment)
+        written.append(path.read_bytes())
+    assert written[0] == written[1]
+
+
+def test_exchanged_parts_are_of_one_cluster_and_within_the_limits(library):
+    new = graft(library, seed=2)
+    config, lengths = library.config, library.segments.lengths
+    labels = library.labels["lower"]
+    exchanged = [s for s in new.substitutions if not s.is_own]
+    assert exchanged
+    for s in exchanged:
+        assert labels[s.segment] == labels[s.donor]
+        own, donor = lengths[s.segment], lengths[s.donor]
+        assert abs(own - donor) <= max(config.max_stretch * own, config.length_slack * 30) + 1e-9
+        assert s.stretch == pytest.approx(own / donor - 1)
+    assert all(seam.gap <= 1.5 * config.max_angle for seam in new.seams)
+
+
+def test_every_pose_stays_near_its_donors(library, motion):
+    """Away from its seams a part is the donor's, displaced by no more than half its gaps."""
+    new = graft(library, seed=2)
+    for s in new.substitutions[:40]:
+        joints = library.joints(s.group)
+        gaps = [seam.gap for seam in new.seams if seam.frame in (s.start, s.stop)]
+        middle, donor = (s.start + s.stop) // 2, (s.donor_start + s.donor_stop) // 2
+        apart = rotations.angle(
+            new.motion.rotations[middle, joints], motion.rotations[donor, joints]
+        )
+        if s.stop - s.start >= 12 and s.stretch == 0 and (s.stop - s.start) % 2 == 0:
+            assert apart.mean() <= sum(gaps) / 2 + 0.2
+
+
+def test_grafting_every_segment_onto_itself_returns_the_channels(motion, tmp_path):
+    """With clusters of no size every segment has itself alone."""
+    path = tmp_path / "dance.bvh"
+    write_bvh(motion, path)
+    read = read_bvh(path)
+    library = Library.build(read, config=Config(sigma=1e-9))
+    new = graft(library)
+    np.testing.assert_array_equal(new.motion.channel_numbers(), read.channel_values)
+    np.testing.assert_array_equal(new.motion.rotations, read.rotations)
+    assert "had no candidate and were kept" in new.report()
+    write_bvh(new.motion, tmp_path / "same.bvh")
+    assert (tmp_path / "same.bvh").read_bytes() == path.read_bytes()
+    assert len(list(graft_many(library, count=3))) == 1
+
+
+def test_a_duplicate_of_the_clip_gives_the_clip(motion):
+    """Donors from a copy of the clip, each from its own place, change no number."""
+    library = Library.build([motion, replace(motion, name="copy")], config=Config(sigma=1e-6))
+    new = graft(library, seed=5)
+    assert any(s.clip == "copy" for s in new.substitutions)
+    np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "best", "sample", "nearest", "random"])
+def test_several_grafts_differ(library, choice):
+    several = list(graft_many(chosen_by(library, choice), count=4, seed=3))
+    assert len({g.motion.rotations.tobytes() for g in several}) == 4
+    assert [g.motion.name for g in several] == [f"dance_graft{i}" for i in range(4)]
+
+
+def total(new):
+    """Mean seam gap and number of exchanged parts."""
+    return sum(seam.gap for seam in new.seams), sum(not s.is_own for s in new.substitutions)
+
+
+def test_the_cheapest_has_closer_seams_than_the_papers_choice(library):
+    gaps, parts = total(graft(chosen_by(library, "viterbi")))
+    for seed in range(3):
+        by_chance, as_many = total(graft(chosen_by(library, "random"), seed=seed))
+        assert gaps / parts < by_chance / as_many
+
+
+def test_the_best_come_in_order_of_their_cost(library):
+    """What the first has in each group the second has too, but for the cheapest change."""
+    several = list(graft_many(chosen_by(library, "best"), count=5))
+    first = [s.donor for s in several[0].substitutions]
+    assert first == [s.donor for s in graft(chosen_by(library, "viterbi")).substitutions]
+    changes = [
+        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in several
+    ]
+    assert changes[0] == 0
+    assert all(changes[1:])
+    # Those that are asked to be diverse differ from each other in more places.
+    diverse = list(graft_many(chosen_by(library, "viterbi"), count=5))
+    apart = [
+        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in diverse
+    ]
+    assert sum(apart) > sum(changes)
+
+
+def test_without_a_gain_the_captured_motion_is_the_cheapest(library, motion):
+    new = graft(chosen_by(library, "viterbi", novelty=0.0))
+    np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
+
+
+def test_only_what_hangs_on_grafted_joints_is_elsewhere(library, motion):
+    new = graft(library, seed=1).motion
+    skeleton, grafted = motion.skeleton, {s.group for s in graft(library, seed=1).substitutions}
+    may_move = np.zeros(motion.n_joints, bool)
+    turned = np.isin(np.arange(motion.n_joints), [j for g in grafted for j in library.joints(g)])
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        may_move[joint] = parent >= 0 and (turned[parent] or may_move[parent])
+    differ = (new.world_positions() != motion.world_positions()).any(axis=(0, 2))
+    assert differ.any()
+    assert not differ[~may_move].any()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "dead"}, {"alignment": "dtw"}],
+    ids=lambda own: next(iter(own.values()), "default"),
+)
+def test_signs_of_quaternions_change_no_choice_and_no_pose(motion, changes):
+    motion = replace(motion[:1200], channel_values=None)
+    signs = np.random.default_rng(7).choice([-1.0, 1.0], motion.rotations.shape[:2])
+    flipped = replace(motion, rotations=motion.rotations * signs[..., None])
+    one, other = (
+        graft(Library.build(own, config=Config(**changes)), seed=3) for own in (motion, flipped)
+    )
+    assert [s.donor for s in one.substitutions] == [s.donor for s in other.substitutions]
+    assert any(not s.is_own for s in one.substitutions)
+    np.testing.assert_allclose(
+        other.motion.world_positions(), one.motion.world_positions(), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "sample"])
+def test_the_order_in_which_groups_are_named_is_of_no_matter(motion, choice):
+    named = JointGroups.preset("lower_torso_larm_rarm", motion.skeleton).groups
+    made = [
+        graft(Library.build(motion, JointGroups(own, base="lower"), Config(choice=choice)), seed=1)
+        for own in (named, dict(reversed(named.items())))
+    ]
+    np.testing.assert_array_equal(made[1].motion.rotations, made[0].motion.rotations)
+
+
+def test_groups_are_combined_in_order_of_their_costs():
+    costs = [[0.0, 1.0, 4.0], [0.0, 2.0]]
+    assert _cheapest_sums(costs, 4) == [(0, 0), (1, 0), (0, 1), (1, 1)]
+    assert _side_by_side([3, 2], 5) == [(0, 0), (1, 1), (2, 0), (0, 1), (1, 0)]
+    assert len(_side_by_side([3, 2], 99)) == 6
+
+
+def test_one_group_of_several_can_be_swapped(motion):
+    library = Library.build(motion, "lower_torso_larm_rarm")
+    names = library.groups.names
+    new = graft(library, swap=[names[-1]], seed=1)
+    rest = np.setdiff1d(np.arange(motion.n_joints), library.joints(names[-1]))
+    np.testing.assert_array_equal(new.motion.rotations[:, rest], motion.rotations[:, rest])
+    assert {s.group for s in new.substitutions} == {names[-1]}
+
+
+def test_a_base_from_outside_is_grafted_by_the_librarys_measures(library):
+    other = replace(dance(seed=9, strides=1).motion, name="other")
+    new = graft(library, other, seed=1)
+    assert new.base is other
+    assert {s.clip for s in new.substitutions} <= {"dance", "other"}
+    assert any(s.clip == "dance" for s in new.substitutions)
+    kept = columns(other, library.joints("lower"))
+    np.testing.assert_array_equal(
+        new.motion.channel_numbers()[:, kept], other.channel_numbers()[:, kept]
+    )
+
+
+def test_provenance_names_every_donor(library):
+    new = graft(library, seed=2)
+    document = json.loads(json.dumps(new.as_dict()))
+    assert document["schema"] == "mograft.graft/1"
+    assert document["seed"] == 2
+    assert Config.from_dict(document["config"]) == library.config
+    per_group = [s for s in document["substitutions"] if s["group"] == library.groups.names[1]]
+    assert per_group[0]["frames"][0] == 0
+    for one, following in pairwise(per_group):
+        assert one["frames"][1] == following["frames"][0]
+    assert per_group[-1]["frames"][1] == new.base.n_frames - 1
+
+
+def test_pybvh_reads_what_was_written(library, motion, tmp_path):
+    path = tmp_path / "new.bvh"
+    new = graft(library, seed=2).motion
+    write_bvh(new, path)
+    theirs = pybvh.read_bvh_file(path)
+    assert theirs.frame_count == motion.n_frames
+    height = np.ptp(motion.world_positions()[0, :, 1])
+    ours = read_bvh(path).world_positions()
+    np.testing.assert_allclose(ours, new.world_positions(), atol=1e-9 * height)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda lib: graft(lib, swap=["lower"]), "swap must name groups other than the base"),
+        (lambda lib: graft(lib, swap=[]), "swap must name at least one group"),
+        (lambda lib: graft(lib, seed=-1), "seed must be a whole number from 0, got -1"),
+        (lambda lib: list(graft_many(lib, count=0)), "count must be a whole number from 1, got 0"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(library, call, message):
+    with pytest.raises(ValueError, match=message):
+        call(library)
+
+
+def test_a_base_of_another_skeleton_is_refused(library, motion):
+    names = ["Hip", *motion.skeleton.names[1:]]
+    other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="other")
+    with pytest.raises(SkeletonMismatchError, match="other lacks Hips and has also Hip"):
+        graft(library, other)
+
+
+def upper_based(motion):
+    lower = motion.skeleton.names[:7]
+    return JointGroups({"lower": lower, "upper": motion.skeleton.names[7:]}, base="upper")
+
+
+def test_a_base_group_without_the_root_keeps_its_numbers_and_the_legs_its_way(motion):
+    library = Library.build(motion, upper_based(motion))
+    new = graft(library, seed=1)
+    kept = columns(motion, library.joints("upper"))
+    before, after = motion.channel_numbers(), new.motion.channel_numbers()
+    np.testing.assert_array_equal(after[:, kept], before[:, kept])
+    assert (after != before).any()
+    # It begins where the base does, but for what feet that are to reach the floor demand.
+    np.testing.assert_allclose(after[0, [0, 2]], before[0, [0, 2]], atol=0.01)
+    # The offset of a seam may add a little to the speeds of two sources that differ.
+    steps = [
+        np.linalg.norm(np.diff(m.positions[:, 0], axis=0), axis=1) for m in (motion, new.motion)
+    ]
+    assert steps[1].max() < 1.5 * steps[0].max()
+    assert new.feet.skate_after <= foot_skate(motion)
+    assert new.feet.unreached_frames == 0
+    assert "feet: " in new.report()
+    assert new.as_dict()["feet"]["plants"] == new.feet.plants
+
+
+def test_such_a_base_put_back_in_its_place_is_the_file(motion):
+    library = Library.build(motion, upper_based(motion), Config(sigma=1e-9, feet="never"))
+    np.testing.assert_array_equal(graft(library).motion.channel_numbers(), motion.channel_numbers())
+
+
+def test_donors_that_face_and_stand_elsewhere_are_put_in_their_place(motion):
+    """Legs of the same dance, danced elsewhere and facing elsewhere, give the same dance."""
+    turn = rotations.from_axis_angle([0, 1, 0], 2.0)
+    quats, places = motion.rotations.copy(), motion.positions.copy()
+    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+    places[:, 0] = rotations.rotate(turn, places[:, 0]) + np.array([300.0, 0.0, -80.0])
+    away = replace(motion, rotations=quats, positions=places, channel_values=None, name="away")
+    library = Library.build([motion, away], upper_based(motion), Config(sigma=1e-6, feet="never"))
+    new = graft(library, seed=5)
+    assert any(s.clip == "away" for s in new.substitutions)
+    np.testing.assert_allclose(new.motion.positions, motion.positions, atol=1e-6)
+    assert rotations.angle(new.motion.rotations, motion.rotations).max() < 1e-6
+
+
+def test_feet_are_left_alone_where_the_base_keeps_them_and_when_told_so(library, motion):
+    assert graft(library, seed=1).feet is None
+    loose = Library.build(motion, upper_based(motion), Config(feet="never"))
+    assert graft(loose, seed=1).feet is None

@@ -1,0 +1,87 @@
+"""The main job on real motion, where it is at hand: ``../shared/data`` beside the checkout."""
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pybvh
+import pytest
+
+from mograft import JointGroups, Library, read_bvh
+from mograft.blend.recombine import recombine
+from mograft.blend.transplant import GraftedGroup, transplant
+from mograft.cli import main
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+SOURCES = (
+    "paper_shape_57dof/paper_shape_A.bvh",
+    "dance_perfume_test",
+    "dance_cmu94_indian_30fps",
+    "database_vsports_basket",
+    "skel_neuron_354dof",
+    "synthetic_quadruped",
+    "bandai_ds1",
+)
+
+
+def at(source):
+    path = DATA / source
+    if not path.exists():
+        pytest.skip(f"{source} is not at hand below {DATA}")
+    return path
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_three_different_grafts_with_the_legs_of_the_input(source, tmp_path, capsys):
+    path = at(source)
+    assert main(["graft", str(path), "-o", str(tmp_path), "-n", "3"]) == 0
+    written = [Path(line) for line in capsys.readouterr().out.split()]
+    assert len(written) == 3
+    base = read_bvh(path if path.is_file() else sorted(path.rglob("*.bvh"))[0])
+    lower = JointGroups.preset("lower_upper", base.skeleton).resolve(base.skeleton)["lower"]
+    columns = [c for joint in lower for c in base.skeleton.channel_columns[joint]]
+    news = [read_bvh(file) for file in written]
+    for file, new in zip(written, news, strict=True):
+        np.testing.assert_array_equal(
+            new.channel_values[:, columns], base.channel_values[:, columns]
+        )
+        document = json.loads(file.with_suffix(".json").read_text())
+        assert document["base"] == base.name
+        assert any(s["exchanged"] for s in document["substitutions"])
+    assert len({new.channel_values.tobytes() for new in news}) == 3
+    if source not in ("bandai_ds1", "skel_neuron_354dof"):  # six channels a joint: not pybvh's
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # its guess at the up axis is not ours to judge
+            theirs = pybvh.read_bvh_file(written[0])
+        assert theirs.frame_count == base.n_frames
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_segments_grafted_onto_themselves_are_the_input(source):
+    path = at(source)
+    clip = read_bvh(path if path.is_file() else sorted(path.rglob("*.bvh"))[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        library = Library.build(clip)
+    own, group = library.segments, GraftedGroup(library.joints("upper"))
+    part = transplant(clip, own, own, library.clips, group, library.config)
+    same = recombine(clip, [part], "same")
+    np.testing.assert_array_equal(same.channel_numbers(), clip.channel_values)
+    np.testing.assert_array_equal(same.rotations, clip.rotations)
+
+
+NAMINGS = ("mixamo_names_XYZ", "biped_names_spaces_ZXY")
+
+
+def test_names_and_rotation_orders_change_no_segment():
+    """One take under other names: the same segments and the same clusters."""
+    takes = [read_bvh(at(f"synthetic_names/{n}.bvh")) for n in NAMINGS]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        libraries = [Library.build(take) for take in takes]
+    first, second = (library.segments for library in libraries)
+    np.testing.assert_array_equal(first.start, second.start)
+    for group in ("lower", "upper"):
+        one, other = (library.labels[group] for library in libraries)
+        np.testing.assert_array_equal(one, other)

@@ -1,0 +1,162 @@
+"""The report: its numbers are those of the grafts, its links lead where the files are."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mograft import Config, Library, Motion, Skeleton, graft, graft_many, read_bvh, write_bvh
+from mograft.body.mass import center_of_mass, mass_model
+from mograft.cli import main
+from mograft.dancer import dance
+from mograft.viewing.report import report_page
+from tests.browser import chromium, opened
+from tests.strategies import HOSTILE_NAMES
+from tests.viewing.page_content import Tags, page_data
+
+
+@pytest.fixture(scope="module")
+def library():
+    return Library.build(dance(seed=1, strides=1).motion)
+
+
+@pytest.fixture(scope="module")
+def grafts(library):
+    return list(graft_many(library, count=2, seed=3))
+
+
+def cells(page, heading):
+    """The rows of the table below a heading."""
+    text = page.html.split(f"<h2>{heading}</h2>")[1].split("</table>")[0]
+    rows = re.findall(r"<tr>(.*?)</tr>", text)[1:]
+    return [[re.sub(r"<.*?>", "", c) for c in re.findall(r"<td>(.*?)</td>", r)] for r in rows]
+
+
+def test_each_graft_has_its_numbers(grafts):
+    page = report_page(grafts)
+    for own, row in zip(grafts, cells(page, "Motions"), strict=True):
+        new = sum(not s.is_own for s in own.substitutions)
+        gaps = np.degrees([seam.gap for seam in own.seams])
+        assert row[0] == own.motion.name
+        assert row[1] == f"{new} of {len(own.substitutions)}"
+        assert row[3] == str(int((own.alternatives["upper"] == 0).sum()))
+        assert row[4] == str(len(own.seams))
+        assert row[5:7] == [f"{gaps.mean():.1f}°", f"{gaps.max():.1f}°"]
+        assert own.report().splitlines()[1] in page.html
+    assert page.title == "dance: 2 new motions"
+    assert len(page_data(page)["clips"]) == 3
+
+
+def test_balance_is_how_far_the_centre_of_mass_strays(grafts):
+    own = grafts[0]
+    gap = (center_of_mass(own.motion) - center_of_mass(own.base))[:, [0, 2]]
+    stray = np.linalg.norm(gap, axis=1) / mass_model(own.base.skeleton).height
+    row = cells(report_page(grafts), "Motions")[0]
+    assert row[7:] == [f"{100 * stray.mean():.1f} %", f"{100 * stray.max():.1f} %"]
+    kept = replace(own, motion=own.base, seams=())
+    assert cells(report_page([kept]), "Motions")[0][5:] == ["none", "none", "0.0 %", "0.0 %"]
+
+
+def test_the_centre_of_mass_is_that_of_the_bones():
+    skeleton = Skeleton(["a", "b"], [-1, 0], [[0, 0, 0], [0, 2, 0]])
+    turned = [[0, 0, np.sqrt(0.5), np.sqrt(0.5)], [0, 0, 0, 1]]
+    motion = Motion(skeleton, 0.1, [turned], [[[5, 0, 0], [0, 2, 0]]])
+    known = mass_model(skeleton)
+    # Turned by 90° about z, what was up points to -x.
+    want = np.array([5.0, 0, 0]) - [known.mass @ ([0, 2] + known.bone[:, 1] * known.center), 0, 0]
+    np.testing.assert_allclose(center_of_mass(motion), [want], atol=1e-12)
+
+
+def test_why_there_are_not_more_donors(grafts, library):
+    (row,) = cells(report_page(grafts), "Limits on donors")
+    labels = library.labels["lower"]
+    assert row[0] == "upper"
+    alike = [(labels == own).sum() - 1 for own in labels]
+    assert row[1] == f"{np.mean(alike):.1f}"
+    judged = [library.candidates(segment, "upper") for segment in range(len(labels))]
+    fitting = [
+        sum("length" not in c.refused and "fault" not in c.refused for c in own.allowed[1:])
+        + sum("length" not in c.refused and "fault" not in c.refused for c in own.refused)
+        for own in judged
+    ]
+    assert row[2] == f"{np.mean(fitting):.1f}"
+    counts = grafts[0].alternatives["upper"]
+    assert row[3] == f"{counts.mean():.1f}"
+    assert row[4] == f"{(counts == 0).sum()} of {len(counts)}"
+
+
+def test_what_each_clip_lent_adds_up():
+    takes = [own.motion for own in dance(seed=1, strides=1).takes(2)]
+    new = graft(Library.build(takes), seed=1)
+    rows = cells(report_page([new]), "Clips")
+    assert [row[0] for row in rows] == ["dance_1", "dance_2"]
+    exchanged = sum(not s.is_own for s in new.substitutions)
+    assert sum(int(row[3]) for row in rows) == exchanged > 0
+
+
+def test_a_run_with_nothing_exchanged_is_told_as_well():
+    library = Library.build(dance(strides=1).motion[:80], config=Config(sigma=1e-9))
+    page = report_page([graft(library)])
+    assert cells(page, "Motions")[0][1].startswith("0 of")
+    assert "had no candidate and were kept" in page.html
+
+
+@pytest.mark.parametrize("name", HOSTILE_NAMES)
+def test_names_in_reports_stay_text(name):
+    motion = replace(dance(strides=1).motion[:200], name=name, path=Path(f"{name}.bvh"))
+    page = report_page([graft(Library.build(motion))], [Path("javascript:alert(1)<b>.bvh")])
+    plain = replace(motion, name="plain", path=Path("plain.bvh"))
+    other = report_page([graft(Library.build(plain))], [Path("plain.bvh")])
+    assert [t for t, _ in Tags(page.html).found] == [t for t, _ in Tags(other.html).found]
+    links = [a["href"] for t, a in Tags(page.html).found if t == "a"]
+    assert all(link.startswith("./javascript%3A") for link in links)
+    page.html.encode()
+
+
+def test_reports_of_nothing_are_refused(grafts):
+    with pytest.raises(ValueError, match="grafts must contain at least one"):
+        report_page([])
+    with pytest.raises(ValueError, match="files must be given for 2 grafts, got 1"):
+        report_page(grafts, [None])
+
+
+def test_the_command_line_writes_reports(tmp_path, capsys, monkeypatch):
+    opened_pages = []
+    monkeypatch.setattr("webbrowser.open", lambda url: opened_pages.append(url) or True)
+    write_bvh(dance(seed=1, strides=1).motion[:500], tmp_path / "a b.bvh")
+    out = tmp_path / "out"
+    options = [str(tmp_path / "a b.bvh"), "-o", str(out), "-n", "2", "--report"]
+    assert main(["graft", *options]) == 0
+    assert capsys.readouterr().out.split("\n")[2] == str(out / "index.html")
+    text = (out / "index.html").read_text(encoding="utf-8")
+    links = re.findall(r'<a href="(.*?)">', text)
+    assert links == ["./a%20b_graft0.bvh", "./a%20b_graft1.bvh"]
+    single = tmp_path / "new.bvh"
+    arguments = ["graft", options[0], "-o", str(single), "--report", "--json"]
+    assert main(arguments) == 0
+    assert f'"report": "{tmp_path / "new.html"}"' in capsys.readouterr().out
+    read_bvh(single)
+    single.unlink()
+    (tmp_path / "new.json").unlink()
+    assert main(arguments) == 1
+    assert "new.html exists; --force overwrites" in capsys.readouterr().err
+    assert not opened_pages
+    assert main(["demo", "-o", str(tmp_path / "demo"), "--open"]) == 0
+    assert opened_pages == [(tmp_path / "demo" / "index.html").as_uri()]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(("width", "theme"), [(1280, "light"), (480, "dark")])
+def test_reports_fit_the_screen_and_their_viewer_plays(grafts, tmp_path, width, theme):
+    path = report_page(grafts).save(tmp_path / "report.html")
+    with chromium() as browser, opened(browser, path, width, theme=theme) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.locator(".caption").count() == 3
+        # The keys are the viewer's only while it is in use.
+        page.keyboard.press("End")
+        assert page.evaluate("mograft.frame()") == 0
+        page.locator("[data-part=stage]").focus()
+        page.keyboard.press("End")
+        assert page.evaluate("mograft.frame()") == grafts[0].motion.n_frames - 1

@@ -1,0 +1,318 @@
+"""Pages: what is in them is what was given, and nothing that was given can break out."""
+
+import base64
+import hashlib
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mograft import (
+    EndSite,
+    JointGroups,
+    Library,
+    Motion,
+    Skeleton,
+    graft,
+    kinetic_energy,
+    segment,
+    view,
+    write_bvh,
+)
+from mograft.cli import main
+from mograft.dancer import dance
+from mograft.motion import rotations
+from mograft.viewing.encoding import encode_scene, quantize
+from mograft.viewing.scene import Scene
+from tests import strategies
+from tests.strategies import HOSTILE_NAMES
+from tests.viewing.page_content import Tags, clip_positions, dequantize, page_data
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(seed=1, strides=1).motion
+
+
+@pytest.fixture(scope="module")
+def library(motion):
+    return Library.build(motion)
+
+
+@pytest.fixture(scope="module")
+def new(library):
+    return graft(library, seed=3)
+
+
+@given(strategies.motions(max_frames=30), st.floats(1e-3, 1e3))
+def test_the_page_holds_the_motion_to_half_a_unit(motion, size):
+    grown = replace(
+        motion,
+        skeleton=motion.skeleton.with_offsets(motion.skeleton.offsets * size),
+        positions=motion.positions * size,
+    )
+    drawn = grown.world_positions()
+    height = max(float(np.ptp(grown.skeleton.rest_positions(), axis=0).max()), 1e-3)
+    unit, path, pose = quantize(drawn, 0, height)
+    got = dequantize(unit, path, pose)
+    # Half a unit, and what float32 keeps of how far off the figure is.
+    far = np.abs(drawn).max() * 2**-23
+    assert np.abs(got - drawn).max() <= 0.5 * unit * (1 + 1e-9) + far
+    reach = np.abs(drawn - drawn[:, :1]).max()
+    assert unit <= max(1e-4 * height, reach / 31_990)
+
+
+@pytest.mark.parametrize("size", [32_000, 300_000])
+def test_tracks_that_leap_from_end_to_end_survive(size):
+    rng = np.random.default_rng(0)
+    places = rng.choice([-1.0, 1.0], (50, 4, 3)) * size
+    unit, path, pose = quantize(places, 0, 1.0)
+    assert np.abs(dequantize(unit, path, pose) - places).max() <= 0.5 * unit + size * 2**-23
+
+
+@pytest.mark.parametrize(
+    ("turn", "up"),
+    [
+        ([0, 0, 0], 1),
+        ([np.pi / 2, 0, 0], 2),
+        ([0, 0, -np.pi / 2], 0),
+        ([0, 0, np.pi / 2], 0),
+        ([np.pi, 0, 0], 1),
+        ([-np.pi / 2, 0, 0], 2),
+    ],
+)
+def test_figures_stand_upright_and_are_not_mirrored(motion, turn, up):
+    short = motion[:40]
+    whole = rotations.exp(np.array(turn, float))
+    quats, places = short.rotations.copy(), short.positions.copy()
+    quats[:, 0] = rotations.multiply(np.broadcast_to(whole, quats[:, 0].shape), quats[:, 0])
+    places[:, 0] = rotations.rotate(whole, places[:, 0])
+    turned = replace(short, rotations=quats, positions=places, channel_values=None)
+    world = turned.world_positions()
+    feet_to_head = world[:, motion.skeleton.index("Head")] - world[:, 3]
+    assert int(np.abs(feet_to_head.mean(axis=0)).argmax()) == up
+    got, plain = (
+        clip_positions(page_data(view(m, show=False))["clips"][0]) for m in (turned, short)
+    )
+    # Heights agree, and so does the hand of the body: left of the way it faces is left.
+    np.testing.assert_allclose(got[..., 1], plain[..., 1], atol=0.1)
+
+    def handed(places):
+        hips, left, right, head = (
+            places[:, motion.skeleton.index(name)]
+            for name in ("Hips", "LeftUpLeg", "RightUpLeg", "Head")
+        )
+        ahead = places[:, motion.skeleton.index("LeftFoot")] - hips
+        return np.einsum("fi,fi->f", np.cross(left - right, head - hips), ahead)
+
+    np.testing.assert_allclose(handed(got), handed(plain), rtol=0.02, atol=30)
+
+
+def test_end_sites_are_drawn_where_they_are(motion):
+    clip = page_data(view(motion[:20], show=False))["clips"][0]
+    turns, joints = motion[:20].world_transforms()
+    places = clip_positions(clip)
+    assert clip["nodes"] == motion.n_joints + len(motion.skeleton.end_sites)
+    for index, site in enumerate(motion.skeleton.end_sites):
+        want = joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
+        np.testing.assert_allclose(places[:, motion.n_joints + index], want, atol=clip["unit"])
+        assert clip["parents"][motion.n_joints + index] == site.parent
+
+
+def test_eyes_are_no_second_head(motion):
+    skeleton = motion.skeleton
+    head = skeleton.index("Head")
+    with_eyes = Skeleton(
+        [*skeleton.names, "LeftEye"],
+        [*skeleton.parents, head],
+        np.concatenate([skeleton.offsets, [[3, 8, 8]]]),
+        end_sites=(EndSite(head, [0, 20, 0]), EndSite(18, [0, 0, 2])),
+    )
+    still = Motion(with_eyes, 0.1, [[[0, 0, 0, 1]] * 19], with_eyes.offsets[None])
+    width = page_data(view(still, show=False))["clips"][0]["width"]
+    eye, crown, sight = width[18:]
+    assert eye == sight < 1 < crown
+    bare = replace(with_eyes, end_sites=(EndSite(18, [0, 0, 2]),))
+    still = replace(still, skeleton=bare)
+    clip = page_data(view(still, show=False))["clips"][0]
+    assert clip["parents"][-1] == head
+    assert clip["width"][-1] == crown
+    assert np.linalg.norm(np.diff(clip_positions(clip)[0, [head, -1]], axis=0)) > 1
+
+
+def test_a_graft_is_shown_after_its_base_with_where_its_parts_come_from(motion, new):
+    data = page_data(view(motion, new, show=False))
+    assert [clip["name"] for clip in data["clips"]] == ["dance", "dance_graft0"]
+    base, grafted = data["clips"]
+    assert [row["group"] for row in base["rows"]] == ["lower", "upper"]
+    (row,) = grafted["rows"]
+    own = [s for s in new.substitutions if s.group == "upper"]
+    assert row["start"] == [s.start for s in own]
+    assert row["stop"] == [s.stop for s in own]
+    assert row["first"] == [s.donor_start for s in own]
+    assert row["last"] == [s.donor_stop for s in own]
+    assert [source < 0 for source in row["source"]] == [s.is_own for s in own]
+    assert row["cluster"] == [int(new.library.labels["upper"][s.donor]) for s in own]
+    gaps = {seam.frame: np.degrees(seam.gap) for seam in new.seams}
+    for part, start in enumerate(row["start"]):
+        want = gaps.get(start)
+        assert row["before"][part] == (None if want is None else pytest.approx(want, abs=0.006))
+    assert data["donors"] == ["dance"]
+    joints = new.library.joints("upper")
+    assert {grafted["groups"][grafted["group"][joint]] for joint in joints} == {"upper"}
+
+
+def test_the_same_motion_is_shown_once_and_others_keep_names_of_their_own(motion, new, library):
+    names = [figure.name for figure in Scene.of([new, motion, new, library]).figures]
+    assert names == ["dance", "dance_graft0"]
+    twice = [motion, replace(motion[:50])]
+    assert [figure.name for figure in Scene.of(twice).figures] == ["dance", "dance (2)"]
+
+
+def test_a_plain_motion_has_its_segments_and_its_parts_coloured(motion):
+    clip = page_data(view(motion, show=False))["clips"][0]
+    assert clip["groups"] == ["lower", "torso", "larm", "rarm"]
+    (row,) = clip["rows"]
+    cut = segment(motion)
+    assert row["start"] == cut.start.tolist()
+    assert set(row["cluster"]) == {-1}
+    energy = kinetic_energy(motion)
+    assert abs(np.corrcoef(clip["energy"], energy[: len(clip["energy"])])[0, 1]) > 0.8
+    own_groups = JointGroups.preset("lower_upper", motion.skeleton)
+    for groups in ("lower_upper", own_groups):
+        got = page_data(view(motion, groups=groups, show=False))["clips"][0]
+        assert got["groups"] == ["lower", "upper"]
+
+
+def test_what_is_no_body_and_what_does_not_move_is_shown_too():
+    rod = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
+    still = Motion(rod, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
+    data = page_data(view(still, show=False))
+    assert data["clips"][0]["rows"] == []
+    assert data["clips"][0]["groups"] == ["body"]
+    assert data["clips"][0]["name"] == "motion"
+
+
+def test_of_long_motions_not_every_frame_is_kept_and_the_page_says_so(motion):
+    scene = Scene.of([motion])
+    n_nodes = motion.n_joints + len(motion.skeleton.end_sites)
+    data = encode_scene(scene, max_positions=motion.n_frames * n_nodes // 3 + 1)
+    clip = data["clips"][0]
+    assert clip["step"] == 3
+    assert clip["frames"] == motion.n_frames
+    assert "every 3rd frame" in data["note"]
+    whole = encode_scene(scene)["clips"][0]
+    np.testing.assert_allclose(
+        clip_positions(clip), clip_positions(whole)[::3], atol=1.1 * whole["unit"]
+    )
+    assert encode_scene(scene)["note"] == ""
+
+
+@pytest.mark.parametrize("name", HOSTILE_NAMES)
+def test_names_cannot_break_out_of_the_page(motion, name):
+    skeleton = replace(motion.skeleton, names=(name, *motion.skeleton.names[1:]))
+    evil = replace(motion[:30], skeleton=skeleton, name=name)
+    groups = JointGroups(
+        {name or "g": ["*Leg", "*Foot", 0], "rest": list(range(7, 18))}, name or "g"
+    )
+    page = view(evil, groups=groups, show=False)
+    harmless = view(motion[:30], show=False)
+    tags = [tag for tag, _ in Tags(page.html).found]
+    assert tags == [tag for tag, _ in Tags(harmless.html).found]
+    assert page_data(page)["clips"][0]["name"] == (name or "motion")
+    outer = Tags(page._repr_html_()).found
+    assert [tag for tag, _ in outer] == ["iframe"]
+    assert outer[0][1]["srcdoc"] == page.html
+    assert set(outer[0][1]) == {"sandbox", "srcdoc", "title", "style"}
+    assert outer[0][1]["sandbox"] == "allow-scripts"
+
+
+def test_only_the_viewers_own_script_and_style_may_run(motion):
+    page = view(motion[:30], title="A & B", show=False)
+    found = Tags(page.html).found
+    policy = next(a["content"] for _, a in found if a.get("http-equiv"))
+    assert policy.startswith("default-src 'none'")
+    for tag in ("script", "style"):
+        text = re.search(rf"<{tag}>(.*?)</{tag}>", page.html, re.DOTALL)[1]
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+        assert f"{tag}-src 'sha256-{digest}'" in policy
+    assert "unsafe" not in policy
+    assert not [a for _, a in found if "style" in a or any(k.startswith("on") for k in a)]
+    assert not [a for _, a in found if "src" in a or "href" in a]
+    assert "<title>A &amp; B</title>" in page.html
+
+
+def test_pages_are_saved_whole_and_not_over_others(motion, tmp_path):
+    page = view(motion[:30], show=False)
+    path = page.save(tmp_path / "page.html")
+    assert path.read_text(encoding="utf-8") == page.html
+    with pytest.raises(FileExistsError, match=r"page\.html exists; force=True"):
+        page.save(path)
+    page.save(path, force=True)
+    assert [p.name for p in tmp_path.iterdir()] == ["page.html"]
+    assert repr(page).startswith("Page('dance', ")
+
+
+def test_what_cannot_be_shown_is_named(motion):
+    with pytest.raises(TypeError, match="items must be motions, grafts or libraries, got 3"):
+        view(3, show=False)
+    with pytest.raises(ValueError, match="items must contain at least one motion"):
+        view(show=False)
+    with pytest.raises(ValueError, match="preset must be one of"):
+        view(motion, groups="wings", show=False)
+
+
+def test_notebooks_show_motions_grafts_and_pages_inline(motion, new):
+    for value in (motion, new, view(motion, show=False)):
+        ((tag, attributes),) = Tags(value._repr_html_()).found
+        assert tag == "iframe"
+        assert attributes["srcdoc"].startswith("<!doctype html>")
+
+
+def test_the_browser_is_opened_when_wanted(motion, monkeypatch, capsys):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or False)
+    view(motion[:30], show=False)
+    view(motion[:30])  # Not in a terminal.
+    assert not opened
+    view(motion[:30], show=True)
+    assert opened[0].startswith("file:///")
+    assert "no browser" in capsys.readouterr().err
+
+
+@settings(max_examples=15)
+@given(strategies.motions(min_joints=2))
+def test_any_motion_makes_a_page_of_its_frames(motion):
+    clip = page_data(view(motion, show=False))["clips"][0]
+    assert clip_positions(clip).shape == (motion.n_frames, motion.n_joints, 3)
+    for row in clip["rows"]:
+        assert row["start"][0] == 0
+        assert row["stop"][-1] == motion.n_frames - 1
+
+
+def test_view_on_the_command_line(motion, tmp_path, monkeypatch, capsys):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
+    write_bvh(motion[:60], tmp_path / "a.bvh")
+    write_bvh(motion[60:120], tmp_path / "b.bvh")
+    page = tmp_path / "page.html"
+    assert main(["view", str(tmp_path), "-o", str(page), "--title", "two"]) == 0
+    assert capsys.readouterr().out.strip() == str(page)
+    assert "<title>two</title>" in page.read_text()
+    assert not opened
+    assert main(["view", str(tmp_path), "-o", str(page)]) == 1
+    assert "exists; --force overwrites" in capsys.readouterr().err
+    groups = tmp_path / "g.toml"
+    groups.write_text(JointGroups.preset("lower_upper", motion.skeleton).to_toml())
+    options = ["--force", "--open", "--json", "--groups", str(groups)]
+    assert main(["view", str(tmp_path / "a.bvh"), "-o", str(page), *options]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == {"schema": "mograft.view/1", "file": str(page), "title": "a"}
+    assert opened == [page.as_uri()]
+    assert main(["view", str(tmp_path / "a.bvh")]) == 0
+    assert len(opened) == 2
+    assert main(["view", str(tmp_path / "none.bvh")]) == 1

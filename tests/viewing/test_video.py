@@ -1,0 +1,183 @@
+"""Films: as long as the motion, of what moves, in time, and whole."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mograft import EndSite, Motion, Skeleton, write_bvh, write_video
+from mograft.cli import main
+from mograft.dancer import dance
+from mograft.io.figure import PALETTE
+from tests.strategies import HOSTILE_NAMES
+
+Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+SIZE = (160, 120)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(seed=1, strides=1).motion[:40]
+
+
+def program():
+    found = pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
+    return found.get_ffmpeg_exe()
+
+
+def frames_of(path, size=SIZE):
+    """The pictures of a film as another program decodes them."""
+    if path.suffix == ".gif":
+        with Image.open(path) as film:
+            return np.array([np.array(_at(film, i).convert("RGB")) for i in range(film.n_frames)])
+    words = [program(), "-loglevel", "error", "-i", str(path), "-f", "rawvideo"]
+    words += ["-fps_mode", "passthrough", "-pix_fmt", "rgb24", "-"]
+    raw = subprocess.run(words, capture_output=True, check=True).stdout
+    return np.frombuffer(raw, np.uint8).reshape(-1, size[1], size[0], 3)
+
+
+def _at(film, index):
+    film.seek(index)
+    return film
+
+
+def shares(picture):
+    """The share of a picture that has each colour of the joint groups."""
+    colours = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in PALETTE[:4]])
+    far = np.abs(picture[None].astype(int) - colours[:, None, None]).max(axis=-1)
+    return (far < 40).mean(axis=(1, 2))
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_film_shows_the_figure_and_it_moves(motion, tmp_path, ending, dark):
+    if ending == "mp4":
+        program()
+    path = tmp_path / f"m.{ending}"
+    # On the spot, so that the camera stands still: what differs are the limbs.
+    places = np.tile(motion.positions[:1], (motion.n_frames, 1, 1))
+    motion = replace(motion, positions=places, channel_values=None)
+    assert write_video(motion, path, rate=15, size=SIZE, dark=dark) == 15
+    film = frames_of(path)
+    assert len(film) == motion.resample(15).n_frames
+    paper = np.median(film[0].reshape(-1, 3), axis=0)
+    assert (paper.mean() < 100) == dark
+    for picture in (film[0], film[-1]):
+        # In one of four pixels colour is blurred away by the film's format.
+        assert (shares(picture) > 0.0003).all()
+        assert shares(picture).sum() < 0.3
+    above = film[:, :100].astype(int)  # Below runs the clock.
+    assert (np.abs(above[-1] - above[0]).max(axis=-1) > 60).mean() > 0.005
+
+
+@settings(max_examples=30)
+@given(st.integers(1, 30), st.floats(2, 50))
+def test_a_gif_keeps_time_to_a_hundredth(tmp_path_factory, n_frames, rate):
+    motion = dance(seed=1, strides=1).motion[:n_frames]
+    path = tmp_path_factory.mktemp("gif") / "m.gif"
+    write_video(motion, path, rate=rate, size=(64, 64))
+    count = motion.resample(rate).n_frames
+    with Image.open(path) as film:
+        # Pictures that are alike are one, shown for longer.
+        assert film.n_frames <= count
+        shown = [_at(film, i).info["duration"] for i in range(film.n_frames)]
+    assert abs(sum(shown) - 1000 * count / rate) <= 5.001
+
+
+def test_a_film_that_is_given_no_rate_takes_one_that_divides_the_motions(motion, tmp_path):
+    fast = replace(motion, frame_time=1 / 120)
+    assert write_video(motion, tmp_path / "a.gif", size=SIZE) == 15
+    assert write_video(fast[:8], tmp_path / "b.gif", size=SIZE) == 20
+    program()
+    assert write_video(motion[:2], tmp_path / "a.mp4", size=SIZE) == 30
+    assert write_video(fast[:8], tmp_path / "b.mp4", size=SIZE) == 60
+    assert len(frames_of(tmp_path / "b.mp4")) == 5  # As many as there are seconds for.
+
+
+def test_figures_stand_side_by_side_and_short_ones_wait(motion, tmp_path):
+    write_video([motion, motion[:10]], tmp_path / "m.gif", rate=30, size=(320, 120))
+    film = frames_of(tmp_path / "m.gif").astype(int)
+    left, right = film[:, :, :158], film[:, :100, 162:]  # Below runs the clock.
+    for half in (left[0], right[0]):
+        assert (shares(half) > 0.0005).all()
+    assert (np.abs(right[12] - right[-1]).max() <= 2).all()
+    assert np.abs(left[12] - left[-1]).max() > 60
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_the_same_motion_gives_the_same_bytes(motion, tmp_path, ending):
+    if ending == "mp4":
+        program()
+    made = []
+    for name in ("a", "b"):
+        write_video(motion[:6], tmp_path / f"{name}.{ending}", size=SIZE)
+        made.append((tmp_path / f"{name}.{ending}").read_bytes())
+    assert made[0] == made[1]
+
+
+@pytest.mark.parametrize("name", [*HOSTILE_NAMES, "엉덩이", "x" * 500])
+def test_any_name_and_any_skeleton_can_be_filmed(tmp_path, name):
+    lone = Skeleton([name], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
+    motion = Motion(lone, 0.1, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2, name=name)
+    write_video(motion, tmp_path / "m.gif", size=SIZE)
+    assert frames_of(tmp_path / "m.gif")[0].shape == (120, 160, 3)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"size": (161, 120)}, "size must be even numbers from 64 to 4096, got 161x120"),
+        ({"size": (62, 120)}, "size must be even numbers"),
+        ({"rate": 0}, r"rate must be above 0 and at most 50 for \.gif, got 0"),
+        ({"rate": 51}, "rate must be above 0 and at most 50"),
+        ({"rate": np.nan}, "rate must be above 0"),
+        ({"groups": "wings"}, "preset must be one of"),
+    ],
+)
+def test_what_cannot_be_filmed_is_refused(motion, tmp_path, options, told):
+    with pytest.raises(ValueError, match=told):
+        write_video(motion, tmp_path / "m.gif", **options)
+    with pytest.raises(ValueError, match="motions must contain at least one"):
+        write_video([], tmp_path / "m.gif")
+    with pytest.raises(ValueError, match=r"path must end in \.mp4 or \.gif, got m\.avi"):
+        write_video(motion, tmp_path / "m.avi")
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(FileNotFoundError):
+        write_video(motion, tmp_path / "none" / "m.gif", size=SIZE)
+
+
+def test_what_ffmpeg_says_is_told(motion, tmp_path, monkeypatch):
+    (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no such codec' >&2\nexit 3\n")
+    (tmp_path / "ffmpeg").chmod(0o755)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    with pytest.raises(OSError, match="could not write the film: no such codec"):
+        write_video(motion, tmp_path / "m.mp4")
+    assert [path.name for path in tmp_path.iterdir()] == ["ffmpeg"]
+
+
+def test_export_writes_films_and_names_the_extra_where_it_is_absent(
+    motion, tmp_path, capsys, monkeypatch
+):
+    write_bvh(motion, tmp_path / "a.bvh")
+    words = ["export", str(tmp_path / "a.bvh"), str(tmp_path / "a.bvh"), "--size", "160x120", "-o"]
+    options = ["--rate", "10", "--frames", "10-29", "--dark"]
+    assert main([*words, str(tmp_path / "x.gif"), *options]) == 0
+    assert "160 by 120 pixels, 10 pictures per second" in capsys.readouterr().err
+    assert len(frames_of(tmp_path / "x.gif")) == motion[10:30].resample(10).n_frames
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    monkeypatch.setenv("PATH", "")
+    assert main([*words, str(tmp_path / "x.mp4")]) == 1
+    assert "films need imageio-ffmpeg: pip install 'mograft[video]'" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert main([*words, str(tmp_path / "y.gif")]) == 1
+    assert "films need Pillow: pip install 'mograft[video]'" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bvh", "x.gif"]
+    for wrong in (["--size", "big"], ["--size", "160"], ["--frames", "9-3"], ["--scale", "cm"]):
+        with pytest.raises(SystemExit) as stop:
+            main([*words, str(tmp_path / "z.gif"), *wrong])
+        assert stop.value.code == 2
