@@ -152,7 +152,8 @@ def measure(files, jobs):
         result = run(QUERY, Path(folder) / "1.0")
         print(
             f"opening and listing {result['found']} candidates: {result['query'] * 1e3:.0f} ms "
-            f"in a new process (import {result['import'] * 1e3:.0f} ms before), peak {result['MB']:.0f} MB"
+            f"in a new process (import {result['import'] * 1e3:.0f} ms before), "
+            f"peak {result['MB']:.0f} MB"
         )
 
 
