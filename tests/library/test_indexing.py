@@ -208,7 +208,7 @@ def test_graft_tag_constraints_select_donor_clips(clip_folder, stored_library, i
     assert names <= walking
     grafted = graft(library, "c", constraints=[NotFrom("d", tags=["walk"])])
     assert {part.clip for part in grafted.substitutions if not part.is_own} <= {"a", "c"}
-    with pytest.raises(ValueError, match="tags must be of jump, walk; got 'happy'"):
+    with pytest.raises(ValueError, match="tags must be among jump, walk; got 'happy'"):
         graft(library, "c", constraints=[OnlyFrom(tags="happy")])
     segment = int(library.segments.of_clip(0)[2])
     candidates = library.candidates(segment, "upper", [NotFrom(tags="walk")])
