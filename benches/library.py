@@ -1,10 +1,10 @@
-"""Time indexing, adding to and opening a library, and watch its memory.
+"""Measure time and memory of indexing, extending and opening a library.
 
 Run with a release build: ``python benches/library.py FOLDER``, where FOLDER holds BVH files of
-one skeleton. Prints machine, build profile and Markdown tables: seconds, processor seconds,
-peak memory of all processes together (the sum of their resident sets, sampled, which counts
-shared pages twice), growth over 10, 30 and 100 % of the clips with its exponent. With
-``--kill N`` it kills N runs of index and add at random moments instead and checks what is left.
+one skeleton. Prints the machine, the build profile and Markdown tables with seconds, processor
+seconds and peak memory for 10, 30 and 100 % of the clips, and the exponent of growth. Peak memory
+is the sum of the resident sets of all processes; it counts shared pages several times. With
+``--kill N`` it kills N runs of index and add at random moments and checks the folders.
 """
 
 import argparse
@@ -35,21 +35,21 @@ from mograft import Library
 warnings.simplefilter("ignore")
 stages = {}
 last = ["start", time.perf_counter()]
-def tell(stage, done, whole):
+def record(stage, done, total):
     now = time.perf_counter()
     stages[last[0]] = stages.get(last[0], 0.0) + now - last[1]
     last[:] = [stage, now]
-way, target, jobs = sys.argv[1], sys.argv[2], int(sys.argv[4])
+action, target, jobs = sys.argv[1], sys.argv[2], int(sys.argv[4])
 files = open(sys.argv[3]).read().split("\\n")
 if __name__ == "__main__":
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) if jobs > 1 else None
     start = time.perf_counter()
-    if way == "add":
-        library = Library.open(target).add(files, executor=pool, progress=tell)
+    if action == "add":
+        library = Library.open(target).add(files, executor=pool, progress=record)
     else:
-        library = Library.index(files, target, "lower_torso_arms", executor=pool, progress=tell)
+        library = Library.index(files, target, "lower_torso_arms", executor=pool, progress=record)
     seconds = time.perf_counter() - start
-    tell("end", 0, 0)
+    record("end", 0, 0)
     print(json.dumps({"seconds": seconds, "segments": len(library.segments), "stages": stages}))
     if pool is not None:
         pool.shutdown()
@@ -84,7 +84,7 @@ def resident(group):
 
 
 def run(script, *arguments):
-    """Run a script in processes of their own; return what it says, CPU seconds and peak MB."""
+    """Run a script in a new process; return its JSON output, CPU seconds and peak MB."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.NamedTemporaryFile("w", suffix=".py", delete=False) as file:
         file.write(script)
@@ -114,7 +114,8 @@ def run(script, *arguments):
     return {**json.loads(text.splitlines()[-1]), "cpu": cpu, "peak": peak[0]}
 
 
-def listed(folder, files):
+def write_list(folder, files):
+    """Write the paths of files to a file."""
     path = Path(folder) / "files.txt"
     path.write_text("\n".join(map(str, files)))
     return path
@@ -126,69 +127,71 @@ def measure(files, jobs):
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for share in (0.1, 0.3, 1.0):
-            some = files[:: round(1 / share)]
+            subset = files[:: round(1 / share)]
             target = Path(folder) / f"{share}"
-            got = run(INDEX, "index", target, listed(folder, some), jobs)
-            rows.append((len(some), got["seconds"], got["peak"]))
+            result = run(INDEX, "index", target, write_list(folder, subset), jobs)
+            rows.append((len(subset), result["seconds"], result["peak"]))
             stages = " | ".join(
-                f"{got['stages'].get(n, 0):.1f}" for n in ("reading", "comparing", "clustering")
+                f"{result['stages'].get(n, 0):.1f}" for n in ("reading", "comparing", "clustering")
             )
             print(
-                f"| {len(some)} | {got['segments']} | {got['seconds']:.1f} | {got['cpu']:.1f} "
-                f"| {stages} | {got['peak']:.0f} |",
+                f"| {len(subset)} | {result['segments']} | {result['seconds']:.1f} "
+                f"| {result['cpu']:.1f} | {stages} | {result['peak']:.0f} |",
                 flush=True,
             )
         clips, seconds, _ = (np.log([row[i] for row in rows]) for i in range(3))
         print(f"\nseconds grow as clips^{np.polyfit(clips, seconds, 1)[0]:.2f}")
-        most = Path(folder) / "most"
-        run(INDEX, "index", most, listed(folder, files[:-10]), jobs)
-        got = run(INDEX, "add", most, listed(folder, files), 1)
-        beyond = got["seconds"] - got["stages"].get("clustering", 0.0)
+        target = Path(folder) / "all but 10"
+        run(INDEX, "index", target, write_list(folder, files[:-10]), jobs)
+        result = run(INDEX, "add", target, write_list(folder, files), 1)
+        other = result["seconds"] - result["stages"].get("clustering", 0.0)
         print(
-            f"adding 10 clips: {got['seconds']:.1f} s, {beyond:.1f} s beyond clustering, "
-            f"{got['cpu']:.1f} CPU s, peak {got['peak']:.0f} MB"
+            f"adding 10 clips: {result['seconds']:.1f} s, {other:.1f} s without clustering, "
+            f"{result['cpu']:.1f} CPU s, peak {result['peak']:.0f} MB"
         )
-        got = run(QUERY, Path(folder) / "1.0")
+        result = run(QUERY, Path(folder) / "1.0")
         print(
-            f"opening and listing {got['found']} candidates: {got['query'] * 1e3:.0f} ms in a new "
-            f"process (import {got['import'] * 1e3:.0f} ms before), peak {got['MB']:.0f} MB"
+            f"opening and listing {result['found']} candidates: {result['query'] * 1e3:.0f} ms "
+            f"in a new process (import {result['import'] * 1e3:.0f} ms before), "
+            f"peak {result['MB']:.0f} MB"
         )
 
 
 def kill(files, times, seed=0):
-    """Kill index and add at random moments; what is left must open and be whole."""
+    """Kill index and add at random moments; the library must be the old or the new one."""
     from mograft import Library
-    from mograft.library import storage as store
+    from mograft.library import storage
 
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
-        some, more = files[:12], files[:18]
+        old_files, new_files = files[:12], files[:18]
         old = Path(folder) / "old"
-        run(INDEX, "index", old, listed(folder, some), 1)
+        run(INDEX, "index", old, write_list(folder, old_files), 1)
         start = time.perf_counter()
-        run(INDEX, "index", Path(folder) / "timed", listed(folder, more), 1)
+        run(INDEX, "index", Path(folder) / "timed", write_list(folder, new_files), 1)
         span = time.perf_counter() - start
         counts = {"none": 0, "old": 0, "new": 0}
         for number in range(times):
             target = Path(folder) / f"l{number}"
-            way = ("index", "add")[number % 2]
-            if way == "add":
+            action = ("index", "add")[number % 2]
+            if action == "add":
                 shutil.copytree(old, target)
-            command = [sys.executable, "-c", INDEX, way, target, listed(folder, more), "1"]
+            paths = write_list(folder, new_files)
+            command = [sys.executable, "-c", INDEX, action, target, paths, "1"]
             process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-            time.sleep(chance.uniform(0.2 * span, span))
+            time.sleep(rng.uniform(0.2 * span, span))
             process.send_signal(signal.SIGKILL)
             process.wait()
             if not target.exists():
                 counts["none"] += 1
                 continue
             library = Library.open(target)
-            wrong = store.verify(target)
-            if wrong or len(library.entries) not in (len(some), len(more)):
-                sys.exit(f"{target} opens wrongly: {wrong}, {library}")
-            counts["new" if len(library.entries) == len(more) else "old"] += 1
+            problems = storage.verify(target)
+            if problems or len(library.entries) not in (len(old_files), len(new_files)):
+                sys.exit(f"{target} is damaged: {problems}, {library}")
+            counts["new" if len(library.entries) == len(new_files) else "old"] += 1
             shutil.rmtree(target)
-    print(f"{times} kills of index and add: {counts}; none opens wrongly")
+    print(f"{times} kills of index and add: {counts}; no library is damaged")
 
 
 def main():
@@ -207,7 +210,7 @@ def main():
         f"{_core.BUILD_PROFILE} build, {len(files)} clips, {options.jobs} processes"
     )
     if load > math.ceil((os.cpu_count() or 1) / 4):
-        print("the machine is busy with other work: CPU seconds tell more than seconds")
+        print("other processes are running: compare CPU seconds instead of seconds")
     if options.kill:
         kill(files, options.kill)
     else:

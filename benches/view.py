@@ -1,8 +1,8 @@
-"""Print how soon things are seen: help, the demo, a viewer page and a step of its scrub.
+"""Print start-up times: help, the demo, a viewer page, a step of its scrub, and films.
 
-Run as ``python benches/view.py``. The demo runs in a process of its own that finds no compiled
-Python, as after a fresh install, and its page is opened in headless Chromium, as is a page of two
-figures of 31 joints over 1000 frames. The times of pages include the frame that the browser draws.
+Run as ``python benches/view.py``. The demo runs in a process without compiled Python files, as
+after a fresh installation. Headless Chromium opens its page, and a page of two figures of 31
+joints over 1000 frames. The times of pages include the frame that the browser draws.
 """
 
 import os
@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from mograft.dancer import dance
 from tests import strategies
-from tests.browser import chromium, opened
+from tests.browser import chromium, open_page
 
 SCRUB = """async () => {
   const times = [];
@@ -66,12 +66,12 @@ def start_up():
 
 
 def demo(browser, folder):
-    # An empty folder for compiled files: all of Python's are compiled anew.
-    nothing = {"PYTHONPYCACHEPREFIX": str(folder / "cache")}
+    # With an empty cache folder, Python compiles all modules again.
+    environment = {"PYTHONPYCACHEPREFIX": str(folder / "cache")}
     words = ["-m", "mograft", "demo", "-o", str(folder / "demo")]
-    run = seconds(words, **nothing)
+    run = seconds(words, **environment)
     start = time.perf_counter()
-    with opened(browser, folder / "demo" / "index.html"):
+    with open_page(browser, folder / "demo" / "index.html"):
         ready = time.perf_counter() - start
     print(f"mograft demo, nothing compiled: {run:.1f} s; its page is ready in {ready:.1f} s")
 
@@ -84,7 +84,7 @@ def page(browser, folder):
     path = made.save(folder / "page.html")
     for _ in range(3):
         start = time.perf_counter()
-        with opened(browser, path) as shown:
+        with open_page(browser, path) as shown:
             ready = time.perf_counter() - start
             middle, high = shown.evaluate(SCRUB)
         print(f"ready in {ready:.2f} s; scrub {middle:.1f} ms, 95 % under {high:.1f} ms")

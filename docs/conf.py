@@ -19,7 +19,7 @@ import mograft as mg
 from mograft import cli, plot
 from mograft.cli.parser import build_parsers
 from mograft.dancer import dance
-from mograft.scenario.walks import walk
+from mograft.scenario import walk
 from mograft.synthesis.stream import joined
 
 HERE = Path(__file__).parent

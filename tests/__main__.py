@@ -1,8 +1,8 @@
 """Run every check of the project: ``python -m tests [--thorough]``.
 
-Where there is a network, programs that read our files are fetched first: see `tests.fetch`.
-Rust next, since what follows stands on it; then style and types; then the tests. Every
-check runs, whatever the ones before it found; the exit code is 1 if any of them failed.
+`tests.fetch` first downloads the programs that read files of mograft, if there is a network.
+Checks of Rust follow, then style and types, then the tests. Every check runs even if an earlier
+one failed; the exit code is 1 if any failed.
 """
 
 import shutil
@@ -31,9 +31,9 @@ def main(arguments):
     if shutil.which("cargo") is None:
         print("cargo is needed: see https://rustup.rs", file=sys.stderr)
         return 1
-    # The crates that bind to Python are checked against the Python that runs this.
+    # The bindings are compiled for the Python that runs this script.
     print(f"Python {sysconfig.get_python_version()} at {PYTHON}", flush=True)
-    print("\n== programs that read our files", flush=True)
+    print("\n== programs that read files of mograft", flush=True)
     fetch()
     failed = []
     for name, command in CHECKS:

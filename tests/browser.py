@@ -1,4 +1,4 @@
-"""A headless Chromium for the tests of pages, or the reason why there is none."""
+"""A headless Chromium for the tests of pages; the tests skip without one."""
 
 import contextlib
 import os
@@ -9,19 +9,19 @@ import pytest
 
 from tests.clients import FETCHED
 
-PATIENCE = 120_000
-"""Milliseconds: a busy machine is no error."""
+TIMEOUT_MILLISECONDS = 120_000
+"""Long enough for a busy machine."""
 
 
 def executable():
-    """Return the path of a Chromium that is there, or None for playwright's own."""
+    """Return the path of an installed Chromium, or None for the one of playwright."""
     names = ("chromium", "chromium-browser", "google-chrome")
     return os.environ.get("MOGRAFT_CHROMIUM") or next(filter(None, map(shutil.which, names)), None)
 
 
 @contextlib.contextmanager
 def chromium():
-    """Start Chromium; skip the test where it or playwright is absent."""
+    """Start Chromium; skip the test if it or playwright is not installed."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if (FETCHED / "browsers").is_dir():
         os.environ.setdefault("PLAYWRIGHT_BROWSERS_PATH", str(FETCHED / "browsers"))
@@ -35,10 +35,10 @@ def chromium():
             browser = playwright.chromium.launch(
                 executable_path=path,
                 args=[f"--{switch}" for switch in switches],
-                timeout=PATIENCE,
+                timeout=TIMEOUT_MILLISECONDS,
             )
         except api.Error as error:
-            # Most often a library of the system that it needs is not there.
+            # Usually a system library is missing.
             pytest.skip(f"{path} does not start: {str(error).splitlines()[0]}")
         try:
             yield browser
@@ -47,28 +47,28 @@ def chromium():
 
 
 @contextlib.contextmanager
-def opened(browser, path, width=1280, height=800, theme="light"):
-    """Open a page; fail on a word in its console and on any request but its own."""
+def open_page(browser, path, width=1280, height=800, theme="light"):
+    """Open a page; fail on console output and on requests other than for the page."""
     page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=theme)
-    page.set_default_timeout(PATIENCE)
-    said, asked = [], []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
+    page.set_default_timeout(TIMEOUT_MILLISECONDS)
+    messages, requests = [], []
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
     page.goto(path.as_uri())
     page.wait_for_selector("#mograft[data-ready]")
     try:
         yield page
     finally:
         page.close()
-    assert said == []
-    assert asked == [path.as_uri()]
+    assert messages == []
+    assert requests == [path.as_uri()]
 
 
-def until(page, condition):
-    """Wait for it from outside: the page's own rules allow no script that would."""
-    for _ in range(PATIENCE // 20):
+def wait_until(page, condition):
+    """Poll a condition from outside, as the page's policy forbids the script of playwright."""
+    for _ in range(TIMEOUT_MILLISECONDS // 20):
         if page.evaluate(condition):
             return
         page.wait_for_timeout(20)
-    raise AssertionError(f"never: {condition}")
+    raise AssertionError(f"the condition never held: {condition}")

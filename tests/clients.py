@@ -1,4 +1,4 @@
-"""Other programs that read our files, or the reason why they are not there."""
+"""Other programs that read files of mograft; the tests skip without them."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 FETCHED = Path(__file__).parents[1] / ".clients"
-"""Where `tests.fetch` puts what it fetches."""
+"""Folder of the programs that `tests.fetch` downloads."""
 
 NODE_MODULES = Path(os.environ.get("MOGRAFT_NODE_MODULES") or FETCHED / "node_modules").resolve()
 
@@ -22,7 +22,7 @@ validator.validateBytes(new Uint8Array(data), {maxIssues: 20})
   .then((report) => console.log(JSON.stringify(report.issues)));
 """
 
-_LOOK = """
+_IMPORT = """
 import bpy, json, sys
 path, frames, rate = json.loads(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -50,25 +50,25 @@ print("RESULT" + json.dumps({"heads": heads, "actions": [a.name for a in bpy.dat
 
 
 def gltf_validator():
-    """Return a function that gives what the Khronos validator says of a GLB file."""
+    """Return a function from a GLB file to the messages of the Khronos validator."""
     node = shutil.which("node")
     if node is None:
-        pytest.skip("no node, which runs the glTF validator")
+        pytest.skip("node, which runs the glTF validator, is not installed")
     if not (NODE_MODULES / "gltf-validator").is_dir():
-        pytest.skip("no glTF validator: python -m tests fetches it where there is npm")
+        pytest.skip("the glTF validator is not installed: python -m tests fetches it by npm")
 
     def validate(path):
         with tempfile.TemporaryDirectory() as scratch:
             script = Path(scratch) / "validate.js"
             script.write_text(_VALIDATE)
-            told = subprocess.run(
+            completed = subprocess.run(
                 [node, script, path],
                 capture_output=True,
                 text=True,
                 check=True,
                 env={**os.environ, "NODE_PATH": str(NODE_MODULES)},
             )
-        issues = json.loads(told.stdout)
+        issues = json.loads(completed.stdout)
         assert issues["numErrors"] + issues["numWarnings"] == len(
             [m for m in issues["messages"] if m["severity"] < 2]
         )
@@ -78,26 +78,26 @@ def gltf_validator():
 
 
 def blender():
-    """Return a function that gives where Blender sees the bones of a file begin."""
+    """Return a function from a file and frames to the bone heads that Blender imports."""
     python = os.environ.get("MOGRAFT_BPY_PYTHON")
     if python is None:
         pytest.skip(
-            "no Blender: pip install bpy in an environment of its own, and set "
+            "Blender is not installed: pip install bpy in a separate environment, and set "
             "MOGRAFT_BPY_PYTHON to its python"
         )
 
-    def look(path, frames, rate):
-        # Blender's own numpy and ours differ: a process for each.
-        told = subprocess.run(
-            [python, "-c", _LOOK, json.dumps([str(path), frames, rate])],
+    def import_file(path, frames, rate):
+        # bpy needs another version of NumPy, hence a process of its own.
+        completed = subprocess.run(
+            [python, "-c", _IMPORT, json.dumps([str(path), frames, rate])],
             capture_output=True,
             text=True,
             check=False,
         )
-        lines = [line for line in told.stdout.splitlines() if line.startswith("RESULT")]
+        lines = [line for line in completed.stdout.splitlines() if line.startswith("RESULT")]
         if not lines:
-            print(told.stdout, told.stderr, file=sys.stderr)
-            raise AssertionError("Blender did not finish; see what it said")
+            print(completed.stdout, completed.stderr, file=sys.stderr)
+            raise AssertionError("Blender failed; its output is on stderr")
         return json.loads(lines[0][6:])
 
-    return look
+    return import_file

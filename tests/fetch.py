@@ -1,7 +1,7 @@
-"""Fetch the programs that read our files, as far as there is a network; say what is missing.
+"""Download the programs that read files of mograft into ``.clients``.
 
-They are kept in ``.clients``. The tests that need one skip with the reason where it is absent,
-so that nothing here is an error.
+Without a network this prints which program is missing. The tests that need it skip with a
+reason, so that no failure here is an error.
 """
 
 import importlib.util
@@ -14,11 +14,11 @@ from tests.browser import executable
 from tests.clients import FETCHED, NODE_MODULES
 
 VALIDATOR = "gltf-validator@2.0.0-dev.3.10"
-_SECONDS = 240
+_TIMEOUT_SECONDS = 240
 
 
 def fetch():
-    """Fetch what is not there yet."""
+    """Download the missing programs."""
     FETCHED.mkdir(exist_ok=True)
     print(f"Khronos glTF validator: {_validator()}", flush=True)
     print(f"Chromium: {_chromium()}", flush=True)
@@ -29,7 +29,7 @@ def _validator():
         return f"in {NODE_MODULES}"
     npm = shutil.which("npm")
     if npm is None or shutil.which("node") is None:
-        return "left out, there is no npm"
+        return "skipped: npm is not installed"
     words = [npm, "install", "--prefix", str(FETCHED), "--no-audit", "--no-fund"]
     words += ["--ignore-scripts", "--fetch-retries=1", "--fetch-timeout=30000", VALIDATOR]
     return _run(words)
@@ -37,7 +37,7 @@ def _validator():
 
 def _chromium():
     if importlib.util.find_spec("playwright") is None:
-        return "left out, playwright is not installed"
+        return "skipped: playwright is not installed"
     found = executable()
     if found is not None:
         return found
@@ -47,13 +47,15 @@ def _chromium():
 
 def _run(words):
     try:
-        told = subprocess.run(words, capture_output=True, text=True, check=False, timeout=_SECONDS)
+        completed = subprocess.run(
+            words, capture_output=True, text=True, check=False, timeout=_TIMEOUT_SECONDS
+        )
     except subprocess.TimeoutExpired:
-        return f"left out, {_SECONDS} s were not enough"
+        return f"skipped: not finished after {_TIMEOUT_SECONDS} s"
     except OSError as error:
-        return f"left out, {error}"
-    if told.returncode:
-        said = (told.stderr or told.stdout).strip().splitlines()
-        why = next((line for line in said if "error" in line.lower()), "no word of why")
-        return f"left out: {why}"
+        return f"skipped: {error}"
+    if completed.returncode:
+        lines = (completed.stderr or completed.stdout).strip().splitlines()
+        reason = next((line for line in lines if "error" in line.lower()), "no message")
+        return f"skipped: {reason}"
     return "fetched"

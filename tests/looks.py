@@ -1,7 +1,7 @@
-"""Take pictures of all that is shown, to be looked at: ``python -m tests.looks FOLDER [FILE]``.
+"""Save pictures of all visual output, for review: ``python -m tests.looks FOLDER [FILE]``.
 
-The viewer and the report as Chromium shows them, every kind of plot, and a film's first moments,
-each light and dark and 1280 and 480 pixels wide, of a BVH file or else of the built-in dancer.
+The viewer and the report in Chromium, every kind of plot, and the first second of a film, each
+light and dark and 1280 and 480 pixels wide, of a BVH file or the built-in dancer.
 """
 
 import sys
@@ -14,7 +14,7 @@ from matplotlib import pyplot
 import mograft as mg
 from mograft import plot
 from mograft.dancer import dance
-from tests.browser import chromium, opened
+from tests.browser import chromium, open_page
 
 THEMES = ("light", "dark")
 WIDTHS = {1280: 800, 480: 850}
@@ -22,7 +22,7 @@ DPI = 100
 
 
 def pages(folder, grafts):
-    """Take the viewer with one and several figures, overlaid and held, and the whole report."""
+    """Save the viewer with one and two figures, overlaid and with its keys, and the report."""
     new, *_ = grafts
     paths = {
         "viewer": mg.view(new, show=False).save(folder / "viewer.html", force=True),
@@ -33,7 +33,7 @@ def pages(folder, grafts):
         for theme in THEMES:
             for width, height in WIDTHS.items():
                 for name, path in paths.items():
-                    with opened(browser, path, width, height, theme) as page:
+                    with open_page(browser, path, width, height, theme) as page:
                         page.evaluate("mograft.seek(Math.min(75, mograft.frames - 1))")
                         target = folder / f"{name}-{theme}-{width}.png"
                         page.screenshot(path=target, full_page=name == "report")
@@ -49,11 +49,11 @@ def pages(folder, grafts):
 def plots(folder, new):
     """Draw every kind of plot."""
     library, motion = new.library, new.motion[:900]
-    few = min(300, motion.n_frames - 1)
+    last = min(300, motion.n_frames - 1)
     kinds = {
         "strip": (2.2, lambda ax, poses: plot.strip(motion, poses, groups="lower_upper", ax=ax)),
-        "energy": (2.8, lambda ax, _: plot.energy(motion[: few + 1], ax=ax)),
-        "timeline": (1.7, lambda ax, _: plot.timeline(new, frames=(0, few), ax=ax)),
+        "energy": (2.8, lambda ax, _: plot.energy(motion[: last + 1], ax=ax)),
+        "timeline": (1.7, lambda ax, _: plot.timeline(new, frames=(0, last), ax=ax)),
         "pca": (5.0, lambda ax, _: plot.pca(library, ax=ax)),
         "dendrogram": (4.0, lambda ax, _: plot.dendrogram(library, ax=ax)),
         "clusters": (3.0, lambda ax, _: plot.clusters(library, ax=ax)),
@@ -71,7 +71,7 @@ def plots(folder, new):
 
 
 def films(folder, new):
-    """Film the first second, and keep it as a GIF."""
+    """Save the first second as a GIF."""
     for theme in THEMES:
         for width in WIDTHS:
             mg.write_video(

@@ -21,7 +21,7 @@ from mograft.evaluation.people import (
     label_page,
     read_labels,
 )
-from tests.browser import chromium, opened
+from tests.browser import chromium, open_page
 
 WAYS = (RandomLength(), Analogy())
 
@@ -217,7 +217,7 @@ def test_too_few_labels_are_refused(library, items):
 @pytest.mark.browser
 def test_keys_become_labels_that_can_be_read(library, items, tmp_path):
     path = label_page(library, items[:4], "Look").save(tmp_path / "label.html")
-    with chromium() as browser, opened(browser, path) as page:
+    with chromium() as browser, open_page(browser, path) as page:
         for key in ("j", "f", "u", "j", "s", "f"):
             page.keyboard.press(key)
         assert page.evaluate("mograft.at()") == 4

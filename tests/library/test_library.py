@@ -1,4 +1,4 @@
-"""Laws of the library: clips in, segments with labels out."""
+"""Properties of libraries in memory: building, querying, deriving."""
 
 from dataclasses import replace
 
@@ -7,10 +7,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mograft import Config, JointGroups, Library, Motion, SkeletonMismatchError, write_bvh
+import mograft
+from mograft import (
+    Config,
+    JointGroups,
+    Library,
+    Motion,
+    Skeleton,
+    SkeletonMismatchError,
+    write_bvh,
+)
+from mograft.analysis.embedding import features, normalise
+from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.oracles import pipeline as plain
+from tests.library.checks import DANCE
+from tests.oracles import pipeline as oracle
 from tests.strategies import motions
 
 
@@ -24,74 +36,72 @@ def library(motion):
     return Library.build(motion)
 
 
-def test_every_segment_has_a_label_and_every_cluster_keeps_its_diameter(library):
-    for group, own in library.embedding.items():
+def test_build_clusters_have_at_most_diameter_sigma(library):
+    for group, embedding in library.embedding.items():
         labels = library.labels[group]
-        assert len(labels) == len(own.points) == len(library.segments)
+        assert len(labels) == len(embedding.points) == len(library.segments)
         for cluster in range(labels.max() + 1):
-            points = own.points[labels == cluster]
-            apart = np.linalg.norm(points[:, None] - points, axis=-1)
-            assert apart.max() <= library.sigma[group]
+            points = embedding.points[labels == cluster]
+            distances = np.linalg.norm(points[:, None] - points, axis=-1)
+            assert distances.max() <= library.sigma[group]
 
 
-def test_labels_are_those_of_the_plain_version(motion, library):
+def test_build_labels_match_oracle(motion, library):
     bounds = np.array([0, *library.segments.stop])
-    for group, own in library.embedding.items():
-        root = 0 if own.has_root else None
-        matrix = plain.features(
+    for group, embedding in library.embedding.items():
+        root = 0 if embedding.has_root else None
+        matrix = oracle.features(
             motion.rotations,
             motion.positions[:, 0],
             bounds,
-            own.joints,
+            embedding.joints,
             root,
             library.up,
             1.0,
             motion.frame_time,
             library.config,
         )
-        n_rotations = 30 * len(own.joints)
-        matrix[:, n_rotations:-1] /= heights(motion)
-        points = plain.embed(matrix, n_rotations, library.config)
+        n_rotations = 30 * len(embedding.joints)
+        matrix[:, n_rotations:-1] /= height_of(motion)
+        points = oracle.embed(matrix, n_rotations, library.config)
         # Samples are stored in single precision, and loadings are rounded to about 1e-6.
-        np.testing.assert_allclose(own.points, points, atol=3e-5)
-        sigma = plain.sigma(points, library.config)
+        np.testing.assert_allclose(embedding.points, points, atol=3e-5)
+        sigma = oracle.sigma(points, library.config)
         assert library.sigma[group] == pytest.approx(sigma, rel=1e-6)
-        same = plain.cluster(points, sigma)
-        pairs = {*zip(same.tolist(), library.labels[group].tolist(), strict=True)}
-        assert len(pairs) == same.max() == library.labels[group].max() + 1
+        expected = oracle.cluster(points, sigma)
+        pairs = {*zip(expected.tolist(), library.labels[group].tolist(), strict=True)}
+        assert len(pairs) == expected.max() == library.labels[group].max() + 1
 
 
-def heights(motion):
-    from mograft.body.mass import mass_model
-
-    return mass_model(motion.skeleton).height
-
-
-def test_clips_are_cut_each_by_itself(motion):
+def test_build_several_clips_are_segmented_separately(motion):
     whole = Library.build([motion[:300], motion[300:700]])
     for index, clip in enumerate(whole.clips):
-        own = whole.segments.of_clip(index)
-        assert whole.segments.start[own[0]] == 0
-        assert whole.segments.stop[own[-1]] == clip.n_frames - 1
+        segments = whole.segments.of_clip(index)
+        assert whole.segments.start[segments[0]] == 0
+        assert whole.segments.stop[segments[-1]] == clip.n_frames - 1
     assert [clip.name for clip in whole.clips] == ["dance", "dance~2"]
 
 
-def test_offsets_may_differ_and_sizes_do_not_count(motion):
+def height_of(motion):
+    return mass_model(motion.skeleton).height
+
+
+def test_build_scaled_skeleton_has_the_same_points(motion):
     skeleton = motion.skeleton
     sites = [replace(site, offset=site.offset * 2.5) for site in skeleton.end_sites]
-    grown = replace(
+    scaled = replace(
         motion,
         skeleton=replace(skeleton, offsets=skeleton.offsets * 2.5, end_sites=sites),
         positions=motion.positions * 2.5,
         channel_values=None,
     )
-    pair = Library.build([motion, grown])
+    pair = Library.build([motion, scaled])
     half = len(pair.segments) // 2
-    for own in pair.embedding.values():
-        np.testing.assert_allclose(own.points[:half], own.points[half:], atol=1e-5)
+    for embedding in pair.embedding.values():
+        np.testing.assert_allclose(embedding.points[:half], embedding.points[half:], atol=1e-5)
 
 
-def test_other_hierarchies_are_refused_by_joint(motion):
+def test_build_other_hierarchy_raises_skeleton_mismatch(motion):
     names = list(motion.skeleton.names)
     names[3] = "Hoof"
     other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="goat")
@@ -99,18 +109,18 @@ def test_other_hierarchies_are_refused_by_joint(motion):
         Library.build([motion, other])
 
 
-def test_a_clip_of_one_frame_is_refused(motion):
-    with pytest.raises(ValueError, match="still must have at least 2 frames, got 1"):
-        Library.build([motion, replace(motion[:1], name="still")])
+def test_build_single_frame_or_no_clip_raises_value_error(motion):
+    with pytest.raises(ValueError, match="single must have at least 2 frames, got 1"):
+        Library.build([motion, replace(motion[:1], name="single")])
     with pytest.raises(ValueError, match="sources must hold at least one clip"):
         Library.build([])
 
 
-def test_files_and_globs_are_read_in_order_of_name(motion, tmp_path):
+def test_build_globs_are_sorted_by_name(motion, tmp_path):
     for name in ("b", "a", "c"):
         write_bvh(motion[:200], tmp_path / f"{name}.bvh")
-    found = Library.build(str(tmp_path / "*.bvh"))
-    assert [clip.name for clip in found.clips] == ["a", "b", "c"]
+    library = Library.build(str(tmp_path / "*.bvh"))
+    assert [clip.name for clip in library.clips] == ["a", "b", "c"]
     assert len(Library.build(tmp_path / "a.bvh").clips) == 1
     with pytest.raises(FileNotFoundError, match="no file matches"):
         Library.build(str(tmp_path / "*.fbx"))
@@ -118,14 +128,14 @@ def test_files_and_globs_are_read_in_order_of_name(motion, tmp_path):
         Library.index([tmp_path / "a.bvh", tmp_path / "missing.bvh"], tmp_path / "library")
 
 
-def test_other_rates_are_resampled_to_the_commonest_and_said(motion):
+def test_build_other_rate_is_resampled_with_warning(motion):
     fast = replace(motion[:400].resample(60.0), name="fast")
     with pytest.warns(UserWarning, match="resampled to 30 fps, the rate of most frames: fast"):
         mixed = Library.build([motion, fast])
     assert mixed.clips[1].rate == pytest.approx(30.0)
 
 
-def test_a_constant_pose_is_a_library_with_a_warning(motion):
+def test_build_constant_pose_has_no_embedding_and_warns(motion):
     still = replace(
         motion[:200],
         rotations=np.tile(motion.rotations[:1], (200, 1, 1)),
@@ -134,17 +144,17 @@ def test_a_constant_pose_is_a_library_with_a_warning(motion):
     )
     with pytest.warns(UserWarning, match="alike|too few"):
         library = Library.build(still)
-    assert all(own is None for own in library.embedding.values())
+    assert all(embedding is None for embedding in library.embedding.values())
     np.testing.assert_array_equal(library.labels["lower"], np.arange(len(library.segments)))
 
 
-def test_a_lone_segment_is_a_library_with_a_warning(motion):
+def test_build_single_segment_warns(motion):
     with pytest.warns(UserWarning, match="1 segment is too few to compare"):
         library = Library.build(motion[:4])
     assert len(library.segments) == 1
 
 
-def test_groups_must_fit(motion):
+def test_build_groups_that_do_not_fit_raise_value_error(motion):
     groups = JointGroups({"lower": ["Hips"], "upper": ["Spine"]}, base="lower")
     with pytest.raises(ValueError, match="LeftUpLeg"):
         Library.build(motion, groups)
@@ -152,58 +162,54 @@ def test_groups_must_fit(motion):
         Library.build(motion, "wings")
 
 
-def test_a_motion_put_among_its_own_segments_falls_into_their_clusters(motion, library):
-    """The same motion, moved and turned, is found again by what it does."""
+def test_resolve_base_moved_copy_joins_the_same_clusters(motion, library):
     turn = rotations.from_axis_angle([0, 1, 0], 1.0)
-    quats, places = motion.rotations.copy(), motion.positions.copy()
+    quats, positions = motion.rotations.copy(), motion.positions.copy()
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    places[:, 0] = rotations.rotate(turn, places[:, 0]) + np.array([5.0, 0.0, 9.0])
-    moved = replace(motion, rotations=quats, positions=places, name="moved", channel_values=None)
-    longer, at = library.resolve_base(moved)
-    assert at == 1
-    own = longer.segments.of_clip(1)
-    np.testing.assert_array_equal(longer.labels["lower"][own], library.labels["lower"])
-    assert not longer.is_donor[own].any()
+    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.array([5.0, 0.0, 9.0])
+    moved = replace(motion, rotations=quats, positions=positions, channel_values=None)
+    extended, index = library.resolve_base(moved)
+    assert index == 1
+    new = extended.segments.of_clip(1)
+    np.testing.assert_array_equal(extended.labels["lower"][new], library.labels["lower"])
+    assert not extended.is_donor[new].any()
     assert library.resolve_base(motion)[1] == 0
     assert library.resolve_base("dance")[1] == 0
     with pytest.raises(ValueError, match="base must be a clip, one of dance; got 'walk'"):
         library.resolve_base("walk")
 
 
-def test_a_motion_from_outside_stretches_no_cluster(motion, library):
+def test_with_clip_new_motion_keeps_cluster_diameters(motion, library):
     other = dance(seed=8, strides=1).motion
-    longer, at = library.resolve_base(other)
-    new = longer.segments.of_clip(at)
-    config = library.config
-    both = Library.build([motion, other], config=config)
-    assert len(both.segments) == len(longer.segments)
-    own = library.embedding["lower"]
+    extended = library.with_clip(other)
+    new = extended.segments.of_clip(1)
+    both = Library.build([motion, other], config=library.config)
+    assert len(both.segments) == len(extended.segments)
+    embedding = library.embedding["lower"]
     points = project(library, other)
-    labels = longer.labels["lower"]
+    labels = extended.labels["lower"]
     assert (labels[new] <= library.labels["lower"].max()).any()
     for point, label in zip(points, labels[new], strict=True):
-        members = own.points[library.labels["lower"] == label]
+        members = embedding.points[library.labels["lower"] == label]
         if len(members):
             assert np.linalg.norm(members - point, axis=1).max() <= library.sigma["lower"]
 
 
 def project(library, motion):
-    from mograft import segment
-    from mograft.analysis.embedding import features, normalise
-
-    own = library.embedding["lower"]
+    embedding = library.embedding["lower"]
     samples = normalise(
         [motion],
-        segment(motion),
+        mograft.segment(motion),
         library.config,
         root=library.root,
         up=library.up,
-        heights=[heights(motion)],
+        heights=[height_of(motion)],
     )
-    return own.project(features(samples, own.joints, own.reference, has_root=True))
+    matrix = features(samples, embedding.joints, embedding.reference, has_root=True)
+    return embedding.project(matrix)
 
 
-def test_labels_follow_sigma_and_nothing_else_changes(library):
+def test_relabelled_changes_labels_only(library):
     wider = library.relabelled(replace(library.config, sigma_scale=1.5))
     assert wider.labels["lower"].max() < library.labels["lower"].max()
     assert wider.segments is library.segments
@@ -213,11 +219,11 @@ def test_labels_follow_sigma_and_nothing_else_changes(library):
         library.relabelled(replace(library.config, samples=5))
 
 
-def test_candidates_are_listed_with_reasons(library):
+def test_candidates_list_reasons_and_check_arguments(library):
     for segment in (0, 5, len(library.segments) - 1):
-        found = library.candidates(segment, "upper")
-        assert found.allowed[0].segment == segment
-        assert all(candidate.refused for candidate in found.refused)
+        candidates = library.candidates(segment, "upper")
+        assert candidates.allowed[0].segment == segment
+        assert all(candidate.refused for candidate in candidates.refused)
     with pytest.raises(ValueError, match="group must not be the base group, 'lower'"):
         library.candidates(0, "lower")
     with pytest.raises(ValueError, match="group must be one of lower, upper, got 'tail'"):
@@ -226,12 +232,33 @@ def test_candidates_are_listed_with_reasons(library):
         library.candidates(99_999, "upper")
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")  # of leaps and the like, which are random here
+@pytest.mark.filterwarnings("ignore::UserWarning")  # random motions have faults
 @settings(max_examples=20)
 @given(motions(min_frames=60, min_joints=3), st.integers(0, 1))
-def test_any_skeleton_goes_with_groups_of_its_own(motion, paper):
+def test_build_any_skeleton_with_matching_groups_succeeds(motion, paper):
     names = list(motion.skeleton.names)
     groups = JointGroups({"base": names[:2], "rest": names[2:]}, base="base")
     library = Library.build(motion, groups, Config.paper() if paper else Config())
     assert isinstance(library.clips[0], Motion)
     assert len(library.labels["rest"]) == len(library.segments)
+
+
+def test_build_root_is_that_of_most_clips():
+    """One clip moves by the joint above the hips, two by the hips."""
+    names = ["Dummy", *DANCE.skeleton.names]
+    parents = [-1, *(DANCE.skeleton.parents + 1)]
+    offsets = np.concatenate([np.zeros((1, 3)), DANCE.skeleton.offsets])
+    skeleton = Skeleton(names, parents, offsets)
+    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (DANCE.n_frames, 1, 4))
+    by_hips = np.concatenate([np.zeros((DANCE.n_frames, 1, 3)), DANCE.positions], axis=1)
+    by_dummy = by_hips.copy()
+    by_dummy[:, 0], by_dummy[:, 1] = by_hips[:, 1], 0.0
+    quats = np.concatenate([still, DANCE.rotations], axis=1)
+    hips, dummy = (Motion(skeleton, 1 / 30, quats, p) for p in (by_hips, by_dummy))
+    groups = JointGroups({"low": names[:8], "high": names[8:]}, base="low")
+    library = Library.build([dummy[:160], hips[160:320], hips[320:480]], groups)
+    assert library.root == 1
+    expected = Library.build([hips[:160], hips[160:320], hips[320:480]], groups)
+    chunks = zip(library.samples.chunks(), expected.samples.chunks(), strict=True)
+    for chunk, expected_chunk in chunks:
+        np.testing.assert_allclose(chunk.rows, expected_chunk.rows, atol=1e-5)

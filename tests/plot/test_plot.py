@@ -1,4 +1,4 @@
-"""Plots: what is drawn is what was measured. Skips where matplotlib is not installed."""
+"""Pictures: the drawn values equal the computed ones. Skips without matplotlib."""
 
 import subprocess
 import sys
@@ -35,14 +35,14 @@ def axes():
     pyplot.close("all")
 
 
-def test_a_strip_holds_every_bone_of_every_pose(motion, axes):
+def test_strip_draws_every_bone_of_every_pose(motion, axes):
     assert plot.strip(motion, 7, groups="lower_upper", ax=axes) is axes
     n_bones = motion.n_joints - 1 + len(motion.skeleton.end_sites)
     bones = [line for line in axes.lines if len(line.get_xdata()) == 2][: 7 * n_bones]
     assert [text.get_text() for text in axes.texts] == [
         str(f) for f in np.linspace(0, motion.n_frames - 1, 7).round().astype(int)
     ]
-    # The upright extent of the first pose is the world's.
+    # The vertical extent of the first pose equals that in the world.
     heights = np.array([line.get_ydata() for line in bones[:n_bones]])
     world = motion[:1].world_positions()[0, :, 1]
     tall = 1.2 * np.ptp(world)
@@ -51,7 +51,7 @@ def test_a_strip_holds_every_bone_of_every_pose(motion, axes):
     assert shown == set(plot.PALETTE[:2])
 
 
-def test_a_strip_draws_no_bone_to_a_root_that_stays_behind(motion):
+def test_strip_static_world_root_has_no_bone(motion):
     skeleton = motion.skeleton
     under = Skeleton(
         ["World", *skeleton.names],
@@ -60,13 +60,13 @@ def test_a_strip_draws_no_bone_to_a_root_that_stays_behind(motion):
     )
     still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (motion.n_frames, 1, 4))
     away = motion.positions + 500.0 * (np.arange(motion.n_joints) == 0)[:, None]
-    own = Motion(
+    rooted = Motion(
         under,
         motion.frame_time,
         np.concatenate([still, motion.rotations], axis=1),
         np.concatenate([np.zeros((motion.n_frames, 1, 3)), away], axis=1),
     )
-    axes = plot.strip(own, 3)
+    axes = plot.strip(rooted, 3)
     bones = [line for line in axes.lines if len(line.get_xdata()) == 2][:-1]
     assert len(bones) == 3 * (skeleton.n_joints - 1)
     lengths = [np.hypot(np.ptp(line.get_xdata()), np.ptp(line.get_ydata())) for line in bones]
@@ -80,7 +80,7 @@ def _height(motion):
     return mass_model(motion.skeleton).height
 
 
-def test_a_strip_is_the_same_whichever_axis_is_up(motion):
+def test_strip_z_up_equals_y_up(motion):
     short = motion[:50]
     turn = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
     from mograft.motion import rotations
@@ -90,38 +90,38 @@ def test_a_strip_is_the_same_whichever_axis_is_up(motion):
     places[:, 0] = rotations.rotate(turn, places[:, 0])
     turned = replace(short, rotations=quats, positions=places, channel_values=None)
     drawn = [plot.strip(m, 3) for m in (short, turned)]
-    ups = [np.array([line.get_ydata() for line in own.lines[:40]]) for own in drawn]
+    ups = [np.array([line.get_ydata() for line in axes.lines[:40]]) for axes in drawn]
     np.testing.assert_allclose(*ups, atol=1e-9)
     pyplot.close("all")
 
 
-def test_the_energy_curve_is_the_energy_and_its_cuts_the_segments(motion, axes):
+def test_energy_curve_and_boundaries_equal_segmentation(motion, axes):
     plot.energy(motion, ax=axes)
-    measured, smoothed, cuts = axes.lines
+    measured, smoothed, boundaries = axes.lines
     np.testing.assert_allclose(measured.get_ydata(), kinetic_energy(motion))
-    cut = segment(motion)
-    bounds = np.append(cut.start, cut.stop[-1])
-    np.testing.assert_allclose(cuts.get_xdata(), bounds * motion.frame_time)
-    np.testing.assert_allclose(cuts.get_ydata(), smoothed.get_ydata()[bounds])
-    assert len(axes.patches) == (len(cut) + 1) // 2
+    segments = segment(motion)
+    bounds = np.append(segments.start, segments.stop[-1])
+    np.testing.assert_allclose(boundaries.get_xdata(), bounds * motion.frame_time)
+    np.testing.assert_allclose(boundaries.get_ydata(), smoothed.get_ydata()[bounds])
+    assert len(axes.patches) == (len(segments) + 1) // 2
 
 
-def test_every_segment_is_a_point_in_the_colour_of_its_cluster(library, axes):
+def test_pca_points_have_colour_of_cluster(library, axes):
     plot.pca(library, "upper", (2, 3), ax=axes)
-    alone, others = axes.collections
+    singles, others = axes.collections
     labels = library.labels["upper"]
     points = library.embedding["upper"].points[:, 1:3]
-    single = np.bincount(labels)[labels] == 1
-    np.testing.assert_allclose(alone.get_offsets(), points[single])
-    np.testing.assert_allclose(others.get_offsets(), points[~single])
+    is_single = np.bincount(labels)[labels] == 1
+    np.testing.assert_allclose(singles.get_offsets(), points[is_single])
+    np.testing.assert_allclose(others.get_offsets(), points[~is_single])
     faces = [colors.to_hex(c) for c in others.get_facecolors()]
-    by_label = dict(zip(labels[~single].tolist(), faces, strict=True))
-    assert [by_label[label] for label in labels[~single].tolist()] == faces
+    by_label = dict(zip(labels[~is_single].tolist(), faces, strict=True))
+    assert [by_label[label] for label in labels[~is_single].tolist()] == faces
     variances = library.embedding["upper"].variances
     assert f"{100 * variances[1] / variances.sum():.0f} %" in axes.get_xlabel()
 
 
-def test_exchanged_parts_of_the_timeline_are_hatched(library, axes):
+def test_timeline_exchanged_segments_are_hatched(library, axes):
     new = graft(library, seed=2)
     plot.timeline(new, frames=(0, 300), ax=axes)
     assert [t.get_text() for t in axes.get_yticklabels()] == [
@@ -137,32 +137,32 @@ def test_exchanged_parts_of_the_timeline_are_hatched(library, axes):
     assert len(axes.collections) == 3 * len(shown)
 
 
-def test_the_dendrogram_cuts_where_the_clusters_were_cut(library, axes):
+def test_dendrogram_threshold_gives_clusters(library, axes):
     plot.dendrogram(library, ax=axes)
-    branches = [own for c in axes.collections for own in c.get_segments()]
+    branches = [branch for c in axes.collections for branch in c.get_segments()]
     n = len(library.segments)
     assert len(branches) == n - 1
-    tops = np.array([own[:, 1].max() for own in branches])
+    tops = np.array([branch[:, 1].max() for branch in branches])
     assert (tops <= library.sigma["lower"]).sum() == n - (library.labels["lower"].max() + 1)
-    grey = [own for c in axes.collections for own in c.get_segments() if _is_grey(c)]
-    assert {own[:, 1].max() for own in grey} == set(tops[tops > library.sigma["lower"]])
-    # No point is under two branches: leaves are a permutation.
-    feet = sorted(x for own in branches for x, y in (own[0], own[3]) if y == 0)
-    assert feet == list(range(n))
+    grey = [branch for c in axes.collections for branch in c.get_segments() if _is_grey(c)]
+    assert {branch[:, 1].max() for branch in grey} == set(tops[tops > library.sigma["lower"]])
+    # Each leaf is the end of one branch.
+    leaves = sorted(x for branch in branches for x, y in (branch[0], branch[3]) if y == 0)
+    assert leaves == list(range(n))
 
 
 def _is_grey(collection):
     return np.ptp(collection.get_colors()[0, :3]) == 0
 
 
-def test_bars_are_the_sizes_of_the_clusters(library, axes):
+def test_clusters_bars_equal_sorted_sizes(library, axes):
     plot.clusters(library, ax=axes)
     heights = [bar.get_height() for bar in axes.patches]
     assert heights == sorted(np.bincount(library.labels["lower"]).tolist(), reverse=True)
 
 
-def test_without_axes_new_ones_are_made(motion, library):
-    made = [
+def test_plots_without_ax_create_figures(motion, library):
+    drawn = [
         plot.strip(motion, 1),
         plot.energy(motion),
         plot.pca(library),
@@ -170,11 +170,11 @@ def test_without_axes_new_ones_are_made(motion, library):
         plot.dendrogram(library),
         plot.clusters(library),
     ]
-    assert len({id(own.figure) for own in made}) == 6
+    assert len({id(axes.figure) for axes in drawn}) == 6
     pyplot.close("all")
 
 
-def test_what_cannot_be_drawn_is_named(motion, library):
+def test_plots_invalid_arguments_raise_value_error(motion, library):
     with pytest.raises(ValueError, match="poses must be at least 1, got 0"):
         plot.strip(motion, 0)
     with pytest.raises(ValueError, match="group must be one of lower, upper, got 'wings'"):
@@ -193,7 +193,7 @@ def test_what_cannot_be_drawn_is_named(motion, library):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("dark", [False, True])
-def test_each_kind_is_drawn_by_the_command_line(motion, tmp_path, capsys, kind, dark):
+def test_plot_command_draws_each_kind(motion, tmp_path, capsys, kind, dark):
     write_bvh(motion[:400], tmp_path / "a.bvh")
     target = tmp_path / "x.png"
     options = ["--dark"] if dark else []
@@ -209,15 +209,15 @@ def test_each_kind_is_drawn_by_the_command_line(motion, tmp_path, capsys, kind, 
 
 
 @pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
-def test_the_same_input_gives_the_same_picture(motion, tmp_path, ending):
+def test_plot_command_same_input_gives_same_bytes(motion, tmp_path, ending):
     write_bvh(motion[:200], tmp_path / "a.bvh")
-    made = []
+    pictures = []
     for name in ("x", "y"):
         target = tmp_path / f"{name}.{ending}"
         options = ["--frames", "10-90", "--json"]
         assert main(["plot", "energy", str(tmp_path / "a.bvh"), "-o", str(target), *options]) == 0
-        made.append(target.read_bytes())
-    assert made[0] == made[1]
+        pictures.append(target.read_bytes())
+    assert pictures[0] == pictures[1]
 
 
 @pytest.mark.parametrize(
@@ -225,20 +225,22 @@ def test_the_same_input_gives_the_same_picture(motion, tmp_path, ending):
     [["pie", "a.bvh", "-o", "x.png"], ["pca", "a.bvh", "-o", "x.jpg"]]
     + [["strip", "a.bvh", "-o", "x.png", "--frames", text] for text in ("9", "9-3", "a-b")],
 )
-def test_wrong_usage_of_plot_ends_with_2(arguments, capsys):
+def test_plot_command_wrong_usage_returns_2(arguments, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["plot", *arguments])
     assert stop.value.code == 2
     assert capsys.readouterr().err
 
 
-def test_mograft_is_imported_without_matplotlib():
+def test_import_without_matplotlib_succeeds():
     code = "import sys, mograft, mograft.plot, mograft.cli; print('matplotlib' in sys.modules)"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "False"
+    completed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert completed.stdout.strip() == "False"
 
 
-def test_without_matplotlib_the_extra_is_named(motion, tmp_path, monkeypatch, capsys):
+def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match=r"pip install 'mograft\[plot\]'"):
         plot.energy(motion)

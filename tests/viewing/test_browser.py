@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import JointGroups, Library, graft, view
+from mograft import JointGroups, view
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.browser import PATIENCE, chromium, opened, until
+from tests.browser import TIMEOUT_MILLISECONDS, chromium, open_page, wait_until
 from tests.strategies import HOSTILE_NAMES
 
 DASH = "\N{EN DASH}"
@@ -24,18 +24,12 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def new():
-    motion = dance(seed=1, strides=1).motion
-    return graft(Library.build(motion), seed=3)
-
-
-@pytest.fixture(scope="module")
 def path(new, tmp_path_factory):
     return view(new, show=False).save(tmp_path_factory.mktemp("page") / "two.html")
 
 
 def pixels(page, selector):
-    """What the page shows there, as an array."""
+    """Return a screenshot of an element as an array."""
     image = pytest.importorskip("matplotlib.image", reason="matplotlib reads the screenshots")
     shot = page.locator(selector).screenshot()
     return image.imread(io.BytesIO(shot), format="png")[..., :3]
@@ -50,21 +44,21 @@ def nodes(motion):
     return np.concatenate([joints, *(s[:, None] for s in sites)], axis=1)
 
 
-def test_the_script_unpacks_the_poses_that_were_packed(browser, path, new):
-    with opened(browser, path) as page:
+def test_viewer_poses_equal_world_positions(browser, path, new):
+    with open_page(browser, path) as page:
         assert page.evaluate("mograft.frames") == new.motion.n_frames
         for clip, motion in enumerate((new.base, new.motion)):
             want = nodes(motion)
             for frame in (0, 1, 137, motion.n_frames - 1):
                 got = np.reshape(page.evaluate(f"mograft.pose({clip}, {frame})"), (-1, 3))
-                # Half a unit of a ten-thousandth of the height, and float32.
+                # Half a quantization step, which is a ten-thousandth of the height, and float32.
                 np.testing.assert_allclose(got, want[frame], atol=0.0125)
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 480])
-def test_figures_in_their_colours_are_seen_and_move_when_scrubbed(browser, path, theme, width):
-    with opened(browser, path, width, theme=theme) as page:
+def test_viewer_figures_have_group_colours_and_move(browser, path, theme, width):
+    with open_page(browser, path, width, theme=theme) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         before = pixels(page, ".stage")
         paper = before[-1, 3]
@@ -78,12 +72,12 @@ def test_figures_in_their_colours_are_seen_and_move_when_scrubbed(browser, path,
                 shown = (np.abs(half - want).max(axis=-1) < 0.04).mean()
                 assert 0.001 < shown < 0.2, (colour, shown)
         page.keyboard.press("Shift+ArrowRight")
-        until(page, "mograft.frame() === 10")
+        wait_until(page, "mograft.frame() === 10")
         page.evaluate("mograft.seek(60)")
         after = pixels(page, ".stage")
         assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.005
         assert page.locator("[data-part=rows]").get_attribute("aria-valuenow") == "60"
-        # With a camera that stands still and no floor, only the figures move.
+        # With a fixed camera and without a floor, only the figures move.
         page.keyboard.press("f")
         page.keyboard.press("g")
         page.evaluate("mograft.seek(60)")
@@ -93,42 +87,44 @@ def test_figures_in_their_colours_are_seen_and_move_when_scrubbed(browser, path,
         assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.002
 
 
-def test_playing_goes_on_and_stops(browser, path):
-    with opened(browser, path) as page:
+def test_viewer_play_advances_and_pause_stops(browser, path):
+    with open_page(browser, path) as page:
         page.locator("[data-part=play]").click()
-        until(page, "mograft.frame() > 5")
+        wait_until(page, "mograft.frame() > 5")
         page.locator("[data-part=play]").click()
         at = page.evaluate("mograft.frame()")
         page.wait_for_timeout(200)
         assert page.evaluate("mograft.frame()") == at
 
 
-def test_a_part_tells_where_it_comes_from_and_is_held_by_a_click(browser, path, new):
-    own = [s for s in new.substitutions if s.group == "upper"]
-    index = next(i for i, s in enumerate(own) if not s.is_own)
-    part = own[index]
-    with opened(browser, path) as page:
+def test_viewer_segment_description_names_donor_and_click_selects(browser, path, new):
+    upper = [s for s in new.substitutions if s.group == "upper"]
+    index = next(i for i, s in enumerate(upper) if not s.is_own)
+    part = upper[index]
+    with open_page(browser, path) as page:
         page.evaluate(f"mograft.seek({part.start + 1})")
-        told = page.evaluate(f"mograft.describe(2, {index})")
-        assert f"donor dance {part.donor_start}{DASH}{part.donor_stop}" in told
-        assert f"frames {part.start}{DASH}{part.stop}" in told
+        text = page.evaluate(f"mograft.describe(2, {index})")
+        assert f"donor dance {part.donor_start}{DASH}{part.donor_stop}" in text
+        assert f"frames {part.start}{DASH}{part.stop}" in text
         box = page.locator("[data-part=rows]").bounding_box()
         first, last = page.evaluate("mograft.state.window")
         middle = 0.5 * (part.start + part.stop)
         x = 160 + (middle - first) / (last - first) * (box["width"] - 168)
         page.mouse.click(box["x"] + x, box["y"] + box["height"] - 9)
         page.mouse.move(5, 5)
-        until(page, "mograft.state.hovered === null && mograft.state.pinned !== null")
-        page.evaluate("mograft.seek(mograft.frame())")  # Draws now, however busy the machine.
-        assert page.locator("[data-part=detail]").text_content() == told
+        wait_until(page, "mograft.state.hovered === null && mograft.state.pinned !== null")
+        page.evaluate("mograft.seek(mograft.frame())")  # Draws at once, also on a busy machine.
+        assert page.locator("[data-part=detail]").text_content() == text
         assert part.start <= page.evaluate("mograft.frame()") <= part.stop
         page.locator("summary").click()
-        # The table is filled once the browser tells of the opening, some time after the click.
-        until(page, f"document.querySelectorAll('[data-part=table] tr').length === {3 * len(own)}")
+        # The browser reports the opened table, which fills it, some time after the click.
+        wait_until(
+            page, f"document.querySelectorAll('[data-part=table] tr').length === {3 * len(upper)}"
+        )
 
 
-def test_keys_and_buttons_change_what_they_say(browser, path, new):
-    with opened(browser, path) as page:
+def test_viewer_keys_and_buttons_change_state(browser, path, new):
+    with open_page(browser, path) as page:
         for key, name in (("o", "overlay"), ("f", "follow"), ("t", "trails"), ("g", "floor")):
             button = page.locator(f"[data-part={name}]")
             was = button.get_attribute("aria-pressed")
@@ -159,28 +155,28 @@ def test_keys_and_buttons_change_what_they_say(browser, path, new):
 
 
 @pytest.mark.parametrize("name", [name for name in HOSTILE_NAMES if name])
-def test_hostile_names_stay_text(browser, name, tmp_path):
+def test_viewer_hostile_names_remain_text(browser, name, tmp_path):
     motion = dance(strides=1).motion[:40]
     groups = JointGroups({name: ["Hips", "*Leg", "*Foot"], "rest": list(range(7, 18))}, base=name)
     evil = replace(motion, name=name)
     path = view(evil, groups=groups, title=name, show=False).save(tmp_path / "evil.html")
-    with opened(browser, path) as page:
+    with open_page(browser, path) as page:
         assert page.title() != "owned"
         shown = page.locator(".caption bdi").text_content()
         assert shown == name.replace("\ud800", "\ufffd") or "\ud800" in name
         assert page.locator("img").count() == 0
 
 
-def test_a_notebooks_frame_works_inside_its_sandbox(browser, new, tmp_path):
+def test_notebook_iframe_works_in_sandbox(browser, new, tmp_path):
     path = tmp_path / "notebook.html"
     path.write_text(f"<!doctype html><title>n</title>{new._repr_html_()}", encoding="utf-8")
     page = browser.new_page()
-    page.set_default_timeout(PATIENCE)
-    said = []
-    page.on("console", lambda message: said.append(message.text))
+    page.set_default_timeout(TIMEOUT_MILLISECONDS)
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
     page.goto(path.as_uri())
     frame = page.frame_locator("iframe")
     frame.locator("#mograft[data-ready='1']").wait_for()
     assert frame.locator(".caption").count() == 2
     page.close()
-    assert said == []
+    assert messages == []

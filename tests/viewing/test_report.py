@@ -1,4 +1,4 @@
-"""The report: its numbers are those of the grafts, its links lead where the files are."""
+"""The report page: its numbers equal those of the grafts, its links point to the files."""
 
 import re
 from dataclasses import replace
@@ -12,14 +12,9 @@ from mograft.body.mass import center_of_mass, mass_model
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.viewing.report import report_page
-from tests.browser import chromium, opened
+from tests.browser import chromium, open_page
 from tests.strategies import HOSTILE_NAMES
 from tests.viewing.page_content import Tags, page_data
-
-
-@pytest.fixture(scope="module")
-def library():
-    return Library.build(dance(seed=1, strides=1).motion)
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +23,13 @@ def grafts(library):
 
 
 def cells(page, heading):
-    """The rows of the table below a heading."""
+    """Return the rows of the table below a heading."""
     text = page.html.split(f"<h2>{heading}</h2>")[1].split("</table>")[0]
     rows = re.findall(r"<tr>(.*?)</tr>", text)[1:]
     return [[re.sub(r"<.*?>", "", c) for c in re.findall(r"<td>(.*?)</td>", r)] for r in rows]
 
 
-def test_each_graft_has_its_numbers(grafts):
+def test_report_motion_table_equals_grafts(grafts):
     page = report_page(grafts)
     for own, row in zip(grafts, cells(page, "Motions"), strict=True):
         new = sum(not s.is_own for s in own.substitutions)
@@ -49,7 +44,7 @@ def test_each_graft_has_its_numbers(grafts):
     assert len(page_data(page)["clips"]) == 3
 
 
-def test_balance_is_how_far_the_centre_of_mass_strays(grafts):
+def test_report_balance_shift_equals_centre_of_mass_distance(grafts):
     own = grafts[0]
     gap = (center_of_mass(own.motion) - center_of_mass(own.base))[:, [0, 2]]
     stray = np.linalg.norm(gap, axis=1) / mass_model(own.base.skeleton).height
@@ -59,17 +54,17 @@ def test_balance_is_how_far_the_centre_of_mass_strays(grafts):
     assert cells(report_page([kept]), "Motions")[0][5:] == ["none", "none", "0.0 %", "0.0 %"]
 
 
-def test_the_centre_of_mass_is_that_of_the_bones():
+def test_center_of_mass_weights_bones_by_mass():
     skeleton = Skeleton(["a", "b"], [-1, 0], [[0, 0, 0], [0, 2, 0]])
     turned = [[0, 0, np.sqrt(0.5), np.sqrt(0.5)], [0, 0, 0, 1]]
     motion = Motion(skeleton, 0.1, [turned], [[[5, 0, 0], [0, 2, 0]]])
     known = mass_model(skeleton)
-    # Turned by 90° about z, what was up points to -x.
+    # Rotated by 90° about z, the second bone points to -x.
     want = np.array([5.0, 0, 0]) - [known.mass @ ([0, 2] + known.bone[:, 1] * known.center), 0, 0]
     np.testing.assert_allclose(center_of_mass(motion), [want], atol=1e-12)
 
 
-def test_why_there_are_not_more_donors(grafts, library):
+def test_report_donor_table_equals_candidates(grafts, library):
     (row,) = cells(report_page(grafts), "Limits on donors")
     labels = library.labels["lower"]
     assert row[0] == "upper"
@@ -87,7 +82,7 @@ def test_why_there_are_not_more_donors(grafts, library):
     assert row[4] == f"{(counts == 0).sum()} of {len(counts)}"
 
 
-def test_what_each_clip_lent_adds_up():
+def test_report_clip_table_counts_all_donors():
     takes = [own.motion for own in dance(seed=1, strides=1).takes(2)]
     new = graft(Library.build(takes), seed=1)
     rows = cells(report_page([new]), "Clips")
@@ -96,7 +91,7 @@ def test_what_each_clip_lent_adds_up():
     assert sum(int(row[3]) for row in rows) == exchanged > 0
 
 
-def test_a_run_with_nothing_exchanged_is_told_as_well():
+def test_report_without_exchanges_lists_kept_segments():
     library = Library.build(dance(strides=1).motion[:80], config=Config(sigma=1e-9))
     page = report_page([graft(library)])
     assert cells(page, "Motions")[0][1].startswith("0 of")
@@ -104,7 +99,7 @@ def test_a_run_with_nothing_exchanged_is_told_as_well():
 
 
 @pytest.mark.parametrize("name", HOSTILE_NAMES)
-def test_names_in_reports_stay_text(name):
+def test_report_hostile_names_remain_text(name):
     motion = replace(dance(strides=1).motion[:200], name=name, path=Path(f"{name}.bvh"))
     page = report_page([graft(Library.build(motion))], [Path("javascript:alert(1)<b>.bvh")])
     plain = replace(motion, name="plain", path=Path("plain.bvh"))
@@ -115,14 +110,14 @@ def test_names_in_reports_stay_text(name):
     page.html.encode()
 
 
-def test_reports_of_nothing_are_refused(grafts):
+def test_report_wrong_number_of_grafts_or_files_raises_value_error(grafts):
     with pytest.raises(ValueError, match="grafts must contain at least one"):
         report_page([])
     with pytest.raises(ValueError, match="files must be given for 2 grafts, got 1"):
         report_page(grafts, [None])
 
 
-def test_the_command_line_writes_reports(tmp_path, capsys, monkeypatch):
+def test_graft_and_demo_commands_write_reports(tmp_path, capsys, monkeypatch):
     opened_pages = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened_pages.append(url) or True)
     write_bvh(dance(seed=1, strides=1).motion[:500], tmp_path / "a b.bvh")
@@ -149,12 +144,12 @@ def test_the_command_line_writes_reports(tmp_path, capsys, monkeypatch):
 
 @pytest.mark.browser
 @pytest.mark.parametrize(("width", "theme"), [(1280, "light"), (480, "dark")])
-def test_reports_fit_the_screen_and_their_viewer_plays(grafts, tmp_path, width, theme):
+def test_report_fits_screen_and_viewer_plays(grafts, tmp_path, width, theme):
     path = report_page(grafts).save(tmp_path / "report.html")
-    with chromium() as browser, opened(browser, path, width, theme=theme) as page:
+    with chromium() as browser, open_page(browser, path, width, theme=theme) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert page.locator(".caption").count() == 3
-        # The keys are the viewer's only while it is in use.
+        # The viewer receives keys only while it has the focus.
         page.keyboard.press("End")
         assert page.evaluate("mograft.frame()") == 0
         page.locator("[data-part=stage]").focus()

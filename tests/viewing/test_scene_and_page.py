@@ -1,4 +1,4 @@
-"""Pages: what is in them is what was given, and nothing that was given can break out."""
+"""Pages: their data equals the motions, and no name can break out of the page."""
 
 import base64
 import hashlib
@@ -14,17 +14,14 @@ from hypothesis import strategies as st
 from mograft import (
     EndSite,
     JointGroups,
-    Library,
     Motion,
     Skeleton,
-    graft,
     kinetic_energy,
     segment,
     view,
     write_bvh,
 )
 from mograft.cli import main
-from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_scene, quantize
 from mograft.viewing.scene import Scene
@@ -33,45 +30,30 @@ from tests.strategies import HOSTILE_NAMES
 from tests.viewing.page_content import Tags, clip_positions, dequantize, page_data
 
 
-@pytest.fixture(scope="module")
-def motion():
-    return dance(seed=1, strides=1).motion
-
-
-@pytest.fixture(scope="module")
-def library(motion):
-    return Library.build(motion)
-
-
-@pytest.fixture(scope="module")
-def new(library):
-    return graft(library, seed=3)
-
-
 @given(strategies.motions(max_frames=30), st.floats(1e-3, 1e3))
-def test_the_page_holds_the_motion_to_half_a_unit(motion, size):
-    grown = replace(
+def test_quantize_error_is_at_most_half_a_step(motion, size):
+    scaled = replace(
         motion,
         skeleton=motion.skeleton.with_offsets(motion.skeleton.offsets * size),
         positions=motion.positions * size,
     )
-    drawn = grown.world_positions()
-    height = max(float(np.ptp(grown.skeleton.rest_positions(), axis=0).max()), 1e-3)
-    unit, path, pose = quantize(drawn, 0, height)
+    positions = scaled.world_positions()
+    height = max(float(np.ptp(scaled.skeleton.rest_positions(), axis=0).max()), 1e-3)
+    unit, path, pose = quantize(positions, 0, height)
     got = dequantize(unit, path, pose)
-    # Half a unit, and what float32 keeps of how far off the figure is.
-    far = np.abs(drawn).max() * 2**-23
-    assert np.abs(got - drawn).max() <= 0.5 * unit * (1 + 1e-9) + far
-    reach = np.abs(drawn - drawn[:, :1]).max()
+    # Half a step, and the float32 rounding of the root position.
+    rounding = np.abs(positions).max() * 2**-23
+    assert np.abs(got - positions).max() <= 0.5 * unit * (1 + 1e-9) + rounding
+    reach = np.abs(positions - positions[:, :1]).max()
     assert unit <= max(1e-4 * height, reach / 31_990)
 
 
 @pytest.mark.parametrize("size", [32_000, 300_000])
-def test_tracks_that_leap_from_end_to_end_survive(size):
+def test_quantize_jumps_over_full_range_are_exact(size):
     rng = np.random.default_rng(0)
-    places = rng.choice([-1.0, 1.0], (50, 4, 3)) * size
-    unit, path, pose = quantize(places, 0, 1.0)
-    assert np.abs(dequantize(unit, path, pose) - places).max() <= 0.5 * unit + size * 2**-23
+    positions = rng.choice([-1.0, 1.0], (50, 4, 3)) * size
+    unit, path, pose = quantize(positions, 0, 1.0)
+    assert np.abs(dequantize(unit, path, pose) - positions).max() <= 0.5 * unit + size * 2**-23
 
 
 @pytest.mark.parametrize(
@@ -85,7 +67,7 @@ def test_tracks_that_leap_from_end_to_end_survive(size):
         ([-np.pi / 2, 0, 0], 2),
     ],
 )
-def test_figures_stand_upright_and_are_not_mirrored(motion, turn, up):
+def test_view_any_up_axis_gives_upright_unmirrored_figure(motion, turn, up):
     short = motion[:40]
     whole = rotations.exp(np.array(turn, float))
     quats, places = short.rotations.copy(), short.positions.copy()
@@ -98,10 +80,10 @@ def test_figures_stand_upright_and_are_not_mirrored(motion, turn, up):
     got, plain = (
         clip_positions(page_data(view(m, show=False))["clips"][0]) for m in (turned, short)
     )
-    # Heights agree, and so does the hand of the body: left of the way it faces is left.
+    # Heights agree, and the left side of the figure is still on its left.
     np.testing.assert_allclose(got[..., 1], plain[..., 1], atol=0.1)
 
-    def handed(places):
+    def handedness(places):
         hips, left, right, head = (
             places[:, motion.skeleton.index(name)]
             for name in ("Hips", "LeftUpLeg", "RightUpLeg", "Head")
@@ -109,21 +91,21 @@ def test_figures_stand_upright_and_are_not_mirrored(motion, turn, up):
         ahead = places[:, motion.skeleton.index("LeftFoot")] - hips
         return np.einsum("fi,fi->f", np.cross(left - right, head - hips), ahead)
 
-    np.testing.assert_allclose(handed(got), handed(plain), rtol=0.02, atol=30)
+    np.testing.assert_allclose(handedness(got), handedness(plain), rtol=0.02, atol=30)
 
 
-def test_end_sites_are_drawn_where_they_are(motion):
+def test_view_end_sites_have_world_positions(motion):
     clip = page_data(view(motion[:20], show=False))["clips"][0]
     turns, joints = motion[:20].world_transforms()
-    places = clip_positions(clip)
+    positions = clip_positions(clip)
     assert clip["nodes"] == motion.n_joints + len(motion.skeleton.end_sites)
     for index, site in enumerate(motion.skeleton.end_sites):
         want = joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
-        np.testing.assert_allclose(places[:, motion.n_joints + index], want, atol=clip["unit"])
+        np.testing.assert_allclose(positions[:, motion.n_joints + index], want, atol=clip["unit"])
         assert clip["parents"][motion.n_joints + index] == site.parent
 
 
-def test_eyes_are_no_second_head(motion):
+def test_view_eyes_are_thinner_than_head(motion):
     skeleton = motion.skeleton
     head = skeleton.index("Head")
     with_eyes = Skeleton(
@@ -144,51 +126,50 @@ def test_eyes_are_no_second_head(motion):
     assert np.linalg.norm(np.diff(clip_positions(clip)[0, [head, -1]], axis=0)) > 1
 
 
-def test_a_graft_is_shown_after_its_base_with_where_its_parts_come_from(motion, new):
+def test_view_graft_follows_base_and_lists_donors(motion, new):
     data = page_data(view(motion, new, show=False))
     assert [clip["name"] for clip in data["clips"]] == ["dance", "dance_graft0"]
     base, grafted = data["clips"]
     assert [row["group"] for row in base["rows"]] == ["lower", "upper"]
     (row,) = grafted["rows"]
-    own = [s for s in new.substitutions if s.group == "upper"]
-    assert row["start"] == [s.start for s in own]
-    assert row["stop"] == [s.stop for s in own]
-    assert row["first"] == [s.donor_start for s in own]
-    assert row["last"] == [s.donor_stop for s in own]
-    assert [source < 0 for source in row["source"]] == [s.is_own for s in own]
-    assert row["cluster"] == [int(new.library.labels["upper"][s.donor]) for s in own]
-    gaps = {seam.frame: np.degrees(seam.gap) for seam in new.seams}
-    for part, start in enumerate(row["start"]):
-        want = gaps.get(start)
-        assert row["before"][part] == (None if want is None else pytest.approx(want, abs=0.006))
+    upper = [s for s in new.substitutions if s.group == "upper"]
+    assert row["start"] == [s.start for s in upper]
+    assert row["stop"] == [s.stop for s in upper]
+    assert row["first"] == [s.donor_start for s in upper]
+    assert row["last"] == [s.donor_stop for s in upper]
+    assert [source < 0 for source in row["source"]] == [s.is_own for s in upper]
+    assert row["cluster"] == [int(new.library.labels["upper"][s.donor]) for s in upper]
+    angles = {seam.frame: np.degrees(seam.gap) for seam in new.seams}
+    for index, start in enumerate(row["start"]):
+        want = angles.get(start)
+        assert row["before"][index] == (None if want is None else pytest.approx(want, abs=0.006))
     assert data["donors"] == ["dance"]
     joints = new.library.joints("upper")
     assert {grafted["groups"][grafted["group"][joint]] for joint in joints} == {"upper"}
 
 
-def test_the_same_motion_is_shown_once_and_others_keep_names_of_their_own(motion, new, library):
+def test_scene_same_motion_appears_once_and_names_are_unique(motion, new, library):
     names = [figure.name for figure in Scene.of([new, motion, new, library]).figures]
     assert names == ["dance", "dance_graft0"]
     twice = [motion, replace(motion[:50])]
     assert [figure.name for figure in Scene.of(twice).figures] == ["dance", "dance (2)"]
 
 
-def test_a_plain_motion_has_its_segments_and_its_parts_coloured(motion):
+def test_view_motion_has_segments_and_preset_groups(motion):
     clip = page_data(view(motion, show=False))["clips"][0]
     assert clip["groups"] == ["lower", "torso", "larm", "rarm"]
     (row,) = clip["rows"]
-    cut = segment(motion)
-    assert row["start"] == cut.start.tolist()
+    assert row["start"] == segment(motion).start.tolist()
     assert set(row["cluster"]) == {-1}
     energy = kinetic_energy(motion)
     assert abs(np.corrcoef(clip["energy"], energy[: len(clip["energy"])])[0, 1]) > 0.8
-    own_groups = JointGroups.preset("lower_upper", motion.skeleton)
-    for groups in ("lower_upper", own_groups):
+    custom = JointGroups.preset("lower_upper", motion.skeleton)
+    for groups in ("lower_upper", custom):
         got = page_data(view(motion, groups=groups, show=False))["clips"][0]
         assert got["groups"] == ["lower", "upper"]
 
 
-def test_what_is_no_body_and_what_does_not_move_is_shown_too():
+def test_view_single_frame_of_unknown_body_succeeds():
     rod = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     still = Motion(rod, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
     data = page_data(view(still, show=False))
@@ -197,7 +178,7 @@ def test_what_is_no_body_and_what_does_not_move_is_shown_too():
     assert data["clips"][0]["name"] == "motion"
 
 
-def test_of_long_motions_not_every_frame_is_kept_and_the_page_says_so(motion):
+def test_encode_scene_long_motion_stores_every_nth_frame_and_note(motion):
     scene = Scene.of([motion])
     n_nodes = motion.n_joints + len(motion.skeleton.end_sites)
     data = encode_scene(scene, max_positions=motion.n_frames * n_nodes // 3 + 1)
@@ -213,7 +194,7 @@ def test_of_long_motions_not_every_frame_is_kept_and_the_page_says_so(motion):
 
 
 @pytest.mark.parametrize("name", HOSTILE_NAMES)
-def test_names_cannot_break_out_of_the_page(motion, name):
+def test_view_hostile_names_add_no_tags(motion, name):
     skeleton = replace(motion.skeleton, names=(name, *motion.skeleton.names[1:]))
     evil = replace(motion[:30], skeleton=skeleton, name=name)
     groups = JointGroups(
@@ -231,7 +212,7 @@ def test_names_cannot_break_out_of_the_page(motion, name):
     assert outer[0][1]["sandbox"] == "allow-scripts"
 
 
-def test_only_the_viewers_own_script_and_style_may_run(motion):
+def test_page_policy_allows_only_its_script_and_style(motion):
     page = view(motion[:30], title="A & B", show=False)
     found = Tags(page.html).found
     policy = next(a["content"] for _, a in found if a.get("http-equiv"))
@@ -246,7 +227,7 @@ def test_only_the_viewers_own_script_and_style_may_run(motion):
     assert "<title>A &amp; B</title>" in page.html
 
 
-def test_pages_are_saved_whole_and_not_over_others(motion, tmp_path):
+def test_page_save_writes_file_and_refuses_to_overwrite(motion, tmp_path):
     page = view(motion[:30], show=False)
     path = page.save(tmp_path / "page.html")
     assert path.read_text(encoding="utf-8") == page.html
@@ -257,7 +238,7 @@ def test_pages_are_saved_whole_and_not_over_others(motion, tmp_path):
     assert repr(page).startswith("Page('dance', ")
 
 
-def test_what_cannot_be_shown_is_named(motion):
+def test_view_invalid_items_raise(motion):
     with pytest.raises(TypeError, match="items must be motions, grafts or libraries, got 3"):
         view(3, show=False)
     with pytest.raises(ValueError, match="items must contain at least one motion"):
@@ -266,14 +247,14 @@ def test_what_cannot_be_shown_is_named(motion):
         view(motion, groups="wings", show=False)
 
 
-def test_notebooks_show_motions_grafts_and_pages_inline(motion, new):
+def test_repr_html_is_iframe(motion, new):
     for value in (motion, new, view(motion, show=False)):
         ((tag, attributes),) = Tags(value._repr_html_()).found
         assert tag == "iframe"
         assert attributes["srcdoc"].startswith("<!doctype html>")
 
 
-def test_the_browser_is_opened_when_wanted(motion, monkeypatch, capsys):
+def test_view_show_opens_browser(motion, monkeypatch, capsys):
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or False)
     view(motion[:30], show=False)
@@ -286,7 +267,7 @@ def test_the_browser_is_opened_when_wanted(motion, monkeypatch, capsys):
 
 @settings(max_examples=15)
 @given(strategies.motions(min_joints=2))
-def test_any_motion_makes_a_page_of_its_frames(motion):
+def test_view_any_motion_contains_all_frames(motion):
     clip = page_data(view(motion, show=False))["clips"][0]
     assert clip_positions(clip).shape == (motion.n_frames, motion.n_joints, 3)
     for row in clip["rows"]:
@@ -294,7 +275,7 @@ def test_any_motion_makes_a_page_of_its_frames(motion):
         assert row["stop"][-1] == motion.n_frames - 1
 
 
-def test_view_on_the_command_line(motion, tmp_path, monkeypatch, capsys):
+def test_view_command_writes_and_opens_page(motion, tmp_path, monkeypatch, capsys):
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
     write_bvh(motion[:60], tmp_path / "a.bvh")

@@ -1,4 +1,4 @@
-"""Films: as long as the motion, of what moves, in time, and whole."""
+"""Films: duration, timing, contents and failures."""
 
 import subprocess
 import sys
@@ -30,7 +30,7 @@ def program():
 
 
 def frames_of(path, size=SIZE):
-    """The pictures of a film as another program decodes them."""
+    """Return the pictures of a film, decoded by another program."""
     if path.suffix == ".gif":
         with Image.open(path) as film:
             return np.array([np.array(_at(film, i).convert("RGB")) for i in range(film.n_frames)])
@@ -46,7 +46,7 @@ def _at(film, index):
 
 
 def shares(picture):
-    """The share of a picture that has each colour of the joint groups."""
+    """Return the share of a picture in the colour of each joint group."""
     colours = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in PALETTE[:4]])
     far = np.abs(picture[None].astype(int) - colours[:, None, None]).max(axis=-1)
     return (far < 40).mean(axis=(1, 2))
@@ -54,11 +54,11 @@ def shares(picture):
 
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_film_shows_the_figure_and_it_moves(motion, tmp_path, ending, dark):
+def test_write_video_shows_moving_figure(motion, tmp_path, ending, dark):
     if ending == "mp4":
         program()
     path = tmp_path / f"m.{ending}"
-    # On the spot, so that the camera stands still: what differs are the limbs.
+    # The figure stays in place, and with it the camera: only the limbs move.
     places = np.tile(motion.positions[:1], (motion.n_frames, 1, 1))
     motion = replace(motion, positions=places, channel_values=None)
     assert write_video(motion, path, rate=15, size=SIZE, dark=dark) == 15
@@ -67,41 +67,41 @@ def test_a_film_shows_the_figure_and_it_moves(motion, tmp_path, ending, dark):
     paper = np.median(film[0].reshape(-1, 3), axis=0)
     assert (paper.mean() < 100) == dark
     for picture in (film[0], film[-1]):
-        # In one of four pixels colour is blurred away by the film's format.
+        # The video format stores colours at a quarter of the pixels.
         assert (shares(picture) > 0.0003).all()
         assert shares(picture).sum() < 0.3
-    above = film[:, :100].astype(int)  # Below runs the clock.
+    above = film[:, :100].astype(int)  # The clock is below.
     assert (np.abs(above[-1] - above[0]).max(axis=-1) > 60).mean() > 0.005
 
 
 @settings(max_examples=30)
 @given(st.integers(1, 30), st.floats(2, 50))
-def test_a_gif_keeps_time_to_a_hundredth(tmp_path_factory, n_frames, rate):
+def test_write_video_gif_duration_is_exact_to_a_hundredth(tmp_path_factory, n_frames, rate):
     motion = dance(seed=1, strides=1).motion[:n_frames]
     path = tmp_path_factory.mktemp("gif") / "m.gif"
     write_video(motion, path, rate=rate, size=(64, 64))
     count = motion.resample(rate).n_frames
     with Image.open(path) as film:
-        # Pictures that are alike are one, shown for longer.
+        # Pillow merges equal pictures into one of a longer duration.
         assert film.n_frames <= count
         shown = [_at(film, i).info["duration"] for i in range(film.n_frames)]
     assert abs(sum(shown) - 1000 * count / rate) <= 5.001
 
 
-def test_a_film_that_is_given_no_rate_takes_one_that_divides_the_motions(motion, tmp_path):
+def test_write_video_default_rate_divides_motion_rate(motion, tmp_path):
     fast = replace(motion, frame_time=1 / 120)
     assert write_video(motion, tmp_path / "a.gif", size=SIZE) == 15
     assert write_video(fast[:8], tmp_path / "b.gif", size=SIZE) == 20
     program()
     assert write_video(motion[:2], tmp_path / "a.mp4", size=SIZE) == 30
     assert write_video(fast[:8], tmp_path / "b.mp4", size=SIZE) == 60
-    assert len(frames_of(tmp_path / "b.mp4")) == 5  # As many as there are seconds for.
+    assert len(frames_of(tmp_path / "b.mp4")) == 5
 
 
-def test_figures_stand_side_by_side_and_short_ones_wait(motion, tmp_path):
+def test_write_video_short_motion_keeps_last_frame(motion, tmp_path):
     write_video([motion, motion[:10]], tmp_path / "m.gif", rate=30, size=(320, 120))
     film = frames_of(tmp_path / "m.gif").astype(int)
-    left, right = film[:, :, :158], film[:, :100, 162:]  # Below runs the clock.
+    left, right = film[:, :, :158], film[:, :100, 162:]  # The clock is below.
     for half in (left[0], right[0]):
         assert (shares(half) > 0.0005).all()
     assert (np.abs(right[12] - right[-1]).max() <= 2).all()
@@ -109,18 +109,18 @@ def test_figures_stand_side_by_side_and_short_ones_wait(motion, tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
-def test_the_same_motion_gives_the_same_bytes(motion, tmp_path, ending):
+def test_write_video_same_motion_gives_same_bytes(motion, tmp_path, ending):
     if ending == "mp4":
         program()
-    made = []
+    films = []
     for name in ("a", "b"):
         write_video(motion[:6], tmp_path / f"{name}.{ending}", size=SIZE)
-        made.append((tmp_path / f"{name}.{ending}").read_bytes())
-    assert made[0] == made[1]
+        films.append((tmp_path / f"{name}.{ending}").read_bytes())
+    assert films[0] == films[1]
 
 
 @pytest.mark.parametrize("name", [*HOSTILE_NAMES, "엉덩이", "x" * 500])
-def test_any_name_and_any_skeleton_can_be_filmed(tmp_path, name):
+def test_write_video_hostile_names_succeed(tmp_path, name):
     lone = Skeleton([name], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     motion = Motion(lone, 0.1, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2, name=name)
     write_video(motion, tmp_path / "m.gif", size=SIZE)
@@ -128,7 +128,7 @@ def test_any_name_and_any_skeleton_can_be_filmed(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"size": (161, 120)}, "size must be even numbers from 64 to 4096, got 161x120"),
         ({"size": (62, 120)}, "size must be even numbers"),
@@ -138,8 +138,8 @@ def test_any_name_and_any_skeleton_can_be_filmed(tmp_path, name):
         ({"groups": "wings"}, "preset must be one of"),
     ],
 )
-def test_what_cannot_be_filmed_is_refused(motion, tmp_path, options, told):
-    with pytest.raises(ValueError, match=told):
+def test_write_video_invalid_arguments_raise_value_error(motion, tmp_path, options, message):
+    with pytest.raises(ValueError, match=message):
         write_video(motion, tmp_path / "m.gif", **options)
     with pytest.raises(ValueError, match="motions must contain at least one"):
         write_video([], tmp_path / "m.gif")
@@ -150,7 +150,7 @@ def test_what_cannot_be_filmed_is_refused(motion, tmp_path, options, told):
         write_video(motion, tmp_path / "none" / "m.gif", size=SIZE)
 
 
-def test_what_ffmpeg_says_is_told(motion, tmp_path, monkeypatch):
+def test_write_video_failing_ffmpeg_raises_os_error_with_message(motion, tmp_path, monkeypatch):
     (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no such codec' >&2\nexit 3\n")
     (tmp_path / "ffmpeg").chmod(0o755)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -160,9 +160,7 @@ def test_what_ffmpeg_says_is_told(motion, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["ffmpeg"]
 
 
-def test_export_writes_films_and_names_the_extra_where_it_is_absent(
-    motion, tmp_path, capsys, monkeypatch
-):
+def test_export_command_writes_films_and_names_missing_extra(motion, tmp_path, capsys, monkeypatch):
     write_bvh(motion, tmp_path / "a.bvh")
     words = ["export", str(tmp_path / "a.bvh"), str(tmp_path / "a.bvh"), "--size", "160x120", "-o"]
     options = ["--rate", "10", "--frames", "10-29", "--dark"]

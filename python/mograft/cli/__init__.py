@@ -67,6 +67,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code.
     """
     options = parse(COMMANDS, arguments)
+    # NumPy reads these when it is imported. The matrices are small, so BLAS threads of this
+    # process and of its workers would mostly wait for each other.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         warnings.showwarning = lambda message, *_, **__: print_remark(f"warning: {message}")

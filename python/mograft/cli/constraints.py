@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mograft.cli.arguments import Argument, ArgumentGroup, option, repeated_option, switch
-from mograft.cli.values import checked, non_negative_number, positive_number
+from mograft.cli.values import argument_type, non_negative_number, positive_number
 
 if TYPE_CHECKING:
     from mograft.search.constraints import Constraint
@@ -70,7 +70,7 @@ def _frames(text: str) -> tuple[int, int]:
 _OBSTACLE_OPTIONS = (
     repeated_option(
         "--avoid",
-        type=checked(_obstacle),
+        type=argument_type(_obstacle),
         metavar="WHAT",
         help="obstacle that the body must not touch: FILE.bvh[@X,Y,Z[,YAW]] (another "
         "character, moved to a position and turned by YAW degrees), sphere:X,Y,Z,R, "
@@ -91,21 +91,21 @@ _OBSTACLE_OPTIONS = (
 _TARGET_OPTIONS = (
     repeated_option(
         "--reach",
-        type=checked(_reach),
+        type=argument_type(_reach),
         metavar="FRAME:JOINT:X,Y,Z[~TOL]",
         help="position of a joint in a frame, within TOL skeleton heights "
         f"(default: {_REACH_TOLERANCE}); may be repeated",
     ),
     repeated_option(
         "--face",
-        type=checked(_face),
+        type=argument_type(_face),
         metavar="X,Y,Z[@FIRST-LAST]",
         help="position that the head faces, within 20 degrees, in all frames or a range; may be "
         "repeated",
     ),
     repeated_option(
         "--keep",
-        type=checked(_frames),
+        type=argument_type(_frames),
         metavar="FIRST-LAST",
         help="frames that keep the captured motion; may be repeated",
     ),

@@ -137,7 +137,7 @@ def _write_label_page(options: argparse.Namespace) -> int:
 COMMAND = Command(
     name="evaluate",
     help="measure enrichment, balance, naturalness and quality of grafts",
-    description="Measure grafts, and for comparison motions made by chance and by other rules. "
+    description="Measure grafts, and for comparison random motions and those of other donor rules. "
     f"Words among FILE that are not files select what to measure: {', '.join(_TOPICS)} (default: "
     f"all). The word {_LABEL} writes a page instead, on which a person labels pieces as natural "
     "or not.",

@@ -1,7 +1,6 @@
 """``mograft index``: a library of many files, in a folder."""
 
 import argparse
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,10 +27,6 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    # NumPy reads these when it is loaded. The matrices are small: BLAS threads in this process
-    # and in its workers would mostly wait for each other.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     from mograft.library.discover import read_tags
 
     if options.add:

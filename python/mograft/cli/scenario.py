@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from mograft._util.arrays import IntArray
     from mograft.library.library import Library
-    from mograft.scenario.walks import Scenario
+    from mograft.scenario import Scenario
 
 __all__ = ["SCENARIO_OPTIONS", "check_scenario", "read_scenario"]
 
@@ -112,7 +112,7 @@ def read_scenario(
         return [int(word) for word in options.scenario.split(",")]
     import numpy as np
 
-    from mograft.scenario.walks import fill, follow, to_beats, transitions, walk
+    from mograft.scenario import fill, follow, to_beats, transitions, walk
 
     seed, duration = options.seed, options.duration or _DEFAULT_SECONDS
     graph = transitions(library, options.among and options.among.split(","))

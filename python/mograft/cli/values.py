@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 __all__ = [
-    "checked",
+    "argument_type",
     "frame_range",
     "non_negative_integer",
     "non_negative_number",
@@ -56,13 +56,13 @@ def frame_range(text: str) -> tuple[int, int]:
     return int(first), int(last)
 
 
-def checked(convert: Callable[[str], T]) -> Callable[[str], T]:
+def argument_type(convert: Callable[[str], T]) -> Callable[[str], T]:
     """Return a converter whose `ValueError` argparse prints in full."""
 
-    def convert_checked(text: str) -> T:
+    def convert_or_report(text: str) -> T:
         try:
             return convert(text)
         except ValueError as error:
             raise argparse.ArgumentTypeError(str(error)) from None
 
-    return convert_checked
+    return convert_or_report

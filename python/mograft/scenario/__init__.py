@@ -1,6 +1,8 @@
-"""Sequences of base segments, and the graph of transitions that they follow."""
+"""Scenarios: sequences of base segments, and the transition graph that they follow."""
 
+from mograft.scenario.path_following import follow
+from mograft.scenario.scenario import Scenario
 from mograft.scenario.transition_graph import Transitions, transitions
-from mograft.scenario.walks import Scenario, fill, follow, to_beats, walk
+from mograft.scenario.walks import fill, to_beats, walk
 
 __all__ = ["Scenario", "Transitions", "fill", "follow", "to_beats", "transitions", "walk"]

@@ -1,4 +1,4 @@
-"""From a scenario to its motion: segments one after the other, on their feet."""
+"""Realization of a scenario: its segments in sequence, as one motion with planted feet."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,82 +14,116 @@ from mograft.body.contacts import detect_contacts, find_legs, foot_heights
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.scenario.walks import Scenario
+from mograft.scenario.scenario import Scenario
 
 __all__ = ["donor_contacts", "realize_scenario"]
 
 
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
-    """Return the motion of segments one after the other, on its feet, and where they are in it."""
-    own = library.segments[scenario.segments]
-    stops = np.cumsum(own.lengths if scenario.lengths is None else scenario.lengths)
+    """Return the motion of a scenario, and its segments.
+
+    Parameters
+    ----------
+    library : Library
+        The library of the segments.
+    scenario : Scenario
+        The segments.
+
+    Returns
+    -------
+    motion : Motion
+        The segments in sequence, seams closed, and feet planted unless `Config.feet` is "never".
+    segments : Segments
+        Where each segment lies in the motion.
+    """
+    donors = library.segments[scenario.segments]
+    lengths = donors.lengths if scenario.lengths is None else scenario.lengths
+    stops = np.cumsum(lengths)
     cut = Segments(np.concatenate([[0], stops[:-1]]), stops)
-    # Each clip is read once: a stored library's are only there while they are asked for.
-    clips = {int(index): library.clips[int(index)] for index in np.unique(own.clip)}
-    numbers, at = np.unique(own.clip, return_inverse=True)
-    own = replace(own, clip=at)
-    several = [clips[index] for index in numbers.tolist()]
-    first = several[at[0]]
-    n_frames = int(stops[-1]) + 1
-    bare = replace(
-        first,
-        rotations=np.repeat(first.rotations[own.start[:1]], n_frames, axis=0),
-        positions=np.repeat(first.positions[own.start[:1]], n_frames, axis=0),
-        channel_values=None,
-        name=f"{first.name}_scenario",
-        path=None,
-        repairs=(),
-    )
+    # Clips of a stored library are read on access: each is read once.
+    used, index = np.unique(donors.clip, return_inverse=True)
+    clips = [library.clips[int(clip)] for clip in used]
+    donors = replace(donors, clip=index)
+    base = _still(clips[index[0]], int(donors.start[0]), int(stops[-1]) + 1)
     if scenario.place is not None or scenario.turn:
-        bare = _moved(bare, scenario, library.root, library.up)
-    group = GraftedGroup(np.arange(first.n_joints), library.root, library.up)
-    part = transplant(bare, cut, own, several, group, library.config)
-    motion = recombine(bare, [part], bare.name)
+        base = _moved(base, scenario, library.root, library.up)
+    group = GraftedGroup(np.arange(base.n_joints), library.root, library.up)
+    part = transplant(base, cut, donors, clips, group, library.config)
+    motion = recombine(base, [part], base.name)
     if library.config.feet != "never" and len(part.seams):
-        sources = [scenario.segments] * len(find_legs(first.skeleton))
-        stood, heights = donor_contacts(library, cut, sources)
-        motion, _ = plant_feet(motion, stood, min_heights=heights)
+        sources = [scenario.segments] * len(find_legs(base.skeleton))
+        contacts, heights = donor_contacts(library, cut, sources)
+        motion, _ = plant_feet(motion, contacts, min_heights=heights)
     return motion, cut
 
 
 def donor_contacts(
-    library: Library, cut: Segments, sources: Sequence[IntArray]
+    library: Library, cut: Segments, leg_donors: Sequence[IntArray]
 ) -> tuple[BoolArray, FloatArray]:
-    """Return when feet stand and how high they are, as in the segments that legs come from."""
+    """Return the foot contacts and foot heights of the segments from which legs come.
+
+    Parameters
+    ----------
+    library : Library
+        The library of the segments.
+    cut : Segments
+        The base segments.
+    leg_donors : sequence of ndarray of int
+        For every leg, the donor at each base segment.
+
+    Returns
+    -------
+    contacts : ndarray of bool, shape (n_frames, n_legs, 2)
+        Whether heels and toes stand; see `detect_contacts`.
+    heights : ndarray, shape (n_frames, n_legs, 2)
+        Their heights above the floor; see `foot_heights`.
+    """
     n_frames = int(cut.stop[-1]) + 1
-    stood = np.empty((n_frames, len(sources), 2), bool)
-    heights = np.empty((n_frames, len(sources), 2))
-    known: dict[int, tuple[BoolArray, FloatArray]] = {}
-    taken = library.segments
-    for index, donors in enumerate(sources):
-        for place, donor in enumerate(donors.tolist()):
-            clip = int(taken.clip[donor])
-            if clip not in known:
-                own = library.clips[clip]
-                known[clip] = detect_contacts(own), foot_heights(own)
-            n, m = int(cut.lengths[place]), int(taken.lengths[donor])
-            frames = taken.start[donor] + (np.arange(n + 1) * m + n // 2) // n
-            rows = slice(int(cut.start[place]), int(cut.stop[place]) + 1)
-            stood[rows, index] = known[clip][0][frames, index]
-            heights[rows, index] = known[clip][1][frames, index]
-    return stood, heights
+    contacts = np.empty((n_frames, len(leg_donors), 2), bool)
+    heights = np.empty((n_frames, len(leg_donors), 2))
+    of_clip: dict[int, tuple[BoolArray, FloatArray]] = {}
+    segments = library.segments
+    for leg, donors in enumerate(leg_donors):
+        for position, donor in enumerate(donors.tolist()):
+            clip = int(segments.clip[donor])
+            if clip not in of_clip:
+                motion = library.clips[clip]
+                of_clip[clip] = detect_contacts(motion), foot_heights(motion)
+            n, m = int(cut.lengths[position]), int(segments.lengths[donor])
+            frames = segments.start[donor] + (np.arange(n + 1) * m + n // 2) // n
+            rows = slice(int(cut.start[position]), int(cut.stop[position]) + 1)
+            contacts[rows, leg] = of_clip[clip][0][frames, leg]
+            heights[rows, leg] = of_clip[clip][1][frames, leg]
+    return contacts, heights
+
+
+def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
+    """Return a motion that repeats one frame of a clip."""
+    return replace(
+        clip,
+        rotations=np.repeat(clip.rotations[[frame]], n_frames, axis=0),
+        positions=np.repeat(clip.positions[[frame]], n_frames, axis=0),
+        channel_values=None,
+        name=f"{clip.name}_scenario",
+        path=None,
+        repairs=(),
+    )
 
 
 def _moved(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
-    """Return a still figure with its root turned about up and put in its place."""
-    turned, placed = motion.world_transforms()
-    spot, above = placed[0, root].copy(), int(motion.skeleton.parents[root])
+    """Return a still figure with its root rotated about up and moved to the scenario's place."""
+    world_quats, world_positions = motion.world_transforms()
+    position, parent = world_positions[0, root].copy(), int(motion.skeleton.parents[root])
     if scenario.place is not None:
-        height = spot[up]
-        spot = scenario.place.copy()
-        spot[up] = height
-    quat = rotations.multiply(
-        rotations.from_axis_angle(np.eye(3)[up], scenario.turn), turned[0, root]
-    )
-    if above >= 0:
-        back = rotations.inverse(turned[0, above])
-        quat = rotations.multiply(back, quat)
-        spot = rotations.rotate(back, spot - placed[0, above])
-    quats, places = motion.rotations.copy(), motion.positions.copy()
-    quats[:, root], places[:, root] = quat, spot
-    return replace(motion, rotations=quats, positions=places)
+        height = position[up]
+        position = scenario.place.copy()
+        position[up] = height
+    yaw = rotations.from_axis_angle(np.eye(3)[up], scenario.turn)
+    quat = rotations.multiply(yaw, world_quats[0, root])
+    if parent >= 0:
+        inverse = rotations.inverse(world_quats[0, parent])
+        quat = rotations.multiply(inverse, quat)
+        position = rotations.rotate(inverse, position - world_positions[0, parent])
+    quats, positions = motion.rotations.copy(), motion.positions.copy()
+    quats[:, root], positions[:, root] = quat, position
+    return replace(motion, rotations=quats, positions=positions)

@@ -16,8 +16,8 @@ from mograft.body.contacts import detect_contacts, find_legs
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.scenario import Scenario
 from mograft.scenario.realize import donor_contacts, realize_scenario
-from mograft.scenario.walks import Scenario
 from mograft.search.candidates import DonorTrellis, choose, reachable
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import MaxAngle

@@ -1,0 +1,285 @@
+"""Beam search for base segments whose root follows a path on the floor."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats
+from mograft.body.mass import mass_model
+from mograft.library.library import Library
+from mograft.scenario.scenario import Scenario
+from mograft.scenario.transition_graph import Transitions, transitions
+
+__all__ = ["follow", "mean_walking_speed"]
+
+_BEAM_WIDTH = 2048
+_N_HEADINGS = 8
+_OFF_PATH_WEIGHT, _REMAINING_WEIGHT = 3.0, 2.0
+"""Cost in radians per skeleton height beside the path and height walked, and per remaining height.
+So to walk on is worth its cost up to two thirds of a height beside the path."""
+_MIN_WALKING_SPEED = 0.25
+"""Heights per second; slower segments do not walk. People walk at about 0.8."""
+_MAX_DURATION_FACTOR = 10.0
+"""Multiple of the path's duration at mean walking speed that a result may last."""
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None = None) -> Scenario:
+    """Find segments whose root follows a path on the floor.
+
+    Parameters
+    ----------
+    library : Library
+        The library of the segments.
+    path : array_like, shape (n_points, 2)
+        Corners of the path in the file's unit, on the two axes other than up in their order: x and
+        z if y points up.
+    graph : Transitions, optional
+        The transition graph of the library, to save its computation. Default: `transitions`.
+
+    Returns
+    -------
+    Scenario
+        It starts at the first corner, with the heading that suits the path best.
+
+    Raises
+    ------
+    ValueError
+        If the path has fewer than two different points, if the segments do not reach its end in
+        time, or if there is no transition graph.
+
+    Notes
+    -----
+    The time limit is ten times the duration of the path plus one height at the mean speed of the
+    segments that walk: at least a quarter of a height per second. If none does, it is this speed.
+
+    A beam search of width 2048; of states with the same segment and heading (in 45° steps) only
+    the best is kept. The cost is that of the transitions, plus for each segment its displacement
+    in skeleton heights times 3 rad per height between the root and the nearest point of the path.
+    That point never moves back, and moves forward by at most twice the displacement. States of
+    equal numbers of segments are compared by cost plus 2 rad per remaining height of path.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> library = Library.build(dance(strides=1).motion)
+    >>> follow(library, [[0, 0], [300, 0]]).place
+    array([0., 0., 0.])
+    """
+    corners = as_floats("path", path, ("n_points", 2))
+    is_new = np.concatenate([[True], (np.diff(corners, axis=0) != 0).any(axis=1)])
+    if is_new.sum() < 2:
+        raise ValueError("path must have at least two different points, got 1")
+    graph = transitions(library) if graph is None else graph
+    search = _PathSearch.prepare(library, graph, corners[is_new])
+    nodes, turn = search.run()
+    place = np.zeros(3)
+    place[[axis for axis in range(3) if axis != library.up]] = corners[0]
+    return Scenario(graph.segments[nodes], None, place, turn)
+
+
+@dataclass(frozen=True, eq=False)
+class _Beam:
+    """States of the search, one row each.
+
+    `node` and `previous` are segments, `turn` and `initial_turn` rotations about the up axis in
+    radians, `position` and `progress` the root's position and that of its nearest path point along
+    the path, in heights. `parent` is the row of the state before in the beam before.
+    """
+
+    node: IntArray
+    previous: IntArray
+    initial_turn: FloatArray
+    turn: FloatArray
+    position: ComplexArray
+    progress: FloatArray
+    cost: FloatArray
+    seconds: FloatArray
+    parent: IntArray
+
+    @classmethod
+    def start(cls, n: int) -> "_Beam":
+        """Return the states before the first segment: every segment with every heading."""
+        turn = np.repeat(2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS), n)
+        size = n * _N_HEADINGS
+        return cls(
+            node=np.tile(np.arange(n), _N_HEADINGS),
+            previous=np.full(size, -1),
+            initial_turn=turn,
+            turn=turn,
+            position=np.zeros(size, complex),
+            progress=np.zeros(size),
+            cost=np.zeros(size),
+            seconds=np.zeros(size),
+            parent=np.arange(size),
+        )
+
+    def select(self, rows: IntArray) -> "_Beam":
+        """Return some states."""
+        return _Beam(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+
+
+@dataclass(frozen=True, eq=False)
+class _PathSearch:
+    """A path and a transition graph in skeleton heights, floor positions as complex numbers."""
+
+    graph: Transitions
+    corners: ComplexArray
+    arc_lengths: FloatArray
+    displacements: ComplexArray
+    seam_displacements: ComplexArray
+    durations: FloatArray
+    height: float
+    rotation_sense: float
+
+    @classmethod
+    def prepare(cls, library: Library, graph: Transitions, corners: FloatArray) -> "_PathSearch":
+        """Convert the path, whose successive corners differ, and the graph."""
+        height = mass_model(library.skeleton).height
+        corners = (corners - corners[0]) / height
+        legs = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+        floor = [axis for axis in range(3) if axis != library.up]
+        to_complex = np.array([1.0, 1j])
+        displacements, seam_displacements = (
+            vectors[:, floor] @ to_complex / height
+            for vectors in (graph.displacements, graph.seam_displacements)
+        )
+        return cls(
+            graph=graph,
+            corners=corners @ to_complex,
+            arc_lengths=np.concatenate([[0.0], np.cumsum(legs)]),
+            displacements=displacements,
+            seam_displacements=seam_displacements,
+            durations=library.segments.lengths[graph.segments] / library.rate,
+            height=height,
+            # A rotation about the up axis goes from x to y, but from z to x if y points up.
+            rotation_sense=-1.0 if library.up == 1 else 1.0,
+        )
+
+    def run(self) -> tuple[IntArray, float]:
+        """Return the nodes of the best walk to the end of the path, and its initial turn."""
+        total = self.arc_lengths[-1]
+        speed = mean_walking_speed(np.abs(self.displacements), self.durations)
+        max_seconds = _MAX_DURATION_FACTOR * float(total + 1.0) / speed
+        beam = _Beam.start(len(self.displacements))
+        history: list[_Beam] = []
+        while not history or total - beam.progress[0] != 0:
+            beam = self._walk_segment(beam)
+            rows = self._best_rows(beam, max_seconds)
+            if not len(rows):
+                raise ValueError(
+                    f"the segments follow {beam.progress.max() * self.height:.4g} of a path of "
+                    f"{total * self.height:.4g} in {max_seconds:.4g} s, ten times as long as "
+                    "walking segments need: add clips of someone who walks"
+                )
+            beam = beam.select(rows)
+            history.append(beam)
+            if total - beam.progress[0] != 0:
+                beam = self._expand(beam)
+        nodes, row = [], 0
+        for states in reversed(history):
+            nodes.append(int(states.node[row]))
+            row = int(states.parent[row])
+        return np.array(nodes[::-1]), float(beam.initial_turn[0])
+
+    def _rotate(self, vectors: ComplexArray, turn: FloatArray) -> ComplexArray:
+        rotated: ComplexArray = np.exp(1j * self.rotation_sense * turn) * vectors
+        return rotated
+
+    def _walk_segment(self, beam: _Beam) -> _Beam:
+        """Return the states at the end of their segments."""
+        step = self._rotate(self.displacements[beam.node], beam.turn)
+        position = beam.position + step
+        progress, distance = self._nearest_on_path(
+            position, beam.progress, beam.progress + 2.0 * np.abs(step)
+        )
+        return _Beam(
+            node=beam.node,
+            previous=beam.previous,
+            initial_turn=beam.initial_turn,
+            turn=beam.turn,
+            position=position,
+            progress=progress,
+            cost=beam.cost + _OFF_PATH_WEIGHT * distance * np.abs(step),
+            seconds=beam.seconds + self.durations[beam.node],
+            parent=beam.parent,
+        )
+
+    def _best_rows(self, beam: _Beam, max_seconds: float) -> IntArray:
+        """Return the rows to keep, best first: one for each segment and heading."""
+        remaining = self.arc_lengths[-1] - beam.progress
+        order = np.argsort(beam.cost + _REMAINING_WEIGHT * remaining, kind="stable")
+        order = order[beam.seconds[order] <= max_seconds]
+        heading = np.round(beam.turn[order] / (2 * np.pi / _N_HEADINGS)).astype(np.int64)
+        key = beam.node[order] * _N_HEADINGS + heading % _N_HEADINGS
+        _, first = np.unique(key, return_index=True)
+        rows: IntArray = order[np.sort(first)[:_BEAM_WIDTH]]
+        return rows
+
+    def _expand(self, beam: _Beam) -> _Beam:
+        """Return the states at the start of all next segments, but not back to the one before."""
+        graph = self.graph
+        counts = np.diff(graph.first_edge)[beam.node]
+        parent = np.repeat(np.arange(len(beam.node)), counts)
+        offsets = graph.first_edge[beam.node] - np.cumsum(counts) + counts
+        edge = np.arange(len(parent)) + np.repeat(offsets, counts)
+        is_new: BoolArray = graph.targets[edge] != beam.previous[parent]
+        if is_new.any():
+            parent, edge = parent[is_new], edge[is_new]
+        added = self._rotate(self.seam_displacements[edge], beam.turn[parent])
+        return _Beam(
+            node=graph.targets[edge],
+            previous=beam.node[parent],
+            initial_turn=beam.initial_turn[parent],
+            turn=beam.turn[parent] + graph.yaw_changes[edge],
+            position=beam.position[parent] + added,
+            progress=beam.progress[parent],
+            cost=beam.cost[parent] + graph.costs[edge],
+            seconds=beam.seconds[parent],
+            parent=parent,
+        )
+
+    def _nearest_on_path(
+        self, positions: ComplexArray, lower: FloatArray, upper: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return arc length and distance of the nearest path points within bounds on the former."""
+        best, nearest = lower, np.full(len(positions), np.inf)
+        for corner, leg, start, stop in zip(
+            self.corners[:-1],
+            np.diff(self.corners),
+            self.arc_lengths[:-1],
+            self.arc_lengths[1:],
+            strict=True,
+        ):
+            low, high = np.maximum(lower, start), np.minimum(upper, stop)
+            length = stop - start
+            along = start + ((positions - corner) * np.conj(leg)).real / length
+            along = np.clip(along, low, np.maximum(high, low))
+            distance = np.abs(positions - corner - leg * ((along - start) / length))
+            is_nearer = (distance < nearest) & (low <= high)
+            best = np.where(is_nearer, along, best)
+            nearest = np.where(is_nearer, distance, nearest)
+        return best, nearest
+
+
+def mean_walking_speed(distances: FloatArray, durations: FloatArray) -> float:
+    """Return the mean speed of the segments that walk, in heights per second.
+
+    Parameters
+    ----------
+    distances : ndarray, shape (n,)
+        Distance over the floor that each segment covers, in heights.
+    durations : ndarray, shape (n,)
+        Their durations in seconds.
+
+    Returns
+    -------
+    float
+        The mean over the segments of at least 0.25 heights per second; 0.25 if there are none.
+    """
+    walks = distances >= _MIN_WALKING_SPEED * durations
+    if not walks.any():
+        return _MIN_WALKING_SPEED
+    return float(distances[walks].sum() / durations[walks].sum())

@@ -1,0 +1,230 @@
+"""Pose, velocity and contacts of the base group at the ends of segments, and costs between them."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.segmentation import gaussian, kinetic_energy
+from mograft.blend.donor_timeline import sample_states
+from mograft.blend.root_motion import root_velocity_weights, yaw_rates
+from mograft.blend.value_spaces import ROTATIONS
+from mograft.body.anatomy import feature_joints
+from mograft.body.contacts import detect_contacts
+from mograft.body.mass import mass_model
+from mograft.library.library import Library
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = ["SegmentEnds", "segment_ends", "transition_costs"]
+
+_TILT_WEIGHT, _HEIGHT_WEIGHT = 1.0, 2.0
+"""Cost in radians per radian of root tilt, and per skeleton height of root height."""
+_VELOCITY_SECONDS = 0.1
+"""Cost of a velocity difference, in units of that of the difference in value."""
+_MAX_CHUNK = 1 << 22
+"""Numbers that are compared at a time, about."""
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentEnds:
+    """The starts, or the ends, of n segments.
+
+    Attributes
+    ----------
+    poses : ndarray, shape (n, n_joints, 4)
+        Local rotations of the base group's feature joints without the root.
+    joint_velocities : ndarray, shape (n, n_joints, 3)
+        Their angular velocities in radians per second.
+    root_rotations : ndarray, shape (n, 4)
+        World rotation of the root.
+    root_positions : ndarray, shape (n, 3)
+        World position of the root in the file's unit.
+    tilts : ndarray, shape (n, 4)
+        World rotation of the root without its heading.
+    heights : ndarray, shape (n,)
+        Height of the root in skeleton heights.
+    root_velocities : ndarray, shape (n, 3)
+        Velocity of the root, seen from its heading, in skeleton heights per second.
+    root_angular_velocities : ndarray, shape (n, 3)
+        Angular velocity of the root in radians per second.
+    contacts : ndarray of bool, shape (n, n_feet)
+        Which feet stand.
+    is_at_rest : ndarray of bool, shape (n,)
+        Whether the kinetic energy has a minimum where the segment ends.
+    steps : ndarray, shape (n, 4)
+        Displacement over the floor and rotation about the up axis between the segment's two
+        frames at this end.
+    weight_sums : ndarray, shape (n,)
+        Sum, over the segment's frames, of the weights of the velocity on the other side of a seam.
+    faded_steps : ndarray, shape (n, 4)
+        The segment's own steps, summed with these weights.
+
+    Notes
+    -----
+    If the base group does not hold the root, all quantities of the root are 0 except
+    `root_rotations` and `root_positions`.
+    """
+
+    poses: FloatArray
+    joint_velocities: FloatArray
+    root_rotations: FloatArray
+    root_positions: FloatArray
+    tilts: FloatArray
+    heights: FloatArray
+    root_velocities: FloatArray
+    root_angular_velocities: FloatArray
+    contacts: BoolArray
+    is_at_rest: BoolArray
+    steps: FloatArray
+    weight_sums: FloatArray
+    faded_steps: FloatArray
+
+    def feature_points(self) -> FloatArray:
+        """Return points whose distance is the root mean square of the terms of the cost.
+
+        This holds for small angles; the distance of large ones is smaller.
+        """
+        n, n_joints = self.poses.shape[:2]
+        share = max(n_joints, 1) ** -0.5
+        # The distance of two rotation matrices is √8 sin(angle / 2): the same for q and -q.
+        poses = rotations.rotate(self.poses[..., None, :], np.eye(3)) * (share / np.sqrt(2.0))
+        tilts = rotations.rotate(self.tilts[:, None], np.eye(3)) * (_TILT_WEIGHT / np.sqrt(2.0))
+        return np.concatenate(
+            [
+                poses.reshape(n, -1),
+                tilts.reshape(n, -1),
+                self.joint_velocities.reshape(n, -1) * (share * _VELOCITY_SECONDS),
+                _HEIGHT_WEIGHT * self.heights[:, None],
+                _HEIGHT_WEIGHT * _VELOCITY_SECONDS * self.root_velocities,
+                _TILT_WEIGHT * _VELOCITY_SECONDS * self.root_angular_velocities,
+            ],
+            axis=1,
+        )
+
+
+def segment_ends(library: Library, segments: IntArray) -> tuple[SegmentEnds, SegmentEnds]:
+    """Return the starts and the ends of segments; each clip is read once and not kept."""
+    clip_of = library.segments.clip[segments]
+    starts: list[SegmentEnds] = []
+    ends: list[SegmentEnds] = []
+    for clip in np.unique(clip_of):
+        reader = _ClipEnds(library, int(clip), library.clips[int(clip)])
+        indices = segments[clip_of == clip]
+        starts.append(reader.read(indices, is_start=True))
+        ends.append(reader.read(indices, is_start=False))
+    return _concatenated(starts), _concatenated(ends)
+
+
+def _concatenated(parts: list[SegmentEnds]) -> SegmentEnds:
+    return SegmentEnds(
+        **{
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(SegmentEnds)
+        }
+    )
+
+
+class _ClipEnds:
+    """One clip of a library, prepared for reading the ends of its segments."""
+
+    def __init__(self, library: Library, index: int, clip: Motion) -> None:
+        self._library, self._index, self._clip = library, index, clip
+        members = library.joints(library.groups.base)
+        self._joints = np.setdiff1d(feature_joints(library.skeleton, members), [library.root])
+        self._has_root = bool((members == library.root).any())
+        self._height = mass_model(clip.skeleton).height
+        self._quats, self._positions = (
+            values[:, library.root] for values in clip.world_transforms()
+        )
+        self._velocity = np.gradient(self._positions, axis=0) * clip.rate
+        self._contacts = np.logical_or(*np.moveaxis(detect_contacts(clip), 2, 0))
+        is_level = np.arange(3) != library.up
+        steps = np.where(is_level, np.diff(self._positions, axis=0), 0.0)
+        yaws = yaw_rates(self._quats, library.up)
+        self._steps = np.concatenate([steps, yaws[:, None]], axis=1)
+
+    def read(self, segments: IntArray, *, is_start: bool) -> SegmentEnds:
+        """Return the starts, or ends, of segments of this clip."""
+        library, cut = self._library, self._library.segments
+        frames = (cut.start if is_start else cut.stop)[segments]
+        first = 0 * segments
+        poses, velocities = sample_states(
+            ROTATIONS, [self._clip.rotations[:, self._joints]], first, frames
+        )
+        _, angular = sample_states(ROTATIONS, [self._quats[:, None]], first, frames)
+        inverse_yaws = rotations.inverse(rotations.twist(self._quats[frames], library.up))
+        tilts = (
+            rotations.multiply(inverse_yaws, self._quats[frames])
+            if self._has_root
+            else np.tile(rotations.IDENTITY, (len(segments), 1))
+        )
+        scale = float(self._has_root)
+        steps, weights = self._steps_inward(segments, frames, is_start=is_start)
+        return SegmentEnds(
+            poses=poses,
+            joint_velocities=velocities * library.rate,
+            root_rotations=self._quats[frames],
+            root_positions=self._positions[frames],
+            tilts=tilts,
+            heights=scale * self._positions[frames, library.up] / self._height,
+            root_velocities=scale
+            * rotations.rotate(inverse_yaws, self._velocity[frames])
+            / self._height,
+            root_angular_velocities=scale * angular[:, 0] * library.rate,
+            contacts=self._contacts[frames],
+            is_at_rest=self._is_at_rest(segments),
+            steps=scale * steps[:, 0],
+            weight_sums=weights.sum(axis=1),
+            faded_steps=scale * (weights[..., None] * steps).sum(axis=1),
+        )
+
+    def _steps_inward(
+        self, segments: IntArray, frames: IntArray, *, is_start: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the root's steps from an end inward, and the weights of the other side's."""
+        library = self._library
+        distances = np.arange(0.5, np.ceil(library.config.seam_blend * library.rate))
+        count = np.arange(len(distances))
+        inward = frames[:, None] + count if is_start else frames[:, None] - count - 1
+        steps = self._steps[inward.clip(0, len(self._steps) - 1)]
+        lengths = library.segments.lengths[segments][:, None]
+        before, after = root_velocity_weights(distances, lengths, library.config, library.rate)
+        return steps, after if is_start else before
+
+    def _is_at_rest(self, segments: IntArray) -> BoolArray:
+        """Return whether segments end at a minimum of the smoothed kinetic energy."""
+        cut, config, clip = self._library.segments, self._library.config, self._clip
+        energy = kinetic_energy(clip, omega=config.omega, inertia=config.inertia)
+        energy = gaussian(energy, config.smoothing * clip.rate)
+        bounds = np.append(cut.start[cut.clip == self._index], clip.n_frames - 1)
+        stop = cut.stop[segments]
+        following = bounds[np.minimum(np.searchsorted(bounds, stop) + 1, len(bounds) - 1)]
+        at_next = np.where(following > stop, energy[following], np.inf)
+        is_minimum: BoolArray = energy[stop] < np.minimum(energy[cut.start[segments]], at_next)
+        return is_minimum
+
+
+def transition_costs(
+    ends: SegmentEnds, starts: SegmentEnds, source: IntArray, target: IntArray
+) -> FloatArray:
+    """Return the cost of each transition in radians; see `transitions`."""
+    costs = np.zeros(len(source))
+    n_joints = ends.poses.shape[1]
+    step = max(_MAX_CHUNK // (8 * max(n_joints, 1)), 1)
+    for first in range(0, len(source), step):
+        i, j = source[first : first + step], target[first : first + step]
+        chunk = _TILT_WEIGHT * rotations.angle(ends.tilts[i], starts.tilts[j])
+        chunk += _HEIGHT_WEIGHT * np.abs(ends.heights[i] - starts.heights[j])
+        if n_joints:
+            chunk += rotations.angle(ends.poses[i], starts.poses[j]).mean(axis=1)
+            difference = ends.joint_velocities[i] - starts.joint_velocities[j]
+            chunk += _VELOCITY_SECONDS * np.linalg.norm(difference, axis=-1).mean(axis=1)
+        for weight, before, after in (
+            (_HEIGHT_WEIGHT, ends.root_velocities, starts.root_velocities),
+            (_TILT_WEIGHT, ends.root_angular_velocities, starts.root_angular_velocities),
+        ):
+            difference = before[i] - after[j]
+            chunk += weight * _VELOCITY_SECONDS * np.linalg.norm(difference, axis=-1)
+        costs[first : first + step] = chunk
+    return costs

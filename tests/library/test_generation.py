@@ -1,0 +1,124 @@
+"""Properties of writing: locks, interruptions, full disks, existing folders."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from mograft import Library, LibraryError, Segments
+from mograft.library import generation, storage
+from tests.library.checks import DANCE, assert_same_libraries, list_files
+
+
+def test_index_existing_folder_is_kept_without_force(clip_folder, stored_library, tmp_path):
+    library = Library.index(clip_folder / "c.bvh", tmp_path / "l")
+    with pytest.raises(FileExistsError, match="force"):
+        Library.index(clip_folder, tmp_path / "l")
+    assert_same_libraries(Library.open(tmp_path / "l"), library)
+    assert_same_libraries(Library.index(clip_folder, tmp_path / "l", force=True), stored_library)
+    other = tmp_path / "mine"
+    other.mkdir()
+    (other / "thesis.txt").write_text("chapter 1")
+    with pytest.raises(LibraryError, match="not overwritten"):
+        Library.index(clip_folder, other, force=True)
+    (tmp_path / "empty").mkdir()
+    assert_same_libraries(Library.index(clip_folder, tmp_path / "empty"), stored_library)
+    with pytest.raises(ValueError, match="in memory: save it first"):
+        Library.build(DANCE[:200]).add(clip_folder)
+    with pytest.raises(TypeError, match="sources must be files"):
+        Library.index(DANCE, tmp_path / "no")
+
+
+def test_write_generation_second_writer_raises_library_error(clip_folder, tmp_path):
+    library = Library.index(clip_folder / "c.bvh", tmp_path / "l")
+    with generation.write_generation(tmp_path / "l", add=True):
+        with pytest.raises(LibraryError, match="another process is writing"):
+            library.add(clip_folder)
+        assert_same_libraries(Library.open(tmp_path / "l"), library)
+    assert storage.list_leftovers(tmp_path / "l") == []
+
+
+WRITE_SCRIPT = """
+import sys, warnings
+from mograft import Library
+warnings.simplefilter("ignore")
+print("ready", flush=True)
+if sys.argv[1] == "add":
+    Library.open(sys.argv[2]).add(sys.argv[3])
+else:
+    Library.index(sys.argv[3], sys.argv[2], force=sys.argv[1] == "force")
+"""
+
+
+@pytest.mark.parametrize("action", ["index", "add", "force"])
+def test_write_killed_process_leaves_old_or_new_library(
+    clip_folder, stored_library, tmp_path, action
+):
+    old = Library.index(clip_folder / "c.bvh", tmp_path / "old")
+    rng = np.random.default_rng(len(action))
+    for trial in range(3):
+        folder = tmp_path / f"l{trial}"
+        if action != "index":
+            shutil.copytree(tmp_path / "old", folder)
+        command = [sys.executable, "-c", WRITE_SCRIPT, action, str(folder), str(clip_folder)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        process.stdout.readline()
+        time.sleep(rng.uniform(0, 0.6))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        process.stdout.close()
+        if action == "index" and not folder.exists():
+            continue
+        library = Library.open(folder)
+        assert storage.verify(folder) == []
+        is_new = len(library.entries) == len(stored_library.entries)
+        assert_same_libraries(library, stored_library if is_new else old)
+        # Leftovers of the killed process do not disturb the next one.
+        assert_same_libraries(library.add(clip_folder), stored_library)
+        assert storage.list_leftovers(folder) == []
+
+
+@pytest.mark.parametrize("stage", ["write_array", "write_clip_table", "commit"])
+def test_write_error_at_any_stage_leaves_old_library(clip_folder, tmp_path, monkeypatch, stage):
+    library = Library.index(clip_folder / "c.bvh", tmp_path / "l")
+
+    def fail(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(generation.GenerationWriter, stage, fail)
+    with pytest.raises(KeyboardInterrupt):
+        library.add(clip_folder)
+    with pytest.raises(KeyboardInterrupt):
+        Library.index(clip_folder, tmp_path / "new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
+    assert storage.list_leftovers(tmp_path / "l") == []
+    assert_same_libraries(Library.open(tmp_path / "l"), library)
+
+
+def test_write_full_disk_names_file_and_leaves_old_library(clip_folder, tmp_path):
+    """A limit on the size of files stands for a full disk."""
+    resource = pytest.importorskip("resource", reason="needs limits on the size of files")
+    library = Library.index(clip_folder / "c.bvh", tmp_path / "l")
+    largest = max(path.stat().st_size for path in list_files(tmp_path / "l"))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest + 4096, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as error:
+            library.add(clip_folder)
+        with pytest.raises(OSError, match="File too large"):
+            Library.index(clip_folder, tmp_path / "new")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert error.value.filename.startswith(str(tmp_path / "l"))
+    writer = generation.GenerationWriter(tmp_path, tmp_path / "x", None, 9)
+    (tmp_path / "0009" / "catalog.sqlite").mkdir()
+    with pytest.raises(LibraryError, match=r"catalog\.sqlite cannot be written"):
+        writer.write_clip_table([], [], {}, Segments([], []), np.zeros(0, bool), {})
+    shutil.rmtree(tmp_path / "0009")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
+    assert storage.list_leftovers(tmp_path / "l") == []
+    assert_same_libraries(Library.open(tmp_path / "l"), library)

@@ -1,0 +1,128 @@
+"""Realized scenarios: root motion, kept numbers, and root speeds."""
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mograft import Library, graft
+from mograft.body.mass import mass_model
+from mograft.motion import rotations
+from mograft.scenario import Scenario, transitions, walk
+from tests.hierarchies import DANCES, DATA, recording
+
+
+@pytest.mark.parametrize("seam", ["offset", "inertial", "displacement"])
+def test_realize_root_ends_at_the_sum_of_graph_displacements(library, seam):
+    """Equal heading, and a position within 0.03 heights, with any seam treatment."""
+    bare = replace(library, config=replace(library.config, feet="never", seam=seam))
+    graph = transitions(bare)
+    walked = Scenario(walk(bare, 60.0, 2, graph=graph), None, np.array([5.0, 0.0, 7.0]), 0.4)
+    at = np.searchsorted(graph.segments, walked.segments)
+    assert (np.diff(walked.segments) != 1).sum() >= 20
+    turn, spot = walked.turn, walked.place
+    turned, places = (
+        own[:, library.root] for own in graft(bare, scenario=walked).base.world_transforms()
+    )
+    for place, then in pairwise(at):
+        edges = graph.edges_from(int(place))
+        edge = edges.start + int(np.flatnonzero(graph.targets[edges] == then)[0])
+        on = graph.displacements[place] + graph.seam_displacements[edge]
+        spot = spot + rotations.rotate(rotations.from_axis_angle([0, 1, 0], turn), on)
+        turn += graph.yaw_changes[edge]
+    spot = spot + rotations.rotate(
+        rotations.from_axis_angle([0, 1, 0], turn), graph.displacements[at[-1]]
+    )
+    assert np.linalg.norm((places[-1] - spot)[[0, 2]]) < 0.03 * mass_model(library.skeleton).height
+    captured = library.clips[0].world_transforms()[0][
+        library.segments.stop[walked.segments[-1]], library.root
+    ]
+    apart = rotations.multiply(turned[-1], rotations.inverse(captured))
+    off = rotations.multiply(rotations.inverse(rotations.from_axis_angle([0, 1, 0], turn)), apart)
+    assert rotations.angle(off, rotations.IDENTITY) < 1e-9
+
+
+def test_graft_scenario_of_all_segments_in_order_equals_graft_on_clip(library):
+    """The realized base equals the clip bit for bit, and so does the graft."""
+    own = library.segments.of_clip(0)
+    new, plain = graft(library, scenario=own, seed=3), graft(library, seed=3)
+    np.testing.assert_array_equal(new.base.rotations, plain.base.rotations)
+    np.testing.assert_array_equal(new.base.positions, plain.base.positions)
+    np.testing.assert_array_equal(new.motion.rotations, plain.motion.rotations)
+
+
+def test_graft_scenario_keeps_base_group_bit_for_bit(library, graph):
+    new = graft(library, scenario=walk(library, 8.0, 1, graph=graph), seed=1)
+    own = library.joints(library.groups.base)
+    np.testing.assert_array_equal(new.motion.rotations[:, own], new.base.rotations[:, own])
+    np.testing.assert_array_equal(new.motion.positions[:, own], new.base.positions[:, own])
+    lengths = library.segments.lengths[list(new.scenario)]
+    assert new.motion.n_frames == lengths.sum() + 1
+    assert [s.start for s in new.substitutions] == [0, *np.cumsum(lengths)[:-1]]
+    document = new.as_dict()
+    assert len(document["scenario"]) == len(new.scenario)
+
+
+def speeds(motion, root, up):
+    """The root's speed over the floor and its yaw rate, per frame."""
+    turned, placed = motion.world_transforms()
+    steps = np.linalg.norm(np.delete(np.diff(placed[:, root], axis=0), up, axis=1), axis=1)
+    turns = rotations.multiply(turned[1:, root], rotations.inverse(turned[:-1, root]))
+    yaws = rotations.log(rotations.twist(turns, up))
+    return steps, np.linalg.norm(yaws, axis=1)
+
+
+ALL_DANCES = sorted(
+    str(path.relative_to(DATA).with_suffix("")) for path in DATA.glob("dance_*/*.bvh")
+)
+TOO_SHORT = "must be reachable from one another|a transition graph needs transitions"
+
+
+@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
+@pytest.mark.parametrize(
+    "name",
+    [
+        "dancer",
+        *DANCES,
+        *(pytest.param(n, marks=pytest.mark.thorough) for n in ALL_DANCES if n not in DANCES),
+    ],
+)
+def test_graft_one_minute_walk_root_is_no_faster_than_its_segments(name, library):
+    """The bound is over the segments of the walk; it holds after feet are planted."""
+    if name != "dancer":
+        library = Library.build(recording(name))
+    try:
+        graph, cut = transitions(library), library.segments
+    except ValueError as error:
+        if not re.search(TOO_SHORT, str(error)):
+            raise
+        pytest.skip(f"{name} is too short to walk in")
+    captured = speeds(library.clips[0], library.root, library.up)
+    for seed in (1, 2, 3):
+        new = graft(library, scenario=walk(library, 60.0, seed, graph=graph))
+        assert new.motion.duration >= 60.0 - 1e-6
+        used = np.zeros(library.clips[0].n_frames - 1, bool)
+        for segment in new.scenario:
+            used[cut.start[segment] : cut.stop[segment]] = True
+        for own, most in zip(speeds(new.motion, library.root, library.up), captured, strict=True):
+            assert own.max() <= most[used].max() * (1 + 1e-9)
+
+
+def test_scenario_invalid_arguments_raise_value_error():
+    with pytest.raises(ValueError, match="segments must hold at least one, got none"):
+        Scenario([])
+    with pytest.raises(ValueError, match="lengths must be at least 1, got 0"):
+        Scenario([1, 2], [3, 0])
+
+
+def test_graft_invalid_scenario_raises_value_error(library):
+    n = len(library.segments)
+    for scenario in ([0, n], Scenario([n])):
+        with pytest.raises(ValueError, match=f"scenario must .* 0 to {n - 1}, got {n}"):
+            graft(library, scenario=scenario)
+    with pytest.raises(ValueError, match="scenario must hold at least one segment, got none"):
+        graft(library, scenario=[])
+    with pytest.raises(ValueError, match="base must not be given with a scenario"):
+        graft(library, library.clips[0], scenario=[0, 1])

@@ -1,0 +1,24 @@
+"""Fixtures of pages and reports: the dancer, its library and a graft."""
+
+import pytest
+
+from mograft import Library, graft
+from mograft.dancer import dance
+
+
+@pytest.fixture(scope="package")
+def motion():
+    """The dancer, one bout of strides."""
+    return dance(seed=1, strides=1).motion
+
+
+@pytest.fixture(scope="package")
+def library(motion):
+    """The library of the dancer."""
+    return Library.build(motion)
+
+
+@pytest.fixture(scope="package")
+def new(library):
+    """A graft of the library."""
+    return graft(library, seed=3)
