@@ -779,7 +779,7 @@ class _Clusters:
         )
 
     def mates(self, motion: Motion, cut: Segments) -> tuple[IntArray, FloatArray]:
-        """Return the members of a segment's cluster, the one that `Library.with_clip` finds.
+        """Return the members of a segment's cluster, the one that `Library.extended` finds.
 
         Ascending; and how far they are, in greatest distances within a cluster.
         """
