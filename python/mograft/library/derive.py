@@ -8,7 +8,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from mograft._util.validate import check_type
-from mograft.analysis.channel_groups import samples_alone
+from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features, normalise
 from mograft.analysis.segmentation import Segments, segment
 from mograft.body.mass import mass_model
@@ -223,7 +223,7 @@ def _append_clip(library: L, motion: Motion) -> L:
     embedding = {
         group: None
         if known is None
-        else _project(known, samples_alone(samples, library.skeleton, held[group]))
+        else _project(known, restrict_samples(samples, library.skeleton, held[group]))
         for group, known in library.embedding.items()
     }
     n, sigma = len(segments), library.sigma
