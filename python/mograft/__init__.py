@@ -37,9 +37,10 @@ if TYPE_CHECKING:
         SkeletonMismatchError,
     )
     from mograft.io.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
+    from mograft.io.csv import write_csv
     from mograft.io.glb import write_glb
+    from mograft.io.npz import read_npz, write_npz
     from mograft.io.pybvh import from_pybvh, to_pybvh
-    from mograft.io.tables import read_npz, write_csv, write_npz
     from mograft.io.usd import write_usd
     from mograft.library.library import Library
     from mograft.motion import resample, rotations
@@ -74,7 +75,8 @@ _HOMES = {
     "body.contacts": "foot_skate",
     "blend.foot_planting": "FeetReport plant_feet",
     "io.glb": "write_glb",
-    "io.tables": "read_npz write_csv write_npz",
+    "io.csv": "write_csv",
+    "io.npz": "read_npz write_npz",
     "io.usd": "write_usd",
     "synthesis.graft": "Graft Grafts Seam Substitution graft graft_many repair",
     "body.group_entries": "subtree",

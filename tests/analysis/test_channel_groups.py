@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from mograft import Config, JointGroups, Library, Skeleton, graft
 from mograft.analysis.channel_groups import (
-    HeldSamples,
-    angles,
-    apart,
-    held_alone,
-    samples_alone,
-    told,
+    RestrictedSamples,
+    euler_angles,
+    merge_axes,
+    restrict_rotations,
+    restrict_samples,
+    split_axes,
 )
 from mograft.analysis.embedding import Samples
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
@@ -83,7 +83,7 @@ def test_a_channel_is_joined_as_a_number(lengths, seed):
     base = star_clip(rng, cut)
     donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
     order = base.skeleton.rotation_order(3)
-    angle = angles(base, 3)[:, order.index("Y")]
+    angle = euler_angles(base, 3)[:, order.index("Y")]
     if np.ptp(angle) > 3.0:
         return
     group = GraftedGroup(np.array([3]), held={3: "Y"})
@@ -108,17 +108,17 @@ def test_of_samples_only_the_divided_joint_changes(seed, axes, is_single):
     quats = wander(rng, 9 * 2, skeleton.n_joints).reshape(9, 2, skeleton.n_joints, 4)
     rows = np.concatenate([quats.reshape(9, -1), rng.normal(size=(9, 7))], axis=1)
     whole = Samples(rows.astype(np.float32) if is_single else rows, 2, skeleton.n_joints)
-    alone = samples_alone(whole, skeleton, {3: axes})
+    alone = restrict_samples(whole, skeleton, {3: axes})
     np.testing.assert_array_equal(alone.rest, whole.rest)
     others = np.delete(np.arange(skeleton.n_joints), 3)
     np.testing.assert_array_equal(alone.rotations[:, :, others], whole.rotations[:, :, others])
-    expected = held_alone(
+    expected = restrict_rotations(
         whole.rotations[:, :, 3].astype(np.float64), skeleton.rotation_order(3), axes
     )
     np.testing.assert_array_equal(alone.rotations[:, :, 3], expected)
-    (chunk,) = HeldSamples(whole, skeleton, {3: axes}).chunks()
+    (chunk,) = RestrictedSamples(whole, skeleton, {3: axes}).chunks()
     np.testing.assert_array_equal(chunk.rows, alone.rows)
-    assert samples_alone(whole, skeleton, {}) is whole
+    assert restrict_samples(whole, skeleton, {}) is whole
 
 
 @given(SEEDS, st.sampled_from(["XYZ", "ZXY", "YZX", "ZYX", "XZY", "YXZ"]))
@@ -126,22 +126,24 @@ def test_what_is_held_alone_and_the_rest_make_the_whole(seed, order):
     rng = np.random.default_rng(seed)
     wide = rng.uniform(-1, 1, (20, 3)) * [np.pi, 1.5, np.pi]
     quats = rotations.from_euler(wide, order)
-    same_rotations(held_alone(quats, order, order), quats, 1e-9)
-    same_rotations(held_alone(quats, order, ""), np.tile(rotations.IDENTITY, (20, 1)), 1e-12)
-    parts = [held_alone(quats, order, axis) for axis in order]
+    same_rotations(restrict_rotations(quats, order, order), quats, 1e-9)
+    same_rotations(
+        restrict_rotations(quats, order, ""), np.tile(rotations.IDENTITY, (20, 1)), 1e-12
+    )
+    parts = [restrict_rotations(quats, order, axis) for axis in order]
     whole = rotations.multiply(rotations.multiply(parts[0], parts[1]), parts[2])
     same_rotations(whole, quats, 1e-9)
-    same_rotations(held_alone(-quats, order, order[0]), parts[0], 1e-9)
+    same_rotations(restrict_rotations(-quats, order, order[0]), parts[0], 1e-9)
 
 
 def test_apart_and_told_are_inverse():
     base = star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
     held = {2: "ZY", 3: "X"}
-    found = told(apart(base, held), held)
+    found = merge_axes(split_axes(base, held), held)
     assert list(found) == [(2, "Z"), (2, "Y"), (3, "X")]
     for (joint, axis), own in found.items():
         column = base.skeleton.rotation_order(joint).index(axis)
-        off = own - angles(base, joint)[:, column]
+        off = own - euler_angles(base, joint)[:, column]
         np.testing.assert_allclose(np.sin(off / 2), 0.0, atol=1e-12)
 
 
@@ -226,8 +228,8 @@ def test_channels_cover_each_joint_once(seed):
     [
         ({"a": ["Hips", "Arm"], "b": ["Arm.Xrotation"]}, "joint Arm.Xrotation must be in one"),
         ({"a": ["Hips", "Arm.Yrotation"], "b": ["Arm.Xrotation"]}, "got none for Arm.Zrotation"),
-        ({"a": ["Arm"], "b": ["Hips.Xrotation"]}, "Hips must be held whole: the root is turned"),
-        ({"a": ["Hips"], "b": ["Arm", "Arm.Xrotation"]}, "whole or by channels, got both"),
+        ({"a": ["Arm"], "b": ["Hips.Xrotation"]}, "Hips must be in one group as a whole"),
+        ({"a": ["Hips"], "b": ["Arm", "Arm.Xrotation"]}, "as a whole or by channels, got both"),
         ({"a": ["Hips"], "b": ["Leg.Xrotation"]}, "group 'b': no joint is named 'Leg'"),
     ],
 )

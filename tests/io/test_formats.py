@@ -29,7 +29,7 @@ from mograft import (
 from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.io.figure import unit_of
+from mograft.io.units import guess_unit
 from mograft.motion import rotations
 from tests import strategies as own
 from tests.clients import blender, gltf_validator
@@ -215,7 +215,7 @@ def test_several_motions_are_several_animations(motion, tmp_path):
 )
 def test_the_unit_is_guessed_by_the_stature_and_told(motion, tmp_path, size, unit):
     skeleton = motion.skeleton.with_offsets(size * motion.skeleton.offsets)
-    assert unit_of(skeleton) == unit
+    assert guess_unit(skeleton) == unit
     scaled = replace(motion, skeleton=skeleton, positions=size * motion.positions)
     scale = write_glb(scaled, tmp_path / "m.glb")
     extras = Glb(tmp_path / "m.glb").document["asset"]["extras"]

@@ -12,7 +12,7 @@ from mograft import EndSite, Motion, Skeleton, write_bvh, write_usd
 from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.io.usd import ENDINGS
+from mograft.io.usd import SUFFIXES
 from mograft.motion import rotations
 from tests import strategies as own
 from tests.clients import blender
@@ -58,7 +58,7 @@ def check_skin(query, skin, frame, want):
 
 
 @settings(max_examples=40)
-@given(own.motions(max_frames=10), st.sampled_from([0.01, 1.0]), st.sampled_from(ENDINGS))
+@given(own.motions(max_frames=10), st.sampled_from([0.01, 1.0]), st.sampled_from(SUFFIXES))
 def test_joints_are_where_forward_kinematics_puts_them(tmp_path_factory, motion, scale, ending):
     path = tmp_path_factory.mktemp("usd") / f"m{ending}"
     assert write_usd(motion, path, scale=scale) == scale
@@ -128,7 +128,7 @@ def test_the_validators_of_usd_find_nothing(motion, tmp_path):
     assert len(rules) > 5
     context = UsdValidation.ValidationContext(rules)
     for name, item in motions.items():
-        for ending in ENDINGS:
+        for ending in SUFFIXES:
             path = tmp_path / f"{name}{ending}"
             write_usd(item, path)
             found = context.Validate(Usd.Stage.Open(str(path)))
@@ -149,7 +149,7 @@ def test_names_that_usd_has_no_signs_for_stay_readable(motion, tmp_path, name):
         assert len(set(map(str, query.GetJointOrder()))) == motion.n_joints
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("ending", SUFFIXES)
 def test_the_same_motion_gives_the_same_bytes(motion, tmp_path, ending):
     made = []
     for name in ("a", "b"):

@@ -10,7 +10,8 @@ from hypothesis.extra import numpy as npst
 from scipy.sparse.csgraph import connected_components
 
 from mograft import Library
-from mograft.analysis.segmentation import gaussian, kinetic_energy
+from mograft._util.gaussian import gaussian_filter
+from mograft.analysis.segmentation import kinetic_energy
 from mograft.body.mass import mass_model
 from mograft.motion import rotations
 from mograft.scenario import transitions
@@ -142,7 +143,7 @@ def test_transitions_many_clips_keep_nearest_and_read_each_clip_once(library, mo
 def test_transitions_is_at_rest_marks_energy_minima(library, graph):
 
     motion, config = library.clips[0], library.config
-    energy = gaussian(kinetic_energy(motion), config.smoothing * motion.rate)
+    energy = gaussian_filter(kinetic_energy(motion), config.smoothing * motion.rate)
     stops = library.segments.stop[graph.segments]
     inner = (stops > 2) & (stops < motion.n_frames - 3)
     least = energy[stops[inner]] <= np.minimum(energy[stops[inner] - 2], energy[stops[inner] + 2])

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.analysis.segmentation import Cutter, extrema, gaussian
+from mograft._util.gaussian import gaussian_filter
+from mograft.analysis.segmentation import OnlineSegmenter, extrema
 from mograft.blend.donor_timeline import sample_states
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.blend.value_spaces import ROTATIONS
@@ -434,7 +435,7 @@ def test_cuts_of_a_growing_curve_are_settled_and_long_enough(seed, n, chunks):
     energies = np.abs(np.cumsum(rng.normal(size=n + 1)))
     energies[rng.integers(n) :][:80] = 1.0  # a stretch where nothing turns
     config = mg.Config(max_length=1.0)
-    cutter, seen = Cutter(30.0, config), []
+    cutter, seen = OnlineSegmenter(30.0, config), []
     at, turn = 0, 0
     while at < len(energies):
         size = chunks[turn % len(chunks)]
@@ -443,7 +444,7 @@ def test_cuts_of_a_growing_curve_are_settled_and_long_enough(seed, n, chunks):
         seen, at, turn = list(cutter.bounds), at + size, turn + 1
     cutter.close()
     assert cutter.bounds[: len(seen)] == seen
-    whole = Cutter(30.0, config)
+    whole = OnlineSegmenter(30.0, config)
     whole.push(energies)
     whole.close()
     assert whole.bounds == cutter.bounds
@@ -461,17 +462,17 @@ def test_where_nothing_is_merged_cuts_are_those_of_the_whole_motion(seed, n):
     phase, pace = rng.uniform(0, 6), rng.uniform(0.15, 0.4)
     energies = 2.0 + np.cos(phase + pace * np.arange(n)) + 0.3 * np.sin(0.05 * np.arange(n))
     config = mg.Config(min_length=1 / 30, max_length=100.0)
-    cutter = Cutter(30.0, config)
+    cutter = OnlineSegmenter(30.0, config)
     cutter.push(energies)
     cutter.close()
-    inner = extrema(gaussian(energies, config.smoothing * 30.0))
+    inner = extrema(gaussian_filter(energies, config.smoothing * 30.0))
     assert cutter.bounds == [0, *(int(at) for at in inner if 0 < at < n - 1), n - 1]
 
 
 @pytest.mark.parametrize("seed", [0, 4])
 def test_a_growing_dance_is_cut_as_the_whole_one(seed):
     motion = dance(seed=seed, strides=1).motion
-    cutter = Cutter(motion.rate, mg.Config())
+    cutter = OnlineSegmenter(motion.rate, mg.Config())
     cutter.push(mg.kinetic_energy(motion))
     cutter.close()
     expected = mg.segment(motion)
@@ -479,7 +480,7 @@ def test_a_growing_dance_is_cut_as_the_whole_one(seed):
 
 
 def test_where_nothing_turns_it_is_cut_all_the_same():
-    cutter = Cutter(30.0, mg.Config(max_length=1.0))
+    cutter = OnlineSegmenter(30.0, mg.Config(max_length=1.0))
     cutter.push(np.linspace(1.0, 2.0, 200))
     assert cutter.bounds[:5] == [0, 30, 60, 90, 120]
 

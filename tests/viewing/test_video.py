@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mograft import EndSite, Motion, Skeleton, write_bvh, write_video
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.io.figure import PALETTE
+from mograft.io.palette import PALETTE
 from tests.strategies import HOSTILE_NAMES
 
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")

@@ -1,11 +1,13 @@
-"""Joints of which a group holds single rotation channels: degrees of freedom of their own.
+"""Groups that hold single rotation channels of a joint instead of the whole joint.
 
-A channel is treated as a joint that turns about one axis alone, so that its angle is compared,
-resampled and joined as a number is, without a leap where it passes a half turn.
+Such a joint is divided between groups; see `JointGroups.divided_channels`. Each channel of a
+divided joint is treated as a joint that rotates about one axis. Its angle is then compared,
+resampled and blended like a number, without jumps at half turns.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,150 +19,206 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 __all__ = [
-    "HeldSamples",
-    "Key",
-    "angles",
-    "apart",
-    "ends_alone",
-    "held_alone",
-    "samples_alone",
-    "told",
+    "ChannelKey",
+    "DividedChannels",
+    "RestrictedSamples",
+    "euler_angles",
+    "merge_axes",
+    "restrict_ends",
+    "restrict_rotations",
+    "restrict_samples",
+    "split_axes",
 ]
 
-Held = Mapping[int, str]
-"""Of each divided joint the axes of the channels that a group holds, as ``"ZX"``."""
+DividedChannels: TypeAlias = Mapping[int, str]
+"""For each divided joint, the axes of the channels that a group holds, such as ``"ZX"``."""
 
-Key = tuple[int, str]
-"""A joint and the axis of one of its channels."""
+ChannelKey: TypeAlias = tuple[int, str]
+"""A joint and the axis of one of its rotation channels."""
 
-_EYE = np.eye(3)
-_STEP = 1e-5
-
-
-def keys(held: Held) -> list[Key]:
-    """Return the single channels that a group holds."""
-    return [(joint, axis) for joint, axes in sorted(held.items()) for axis in axes]
+_AXES = np.eye(3)
+_DIFFERENCE_STEP = 1e-5
 
 
-def angles(motion: Motion, joint: int) -> FloatArray:
-    """Return a joint's Euler angles in radians, shape (n_frames, 3), as the file has them."""
+def _channel_keys(channels: DividedChannels) -> list[ChannelKey]:
+    return [(joint, axis) for joint, axes in sorted(channels.items()) for axis in axes]
+
+
+def euler_angles(motion: Motion, joint: int) -> FloatArray:
+    """Return the Euler angles of a joint, as the file has them if they are known.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    joint : int
+        Index of the joint.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_rotation_channels)
+        The angles in radians, in channel order.
+    """
     skeleton = motion.skeleton
     names, columns = skeleton.channels[joint], skeleton.channel_columns[joint]
-    known = motion.channel_values
-    if known is not None:
-        own = [c for c, name in zip(columns, names, strict=True) if name.endswith("rotation")]
-        if not np.isnan(known[:, own]).any():
-            return np.radians(known[:, own])
+    values = motion.channel_values
+    if values is not None:
+        is_rotation = [name.endswith("rotation") for name in names]
+        selected = np.array(columns, np.int64)[is_rotation]
+        if not np.isnan(values[:, selected]).any():
+            return np.radians(values[:, selected])
     return rotations.to_euler(motion.rotations[:, joint], skeleton.rotation_order(joint))
 
 
-def apart(motion: Motion, held: Held) -> FloatArray:
-    """Return each held channel as a joint that turns about one axis, (n_frames, n_channels, 4)."""
-    turns = np.empty((motion.n_frames, len(keys(held)), 4))
-    for column, (joint, axis) in enumerate(keys(held)):
+def split_axes(motion: Motion, channels: DividedChannels) -> FloatArray:
+    """Return each channel as the rotation of a joint about one axis.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    channels : dict of int to str
+        For each divided joint, the axes of the channels.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_channels, 4)
+        Unit quaternions, xyzw; channels ordered by joint.
+    """
+    keys = _channel_keys(channels)
+    quats = np.empty((motion.n_frames, len(keys), 4))
+    for column, (joint, axis) in enumerate(keys):
         order = motion.skeleton.rotation_order(joint)
-        own = angles(motion, joint)[:, order.index(axis)]
-        turns[:, column] = rotations.from_axis_angle(_EYE["XYZ".index(axis)], own)
-    return turns
+        angle = euler_angles(motion, joint)[:, order.index(axis)]
+        quats[:, column] = rotations.from_axis_angle(_AXES["XYZ".index(axis)], angle)
+    return quats
 
 
-def told(turns: FloatArray, held: Held) -> dict[Key, FloatArray]:
-    """Undo `apart`: return each channel's angle in radians, without leaps."""
-    found = {}
-    for column, key in enumerate(keys(held)):
-        own = turns[..., column, :]
-        found[key] = np.unwrap(2.0 * np.arctan2(own[..., "XYZ".index(key[1])], own[..., 3]))
-    return found
+def merge_axes(quats: FloatArray, channels: DividedChannels) -> dict[ChannelKey, FloatArray]:
+    """Return the angle of each channel; the inverse of `split_axes`.
+
+    Parameters
+    ----------
+    quats : ndarray, shape (n_frames, n_channels, 4)
+        Rotations about single axes, as `split_axes` returns them.
+    channels : dict of int to str
+        As for `split_axes`.
+
+    Returns
+    -------
+    dict of (int, str) to ndarray, shape (n_frames,)
+        For each joint and axis the angle in radians, without jumps of a turn.
+    """
+    angles = {}
+    for column, key in enumerate(_channel_keys(channels)):
+        channel = quats[..., column, :]
+        half = np.arctan2(channel[..., "XYZ".index(key[1])], channel[..., 3])
+        angles[key] = np.unwrap(2.0 * half)
+    return angles
 
 
-def held_alone(quats: FloatArray, order: str, axes: str) -> FloatArray:
-    """Return rotations of which only some Euler angles are left, the others being 0.
+def restrict_rotations(quats: FloatArray, order: str, axes: str) -> FloatArray:
+    """Return rotations with all Euler angles set to 0 except those of the given axes.
 
     Parameters
     ----------
     quats : ndarray, shape (..., 4)
         Unit quaternions.
     order : str
-        The axes of the joint's channels, as ``"ZXY"``.
+        The axes of the joint's channels, such as ``"ZXY"``.
     axes : str
-        Those that are left.
+        The axes whose angles are kept.
 
     Returns
     -------
     ndarray, shape (..., 4)
-        Of the two triples of angles the one whose middle angle is up to a right angle counts.
+        Unit quaternions. Of the two triples of Euler angles that give a rotation, the one whose
+        middle angle is within 90 degrees is used.
     """
     flat = quats.reshape(-1, 4)
     flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
-    own = rotations.to_euler(flat, order)
-    middle = np.angle(np.exp(1j * own[:, 1]))
-    other = np.abs(middle) > np.pi / 2
-    own[:, 1] = np.where(other, np.pi - middle, middle)
-    own[other] += [np.pi, 0.0, np.pi]
-    own *= [axis in axes for axis in order]
-    return rotations.from_euler(own, order).reshape(quats.shape)
+    angles = rotations.to_euler(flat, order)
+    middle = np.angle(np.exp(1j * angles[:, 1]))
+    is_beyond = np.abs(middle) > np.pi / 2
+    angles[:, 1] = np.where(is_beyond, np.pi - middle, middle)
+    angles[is_beyond] += [np.pi, 0.0, np.pi]
+    angles *= [axis in axes for axis in order]
+    return rotations.from_euler(angles, order).reshape(quats.shape)
 
 
-def ends_alone(
-    ends: Mapping[str, FloatArray], joints: IntArray, skeleton: Skeleton, held: Held
+def restrict_ends(
+    ends: Mapping[str, FloatArray],
+    joints: IntArray,
+    skeleton: Skeleton,
+    channels: DividedChannels,
 ) -> Mapping[str, FloatArray]:
-    """Return poses and velocities at the ends of segments, of divided joints only what is held.
+    """Return poses and velocities at the ends of segments, restricted to a group's channels.
 
     Parameters
     ----------
     ends : dict of str to ndarray, shape (n_segments, n_joints, 4 or 3)
         As `mograft.library.ingest.boundary_states` names them.
     joints : ndarray of int
-        The group's joints; its feature joints are those of `ends`.
+        The joints of the group; the joints of `ends` are the feature joints among them.
     skeleton : Skeleton
-        Their skeleton.
-    held : dict of int to str
-        What the group holds of divided joints.
+        The skeleton.
+    channels : dict of int to str
+        For each divided joint, the axes of the channels that the group holds.
     """
-    if not held:
+    if not channels:
         return ends
-    alone = {key: np.array(own) for key, own in ends.items()}
+    restricted = {key: np.array(values) for key, values in ends.items()}
     for column, joint in enumerate(feature_joints(skeleton, joints).tolist()):
-        if joint not in held:
+        if joint not in channels:
             continue
-        order, axes = skeleton.rotation_order(joint), held[joint]
+        order, axes = skeleton.rotation_order(joint), channels[joint]
         for side in ("first", "last"):
-            here = held_alone(ends[side][:, column], order, axes)
-            # What is left turns as fast as the step that a small step of the joint gives.
-            turned = rotations.exp(_STEP * ends[f"{side}_velocity"][:, column])
-            turned = rotations.multiply(ends[side][:, column], turned)
-            there = held_alone(turned, order, axes)
-            step = rotations.log(rotations.multiply(rotations.inverse(here), there))
-            alone[side][:, column] = here
-            alone[f"{side}_velocity"][:, column] = step / _STEP
-    return alone
+            pose = restrict_rotations(ends[side][:, column], order, axes)
+            # The velocity of the restricted rotation is a finite difference.
+            step = rotations.exp(_DIFFERENCE_STEP * ends[f"{side}_velocity"][:, column])
+            next_pose = rotations.multiply(ends[side][:, column], step)
+            next_pose = restrict_rotations(next_pose, order, axes)
+            change = rotations.log(rotations.multiply(rotations.inverse(pose), next_pose))
+            restricted[side][:, column] = pose
+            restricted[f"{side}_velocity"][:, column] = change / _DIFFERENCE_STEP
+    return restricted
 
 
-def samples_alone(samples: Samples, skeleton: Skeleton, held: Held) -> Samples:
-    """Return samples of all joints, of divided ones only what a group holds."""
-    if not held:
+def restrict_samples(samples: Samples, skeleton: Skeleton, channels: DividedChannels) -> Samples:
+    """Return samples with the divided joints restricted to a group's channels."""
+    if not channels:
         return samples
-    turned = samples.rotations.astype(np.float64)
-    for joint, axes in held.items():
-        own = held_alone(turned[:, :, joint], skeleton.rotation_order(joint), axes)
-        turned[:, :, joint] = own
+    quats = samples.rotations.astype(np.float64)
+    for joint, axes in channels.items():
+        order = skeleton.rotation_order(joint)
+        quats[:, :, joint] = restrict_rotations(quats[:, :, joint], order, axes)
     rest = samples.rest.astype(np.float64)
-    rows = np.concatenate([turned.reshape(len(samples), -1), rest], axis=1)
+    rows = np.concatenate([quats.reshape(len(samples), -1), rest], axis=1)
     return replace(samples, rows=rows)
 
 
 @dataclass(frozen=True, eq=False)
-class HeldSamples:
-    """Samples of a library, of divided joints only what a group holds."""
+class RestrictedSamples:
+    """Samples of a library with the divided joints restricted to a group's channels.
+
+    Parameters
+    ----------
+    samples : Source
+        The samples of all joints.
+    skeleton : Skeleton
+        The skeleton.
+    channels : dict of int to str
+        For each divided joint, the axes of the channels that the group holds.
+    """
 
     samples: Source
     skeleton: Skeleton
-    held: Held
+    channels: DividedChannels
 
     def __len__(self) -> int:
         return len(self.samples)
 
     def chunks(self) -> Iterator[Samples]:
-        """Yield some segments at a time."""
+        """Yield the samples of some segments at a time."""
         for chunk in self.samples.chunks():
-            yield samples_alone(chunk, self.skeleton, self.held)
+            yield restrict_samples(chunk, self.skeleton, self.channels)

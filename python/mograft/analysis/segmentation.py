@@ -10,18 +10,18 @@ from mograft._util.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    as_floats,
     as_indices,
     make_read_only,
     restore,
 )
+from mograft._util.gaussian import gaussian_filter, gaussian_kernel
 from mograft._util.validate import check_type
 from mograft.body.mass import mass_model
 from mograft.body.mass import moments_of_inertia as moments
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
-__all__ = ["Cutter", "Segments", "gaussian", "kinetic_energy", "segment"]
+__all__ = ["OnlineSegmenter", "Segments", "gaussian_filter", "kinetic_energy", "segment"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,41 +141,6 @@ def kinetic_energy(
     )
 
 
-def gaussian(values: FloatArray, sigma: float) -> FloatArray:
-    """Smooth a curve by a Gaussian, reflected at its ends.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        The curve.
-    sigma : float
-        Standard deviation in samples; 0 leaves the curve as it is.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The smoothed curve, of the same sum.
-
-    Notes
-    -----
-    As ``scipy.ndimage.gaussian_filter1d(mode="reflect", truncate=4)``.
-    """
-    kernel = _kernel(sigma)
-    if len(kernel) == 1:
-        return as_floats("values", values, ("n",)).copy()
-    padded = np.pad(as_floats("values", values, ("n",)), len(kernel) // 2, mode="symmetric")
-    return np.convolve(padded, kernel, mode="valid")
-
-
-def _kernel(sigma: float) -> FloatArray:
-    radius = int(4.0 * sigma + 0.5)
-    if radius == 0:
-        return np.ones(1)
-    kernel: FloatArray = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
-    return kernel
-
-
 def extrema(curve: FloatArray) -> IntArray:
     """Return where a curve turns: the middles of its tops and bottoms.
 
@@ -232,14 +197,14 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     """
     config = Config() if config is None else config
     energy = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
-    smooth = gaussian(energy, config.smoothing * motion.rate)
+    smooth = gaussian_filter(energy, config.smoothing * motion.rate)
     bounds = np.concatenate([[0], extrema(smooth), [motion.n_frames - 1]])
     bounds = _merge(bounds, smooth, max(round(config.min_length * motion.rate), 1))
     bounds = _split(bounds, config.max_length * motion.rate)
     return Segments(bounds[:-1], bounds[1:])
 
 
-class Cutter:
+class OnlineSegmenter:
     """Cuts a motion that grows, at the extrema of its kinetic energy.
 
     Parameters
@@ -267,7 +232,7 @@ class Cutter:
         self._sigma = config.smoothing * rate
         self._least = max(round(config.min_length * rate), 1)
         self._most = config.max_length * rate
-        self._kernel = _kernel(self._sigma)
+        self._kernel = gaussian_kernel(self._sigma)
         self._energies: list[float] = []
         self._curve: list[float] = []
         self._gone = 0
@@ -305,7 +270,7 @@ class Cutter:
 
     def close(self) -> None:
         """Settle the rest: no frame comes any more."""
-        smooth = gaussian(np.array(self._energies), self._sigma)
+        smooth = gaussian_filter(np.array(self._energies), self._sigma)
         for value in smooth[len(self._curve) :].tolist():
             self._follow(value)
         last = self.n_frames - 1

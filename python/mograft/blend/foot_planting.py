@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.gaussian import gaussian_filter
 from mograft._util.validate import check_type
-from mograft.analysis.segmentation import gaussian
 from mograft.blend.recombine import Part, recombine
 from mograft.body.contacts import (
     CONTACT_HEIGHT,
@@ -228,7 +228,7 @@ def _lifts(
     around = max(round(_BLEND * rate), 1)
     padded = np.pad(lack, ((around, around), (0, 0)), mode="edge")
     most = np.lib.stride_tricks.sliding_window_view(padded, 2 * around + 1, axis=0).max(axis=2)
-    smooth = np.stack([gaussian(own, 0.5 * around) for own in most.T], axis=1)
+    smooth = np.stack([gaussian_filter(own, 0.5 * around) for own in most.T], axis=1)
     near = np.pad(~held, around, constant_values=True)
     windows = np.lib.stride_tricks.sliding_window_view(near, 2 * around + 1)
     off = np.abs(np.arange(2 * around + 1) - around)
@@ -355,7 +355,9 @@ def _root_shift(
     far = np.pad(np.linalg.norm(nearest, axis=1), around, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(far, 2 * around + 1)
     pick = (np.arange(len(nearest)) + windows.argmax(axis=1) - around).clip(0, len(nearest) - 1)
-    smooth = np.stack([gaussian(axis, _ROOT_BLEND * rate) for axis in nearest[pick].T], axis=1)
+    smooth = np.stack(
+        [gaussian_filter(axis, _ROOT_BLEND * rate) for axis in nearest[pick].T], axis=1
+    )
     return within(smooth)
 
 

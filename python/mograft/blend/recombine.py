@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.channel_groups import Key, angles
+from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
@@ -40,7 +40,7 @@ class Part:
     positions: FloatArray
     seams: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    angles: Mapping[Key, FloatArray] = field(default_factory=dict)
+    angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
 def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
@@ -95,14 +95,14 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
 def _replace_channels(
     base: Motion,
     joint: int,
-    single: Mapping[Key, FloatArray],
+    single: Mapping[ChannelKey, FloatArray],
     quats: FloatArray,
     values: FloatArray | None,
 ) -> None:
     """Set a joint's rotations and channel values, in place, from angles of single channels."""
     skeleton = base.skeleton
     order = skeleton.rotation_order(joint)
-    given = angles(base, joint)
+    given = euler_angles(base, joint)
     new = given.copy()
     for column, axis in enumerate(order):
         target = single.get((joint, axis), np.full(base.n_frames, np.nan))

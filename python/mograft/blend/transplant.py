@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.analysis.channel_groups import Key, apart, told
+from mograft.analysis.channel_groups import ChannelKey, merge_axes, split_axes
 from mograft.analysis.segmentation import Segments
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import Part
@@ -133,7 +133,7 @@ def _lay_out(
     """Return the group's tracks in donor clips, single channels behind whole joints."""
     joints = group.whole_joints
     quats = [
-        np.concatenate([clip.rotations[:, joints], apart(clip, group.held)], axis=1)
+        np.concatenate([clip.rotations[:, joints], split_axes(clip, group.held)], axis=1)
         for clip in clips
     ]
     positions = [clip.positions[:, joints[moving]] for clip in clips]
@@ -142,10 +142,10 @@ def _lay_out(
 
 def _channel_angles(
     base: Motion, held: Mapping[int, str], quats: FloatArray
-) -> dict[Key, FloatArray]:
+) -> dict[ChannelKey, FloatArray]:
     """Return the angle of each single channel; NaN in frames in which it is the base's."""
-    is_changed = (quats != apart(base, held)).any(axis=2)
+    is_changed = (quats != split_axes(base, held)).any(axis=2)
     return {
         key: np.where(is_changed[:, column], angle, np.nan)
-        for column, (key, angle) in enumerate(told(quats, held).items())
+        for column, (key, angle) in enumerate(merge_axes(quats, held).items())
     }

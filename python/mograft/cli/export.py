@@ -90,8 +90,8 @@ def _check_usage(options: argparse.Namespace, ending: str, n_files: int) -> None
 def _write_figure(
     motions: "Sequence[Motion]", target: Path, options: argparse.Namespace
 ) -> dict[str, Any]:
-    from mograft.io.figure import UNITS
     from mograft.io.glb import write_glb
+    from mograft.io.units import UNITS
     from mograft.io.usd import write_usd
 
     scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
@@ -126,7 +126,8 @@ def _write_film(
 
 def _write_table(motion: "Motion", target: Path) -> None:
     from mograft.io.bvh import write_bvh
-    from mograft.io.tables import write_csv, write_npz
+    from mograft.io.csv import write_csv
+    from mograft.io.npz import write_npz
 
     write = {".npz": write_npz, ".csv": write_csv, ".bvh": write_bvh}[target.suffix.lower()]
     write(motion, target)

@@ -1,4 +1,4 @@
-"""GLB: the binary form of glTF 2.0, which browsers, Blender, Unreal and Unity read."""
+"""GLB: the binary form of glTF 2.0, for browsers, Blender, Unreal and Unity."""
 
 import json
 import os
@@ -16,15 +16,18 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.atomic import write_bytes
 from mograft.body.groups import JointGroups
 from mograft.body.mass import up_axis
-from mograft.io.figure import PALETTE, bones, members, scale_of, to_y_up
+from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
+from mograft.io.palette import linear_colours
+from mograft.io.units import metres_per_unit, rotation_to_y_up
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 __all__ = ["write_glb"]
 
-_FLOAT, _BYTE, _SHORT = 5126, 5121, 5123
-_VERTICES = 34962
+# Constants of the glTF specification: component types, and the target of vertex buffers.
+_FLOAT, _UNSIGNED_BYTE, _UNSIGNED_SHORT = 5126, 5121, 5123
+_ARRAY_BUFFER = 34962
 
 
 def write_glb(
@@ -39,20 +42,20 @@ def write_glb(
     Parameters
     ----------
     motions : Motion or sequence of Motion
-        The motions, each an animation of the motion's name. Those after the first may differ
-        in offsets and frame rate.
+        The motions; each becomes an animation with its name. Offsets and frame rates may differ
+        between motions; the mesh has the offsets of the first.
     path : str or path
         The file to write.
     scale : float, optional
-        Metres in a unit of the motion's lengths. Default: as `unit_of` guesses.
+        Metres per unit of length. Default: guessed from the height of the skeleton.
     groups : JointGroups or str, optional
-        Joint groups that the bones are coloured by, or the name of a preset. Default: trunk,
-        arms and legs.
+        Joint groups that colour the bones, or the name of a preset. Default: trunk, arms and
+        legs.
 
     Returns
     -------
     float
-        The scale that was used; the file tells it too, in ``asset.extras``.
+        The scale, which is also in ``asset.extras`` of the file.
 
     Raises
     ------
@@ -63,41 +66,41 @@ def write_glb(
 
     Notes
     -----
-    As glTF wants it: metres, y up, the rest pose with all rotations zero. What is up in the
-    motion is turned to y by the root alone, so that the other joints keep their rotations.
-    Each bone is a slim octahedron bound to its joint; engines import no skeleton without a
-    mesh. Keys are those of the frames, with spherical linear interpolation between.
+    As glTF requires, lengths are in metres, y is up, and all rotations of the rest pose are zero.
+    Only the root is rotated from the up direction of the motion to y; other joints keep their
+    rotations. Each bone is a slim octahedron bound to its joint, because engines import no
+    skeleton without a mesh. There is one key per frame, with spherical linear interpolation.
 
     Examples
     --------
     >>> import tempfile
     >>> from mograft.dancer import dance
     >>> target = Path(tempfile.mkdtemp()) / "dance.glb"
-    >>> write_glb(dance(strides=1).motion[:30], target)  # metres in a unit: it is in cm
+    >>> write_glb(dance(strides=1).motion[:30], target)  # metres per unit: the motion is in cm
     0.01
     """
-    several = [motions] if isinstance(motions, Motion) else list(motions)
-    if not several:
-        raise ValueError("motions must hold at least one, got none")
-    first = several[0]
-    for motion in several[1:]:
-        first.skeleton.check_same_hierarchy(motion.skeleton, motion.name or "a motion")
-    scale, unit = scale_of(first.skeleton, scale)
-    file = _File()
-    group = members(first.skeleton, groups)
-    document = _document(file, several, scale, to_y_up(first), group)
+    clips = [motions] if isinstance(motions, Motion) else list(motions)
+    if not clips:
+        raise ValueError("motions must hold at least one motion, got none")
+    first = clips[0]
+    for clip in clips[1:]:
+        first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
+    scale, unit = metres_per_unit(first.skeleton, scale)
+    group_indices = joint_group_indices(first.skeleton, groups)
+    buffer = _Buffer()
+    document = _build_document(buffer, clips, scale, rotation_to_y_up(first), group_indices)
     document["asset"]["extras"] = {
         "metres_in_a_unit": scale,
         "unit": unit,
         "up_in_the_motion": "xyz"[up_axis(first)],
     }
-    write_bytes(Path(path), file.packed(document))
+    write_bytes(Path(path), buffer.pack(document))
     return scale
 
 
 @dataclass
-class _File:
-    """The buffer of a GLB while it is filled, and what points into it."""
+class _Buffer:
+    """The binary buffer of a GLB file, and the views and accessors of its arrays."""
 
     data: bytearray = field(default_factory=bytearray)
     views: list[dict[str, Any]] = field(default_factory=list)
@@ -106,11 +109,11 @@ class _File:
     def add(
         self,
         array: npt.NDArray[Any],
-        kind: str,
+        element_type: str,
         *,
         component: int = _FLOAT,
-        bounds: bool = False,
-        vertices: bool = False,
+        has_bounds: bool = False,
+        is_vertex_data: bool = False,
     ) -> int:
         """Append an array; return the index of its accessor."""
         array = np.ascontiguousarray(array)
@@ -119,72 +122,67 @@ class _File:
             "byteOffset": len(self.data),
             "byteLength": array.nbytes,
         }
-        if vertices:
-            view["target"] = _VERTICES
+        if is_vertex_data:
+            view["target"] = _ARRAY_BUFFER
         accessor = {
             "bufferView": len(self.views),
             "componentType": component,
             "count": len(array),
-            "type": kind,
+            "type": element_type,
         }
-        if bounds:
+        if has_bounds:
             rows = array.reshape(len(array), -1)
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        # Every row is of whole words, so that each array begins at one, as it must.
+        # glTF requires offsets that are multiples of 4 bytes; the size of each row is one.
         self.data += array.tobytes()
         self.views.append(view)
         self.accessors.append(accessor)
         return len(self.accessors) - 1
 
-    def packed(self, document: dict[str, Any]) -> bytes:
-        """Return the whole file."""
+    def pack(self, document: dict[str, Any]) -> bytes:
+        """Return the file: its header, the JSON chunk and the binary chunk."""
         document = document | {
             "buffers": [{"byteLength": len(self.data)}],
             "bufferViews": self.views,
             "accessors": self.accessors,
         }
         text = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
-        head = text.encode("utf-8", "replace")
-        head += b" " * (-len(head) % 4)
+        chunk = text.encode("utf-8", "replace")
+        chunk += b" " * (-len(chunk) % 4)
         return b"".join(
             [
-                struct.pack("<4sII", b"glTF", 2, 28 + len(head) + len(self.data)),
-                struct.pack("<I4s", len(head), b"JSON"),
-                head,
+                struct.pack("<4sII", b"glTF", 2, 28 + len(chunk) + len(self.data)),
+                struct.pack("<I4s", len(chunk), b"JSON"),
+                chunk,
                 struct.pack("<I4s", len(self.data), b"BIN\0"),
                 bytes(self.data),
             ]
         )
 
 
-def _document(
-    file: _File, motions: Sequence[Motion], scale: float, turn: FloatArray, group: IntArray
+def _build_document(
+    buffer: _Buffer,
+    motions: Sequence[Motion],
+    scale: float,
+    to_y_up: FloatArray,
+    group_indices: IntArray,
 ) -> dict[str, Any]:
+    """Fill the buffer; return the JSON document without what `_Buffer.pack` adds."""
     skeleton = motions[0].skeleton
-    rest = scale * rotations.rotate(turn, skeleton.rest_positions())
-    nodes: list[dict[str, Any]] = []
-    for joint, name in enumerate(skeleton.names):
-        place = scale * skeleton.offsets[joint]
-        node: dict[str, Any] = {"name": name, "translation": place.tolist()}
-        if joint == 0:
-            node["translation"] = rest[0].tolist()
-            node["rotation"] = turn.tolist()
-        if skeleton.children[joint]:
-            node["children"] = list(skeleton.children[joint])
-        nodes.append(node)
-    nodes.append({"name": "bones", "mesh": 0, "skin": 0})
-    # A joint's own axes at rest are those of the turned root.
-    inverse = np.zeros((skeleton.n_joints, 4, 4))
-    inverse[:, :3, :3] = rotations.rotate(rotations.inverse(turn), np.eye(3)).T
-    inverse[:, :3, 3] = -rotations.rotate(rotations.inverse(turn), rest)
-    inverse[:, 3, 3] = 1.0
-    columns = inverse.transpose(0, 2, 1).astype("<f4")
+    rest = scale * rotations.rotate(to_y_up, skeleton.rest_positions())
+    mesh = _build_mesh(buffer, bone_mesh(skeleton, scale, to_y_up), group_indices)
+    # In the rest pose, the axes of every joint are those of the rotated root.
+    inverse_bind = np.zeros((skeleton.n_joints, 4, 4))
+    inverse_bind[:, :3, :3] = rotations.rotate(rotations.inverse(to_y_up), np.eye(3)).T
+    inverse_bind[:, :3, 3] = -rotations.rotate(rotations.inverse(to_y_up), rest)
+    inverse_bind[:, 3, 3] = 1.0
+    columns = inverse_bind.transpose(0, 2, 1).astype("<f4")
     return {
         "asset": {"version": "2.0", "generator": f"mograft {VERSION}"},
         "scene": 0,
         "scenes": [{"nodes": [0, skeleton.n_joints]}],
-        "nodes": nodes,
-        "meshes": [{"name": "bones", "primitives": [_mesh(file, skeleton, scale, turn, group)]}],
+        "nodes": _build_nodes(skeleton, scale, rest[0], to_y_up),
+        "meshes": [{"name": "bones", "primitives": [mesh]}],
         "materials": [
             {
                 "name": "bones",
@@ -195,64 +193,85 @@ def _document(
             {
                 "joints": list(range(skeleton.n_joints)),
                 "skeleton": 0,
-                "inverseBindMatrices": file.add(columns, "MAT4"),
+                "inverseBindMatrices": buffer.add(columns, "MAT4"),
             }
         ],
         "animations": [
-            _animation(file, motion, scale, turn, scale * skeleton.offsets) for motion in motions
+            _build_animation(buffer, motion, scale, to_y_up, scale * skeleton.offsets)
+            for motion in motions
         ],
     }
 
 
-def _animation(
-    file: _File, motion: Motion, scale: float, turn: FloatArray, offsets: FloatArray
+def _build_nodes(
+    skeleton: Skeleton, scale: float, root_position: FloatArray, to_y_up: FloatArray
+) -> list[dict[str, Any]]:
+    """Return one node per joint and the node of the mesh."""
+    nodes: list[dict[str, Any]] = []
+    for joint, name in enumerate(skeleton.names):
+        translation = scale * skeleton.offsets[joint]
+        node: dict[str, Any] = {"name": name, "translation": translation.tolist()}
+        if joint == 0:
+            node["translation"] = root_position.tolist()
+            node["rotation"] = to_y_up.tolist()
+        if skeleton.children[joint]:
+            node["children"] = list(skeleton.children[joint])
+        nodes.append(node)
+    nodes.append({"name": "bones", "mesh": 0, "skin": 0})
+    return nodes
+
+
+def _build_animation(
+    buffer: _Buffer, motion: Motion, scale: float, to_y_up: FloatArray, offsets: FloatArray
 ) -> dict[str, Any]:
-    """Return a motion as keys for nodes that rest at `offsets`, shape (n_joints, 3)."""
-    skeleton = motion.skeleton
+    """Return a motion as keys for nodes with rest translations `offsets`, shape (n_joints, 3)."""
     times = (np.arange(motion.n_frames) * motion.frame_time).astype("<f4")
-    # Accessors that nothing refers to are frowned upon: each is added when it is needed.
+    # Accessors of the times by number of keys. Each is added with its first use, because
+    # validators report unused accessors.
     inputs: dict[int, int] = {}
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
-    for joint in range(skeleton.n_joints):
+    for joint in range(motion.n_joints):
         quats = motion.rotations[:, joint]
-        places = scale * motion.positions[:, joint]
+        positions = scale * motion.positions[:, joint]
         if joint == 0:
-            quats = rotations.multiply(np.broadcast_to(turn, quats.shape), quats)
-            places = rotations.rotate(turn, places)
+            quats = rotations.multiply(np.broadcast_to(to_y_up, quats.shape), quats)
+            positions = rotations.rotate(to_y_up, positions)
         tracks: list[tuple[str, str, FloatArray]] = []
         tracks.append(("rotation", "VEC4", rotations.continuous_signs(quats[:, None])[:, 0]))
-        if joint == 0 or (places != offsets[joint]).any():
-            tracks.append(("translation", "VEC3", places))
-        for target, kind, values in tracks:
-            keys = values if np.ptp(values, axis=0).any() else values[:1]
+        if joint == 0 or (positions != offsets[joint]).any():
+            tracks.append(("translation", "VEC3", positions))
+        for path, element_type, values in tracks:
+            is_constant = not np.ptp(values, axis=0).any()
+            keys = values[:1] if is_constant else values
             if len(keys) not in inputs:
-                inputs[len(keys)] = file.add(times[: len(keys)], "SCALAR", bounds=True)
-            output = file.add(keys.astype("<f4"), kind)
+                inputs[len(keys)] = buffer.add(times[: len(keys)], "SCALAR", has_bounds=True)
+            output = buffer.add(keys.astype("<f4"), element_type)
             samplers.append({"input": inputs[len(keys)], "output": output})
-            where = {"node": joint, "path": target}
-            channels.append({"sampler": len(samplers) - 1, "target": where})
+            target = {"node": joint, "path": path}
+            channels.append({"sampler": len(samplers) - 1, "target": target})
     return {"name": motion.name or "motion", "samplers": samplers, "channels": channels}
 
 
-def _mesh(
-    file: _File, skeleton: Skeleton, scale: float, turn: FloatArray, group: IntArray
-) -> dict[str, Any]:
-    places, normals, owner = bones(skeleton, scale, turn)
-    colours = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in PALETTE])
-    few = skeleton.n_joints <= 256
-    joints = np.zeros((len(owner), 4), "u1" if few else "<u2")
-    joints[:, 0] = owner
-    weights = np.zeros((len(owner), 4), "<f4")
+def _build_mesh(buffer: _Buffer, mesh: BoneMesh, group_indices: IntArray) -> dict[str, Any]:
+    """Return the bones as a mesh primitive whose vertices are bound to one joint each."""
+    points, normals, vertex_joints = mesh
+    fits_byte = len(group_indices) <= 256
+    joints = np.zeros((len(vertex_joints), 4), "u1" if fits_byte else "<u2")
+    joints[:, 0] = vertex_joints
+    weights = np.zeros((len(vertex_joints), 4), "<f4")
     weights[:, 0] = 1.0
-    linear = colours[group[owner] % len(colours)] ** 2.2
-    return {
-        "attributes": {
-            "POSITION": file.add(places.astype("<f4"), "VEC3", bounds=True, vertices=True),
-            "NORMAL": file.add(normals.astype("<f4"), "VEC3", vertices=True),
-            "COLOR_0": file.add(linear.astype("<f4"), "VEC3", vertices=True),
-            "JOINTS_0": file.add(joints, "VEC4", component=_BYTE if few else _SHORT, vertices=True),
-            "WEIGHTS_0": file.add(weights, "VEC4", vertices=True),
-        },
-        "material": 0,
+    colours = linear_colours(group_indices[vertex_joints])
+    attributes = {
+        "POSITION": buffer.add(points.astype("<f4"), "VEC3", has_bounds=True, is_vertex_data=True),
+        "NORMAL": buffer.add(normals.astype("<f4"), "VEC3", is_vertex_data=True),
+        "COLOR_0": buffer.add(colours.astype("<f4"), "VEC3", is_vertex_data=True),
+        "JOINTS_0": buffer.add(
+            joints,
+            "VEC4",
+            component=_UNSIGNED_BYTE if fits_byte else _UNSIGNED_SHORT,
+            is_vertex_data=True,
+        ),
+        "WEIGHTS_0": buffer.add(weights, "VEC4", is_vertex_data=True),
     }
+    return {"attributes": attributes, "material": 0}

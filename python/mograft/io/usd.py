@@ -1,4 +1,4 @@
-"""USD: UsdSkel, which Houdini, Maya, Omniverse, Unreal and Blender read."""
+"""USD: UsdSkel files for Houdini, Maya, Omniverse, Unreal and Blender."""
 
 import os
 import re
@@ -11,14 +11,24 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
 from mograft.body.mass import up_axis
-from mograft.io.figure import PALETTE, bones, members, scale_of, to_y_up
+from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
+from mograft.io.palette import linear_colours
+from mograft.io.units import metres_per_unit, rotation_to_y_up
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["ENDINGS", "write_usd"]
+__all__ = ["SUFFIXES", "write_usd"]
 
-ENDINGS = (".usd", ".usda", ".usdc")
+SUFFIXES = (".usd", ".usda", ".usdc")
+
+# Paths of the prims.
+_FIGURE, _SKELETON, _ANIMATION, _MESH = (
+    "/figure",
+    "/figure/skeleton",
+    "/figure/motion",
+    "/figure/bones",
+)
 
 
 def write_usd(
@@ -37,60 +47,55 @@ def write_usd(
     path : str or path
         The file to write: ``.usda`` is text, ``.usdc`` and ``.usd`` are binary.
     scale : float, optional
-        Metres in a unit of the motion's lengths. Default: as for `write_glb`, a guess.
+        Metres per unit of length. Default: guessed from the height of the skeleton.
     groups : JointGroups or str, optional
-        Joint groups that the bones are coloured by, or the name of a preset. Default: trunk,
-        arms and legs.
+        Joint groups that colour the bones, or the name of a preset. Default: trunk, arms and
+        legs.
 
     Returns
     -------
     float
-        The scale that was used; the file tells it too, in ``customLayerData``.
+        The scale, which is also in ``customLayerData`` of the file.
 
     Raises
     ------
     ModuleNotFoundError
         If usd-core is not installed.
     ValueError
-        If the path ends otherwise, the scale is not above 0, or the groups do not fit.
+        If the path has another suffix, the scale is not above 0, or the groups do not fit.
 
     Notes
     -----
-    Metres (``metersPerUnit`` 1), ``upAxis`` Y, a time code per frame and the motion's rate as
-    ``timeCodesPerSecond``. The figure is a ``SkelRoot`` with a ``Skeleton`` whose rest pose has
-    all rotations zero, a ``SkelAnimation`` with a key at every frame, and a mesh of the bones.
-    What is up in the motion is turned to y by the root alone. Joints are named by paths, which
-    hold no signs but letters, digits and underscores; ``jointNames`` holds the names as they are.
+    Lengths are in metres (``metersPerUnit`` 1), ``upAxis`` is Y, each frame is one time code, and
+    ``timeCodesPerSecond`` is the rate of the motion. The figure is a ``SkelRoot`` with a
+    ``Skeleton`` whose rest pose has all rotations zero, a ``SkelAnimation`` with a key at every
+    frame, and a mesh of the bones. Only the root is rotated from the up direction of the motion
+    to y. Joints are identified by paths, in which other characters than letters, digits and
+    underscores are replaced; ``jointNames`` holds the original names.
 
     Examples
     --------
     >>> from mograft.dancer import dance
-    >>> write_usd(dance(strides=1).motion, "dance.usdc")  # metres in a unit  # doctest: +SKIP
+    >>> write_usd(dance(strides=1).motion, "dance.usdc")  # metres per unit  # doctest: +SKIP
     0.01
     """
     target = Path(path)
-    if target.suffix.lower() not in ENDINGS:
-        raise ValueError(f"path must end in {', '.join(ENDINGS)}, got {target.name}")
+    if target.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"path must end in {', '.join(SUFFIXES)}, got {target.name}")
     try:
-        from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+        from pxr import Usd
     except ImportError as error:
         raise ModuleNotFoundError(
             "USD needs usd-core: pip install 'mograft[usd]'", name="usd-core"
         ) from error
     skeleton = motion.skeleton
-    scale, unit = scale_of(skeleton, scale)
-    turn = to_y_up(motion)
-    group = members(skeleton, groups)
-    rest = scale * rotations.rotate(turn, skeleton.rest_positions())
+    scale, unit = metres_per_unit(skeleton, scale)
+    to_y_up = rotation_to_y_up(motion)
+    group_indices = joint_group_indices(skeleton, groups)
 
-    # A layer without a file: what is interrupted leaves none.
+    # The stage is in memory, so an interrupted call leaves no file.
     stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(motion.rate)
-    stage.SetFramesPerSecond(motion.rate)
-    stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(motion.n_frames - 1)
+    _define_stage(stage, motion)
     layer = stage.GetRootLayer()
     layer.customLayerData = {
         "mograft": {
@@ -99,102 +104,136 @@ def write_usd(
             "up_in_the_motion": "xyz"[up_axis(motion)],
         }
     }
-    figure = UsdSkel.Root.Define(stage, "/figure")
-    stage.SetDefaultPrim(figure.GetPrim())
-    figure.GetPrim().SetDisplayName(_plain(motion.name or "motion"))
-
-    joints = _paths(skeleton)
-    bind = UsdSkel.Skeleton.Define(stage, "/figure/skeleton")
-    bind.CreateJointsAttr(joints)
-    bind.CreateJointNamesAttr([_plain(name) for name in skeleton.names])
-    local = scale * skeleton.offsets
-    local[0] = rest[0]
-    still = np.tile([0.0, 0.0, 0.0, 1.0], (skeleton.n_joints, 1))
-    first = still.copy()
-    first[0] = turn
-    everywhere = np.tile(turn, (skeleton.n_joints, 1))
-    bind.CreateBindTransformsAttr(_matrices(Gf, Vt, everywhere, rest))
-    bind.CreateRestTransformsAttr(_matrices(Gf, Vt, first, local))
-
-    animation = UsdSkel.Animation.Define(stage, "/figure/motion")
-    animation.CreateJointsAttr(joints)
-    ones = np.ones((skeleton.n_joints, 3), np.float16)
-    animation.CreateScalesAttr(Vt.Vec3hArray.FromNumpy(ones))
-    quats = motion.rotations.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
-    quats = rotations.continuous_signs(quats).astype(np.float32)
-    places = scale * motion.positions
-    places[:, 0] = rotations.rotate(turn, places[:, 0])
-    places = places.astype(np.float32)
-    turns, shifts = animation.CreateRotationsAttr(), animation.CreateTranslationsAttr()
-    with Sdf.ChangeBlock():
-        for frame in range(motion.n_frames):
-            turns.Set(Vt.QuatfArray.FromNumpy(quats[frame]), frame)
-            shifts.Set(Vt.Vec3fArray.FromNumpy(places[frame]), frame)
-    binding = UsdSkel.BindingAPI.Apply(bind.GetPrim())
-    binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
-
-    _draw(stage, bones(skeleton, scale, turn), group)
+    _define_skeleton(stage, skeleton, scale, to_y_up)
+    _define_animation(stage, motion, scale, to_y_up)
+    _define_mesh(stage, bone_mesh(skeleton, scale, to_y_up), group_indices)
     with atomic_path(target) as draft:
         if not layer.Export(str(draft)):
             raise OSError(f"{target}: cannot be written")
     return scale
 
 
-def _draw(stage: Any, shape: tuple[FloatArray, FloatArray, IntArray], group: IntArray) -> None:  # noqa: ANN401
-    """Add the bones as a mesh that moves with its joints."""
+def _define_stage(stage: Any, motion: Motion) -> None:  # noqa: ANN401 - pxr has no types
+    """Set units, axes and times, and define the figure that contains the other prims."""
+    from pxr import UsdGeom, UsdSkel
+
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(motion.rate)
+    stage.SetFramesPerSecond(motion.rate)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(motion.n_frames - 1)
+    figure = UsdSkel.Root.Define(stage, _FIGURE)
+    stage.SetDefaultPrim(figure.GetPrim())
+    figure.GetPrim().SetDisplayName(_to_usd_text(motion.name or "motion"))
+
+
+def _define_skeleton(
+    stage: Any,  # noqa: ANN401 - pxr has no types
+    skeleton: Skeleton,
+    scale: float,
+    to_y_up: FloatArray,
+) -> None:
+    """Add the skeleton in its rest pose."""
+    from pxr import UsdSkel
+
+    prim = UsdSkel.Skeleton.Define(stage, _SKELETON)
+    prim.CreateJointsAttr(_joint_paths(skeleton))
+    prim.CreateJointNamesAttr([_to_usd_text(name) for name in skeleton.names])
+    world_positions = scale * rotations.rotate(to_y_up, skeleton.rest_positions())
+    positions = scale * skeleton.offsets
+    positions[0] = world_positions[0]
+    quats = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
+    quats[0] = to_y_up
+    world_quats = np.tile(to_y_up, (skeleton.n_joints, 1))
+    prim.CreateBindTransformsAttr(_to_matrices(world_quats, world_positions))
+    prim.CreateRestTransformsAttr(_to_matrices(quats, positions))
+
+
+def _define_animation(
+    stage: Any,  # noqa: ANN401 - pxr has no types
+    motion: Motion,
+    scale: float,
+    to_y_up: FloatArray,
+) -> None:
+    """Add the motion and bind it to the skeleton."""
+    from pxr import Sdf, UsdSkel, Vt
+
+    animation = UsdSkel.Animation.Define(stage, _ANIMATION)
+    animation.CreateJointsAttr(_joint_paths(motion.skeleton))
+    ones = np.ones((motion.n_joints, 3), np.float16)
+    animation.CreateScalesAttr(Vt.Vec3hArray.FromNumpy(ones))
+    quats = motion.rotations.copy()
+    quats[:, 0] = rotations.multiply(np.broadcast_to(to_y_up, quats[:, 0].shape), quats[:, 0])
+    quats = rotations.continuous_signs(quats).astype(np.float32)
+    positions = scale * motion.positions
+    positions[:, 0] = rotations.rotate(to_y_up, positions[:, 0])
+    positions = positions.astype(np.float32)
+    rotation_keys = animation.CreateRotationsAttr()
+    translation_keys = animation.CreateTranslationsAttr()
+    with Sdf.ChangeBlock():
+        for frame in range(motion.n_frames):
+            rotation_keys.Set(Vt.QuatfArray.FromNumpy(quats[frame]), frame)
+            translation_keys.Set(Vt.Vec3fArray.FromNumpy(positions[frame]), frame)
+    binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(_SKELETON))
+    binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+
+
+def _define_mesh(stage: Any, mesh: BoneMesh, group_indices: IntArray) -> None:  # noqa: ANN401
+    """Add the bones as a mesh whose vertices are bound to one joint each."""
     from pxr import Gf, Sdf, UsdGeom, UsdSkel, Vt
 
-    points, normals, owner = shape
-    mesh = UsdGeom.Mesh.Define(stage, "/figure/bones")
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
-    mesh.CreateFaceVertexCountsAttr([3] * (len(points) // 3))
-    mesh.CreateFaceVertexIndicesAttr(list(range(len(points))))
-    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32)))
-    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    points, normals, joints = mesh
+    prim = UsdGeom.Mesh.Define(stage, _MESH)
+    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
+    prim.CreateFaceVertexCountsAttr([3] * (len(points) // 3))
+    prim.CreateFaceVertexIndicesAttr(list(range(len(points))))
+    prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32)))
+    prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-    mesh.CreateExtentAttr([Gf.Vec3f(*low), Gf.Vec3f(*high)])
-    palette = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in PALETTE]) ** 2.2
-    colour = palette[group[owner] % len(palette)].astype(np.float32)
-    shown = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
+    prim.CreateExtentAttr([Gf.Vec3f(*low), Gf.Vec3f(*high)])
+    colours = linear_colours(group_indices[joints]).astype(np.float32)
+    display_colour = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
     )
-    shown.Set(Vt.Vec3fArray.FromNumpy(colour))
-    skin = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
-    skin.CreateSkeletonRel().SetTargets(["/figure/skeleton"])
+    display_colour.Set(Vt.Vec3fArray.FromNumpy(colours))
+    skin = UsdSkel.BindingAPI.Apply(prim.GetPrim())
+    skin.CreateSkeletonRel().SetTargets([_SKELETON])
     skin.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
     skin.CreateJointIndicesPrimvar(constant=False, elementSize=1).Set(
-        Vt.IntArray.FromNumpy(owner.astype(np.int32))
+        Vt.IntArray.FromNumpy(joints.astype(np.int32))
     )
     weights = Vt.FloatArray.FromNumpy(np.ones(len(points), np.float32))
     skin.CreateJointWeightsPrimvar(constant=False, elementSize=1).Set(weights)
 
 
-def _matrices(gf: Any, vt: Any, quats: FloatArray, places: FloatArray) -> Any:  # noqa: ANN401 - pxr
-    """Return transforms as USD has them, of row vectors."""
-    found = []
-    for (x, y, z, w), place in zip(quats.tolist(), places.tolist(), strict=True):
-        matrix = gf.Matrix4d(1.0)
-        matrix.SetRotateOnly(gf.Quatd(w, x, y, z))
-        matrix.SetTranslateOnly(gf.Vec3d(*place))
-        found.append(matrix)
-    return vt.Matrix4dArray(found)
+def _to_matrices(quats: FloatArray, positions: FloatArray) -> Any:  # noqa: ANN401 - pxr
+    """Return rigid transforms as the matrices of USD, which act on row vectors."""
+    from pxr import Gf, Vt
+
+    matrices = []
+    for (x, y, z, w), position in zip(quats.tolist(), positions.tolist(), strict=True):
+        matrix = Gf.Matrix4d(1.0)
+        matrix.SetRotateOnly(Gf.Quatd(w, x, y, z))
+        matrix.SetTranslateOnly(Gf.Vec3d(*position))
+        matrices.append(matrix)
+    return Vt.Matrix4dArray(matrices)
 
 
-def _paths(skeleton: Skeleton) -> list[str]:
-    """Return each joint's path from the root, by names that USD allows and none twice."""
+def _joint_paths(skeleton: Skeleton) -> list[str]:
+    """Return the path of each joint from the root, unique and of identifiers that USD allows."""
     paths: list[str] = []
     for joint, name in enumerate(skeleton.names):
-        own = re.sub(r"[^0-9A-Za-z_]", "_", name)
-        if not own or own[0].isdigit():
-            own = f"_{own}"
+        identifier = re.sub(r"[^0-9A-Za-z_]", "_", name)
+        if not identifier or identifier[0].isdigit():
+            identifier = f"_{identifier}"
         parent = int(skeleton.parents[joint])
-        path = own if parent < 0 else f"{paths[parent]}/{own}"
+        path = identifier if parent < 0 else f"{paths[parent]}/{identifier}"
         paths.append(f"{path}_{joint}" if path in paths else path)
     return paths
 
 
-def _plain(text: str) -> str:
-    """Return text without what UTF-8 and C cannot hold."""
+def _to_usd_text(text: str) -> str:
+    """Replace lone surrogates and remove null characters, which USD cannot store."""
     return text.encode("utf-8", "replace").decode("utf-8").replace("\0", "")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.channel_groups import HeldSamples
+from mograft.analysis.channel_groups import RestrictedSamples
 from mograft.analysis.clustering import cut, threshold
 from mograft.analysis.embedding import Embedding, Source, embed, means_of
 from mograft.body.anatomy import feature_joints
@@ -77,7 +77,7 @@ def embed_groups(
             )
         group_samples, group_means = samples, means
         if held[name]:
-            group_samples = HeldSamples(samples, skeleton, held[name])
+            group_samples = RestrictedSamples(samples, skeleton, held[name])
             group_means = means_of(group_samples, skeleton.n_joints)
         embeddings[name] = embed(
             group_samples, compared, group_means, config, root=root, group=name

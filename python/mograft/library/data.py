@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.analysis.channel_groups import ends_alone
+from mograft.analysis.channel_groups import restrict_ends
 from mograft.analysis.embedding import Embedding, Samples
 from mograft.analysis.segmentation import Segments
 from mograft.body.groups import JointGroups
@@ -96,7 +96,7 @@ class LibraryData:
         base = self.groups.base
         embedding = self.embedding[base]
         held, joints = self.groups.divided_channels(self.skeleton), self.joints(group)
-        states = ends_alone(self.boundary_states[group], joints, self.skeleton, held[group])
+        states = restrict_ends(self.boundary_states[group], joints, self.skeleton, held[group])
         return SegmentPool(
             self.segments,
             self.labels[base],

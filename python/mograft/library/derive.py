@@ -8,7 +8,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from mograft._util.validate import check_type
-from mograft.analysis.channel_groups import samples_alone
+from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features, normalise
 from mograft.analysis.segmentation import Segments, segment
 from mograft.body.mass import mass_model
@@ -86,7 +86,7 @@ class DerivableLibrary(LibraryData):
         Returns
         -------
         library
-            This library if the motion is one of its clips, else the result of `with_clip`.
+            This library if the motion is one of its clips, else the result of `extended`.
         index : int
             The index of the clip.
 
@@ -107,9 +107,9 @@ class DerivableLibrary(LibraryData):
         check_type("base", base, Motion)
         self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
         index = self.find_clip(base)
-        return (self.with_clip(base), len(self.entries)) if index is None else (self, index)
+        return (self.extended(base), len(self.entries)) if index is None else (self, index)
 
-    def with_clip(self, motion: Motion) -> Self:
+    def extended(self, motion: Motion) -> Self:
         """Return the library with one more clip, whose segments are excluded as donors.
 
         Each new segment joins the cluster whose members are all within the greatest diameter
@@ -223,7 +223,7 @@ def _append_clip(library: L, motion: Motion) -> L:
     embedding = {
         group: None
         if known is None
-        else _project(known, samples_alone(samples, library.skeleton, held[group]))
+        else _project(known, restrict_samples(samples, library.skeleton, held[group]))
         for group, known in library.embedding.items()
     }
     n, sigma = len(segments), library.sigma

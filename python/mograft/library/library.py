@@ -260,7 +260,7 @@ class Library(DerivableLibrary):
         LibraryError
             If the folder is not a library, or another process is writing to it.
         ValueError
-            If a clip was appended by `with_clip`.
+            If a clip was appended by `extended`.
 
         Notes
         -----
@@ -323,8 +323,6 @@ class Library(DerivableLibrary):
         candidates = pool.judge(segment, pool.points, self.config)
         if not constraints:
             return candidates
-        from mograft.synthesis.search_problem import (
-            reasons,  # layer exception: checks donors in place
-        )
+        from mograft.synthesis.search_problem import reasons  # layer exception: checks donors
 
         return reasons(self, segment, group, candidates, constraints)

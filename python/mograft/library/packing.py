@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.io.bvh import poses
+from mograft.io.bvh.channels import channels_to_transforms
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -90,7 +90,7 @@ def _determines_poses(values: FloatArray, motion: Motion) -> bool:
     """Return whether the poses computed from channel values are those of a motion, bit for bit."""
     if np.isnan(values).any():
         return False
-    quats, positions = poses(motion.skeleton, values.copy())
+    quats, positions = channels_to_transforms(motion.skeleton, values.copy())
     # Compared as bytes, because -0.0 is written as "-0.0".
     return (
         quats.tobytes() == motion.rotations.tobytes()
@@ -105,7 +105,7 @@ def unpack(packed: PackedMotion) -> Motion:
     values: FloatArray | None = None
     if packed.content == "channels":
         values = numbers.reshape(n_frames, skeleton.n_channels)
-        quats, positions = poses(skeleton, values)
+        quats, positions = channels_to_transforms(skeleton, values)
     else:
         shapes: list[tuple[int, ...]] = [
             (n_frames, skeleton.n_joints, 4),

@@ -4,7 +4,7 @@ Each function draws into the given axes, or into new ones, and returns them. The
 ``plot``.
 """
 
-from mograft.io.figure import PALETTE
+from mograft.io.palette import PALETTE
 from mograft.plot.cluster_plots import clusters, dendrogram, pca
 from mograft.plot.energy_curve import energy
 from mograft.plot.pose_strip import strip

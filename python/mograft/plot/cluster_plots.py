@@ -6,7 +6,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.clustering import linkage
-from mograft.io.figure import PALETTE
+from mograft.io.palette import PALETTE
 from mograft.library.library import Library
 from mograft.plot.figure_axes import cluster_colour, ensure_axes
 

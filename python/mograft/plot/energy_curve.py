@@ -4,9 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mograft.analysis.segmentation import gaussian, kinetic_energy, segment
+from mograft._util.gaussian import gaussian_filter
+from mograft.analysis.segmentation import kinetic_energy, segment
 from mograft.config import Config
-from mograft.io.figure import PALETTE
+from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
 from mograft.plot.figure_axes import ensure_axes
 
@@ -44,7 +45,7 @@ def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = 
     config = Config() if config is None else config
     axes = ensure_axes(ax, (10, 2.8))
     values = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
-    smooth = gaussian(values, config.smoothing * motion.rate)
+    smooth = gaussian_filter(values, config.smoothing * motion.rate)
     time = np.arange(motion.n_frames) * motion.frame_time
     segments = segment(motion, config)
     bounds = np.append(segments.start, segments.stop[-1])

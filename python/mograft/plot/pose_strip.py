@@ -8,7 +8,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
 from mograft.body.mass import mass_model, up_axis
-from mograft.io.figure import PALETTE
+from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
 from mograft.plot.figure_axes import ensure_axes
 from mograft.viewing.geometry import node_parents, node_positions

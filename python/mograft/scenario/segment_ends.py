@@ -5,7 +5,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.analysis.segmentation import gaussian, kinetic_energy
+from mograft._util.gaussian import gaussian_filter
+from mograft.analysis.segmentation import kinetic_energy
 from mograft.blend.donor_timeline import sample_states
 from mograft.blend.root_motion import root_velocity_weights, yaw_rates
 from mograft.blend.value_spaces import ROTATIONS
@@ -196,7 +197,7 @@ class _ClipEnds:
         """Return whether segments end at a minimum of the smoothed kinetic energy."""
         cut, config, clip = self._library.segments, self._library.config, self._clip
         energy = kinetic_energy(clip, omega=config.omega, inertia=config.inertia)
-        energy = gaussian(energy, config.smoothing * clip.rate)
+        energy = gaussian_filter(energy, config.smoothing * clip.rate)
         bounds = np.append(cut.start[cut.clip == self._index], clip.n_frames - 1)
         stop = cut.stop[segments]
         following = bounds[np.minimum(np.searchsorted(bounds, stop) + 1, len(bounds) - 1)]

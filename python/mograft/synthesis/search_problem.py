@@ -18,7 +18,7 @@ from itertools import groupby
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.analysis.channel_groups import apart, told
+from mograft.analysis.channel_groups import merge_axes, split_axes
 from mograft.analysis.segmentation import Segments
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
@@ -389,10 +389,10 @@ class SearchProblem:
             own, motion = taken.clip == clip, library.clips[clip]
             bounds = taken.start[own], taken.stop[own], counts[own]
             rows = which == clip
-            track = np.concatenate([motion.rotations[:, joints], apart(motion, held)], axis=1)
+            track = np.concatenate([motion.rotations[:, joints], split_axes(motion, held)], axis=1)
             turned = resampled(track, *bounds)
             local[np.ix_(rows, joints)] = turned[:, : len(joints)]
-            for (joint, axis), angle in told(turned[:, len(joints) :], held).items():
+            for (joint, axis), angle in merge_axes(turned[:, len(joints) :], held).items():
                 order = self.base.skeleton.rotation_order(joint)
                 mixed = rotations.to_euler(local[rows, joint], order)
                 mixed[:, order.index(axis)] = angle

@@ -10,7 +10,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.analysis.embedding import features, normalise
-from mograft.analysis.segmentation import Cutter, Segments, kinetic_energy
+from mograft.analysis.segmentation import OnlineSegmenter, Segments, kinetic_energy
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import PieceTimes, SeamBoundaries
@@ -192,7 +192,7 @@ class Stream:
         self._clips: tuple[Clip, ...] = (*library.entries, _BaseClip())
         self._base: _Base | None = None
         self._clusters: _Clusters | None = None
-        self._cutter = Cutter(library.rate, library.config)
+        self._cutter = OnlineSegmenter(library.rate, library.config)
         self._places: list[_Place] = []
         self._past: dict[str, _Past] = {}
         self._signs: FloatArray | None = None
@@ -779,7 +779,7 @@ class _Clusters:
         )
 
     def mates(self, motion: Motion, cut: Segments) -> tuple[IntArray, FloatArray]:
-        """Return the members of a segment's cluster, the one that `Library.with_clip` finds.
+        """Return the members of a segment's cluster, the one that `Library.extended` finds.
 
         Ascending; and how far they are, in greatest distances within a cluster.
         """

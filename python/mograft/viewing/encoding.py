@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.analysis.segmentation import gaussian, kinetic_energy
+from mograft._util.gaussian import gaussian_filter
+from mograft.analysis.segmentation import kinetic_energy
 from mograft.motion.motion import Motion
 from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.scene import Figure, Scene, TimelineRow
@@ -170,7 +171,7 @@ def _energy_curve(motion: Motion) -> list[int]:
     """Return the smoothed kinetic energy, 0 to 255, at equally spaced frames."""
     if motion.n_frames < 2:
         return []
-    energy = gaussian(kinetic_energy(motion), _CURVE_SMOOTHING_SECONDS * motion.rate)
+    energy = gaussian_filter(kinetic_energy(motion), _CURVE_SMOOTHING_SECONDS * motion.rate)
     n_points = min(len(energy), _MAX_CURVE_POINTS)
     frames = np.linspace(0, len(energy) - 1, n_points).round().astype(int)
     # The scale ends at the 99th percentile, as single high peaks would flatten the curve.

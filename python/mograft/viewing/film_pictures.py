@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.analysis.segmentation import gaussian
+from mograft._util.gaussian import gaussian_filter
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
-from mograft.io.figure import PALETTE
+from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.scene import Scene
@@ -123,7 +123,9 @@ class _Panel:
         self.bone_colours = [PALETTE[group[max(p, 0)] % len(PALETTE)] for p in drawn.parents]
         path = self.positions[:, drawn.root][:, [0, 2]]
         frames = _CAMERA_SMOOTHING_SECONDS * motion.rate
-        self.focus = np.stack([gaussian(np.ascontiguousarray(c), frames) for c in path.T], axis=1)
+        self.focus = np.stack(
+            [gaussian_filter(np.ascontiguousarray(c), frames) for c in path.T], axis=1
+        )
         self.yaw = _camera_yaw(motion, self.positions[0])
         # The figure is smaller in a narrow panel, so that its sides are visible.
         self.zoom = min(size[1] * 0.7, size[0] * 0.85)

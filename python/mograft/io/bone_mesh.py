@@ -1,0 +1,122 @@
+"""The mesh that exported files show: one slim octahedron per bone."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.body.groups import JointGroups
+from mograft.body.mass import mass_model
+from mograft.motion import rotations
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["BoneMesh", "bone_mesh", "joint_group_indices"]
+
+_CORNERS_PER_BONE = 24
+
+
+class BoneMesh(NamedTuple):
+    """Triangles of the bones in the rest pose: three corners for each of the eight faces per bone.
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (24 * n_bones, 3)
+        Corners in metres, y up, and their normals.
+    joints : ndarray of int, shape (24 * n_bones,)
+        The joint that each corner is bound to.
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    joints: IntArray
+
+
+def bone_mesh(skeleton: Skeleton, scale: float, to_y_up: FloatArray) -> BoneMesh:
+    """Return the mesh of the bones in the rest pose.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    scale : float
+        Metres per unit of length.
+    to_y_up : ndarray, shape (4,)
+        The rotation from the up direction of the motion to y, xyzw.
+
+    Returns
+    -------
+    BoneMesh
+        The triangles. A skeleton whose bones all have no length gets one bone at its root,
+        because a skin needs a mesh.
+    """
+    rest = scale * rotations.rotate(to_y_up, skeleton.rest_positions())
+    thickness = 0.016 * scale * mass_model(skeleton).height
+    bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
+    for site in skeleton.end_sites:
+        end = rest[site.parent] + scale * rotations.rotate(to_y_up, site.offset)
+        bones.append((site.parent, end))
+    points: list[FloatArray] = []
+    normals: list[FloatArray] = []
+    joints: list[int] = []
+    for joint, end in bones:
+        octahedron = _octahedron(rest[joint], end, thickness)
+        if octahedron is not None:
+            points.append(octahedron[0])
+            normals.append(octahedron[1])
+            joints.append(joint)
+    if not points:
+        octahedron = _octahedron(rest[0], rest[0] + [0, max(thickness, 0.01), 0], thickness)
+        assert octahedron is not None  # its length is not 0
+        points, normals, joints = [octahedron[0]], [octahedron[1]], [0]
+    return BoneMesh(
+        np.concatenate(points), np.concatenate(normals), np.repeat(joints, _CORNERS_PER_BONE)
+    )
+
+
+def _octahedron(
+    start: FloatArray, end: FloatArray, thickness: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the corners and the normals of a bone, (24, 3) each; None if it is too short."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    # Smaller octahedra degenerate in float32.
+    if length < max(1e-5, 1e-4 * thickness, 1e-5 * float(np.abs(start).max())):
+        return None
+    along = along / length
+    side = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    side /= np.linalg.norm(side)
+    other_side = np.cross(along, side)
+    waist = start + 0.15 * length * along
+    half_width = min(thickness, 0.25 * length)
+    ring = [waist + half_width * axis for axis in (side, other_side, -side, -other_side)]
+    faces = []
+    for corner, next_corner in zip(ring, [*ring[1:], ring[0]], strict=True):
+        faces += [(start, next_corner, corner), (end, corner, next_corner)]
+    points = np.array(faces)
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return points.reshape(-1, 3), np.repeat(normals, 3, axis=0)
+
+
+def joint_group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
+    """Return the index of the group of each joint, shape (n_joints,).
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    groups : JointGroups, str or None
+        The groups, or the name of a preset. None: trunk, arms and legs; one group for all joints
+        if the skeleton does not have these.
+    """
+    if isinstance(groups, str):
+        groups = JointGroups.preset(groups, skeleton)
+    if groups is None:
+        try:
+            groups = JointGroups.preset("lower_torso_larm_rarm", skeleton)
+        except ValueError:
+            return np.zeros(skeleton.n_joints, np.int64)
+    indices = np.zeros(skeleton.n_joints, np.int64)
+    for index, joints in enumerate(groups.resolve(skeleton).values()):
+        indices[joints] = index
+    return indices

@@ -1,0 +1,54 @@
+"""Conversion of channel values to rotations and positions."""
+
+import numpy as np
+
+from mograft import _core
+from mograft._util.arrays import FloatArray
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["channels_to_transforms"]
+
+
+def channels_to_transforms(
+    skeleton: Skeleton, values: FloatArray, *, add_offsets: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Convert channel values to local rotations and positions.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton, which has the channels.
+    values : ndarray, shape (n_frames, n_channels)
+        The channel values, rotations in degrees. With `add_offsets`, the offsets are added to
+        the position channels in this array.
+    add_offsets : bool
+        Whether position channels are relative to the offset of their joint.
+
+    Returns
+    -------
+    rotations : ndarray, shape (n_frames, n_joints, 4)
+        Local unit quaternions, xyzw. The sign does not change from frame to frame.
+    positions : ndarray, shape (n_frames, n_joints, 3)
+        Positions relative to the parent; the offset where a joint has no channel.
+
+    Notes
+    -----
+    Rotations are intrinsic, in the order of the channels of a joint.
+    """
+    starts, rotation_axes = [0], list[tuple[int, int]]()
+    position_axes = list[tuple[int, int, int]]()
+    for joint, columns in enumerate(skeleton.channel_columns):
+        for name, column in zip(skeleton.channels[joint], columns, strict=True):
+            axis = "XYZ".index(name[0])
+            if name.endswith("rotation"):
+                rotation_axes.append((axis, column))
+            else:
+                position_axes.append((joint, axis, column))
+        starts.append(len(rotation_axes))
+    positions = np.empty((len(values), skeleton.n_joints, 3))
+    positions[:] = skeleton.offsets
+    for joint, axis, column in position_axes:
+        if add_offsets:
+            values[:, column] += skeleton.offsets[joint, axis]
+        positions[:, joint, axis] = values[:, column]
+    return _core.from_channels(values, starts, rotation_axes, np.pi / 180.0), positions

@@ -1,0 +1,334 @@
+"""A cursor over the text of a BVH file: tokens, line numbers, errors and repairs."""
+
+import codecs
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import IO, Any, NoReturn, TypeAlias
+
+from mograft.errors import BvhError
+
+__all__ = ["BvhFile", "Cursor", "Position", "describe_number", "describe_word", "open_cursor"]
+
+BvhFile: TypeAlias = str | os.PathLike[str] | IO[Any]
+"""A path or an open file, text or binary."""
+
+Position: TypeAlias = tuple[int, int]
+"""Line and column, counted from 1."""
+
+# The reader holds about this many bytes of the text at a time. They fit in the cache.
+CHUNK_BYTES = 1 << 18
+# Upper limit for the length of a word. The buffer holds at least this much text after the cursor.
+MAX_WORD_BYTES = 1 << 16
+
+_ENCODING_OF_MARK = {
+    codecs.BOM_UTF8: "utf-8",
+    codecs.BOM_UTF16_LE: "utf-16-le",
+    codecs.BOM_UTF16_BE: "utf-16-be",
+}
+_KEYWORDS = {
+    word.upper(): word
+    for word in (b"HIERARCHY", b"ROOT", b"JOINT", b"End", b"OFFSET", b"CHANNELS", b"MOTION")
+}
+_WHITE_SPACE = re.compile(rb"[ \t-\r]*")
+# Like all patterns for `Cursor.take`: one group, followed by white space.
+_WORD = re.compile(rb"([^ \t-\r{}]+|[{}])[ \t-\r]*")
+_COMMENT = re.compile(rb"((?:#|//)[^\r\n]*)[ \t-\r]*")
+_NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_NAN = re.compile(rb"[+-]?(?:nan.*|1\.?#(?:ind|[qs]?nan).*)", re.IGNORECASE)
+_INFINITY = re.compile(rb"[+-]?(?:inf(?:inity)?|1\.?#inf.*)", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(rb"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
+
+
+class Cursor:
+    """A position in the text of a file, of which one chunk at a time is in memory.
+
+    Parameters
+    ----------
+    stream : file object
+        The file, text or binary.
+    label : str
+        Its path or another name, for errors.
+    strict : bool
+        Whether `tolerate` refuses the file.
+
+    Attributes
+    ----------
+    buffer : bytes
+        The chunk in memory, as UTF-8.
+    offset : int
+        Position of the cursor in `buffer`.
+    is_at_end : bool
+        Whether `buffer` holds the end of the file.
+    file_bytes : int
+        Size of the file, or of one chunk if the size is unknown.
+    """
+
+    def __init__(self, stream: IO[Any], label: str, *, strict: bool) -> None:
+        self.label = label
+        self.strict = strict
+        self.buffer = b""
+        self.offset = 0
+        self.is_at_end = False
+        self.file_bytes = _file_bytes(stream)
+        self._stream = stream
+        self._decoder: codecs.IncrementalDecoder | None = None
+        self._repairs: dict[str, _Repair] = {}
+        # Line and column of the position `_counted` in the buffer.
+        self._counted, self._line, self._column = 0, 1, 1
+        self._word_start = 0
+        self._read_start()
+        if self.buffer.endswith(b"\r"):
+            self.read_chunk()
+        self.skip_white_space()
+
+    def _read_start(self) -> None:
+        """Read the first chunk and detect its encoding by the byte-order mark."""
+        start = self._read_bytes()
+        while len(start) < 4 and (more := self._read_bytes()):
+            start += more
+        for mark, encoding in _ENCODING_OF_MARK.items():
+            if start.startswith(mark):
+                start = start[len(mark) :]
+                if encoding != "utf-8":
+                    self._decoder = codecs.getincrementaldecoder(encoding)()
+                self.tolerate("mark", f"a byte-order mark: the text is {encoding.upper()}")
+        self.buffer = self._to_utf8(start)
+
+    def read_chunk(self) -> None:
+        """Read the next chunk and drop the text before the cursor."""
+        self._count_to(self.offset)
+        pieces, size = [self.buffer[self.offset :]], 0
+        self._word_start -= self.offset
+        self._counted = self.offset = 0
+        # A chunk does not end with CR, because LF may follow as part of the same line end.
+        while size < CHUNK_BYTES or pieces[-1].endswith(b"\r"):
+            piece = self._read_bytes()
+            if not piece:
+                self.is_at_end = True
+                pieces.append(self._to_utf8(b"", final=True))
+                break
+            size += len(piece)
+            pieces.append(self._to_utf8(piece))
+        self.buffer = b"".join(pieces)
+
+    def _read_bytes(self) -> bytes:
+        piece = self._stream.read(CHUNK_BYTES) or b""
+        return piece.encode("utf-8", "surrogatepass") if isinstance(piece, str) else bytes(piece)
+
+    def _to_utf8(self, piece: bytes, *, final: bool = False) -> bytes:
+        if self._decoder is None:
+            return piece
+        try:
+            return str(self._decoder.decode(piece, final)).encode()
+        except UnicodeError as error:
+            self.fail(f"expected UTF-16 text, got invalid bytes: {error}")
+
+    def skip_white_space(self) -> None:
+        """Move to the next word and ensure that the buffer holds all of it."""
+        while True:
+            self.offset = match_end(_WHITE_SPACE, self.buffer, self.offset)
+            if self.is_at_end or self.has_lookahead:
+                self._word_start = self.offset
+                return
+            self.read_chunk()
+
+    def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
+        """Return the group of a pattern and move past the match; None if it does not match."""
+        self._ensure_lookahead()
+        self._word_start = self.offset
+        match = pattern.match(self.buffer, self.offset)
+        if match is None:
+            return None
+        if match.end(1) - self.offset >= MAX_WORD_BYTES:
+            self.fail(
+                f"expected a word of fewer than {MAX_WORD_BYTES} characters, got a longer one"
+            )
+        self.offset = match.end()
+        return match.group(1)
+
+    @property
+    def has_lookahead(self) -> bool:
+        """Whether the buffer holds a word of the greatest length after the cursor."""
+        return len(self.buffer) - self.offset >= MAX_WORD_BYTES
+
+    def _ensure_lookahead(self) -> None:
+        if not self.is_at_end and not self.has_lookahead:
+            self.skip_white_space()
+
+    def move_back(self) -> None:
+        """Move back to the start of the word that was taken last."""
+        self.offset = self._word_start
+
+    def take_word(self) -> bytes:
+        """Return the next word or brace; empty at the end of the file."""
+        return self.take(_WORD) or b""
+
+    def take_keyword(self) -> bytes:
+        """Return the next word, in the standard spelling if it is a keyword."""
+        self.skip_comments()
+        word = self.take_word()
+        keyword = _KEYWORDS.get(word.upper())
+        if keyword is None:
+            return word
+        if word != keyword:
+            self.tolerate(
+                f"case {keyword!r}", f"{describe_word(word)} read as {describe_word(keyword)}"
+            )
+        return keyword
+
+    def expect(self, keyword: bytes) -> None:
+        """Take the next word; refuse the file unless it is this keyword or brace."""
+        word = self.take_keyword()
+        if word == keyword:
+            return
+        if keyword == b"MOTION" and word == b"ROOT":
+            self.fail("expected MOTION, got a second ROOT: a motion has one skeleton with one root")
+        self.fail(f"expected {describe_word(keyword)}, got {describe_word(word)}")
+
+    def skip_comments(self) -> None:
+        """Move to the next word that does not start a comment."""
+        self._ensure_lookahead()
+        while self.buffer.startswith((b"#", b"//"), self.offset):
+            self.take(_COMMENT)
+            self.tolerate("comment", "a comment")
+
+    def take_number(self, meaning: str) -> float:
+        """Return the next word as a finite number; `meaning` names it in the error."""
+        word = self.take_word()
+        value = _to_float(word)
+        if value == float("inf"):
+            self.fail(f"expected {meaning}, got {describe_number(word)}")
+        return value
+
+    def take_count(self, meaning: str) -> int:
+        """Return the next word as a non-negative integer; `meaning` names it in the error."""
+        word = self.take_word()
+        value = _to_float(word)
+        if value == float("inf"):
+            self.fail(f"expected {meaning}, got {describe_number(word)}")
+        if not value.is_integer() or value < 0 or value >= 2**53:
+            self.fail(f"expected {meaning}, got {describe_word(word)}")
+        if not word.isdigit():
+            self.tolerate("count", f"{describe_word(word)} read as {int(value)}")
+        return int(value)
+
+    def position(self) -> Position:
+        """Return line and column of the word that was taken last."""
+        self._count_to(self._word_start)
+        return self._line, self._column
+
+    def fail(self, message: str, position: Position | None = None) -> NoReturn:
+        """Refuse the file; the default position is that of the word taken last."""
+        line, column = position or self.position()
+        raise BvhError(message, self.label, line, column)
+
+    def tolerate(self, kind: str, message: str, position: Position | None = None) -> None:
+        """List a deviation from the format; the message is kept for the first of each kind."""
+        found_at = position or self.position()
+        if self.strict:
+            self.fail(f"{message}: refused in strict mode", found_at)
+        repair = self._repairs.get(kind)
+        if repair is None:
+            self._repairs[kind] = _Repair(found_at[0], message)
+        else:
+            repair.n_more += 1
+
+    def move(self, size: int, n_line_ends: int) -> None:
+        """Move forward by `size` bytes of ASCII that hold `n_line_ends` line ends."""
+        self._count_to(self.offset)
+        end = self.offset + size
+        if n_line_ends:
+            last = max(self.buffer.rfind(mark, self.offset, end) for mark in (b"\n", b"\r"))
+            self._line, self._column = self._line + n_line_ends, end - last
+        else:
+            self._column += size
+        self.offset = self._counted = end
+
+    def repairs(self) -> tuple[str, ...]:
+        """Return the deviations that were tolerated, ordered by line."""
+        ordered = sorted(self._repairs.values(), key=lambda repair: repair.line)
+        return tuple(map(str, ordered))
+
+    def _count_to(self, offset: int) -> None:
+        if offset <= self._counted:
+            return
+        passed = self.buffer[self._counted : offset]
+        lines = passed.count(b"\n") + passed.count(b"\r") - passed.count(b"\r\n")
+        if lines:
+            self._line += lines
+            self._column = 1
+            passed = passed[max(passed.rfind(b"\n"), passed.rfind(b"\r")) + 1 :]
+        self._column += len(passed.decode("utf-8", "replace"))
+        self._counted = offset
+
+
+@dataclass
+class _Repair:
+    line: int
+    message: str
+    n_more: int = 0
+
+    def __str__(self) -> str:
+        more = f" (and {self.n_more} more like it)" if self.n_more else ""
+        return f"line {self.line}: {self.message}{more}"
+
+
+@contextmanager
+def open_cursor(file: BvhFile, *, strict: bool) -> Iterator[Cursor]:
+    """Open a path, or use an open file, and yield a cursor at its first word."""
+    if isinstance(file, str | os.PathLike):
+        with open(file, "rb", buffering=0) as stream:
+            yield Cursor(stream, os.fspath(file), strict=strict)
+    elif hasattr(file, "read"):
+        name = getattr(file, "name", None)
+        yield Cursor(file, name if isinstance(name, str) else "<stream>", strict=strict)
+    else:
+        raise TypeError(f"source must be a path or a file object, got {type(file).__name__}")
+
+
+def _file_bytes(stream: IO[Any]) -> int:
+    try:
+        return os.fstat(stream.fileno()).st_size
+    except (AttributeError, OSError):
+        return CHUNK_BYTES
+
+
+def match_end(pattern: re.Pattern[bytes], buffer: bytes, start: int) -> int:
+    """Return the end of a pattern's match at `start`; `start` if it does not match."""
+    match = pattern.match(buffer, start)
+    return start if match is None else match.end()
+
+
+def _to_float(word: bytes) -> float:
+    """Return the number that a word spells; infinity if it spells none that is finite."""
+    value = float(word) if _NUMBER.fullmatch(word) else float("inf")
+    return float("inf") if value == float("-inf") else value
+
+
+def describe_word(word: bytes) -> str:
+    """Return a word as messages show it: printable, at most 40 characters."""
+    if not word:
+        return "the end of the file"
+    text = word.decode("utf-8", "replace")
+    text = text if len(text) <= 40 else text[:40] + "..."
+    return text if text.isprintable() else ascii(text)
+
+
+def describe_number(word: bytes) -> str:
+    """Return a word that is not a valid number, with the reason."""
+    text = describe_word(word)
+    end = match_end(_NUMBER, word, 0)
+    if _NAN.fullmatch(word) or _INFINITY.fullmatch(word):
+        return f"{text}, which is not a finite number"
+    if end and end == len(word):
+        return f"{text}, which is too large for a double"
+    if _DECIMAL_COMMA.fullmatch(word):
+        return f"{text} with a decimal comma instead of a point"
+    if b"_" in word and _NUMBER.fullmatch(word.replace(b"_", b"")):
+        return f"{text} with an underscore"
+    if end and _NUMBER.match(word, end):
+        return f"{text} without a space before {describe_word(word[end:])}"
+    return text

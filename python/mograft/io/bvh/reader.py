@@ -1,0 +1,180 @@
+"""Reading and scanning of BVH files.
+
+The reader accepts any white space and any line ends. Deviations from the format that have one
+clear meaning are listed with their line in `Motion.repairs`; ``strict=True`` refuses them. Text
+without a clear meaning raises `BvhError` with line and column. `Motion.channel_values` holds the
+numbers as read, so that `write_bvh` reproduces them exactly.
+
+Angles in the file are in degrees, intrinsic, in the order of the channels of a joint. A position
+channel is the position of a joint relative to its parent and replaces that component of OFFSET,
+as in Blender; other programs (three.js, fairmotion) add the two.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from mograft.io.bvh.channels import channels_to_transforms
+from mograft.io.bvh.cursor import BvhFile, open_cursor
+from mograft.io.bvh.frames import count_frames, read_frames
+from mograft.io.bvh.header import read_header
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+__all__ = ["BvhSummary", "read_bvh", "scan_bvh"]
+
+
+@dataclass(frozen=True, eq=False)
+class BvhSummary:
+    """Skeleton, length and repairs of a BVH file, without the motion.
+
+    Parameters
+    ----------
+    path : str
+        The file, or a name for the stream that was read.
+    skeleton : Skeleton
+        Joints, end sites and channels.
+    frame_time : float
+        Seconds from one frame to the next.
+    n_frames : int
+        The number of frames found.
+    declared_frames : int
+        The number of frames that the file declares.
+    repairs : tuple of str
+        The deviations that were tolerated, each with its line.
+    """
+
+    path: str
+    skeleton: Skeleton
+    frame_time: float
+    n_frames: int
+    declared_frames: int
+    repairs: tuple[str, ...]
+
+    @property
+    def rate(self) -> float:
+        """Frames per second."""
+        return 1.0 / self.frame_time
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (self.n_frames - 1) * self.frame_time
+
+    @property
+    def counts_agree(self) -> bool:
+        """Whether the file has as many frames as it declares."""
+        return self.n_frames == self.declared_frames
+
+
+def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False) -> Motion:
+    """Read a motion from a BVH file.
+
+    Parameters
+    ----------
+    source : path or file object
+        The file; an open file may be text or binary.
+    strict : bool
+        Whether deviations that `Motion.repairs` would list are errors.
+    add_offsets : bool
+        Add position channels to OFFSET instead of replacing it. The sums become the channel
+        values of the motion, so a program that does not add reads the written file correctly.
+
+    Returns
+    -------
+    Motion
+        Named after the file, without its suffix. It has all frames found, even if the file
+        declares another number. Quaternions do not change sign from frame to frame.
+
+    Raises
+    ------
+    BvhError
+        If the file is not a valid BVH motion; names path, line, column and the expected text.
+    OSError
+        If the file cannot be read.
+
+    Examples
+    --------
+    >>> import io
+    >>> text = '''HIERARCHY
+    ... ROOT Hips { OFFSET 0 0 0 CHANNELS 1 Yrotation End Site { OFFSET 0 9 0 } }
+    ... MOTION
+    ... Frames: 2
+    ... Frame Time: 0.5
+    ... 0
+    ... 90
+    ... '''
+    >>> motion = read_bvh(io.StringIO(text))
+    >>> motion
+    Motion(1 joint, 2 frames, 2 fps, 0.50 s)
+    >>> motion.repairs
+    ("line 2: '{' on the line of ROOT (and 1 more like it)",)
+    >>> read_bvh(io.StringIO(text.replace("90", "9O")))
+    Traceback (most recent call last):
+    mograft.errors.BvhError: <stream>:7:1: expected a number, got 9O
+    """
+    with open_cursor(source, strict=strict) as cursor:
+        header = read_header(cursor)
+        values = read_frames(cursor, header)
+    rotations, positions = channels_to_transforms(header.skeleton, values, add_offsets=add_offsets)
+    # The name of an open file need not be a path; that of standard input is "<stdin>".
+    path = Path(cursor.label) if os.path.exists(cursor.label) else None
+    return Motion(
+        header.skeleton,
+        header.frame_time,
+        rotations,
+        positions,
+        channel_values=values,
+        name="" if path is None else path.stem,
+        path=path,
+        repairs=cursor.repairs(),
+    )
+
+
+def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
+    """Check a BVH file as `read_bvh` does, and return its summary.
+
+    Memory does not grow with the number of frames.
+
+    Parameters
+    ----------
+    source : path or file object
+        The file; an open file may be text or binary.
+    strict : bool
+        Whether deviations that `BvhSummary.repairs` would list are errors.
+
+    Returns
+    -------
+    BvhSummary
+        Skeleton, length and repairs.
+
+    Raises
+    ------
+    BvhError
+        If the file is not a valid BVH motion; names path, line, column and the expected text.
+    OSError
+        If the file cannot be read.
+
+    Examples
+    --------
+    >>> import io
+    >>> from mograft.dancer import dance
+    >>> from mograft.io.bvh import write_bvh
+    >>> file = io.BytesIO()
+    >>> write_bvh(dance(strides=1).motion[:90], file)
+    >>> _ = file.seek(0)
+    >>> summary = scan_bvh(file)
+    >>> summary.n_frames, summary.skeleton.n_joints
+    (90, 18)
+    """
+    with open_cursor(source, strict=strict) as cursor:
+        header = read_header(cursor)
+        n_frames = count_frames(cursor, header)
+    return BvhSummary(
+        path=cursor.label,
+        skeleton=header.skeleton,
+        frame_time=header.frame_time,
+        n_frames=n_frames,
+        declared_frames=header.n_frames,
+        repairs=cursor.repairs(),
+    )

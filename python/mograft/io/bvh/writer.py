@@ -1,0 +1,169 @@
+"""Writing of BVH files."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from mograft import _core
+from mograft._util.atomic import atomic_path
+from mograft._util.validate import check_type
+from mograft.io.bvh.cursor import BvhFile
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import EndSite, Skeleton
+
+__all__ = ["write_bvh"]
+
+# Numbers that are formatted at a time.
+_BLOCK_LENGTH = 1 << 15
+# Deeper levels are not indented further: a chain of thousands of joints would be mostly tabs.
+_MAX_INDENTATION = 40
+
+
+def write_bvh(motion: Motion, target: BvhFile) -> None:
+    r"""Write a motion to a BVH file.
+
+    Names, hierarchy, offsets, end sites, channels and frame time are those of the motion. A
+    number that was read and not changed is written with the value that was read. Other angles
+    are computed from the rotation, in the channel order of the joint: the Euler angles nearest
+    to those of the previous frame. Each number has the fewest digits that reproduce it exactly.
+    An existing file is replaced atomically.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    target : path or file object
+        The destination; an open file may be text or binary.
+
+    Raises
+    ------
+    ValueError
+        If the format cannot represent the motion: a name is empty, contains a line end or ``{``,
+        or starts or ends with white space; or the skeleton has no channel.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import io
+    >>> skeleton = Skeleton(["Hips"], [-1], [[0, 0, 0]], [["Yrotation"]])
+    >>> motion = Motion(skeleton, 0.5, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2)
+    >>> file = io.StringIO()
+    >>> write_bvh(motion, file)
+    >>> print(file.getvalue().replace("\t", "  "))
+    HIERARCHY
+    ROOT Hips
+    {
+      OFFSET 0.0 0.0 0.0
+      CHANNELS 1 Yrotation
+    }
+    MOTION
+    Frames: 2
+    Frame Time: 0.5
+    0.0
+    0.0
+    <BLANKLINE>
+    """
+    check_type("motion", motion, Motion)
+    blocks = _format_blocks(motion)
+    if not isinstance(target, str | os.PathLike):
+        if not hasattr(target, "write"):
+            kind = type(target).__name__
+            raise TypeError(f"target must be a path or a file object, got {kind}")
+        is_text = _is_text_file(target)
+        for block in blocks:
+            target.write(block.decode() if is_text else block)
+        return
+    path = Path(target)
+    if path.exists() and not path.is_file():
+        # A pipe or a device cannot be replaced.
+        with path.open("wb") as stream:
+            stream.writelines(blocks)
+        return
+    with atomic_path(path) as draft, draft.open("xb") as stream:
+        stream.writelines(blocks)
+
+
+def _format_blocks(motion: Motion) -> Iterator[bytes]:
+    """Yield the text of a file: the header, then blocks of frames."""
+    skeleton = motion.skeleton
+    if not skeleton.n_channels:
+        raise ValueError("the skeleton must have a channel for a motion to be written")
+    _check_names(skeleton)
+    header, joints = _format_hierarchy(skeleton)
+    columns = np.concatenate([skeleton.channel_columns[joint] for joint in joints]).astype(int)
+    yield "\n".join(
+        [*header, "MOTION", f"Frames: {motion.n_frames}", f"Frame Time: {motion.frame_time!r}", ""]
+    ).encode()
+    numbers = motion.channel_numbers()
+    is_in_order = bool((np.diff(columns) == 1).all())
+    step = max(_BLOCK_LENGTH // skeleton.n_channels, 1)
+    for start in range(0, motion.n_frames, step):
+        block = numbers[start : start + step]
+        yield _core.format_rows(np.ascontiguousarray(block if is_in_order else block[:, columns]))
+
+
+def _check_names(skeleton: Skeleton) -> None:
+    for joint, name in enumerate(skeleton.names):
+        if not name:
+            raise ValueError(f"joint {joint} must have a name to be written, got none")
+        _check_name(f"joint {joint}", name)
+    for site in skeleton.end_sites:
+        _check_name(f"the end site of {skeleton.names[site.parent]}", site.name)
+
+
+def _check_name(owner: str, name: str) -> None:
+    try:
+        encoded = name.encode()
+    except UnicodeEncodeError:
+        encoded = b"{"
+    if name.strip(" \t\v\f") != name or {*b"\r\n{"} & {*encoded}:
+        raise ValueError(
+            f"the name of {owner} must be Unicode without line end, '{{' and white space at its "
+            f"ends to be written, got {name!r}"
+        )
+
+
+def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
+    """Return the lines of the hierarchy, and the joints in the order of these lines."""
+    lines, order = ["HIERARCHY"], list[int]()
+    # An explicit stack of joints and end sites to open and lines to write: chains may be deeper
+    # than Python's recursion limit.
+    stack: list[int | EndSite | str] = [0]
+    depth = 0
+    while stack:
+        item = stack.pop()
+        if isinstance(item, str):
+            depth -= 1
+            lines.append("\t" * min(depth, _MAX_INDENTATION) + item)
+            continue
+        indent = "\t" * min(depth, _MAX_INDENTATION)
+        depth += 1
+        stack.append("}")
+        if isinstance(item, EndSite):
+            title, offset = f"End Site {item.name}".rstrip(" "), item.offset
+        else:
+            title, offset = (
+                ("JOINT " if order else "ROOT ") + skeleton.names[item],
+                skeleton.offsets[item],
+            )
+        lines += [indent + title, indent + "{"]
+        lines.append(f"{indent}\tOFFSET {' '.join(map(repr, offset.tolist()))}")
+        if isinstance(item, EndSite):
+            continue
+        channels = skeleton.channels[item]
+        lines.append(" ".join([f"{indent}\tCHANNELS", str(len(channels)), *channels]))
+        order.append(item)
+        stack += reversed(skeleton.children_and_sites[item])
+    return lines, order
+
+
+def _is_text_file(stream: IO[Any]) -> bool:
+    try:
+        stream.write(b"")
+    except TypeError:
+        return True
+    return False
