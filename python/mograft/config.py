@@ -116,16 +116,17 @@ class Config:
     max_candidates : int
         Maximum number of candidates per position: those of lowest unary cost. "random" keeps
         all.
-    seam : {"offset", "paper", "displacement", "inertial", "dead"}
-        Seam treatment (4.5). "offset" changes both sides so that pose and velocity are
-        continuous. "displacement" spreads the pose gap over both segments. "paper" does the
-        same and replaces the frames near the seam by a cubic, which removes detail. "inertial"
-        and "dead" change frames after the seam only: "inertial" decays the gap, "dead"
-        cross-fades from the extrapolated motion before the seam.
+    seam : str
+        Seam treatment (4.5), one of the registered names: `mograft graft --help` lists them.
+        "offset" changes both sides so that pose and velocity are continuous. "displacement"
+        spreads the pose gap over both segments. "paper" does the same and replaces the frames
+        near the seam by a cubic, which removes detail. "inertial" and "dead" change frames after
+        the seam only: "inertial" decays the gap, "dead" cross-fades from the extrapolated motion
+        before the seam.
     seam_window : float
         Half-width, in seconds, of the cubic of the "paper" treatment.
     seam_blend : float
-        Time on each side of a seam, in seconds, within which "offset", "inertial" and "dead"
+        Time beside a seam, in seconds, within which all other treatments but "displacement"
         change frames.
     alignment : {"uniform", "dtw"}
         How the donor is fitted to the length of the base segment: at a constant rate, or by
@@ -178,7 +179,7 @@ class Config:
     temperature: float = 1.0
     diversity: float = 1.0
     max_candidates: int = 32
-    seam: Literal["offset", "paper", "displacement", "inertial", "dead"] = "offset"
+    seam: str = "offset"
     seam_window: float = 5 * FRAME
     seam_blend: float = 0.3
     alignment: Literal["uniform", "dtw"] = "uniform"

@@ -31,7 +31,8 @@ def test_registry_implementations_keep_the_declared_order():
         declared.implemented_by({"paper": 2})
 
 
-@pytest.mark.parametrize("parameter", list(CONFIG_OPTIONS))
+# A seam treatment is added by a module and a registry line alone: `Config.seam` is any string.
+@pytest.mark.parametrize("parameter", [name for name in CONFIG_OPTIONS if name != "seam"])
 def test_config_annotation_and_docstring_list_the_registered_values(parameter):
     names = CONFIG_OPTIONS[parameter].names
     assert typing.get_args(typing.get_type_hints(Config)[parameter]) == names
@@ -39,5 +40,9 @@ def test_config_annotation_and_docstring_list_the_registered_values(parameter):
         rf"^    {parameter} : {{(.*)}}$", inspect.getdoc(Config).replace("\n", "\n    "), re.M
     )
     assert listed == ", ".join(f'"{name}"' for name in names)
-    for name in names:
+
+
+@pytest.mark.parametrize("parameter", list(CONFIG_OPTIONS))
+def test_config_accepts_all_registered_values(parameter):
+    for name in CONFIG_OPTIONS[parameter].names:
         assert getattr(Config(**{parameter: name}), parameter) == name

@@ -1,9 +1,8 @@
-"""Laws of the root's way: no faster than what was captured, and without a jump."""
+"""Root motion: blended velocities, their weights, and the integrated path."""
 
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,41 +29,57 @@ from tests.strategies import (
 )
 
 CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
+ORACLE_SEAMS = ("offset", "paper", "displacement", "inertial", "dead")
+BLENDING = [
+    name
+    for name in SEAM_TREATMENTS
+    if sum(SEAM_TREATMENTS.get(name).root_velocity_weights(np.ones(1))) == 1.0
+]
 BLENDS = st.floats(0.02, 1.0)
 ROOT = GraftedGroup(np.array([0]), root=0)
 
 
-def steps_of(rng, lengths, jumps=1.0):
-    """Velocities that change little within segments, and much between them."""
+def random_velocities(rng, lengths, jumps=1.0):
+    """Velocities with small changes within segments and large ones between them."""
     n = int(lengths.sum())
     base = np.repeat(rng.normal(size=(len(lengths), 4)) * jumps, lengths, axis=0)
     return base + 0.1 * np.cumsum(rng.normal(size=(n, 4)), axis=0) / np.sqrt(n)
 
 
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(ORACLE_SEAMS), BLENDS)
+def test_blend_root_velocity_matches_oracle(lengths, seed, seam, blend):
+    rng = np.random.default_rng(seed)
+    velocities = random_velocities(rng, lengths)
+    seams = rng.random(len(lengths) - 1) < 0.7
+    config = Config(seam=seam, seam_blend=blend)
+    blended = blend_root_velocity(velocities, tile_segments(lengths), seams, config, 30.0)
+    expected = plain.blended(velocities, lengths, seams, seam, blend * 30.0)
+    np.testing.assert_allclose(blended, expected, atol=1e-12)
+
+
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS, BLENDS)
-def test_velocities_are_means_of_those_captured(lengths, seed, config, blend):
+def test_blend_root_velocity_any_treatment_is_bounded_and_local(lengths, seed, config, blend):
+    """No velocity exceeds the greatest given one; far from seams every bit stays."""
     rng = np.random.default_rng(seed)
     cut, config = tile_segments(lengths), replace(config, seam_blend=blend)
-    steps, seams = steps_of(rng, lengths), rng.random(len(lengths) - 1) < 0.7
-    faded = blend_root_velocity(steps, cut, seams, config, 30.0)
-    np.testing.assert_allclose(
-        faded, plain.blended(steps, lengths, seams, config.seam, blend * 30.0), atol=1e-12
-    )
+    velocities = random_velocities(rng, lengths)
+    seams = rng.random(len(lengths) - 1) < 0.7
+    blended = blend_root_velocity(velocities, cut, seams, config, 30.0)
     for axes in (slice(0, 3), slice(3, 4)):
-        most = np.linalg.norm(steps[:, axes], axis=1).max()
-        assert (np.linalg.norm(faded[:, axes], axis=1) <= most * (1 + 1e-12)).all()
-    at = np.arange(len(steps)) + 0.5
-    near = np.zeros(len(steps), bool)
+        most = np.linalg.norm(velocities[:, axes], axis=1).max()
+        assert (np.linalg.norm(blended[:, axes], axis=1) <= most * (1 + 1e-12)).all()
+    frames = np.arange(len(velocities)) + 0.5
+    is_near = np.zeros(len(velocities), bool)
+    is_causal = SEAM_TREATMENTS.get(config.seam).is_causal
     for seam in cut.stop[:-1][seams]:
-        early = config.seam == "offset"
-        near |= (at - seam < blend * 30.0) & (at > seam)
-        near |= (seam - at < blend * 30.0) & (at < seam) & early
-    np.testing.assert_array_equal(faded[~near], steps[~near])
+        is_near |= (frames - seam < blend * 30.0) & (frames > seam)
+        is_near |= (seam - frames < blend * 30.0) & (frames < seam) & (not is_causal)
+    np.testing.assert_array_equal(blended[~is_near], velocities[~is_near])
 
 
 @given(st.integers(4, 15), st.integers(4, 15), SEEDS)
-def test_velocities_meet_half_way(before, after, seed):
-    """No frame takes more of a jump than the cubic does where it is steepest, over four frames."""
+def test_blend_root_velocity_offset_meets_half_way(before, after, seed):
+    """No step exceeds that of the cubic at its steepest, over four frames."""
     rng = np.random.default_rng(seed)
     steps = np.repeat(rng.normal(size=(2, 4)), [before, after], axis=0)
     faded = blend_root_velocity(
@@ -78,27 +93,24 @@ def test_velocities_meet_half_way(before, after, seed):
 
 
 @given(st.integers(1, 40), st.floats(0.0, 40.0), CONFIGS)
-def test_shares_fall_from_the_seam_on(length, frames, config):
-    here, later = (
-        root_velocity_weights(np.array(at), np.array(length), config, 30.0) for at in (frames, 40.0)
+def test_root_velocity_weights_fall_with_distance(length, frames, config):
+    at_distance, far, at_seam = (
+        root_velocity_weights(np.array(distance), np.array(length), config, 30.0)
+        for distance in (frames, 40.0, 0.0)
     )
-    starting = root_velocity_weights(np.array(0.0), np.array(length), config, 30.0)
-    for share, last, first in zip(here, later, starting, strict=True):
-        assert last == 0.0 <= share <= first
-    blends = config.seam in ("offset", "inertial", "dead")
-    assert sum(starting) == pytest.approx(1.0 if blends else 0.0)
+    for weight, last, first in zip(at_distance, far, at_seam, strict=True):
+        assert last == 0.0 <= weight <= first
 
 
 def root_speeds(motion, joint=0):
-    """The root's ways over the floor and its turns about up, from frame to frame."""
+    """The root's speed over the floor and its yaw rate, per frame."""
     steps = np.linalg.norm(np.diff(motion.positions[:, joint], axis=0)[:, [0, 2]], axis=1)
     quats = motion.rotations[:, joint]
     return steps, np.abs(yaw_rates(quats, 1))
 
 
-@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(("offset", "inertial", "dead")))
-def test_the_root_goes_and_turns_no_faster_than_the_fastest_donor(lengths, seed, seam):
-    """Whatever meets whatever."""
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(BLENDING))
+def test_transplant_root_speed_is_at_most_that_of_fastest_donor(lengths, seed, seam):
     rng = np.random.default_rng(seed)
     cut, config = tile_segments(lengths), Config(seam=seam)
     base = star_clip(rng, cut)
@@ -118,8 +130,8 @@ def test_the_root_goes_and_turns_no_faster_than_the_fastest_donor(lengths, seed,
 
 
 @given(SEEDS, st.integers(3, 40))
-def test_the_root_is_led_as_it_is_told(seed, n):
-    """It turns and goes by the velocities given, whatever the joined motion does about up."""
+def test_integrate_root_follows_given_velocities(seed, n):
+    """The yaw of the closed motion has no influence."""
     rng = np.random.default_rng(seed)
     up = int(rng.integers(3))
     upright = rotations.from_axis_angle(np.eye(3)[up], rng.uniform(-3, 3, n))
@@ -128,27 +140,27 @@ def test_the_root_is_led_as_it_is_told(seed, n):
     captured = np.concatenate(
         [level * np.diff(placed, axis=0), yaw_rates(upright, up)[:, None]], axis=1
     )
-    told = captured * rng.uniform(-1, 1, (n - 1, 1))
-    joined = rotations.multiply(
+    target = captured * rng.uniform(-1, 1, (n - 1, 1))
+    closed_quats = rotations.multiply(
         rotations.from_axis_angle(np.eye(3)[up], rng.uniform(-1, 1, n)), upright
     )
     heights = rng.normal(size=(n, 3))
-    source, closed = RootTransforms(upright, placed), RootTransforms(joined, heights)
-    root = integrate_root(told, captured, source, closed, up)
+    source, closed = RootTransforms(upright, placed), RootTransforms(closed_quats, heights)
+    root = integrate_root(target, captured, source, closed, up)
     quats, places = root.rotations, root.positions
-    np.testing.assert_allclose(yaw_rates(quats, up), told[:, 3], atol=1e-9)
+    np.testing.assert_allclose(yaw_rates(quats, up), target[:, 3], atol=1e-9)
     np.testing.assert_array_equal(places[:, up], heights[:, up])
     steps = np.linalg.norm(level * np.diff(places, axis=0), axis=1)
-    np.testing.assert_allclose(steps, np.linalg.norm(told[:, :3], axis=1), atol=1e-9)
-    # Where it goes, it goes by the same side of its body.
+    np.testing.assert_allclose(steps, np.linalg.norm(target[:, :3], axis=1), atol=1e-9)
+    # Directions relative to the body are kept.
     ways = rotations.rotate(rotations.inverse(quats[:-1]), level * np.diff(places, axis=0))
     np.testing.assert_allclose(
-        ways, rotations.rotate(rotations.inverse(upright[:-1]), told[:, :3]), atol=1e-9
+        ways, rotations.rotate(rotations.inverse(upright[:-1]), target[:, :3]), atol=1e-9
     )
 
 
 @given(SEEDS, st.integers(3, 40))
-def test_what_is_as_captured_stays_so_to_the_bit(seed, n):
+def test_integrate_root_captured_velocities_keep_every_bit(seed, n):
     rng = np.random.default_rng(seed)
     quats = rotations.exp(rng.normal(size=(n, 3)))
     places = rng.normal(size=(n, 3))
@@ -161,17 +173,18 @@ def test_what_is_as_captured_stays_so_to_the_bit(seed, n):
 
 
 @given(SEEDS, st.integers(3, 40))
-def test_leaning_otherwise_is_kept(seed, n):
-    """Only the turn about up is taken from the captured: the lean is the joined one."""
+def test_integrate_root_keeps_lean_of_closed_motion(seed, n):
+    """Only the rotation about the up axis is that of the source."""
     rng = np.random.default_rng(seed)
-    quats, joined = (rotations.exp(0.4 * rng.normal(size=(n, 3))) for _ in range(2))
+    quats, closed_quats = (rotations.exp(0.4 * rng.normal(size=(n, 3))) for _ in range(2))
     places = rng.normal(size=(n, 3))
     captured = np.zeros((n - 1, 4))
     captured[:, 3] = yaw_rates(quats, 1)
-    source, closed = RootTransforms(quats, places), RootTransforms(joined, places)
+    source, closed = RootTransforms(quats, places), RootTransforms(closed_quats, places)
     new = integrate_root(captured, captured, source, closed, 1).rotations
     leans = [
-        rotations.multiply(rotations.inverse(rotations.twist(own, 1)), own) for own in (new, joined)
+        rotations.multiply(rotations.inverse(rotations.twist(own, 1)), own)
+        for own in (new, closed_quats)
     ]
     same_rotations(*leans, 1e-6)
     rates = np.abs(yaw_rates(new, 1))
