@@ -80,7 +80,7 @@ def strip(path, base, graft, other, frames, flesh):
     away = np.array(other.offset)[level] if np.any(np.array(other.offset)[level]) else [1.0, 0.0]
     across = np.array(away) / np.linalg.norm(away)
     figure, axes = plt.subplots(2, len(frames), figsize=(3.2 * len(frames), 7), squeeze=False)
-    theirs, radii = other._flesh
+    theirs, radii = other._capsule_ends_and_radii
     for row, (name, motion) in enumerate((("before", base), ("after", graft.motion))):
         own = mg.Poses.from_motion(motion)
         error, joint = mg.Avoid(other).errors(own)

@@ -318,7 +318,7 @@ def test_flight_is_left_out_and_counted(library):
     places = clip.positions.copy()
     places[30:, 0, 1] += 500.0
     jumping = replace(clip, positions=places, channel_values=None)
-    with pytest.warns(UserWarning, match="leap"):
+    with pytest.warns(UserWarning, match="jump"):
         own = evaluate(Library.build(jumping), ["balance"], ways=(ByCost(),), runs=1)
     rows = {row.method: row for row in own.balance if row.rule == "all"}
     assert rows["recording"].flight > 0.5
