@@ -48,7 +48,7 @@ def turn_about(place, up):
 
 def worst_place(motion, problem):
     """The copy that meets the arms most often, and the rest of the body never."""
-    poses = problem.poses
+    poses = problem.base_poses
     # Trunk and head ride on the hips, which are kept: no arm that is replaced moves them.
     arms = anatomy(motion.skeleton).joints("upper_arm", "forearm", "hand", "finger")
     grafted = np.isin(np.arange(motion.n_joints), arms)

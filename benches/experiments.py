@@ -103,7 +103,7 @@ def collided(motion):
     if found is None:
         return None
     avoid = mg.Avoid(found[1])
-    before = avoid.errors(problem.poses)[0] > 1
+    before = avoid.errors(problem.base_poses)[0] > 1
     graft = mg.repair(library, constraints=[avoid])
     after = avoid.errors(mg.Poses.from_motion(graft.motion))[0] > 1
     touched = (graft.motion.rotations != clip.rotations).any(axis=(1, 2))

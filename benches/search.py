@@ -28,8 +28,12 @@ from benches.feet import on_the_upper_body
 from mograft import _core
 from mograft.body.capsules import clearance
 from mograft.dancer import dance
-from mograft.search.candidates import DonorTrellis, SegmentPool
+from mograft.search.boundary_states import BoundaryStates
+from mograft.search.candidates import SegmentPool
+from mograft.search.donor_choice import cost_model
+from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import Trellis, viterbi
+from mograft.synthesis.assembly import assemble
 from mograft.synthesis.search_problem import SearchProblem
 from tests.oracles import pipeline as plain
 
@@ -61,8 +65,13 @@ def make_pool(n, rng):
     labels = rng.integers(0, max(n // 30, 1), n)
     cut = mg.Segments(stops - lengths, stops)
     points = rng.normal(size=(n, 10))
-    ends = (quats[:-1], quats[1:], 30.0, speeds[:-1], speeds[1:], points, 5.0)
-    return SegmentPool(cut, labels, np.ones(n, bool), *ends)
+    boundary = BoundaryStates(
+        first=quats[:-1],
+        last=quats[1:],
+        first_velocity=speeds[:-1],
+        last_velocity=speeds[1:],
+    )
+    return SegmentPool(cut, labels, np.ones(n, bool), boundary, 30.0, points, 5.0)
 
 
 def speeds(repeats):
@@ -75,7 +84,8 @@ def speeds(repeats):
         for pool in pools:
             lists = pool.candidate_lists(scenario, CONFIG)
             counts = [len(own) for own in lists]
-            pool.costs(np.repeat(scenario, counts), np.concatenate(lists), CONFIG)
+            model = cost_model(CONFIG, pool)
+            pool.unary_costs(np.repeat(scenario, counts), np.concatenate(lists), model)
 
     def plainly():
         for pool in pools:
@@ -90,7 +100,12 @@ def speeds(repeats):
     line("Viterbi, 900 positions of 30", ours, median(lambda: plain.cheapest(alone, after), 3))
 
     lists = pools[0].candidate_lists(scenario[:900], CONFIG)
-    ours = median(lambda: DonorTrellis.build(pools[0], scenario[:900], lists, CONFIG), repeats)
+
+    def trellis():
+        model = cost_model(CONFIG, pools[0])
+        DonorTrellis.build(pools[0], scenario[:900], lists, model)
+
+    ours = median(trellis, repeats)
 
     def seams():
         for left, right in pairwise(lists[:100]):
@@ -228,7 +243,7 @@ def reach(paths):
             others = problem.candidates["upper"][at]
             donors["upper"][at] = rng.choice(others[others != scenario[at]])
             frame = int(rng.integers(cut.start[at], cut.stop[at] + 1))
-            place = problem.assembled(donors).world_positions()[frame, base.skeleton.index(hand)]
+            place = assemble(problem, donors).world_positions()[frame, base.skeleton.index(hand)]
             graft = mg.graft(library, constraints=[mg.Reach(hand, tuple(place), frame)])
             met += not graft.violations
         print(f"{Path(path).name}: reached {met} of 20 places")

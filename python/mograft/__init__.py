@@ -57,7 +57,8 @@ if TYPE_CHECKING:
     )
     from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Sphere
     from mograft.search.pose_constraints import Avoid, AvoidSelf, Custom, Face, KeepOut, Reach
-    from mograft.synthesis.graft import Graft, Grafts, Seam, Substitution, graft, graft_many, repair
+    from mograft.synthesis.graft import Grafts, graft, graft_many, repair
+    from mograft.synthesis.graft_result import Graft, Seam, Substitution
     from mograft.synthesis.stream import Stream
     from mograft.viewing.page import Page, view
     from mograft.viewing.report import report_page
@@ -78,7 +79,8 @@ _HOMES = {
     "io.csv": "write_csv",
     "io.npz": "read_npz write_npz",
     "io.usd": "write_usd",
-    "synthesis.graft": "Graft Grafts Seam Substitution graft graft_many repair",
+    "synthesis.graft": "Grafts graft graft_many repair",
+    "synthesis.graft_result": "Graft Seam Substitution",
     "body.group_entries": "subtree",
     "body.groups": "JointGroups",
     "io.pybvh": "from_pybvh to_pybvh",

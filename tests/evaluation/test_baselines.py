@@ -33,7 +33,7 @@ from mograft.evaluation.baselines import (
     methods,
 )
 from mograft.motion import rotations
-from mograft.search.candidates import length_fits
+from mograft.search.costs import length_fits
 from tests.strategies import wander
 
 WAYS = (

@@ -12,6 +12,11 @@ import mograft as mg
 from mograft.body.capsules import capsules
 from mograft.dancer import dance
 from mograft.search.constraints import find_violations
+from mograft.search.donor_choice import cost_model
+from mograft.synthesis.assembly import assemble, donor_excess, donor_excesses
+from mograft.synthesis.donor_poses import candidate_poses
+from mograft.synthesis.donor_repair import repair_donors
+from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
 from mograft.synthesis.search_problem import SearchProblem
 from tests.oracles import pipeline as plain
 from tests.strategies import SEEDS, vectors
@@ -219,7 +224,7 @@ def test_candidate_poses_match_assembled_motion(library):
     """Without seams the candidate poses equal those of the assembled motion."""
     problem = problem_of(library, [])
     own = problem.scenario[:6]
-    poses = problem.candidate_poses("upper", np.arange(6), own)
+    poses = candidate_poses(problem, "upper", np.arange(6), own)
     world = library.clips[0].world_positions()
     np.testing.assert_allclose(poses.positions, world[poses.frames], atol=1e-9)
 
@@ -228,25 +233,25 @@ def test_candidate_errors_match_single_evaluation(library):
     ball = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 40.0))
     soft = mg.Reach(HAND, (0.0, 150.0, 0.0), 50, weight=2.0)
     problem = problem_of(library, [ball, soft])
-    hard, prices = problem.misses("upper", {})
+    found = candidate_violations(problem, "upper", {})
     joints = problem.driven_joints["upper"]
     for position in (0, 3, 9):
         for at, donor in enumerate(problem.candidates["upper"][position]):
-            poses = problem.candidate_poses("upper", np.array([position]), np.array([donor]))
-            assert hard[position][at] == ball.errors(poses, joints)[0].max()
+            poses = candidate_poses(problem, "upper", np.array([position]), np.array([donor]))
+            assert found[position].hard[at] == ball.errors(poses, joints)[0].max()
             expected = 2.0 * soft.errors(poses, joints)[0].max() ** 2
-            assert prices[position][at] == pytest.approx(expected)
+            assert found[position].soft[at] == pytest.approx(expected)
 
 
 def test_excess_of_a_range_matches_whole_motion(library):
     problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
-    row = problem.row("upper", {})
+    row = build_trellis(problem, "upper", {})
     rng = np.random.default_rng(0)
     for _ in range(5):
         donors = {"upper": np.array([rng.choice(own) for own in row.candidates])}
-        whole = problem.excess(donors)["upper"]
+        whole = donor_excess(problem, donors)["upper"]
         first = int(rng.integers(0, len(problem.base_segments) - 4))
-        some = problem.excess(donors, first, first + 3)["upper"]
+        some = donor_excess(problem, donors, first, first + 3)["upper"]
         begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 2]
         assert some.min() > 0
         np.testing.assert_allclose(some, whole[begin : end + 1], atol=1e-9)
@@ -254,12 +259,12 @@ def test_excess_of_a_range_matches_whole_motion(library):
 
 def test_batch_assembly_matches_single_assembly(library):
     problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
-    row = problem.row("upper", {})
+    row = build_trellis(problem, "upper", {})
     rng = np.random.default_rng(1)
     several = [{"upper": np.array([rng.choice(own) for own in row.candidates])} for _ in range(4)]
-    together = problem._excesses(several, 3, 9)["upper"]
+    together = donor_excesses(problem, several, 3, 9)["upper"]
     for donors, found in zip(several, together, strict=True):
-        np.testing.assert_allclose(found, problem.excess(donors, 3, 9)["upper"], atol=1e-9)
+        np.testing.assert_allclose(found, donor_excess(problem, donors, 3, 9)["upper"], atol=1e-9)
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "nearest", "random"])
@@ -354,7 +359,7 @@ def reachable_target(problem, rng):
             problem.base_segments.start[position], problem.base_segments.stop[position] + 1
         )
     )
-    motion = problem.assembled(donors)
+    motion = assemble(problem, donors)
     return tuple(motion.world_positions()[frame, motion.skeleton.index(HAND)]), frame
 
 
@@ -365,7 +370,7 @@ def test_reach_reachable_target_is_met(library):
         target, frame = reachable_target(problem, rng)
         graft = mg.graft(library, constraints=[mg.Reach(HAND, target, frame)])
         at = graft.motion.world_positions()[frame, graft.motion.skeleton.index(HAND)]
-        apart = np.linalg.norm(at - target) / problem.poses.height
+        apart = np.linalg.norm(at - target) / problem.base_poses.height
         assert (apart <= 0.03) == (not graft.violations)
         met += apart <= 0.03
     assert met >= 9
@@ -433,13 +438,13 @@ def test_avoid_is_satisfied_for_every_choice(library):
 
 def test_repair_search_is_local(library):
     problem = problem_of(library, [in_the_way(library)])
-    rows = {"upper": problem.row("upper", {})}
+    rows = {"upper": build_trellis(problem, "upper", {})}
     rng = np.random.default_rng(3)
     raw = {"upper": np.array([rng.choice(own) for own in rows["upper"].candidates])}
-    settled = problem.settled(raw, rows)
+    settled = repair_donors(problem, raw, rows)
     near = (problem.base_segments.stop >= 270 - 60) & (problem.base_segments.start <= 330 + 60)
     np.testing.assert_array_equal(settled["upper"][~near], raw["upper"][~near])
-    before, after = (problem.excess(donors)["upper"].sum() for donors in (raw, settled))
+    before, after = (donor_excess(problem, donors)["upper"].sum() for donors in (raw, settled))
     assert after <= before
 
 
@@ -517,7 +522,9 @@ def test_candidates_refused_names_constraint_and_amount(library):
     assert judged.allowed[0].segment == segment
     problem = problem_of(library, [reach])
     for candidate in (*judged.allowed, *judged.refused):
-        poses = problem.candidate_poses("upper", np.array([segment]), np.array([candidate.segment]))
+        poses = candidate_poses(
+            problem, "upper", np.array([segment]), np.array([candidate.segment])
+        )
         missed = reach.errors(poses)[0].max()
         assert ("Reach: LeftHand is " in candidate.refused) == (missed > 1)
         if missed > 1:
@@ -530,8 +537,9 @@ def test_report_lists_every_substitution(library):
     graft = mg.graft(library)
     lines = graft.report(each=True).splitlines()
     pool, donors = library.pool("upper"), donors_of(graft)
+    model = cost_model(library.config, pool)
     for at, s in enumerate(graft.substitutions):
-        expected = pool.costs(np.array([s.segment]), np.array([s.donor]), library.config)[0]
+        expected = pool.unary_costs(np.array([s.segment]), np.array([s.donor]), model)[0]
         assert s.cost == expected
         if at:
             gap = pool.seam_angles(donors[at - 1 : at], donors[at : at + 1])[0, 0]

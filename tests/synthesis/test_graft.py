@@ -24,7 +24,6 @@ from mograft import (
 )
 from mograft.dancer import dance
 from mograft.motion import rotations
-from mograft.synthesis.graft import _cheapest_sums, _side_by_side
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +74,6 @@ SCRIPT = """
 import sys
 from mograft import Library, graft, write_bvh
 from mograft.dancer import dance
-from mograft.synthesis.graft import _cheapest_sums, _side_by_side
 library = Library.build(dance(seed=1, strides=2).motion)
 write_bvh(graft(library, seed=7).motion, sys.argv[1])
 """
@@ -223,13 +221,6 @@ def test_the_order_in_which_groups_are_named_is_of_no_matter(motion, choice):
         for own in (named, dict(reversed(named.items())))
     ]
     np.testing.assert_array_equal(made[1].motion.rotations, made[0].motion.rotations)
-
-
-def test_groups_are_combined_in_order_of_their_costs():
-    costs = [[0.0, 1.0, 4.0], [0.0, 2.0]]
-    assert _cheapest_sums(costs, 4) == [(0, 0), (1, 0), (0, 1), (1, 1)]
-    assert _side_by_side([3, 2], 5) == [(0, 0), (1, 1), (2, 0), (0, 1), (1, 0)]
-    assert len(_side_by_side([3, 2], 99)) == 6
 
 
 def test_one_group_of_several_can_be_swapped(motion):

@@ -9,9 +9,13 @@ from hypothesis import given, settings
 import mograft as mg
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.dancer import dance
-from mograft.search.candidates import INFEASIBLE_PENALTY, DonorTrellis
+from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import viterbi
-from mograft.synthesis.graft import GraftPlan
+from mograft.synthesis.assembly import assemble, donor_excess, donor_excesses, pose_excess
+from mograft.synthesis.donor_poses import candidate_poses
+from mograft.synthesis.donor_trellis import build_trellis
+from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.root_tabu_search import rank_substitutions, tabu_search
 from mograft.synthesis.search_problem import SearchProblem
 from tests.strategies import SEEDS
@@ -65,7 +69,7 @@ def test_only_a_group_with_the_root_carries_the_body(library):
 def test_in_its_own_place_every_segment_is_the_base(library):
     problem = problem_of(library, [])
     at = np.arange(len(problem.base_segments))
-    poses = problem.candidate_poses("lower", at, problem.scenario)
+    poses = candidate_poses(problem, "lower", at, problem.scenario)
     turned, placed = library.clips[0].world_transforms()
     np.testing.assert_array_equal(poses.rotations, turned[poses.frames])
     np.testing.assert_array_equal(poses.positions, placed[poses.frames])
@@ -84,8 +88,8 @@ def test_donors_are_their_clip_turned_about_up_and_shifted_to_where_the_root_has
     donor = int(rng.choice(same))
     turn = rng.normal(size=(1, 4))
     come = RootTransforms(turn / np.linalg.norm(turn), rng.normal(size=(1, 3)) * 300)
-    poses = problem.candidate_poses(
-        "lower", np.array([position]), np.array([donor]), library.clips[0], come
+    poses = candidate_poses(
+        problem, "lower", np.array([position]), np.array([donor]), library.clips[0], come
     )
     clip = library.clips[segments.clip[donor]]
     frames = slice(segments.start[donor], segments.stop[donor] + 1)
@@ -104,17 +108,17 @@ def test_donors_are_their_clip_turned_about_up_and_shifted_to_where_the_root_has
 def test_the_cheapest_row_is_judged_where_it_goes_itself(library):
     constraint = wall(library)
     problem = problem_of(library, [constraint, mg.Face((0.0, 150.0, 500.0), weight=0.5)])
-    row = problem.row("lower", {})
+    row = build_trellis(problem, "lower", {})
     free = DonorTrellis.build(
-        problem.pools["lower"], problem.scenario, row.candidates, problem.config
+        problem.pools["lower"], problem.scenario, row.candidates, problem.cost_models["lower"]
     )
     choices = viterbi(row.costs)
     joints = problem.driven_joints["lower"]
     come = RootTransforms.from_motion(library.clips[0], library.root)[np.array([0])]
     told, missed = [], []
     for position, donor in enumerate(row.donor_sequence(choices)):
-        poses = problem.candidate_poses(
-            "lower", np.array([position]), np.array([donor]), None, come
+        poses = candidate_poses(
+            problem, "lower", np.array([position]), np.array([donor]), None, come
         )
         hard, soft = (c.errors(poses, joints)[0].max() for c in problem.constraints)
         told.append((INFEASIBLE_PENALTY * (1 + hard) if hard > 1 else 0.0) + 0.5 * soft**2)
@@ -133,32 +137,32 @@ def test_exchanges_are_judged_by_all_that_they_lead(library, seed):
     """Against poses put together one exchange at a time."""
     rng = np.random.default_rng(seed)
     problem = problem_of(library, [aside(), mg.Reach(HAND, (0.0, 900.0, 0.0), 400)])
-    row = problem.row("lower", {})
+    row = build_trellis(problem, "lower", {})
     free = rng.random(len(problem.base_segments)) < 0.1
     chosen = {"lower": np.array([rng.choice(own) for own in row.candidates])}
-    motion = problem.assembled(chosen)
+    motion = assemble(problem, chosen)
     at, given, missed = rank_substitutions(problem, row, chosen, motion, free)
     assert (np.diff(missed) >= 0).all()
     assert free[at].all()
     assert (given != chosen["lower"][at]).all()
     poses, root = (
-        problem.poses.with_poses(np.arange(900), *motion.world_transforms()),
+        problem.base_poses.with_poses(np.arange(900), *motion.world_transforms()),
         RootTransforms.from_motion(motion, library.root),
     )
-    over = problem.over(poses)
+    over = pose_excess(problem, poses)
     for index in rng.permutation(len(at))[:4]:
         position, donor = at[index : index + 1], given[index : index + 1]
         start, stop = (
             int(problem.base_segments.start[position[0]]),
             int(problem.base_segments.stop[position[0]]),
         )
-        own = problem.candidate_poses("lower", position, donor, motion)
+        own = candidate_poses(problem, "lower", position, donor, motion)
         end = RootTransforms(own.rotations[-1:, library.root], own.positions[-1:, library.root])
         goes = AlignmentTransform.from_roots(root[np.array([stop])], end, library.up)
         later = np.arange(stop + 1, 900)
         rest = poses.with_poses(later, poses.rotations[later], poses.positions[later])
-        expected = over[:start].sum() + problem.over(own).sum()
-        expected += problem.over(goes[np.zeros(len(later), int)].apply_to_poses(rest)).sum()
+        expected = over[:start].sum() + pose_excess(problem, own).sum()
+        expected += pose_excess(problem, goes[np.zeros(len(later), int)].apply_to_poses(rest)).sum()
         assert missed[index] == pytest.approx(expected)
 
 
@@ -168,9 +172,11 @@ def test_what_is_judged_is_what_is_given_back(library, seed):
     problem = problem_of(library, [aside()])
     several = [drawn(problem, np.random.default_rng([seed, turn])) for turn in range(2)]
     plan = GraftPlan(problem)
-    for donors, excess in zip(several, problem._excesses(several, 3, 9)["lower"], strict=True):
-        motion = plan.make_graft(donors, 0, 0).motion
-        np.testing.assert_array_equal(motion.positions, problem.assembled(donors).positions)
+    for donors, excess in zip(
+        several, donor_excesses(problem, several, 3, 9)["lower"], strict=True
+    ):
+        motion = plan.build_graft(donors, 0, 0).motion
+        np.testing.assert_array_equal(motion.positions, assemble(problem, donors).positions)
         error, _ = problem.constraints[0].errors(mg.Poses.from_motion(motion))
         begin, end = problem.base_segments.start[3], problem.base_segments.stop[8]
         expected = np.maximum(error[begin : end + 1] - 1.0, 0.0)
@@ -180,11 +186,11 @@ def test_what_is_judged_is_what_is_given_back(library, seed):
 
 def test_leading_is_never_for_the_worse_and_touches_nothing_that_is_met(library):
     problem = problem_of(library, [wall(library)])
-    rows = {"lower": problem.row("lower", {})}
+    rows = {"lower": build_trellis(problem, "lower", {})}
     rng = np.random.default_rng(4)
 
     def total(donors):
-        return problem.excess(donors)["lower"].sum()
+        return donor_excess(problem, donors)["lower"].sum()
 
     def kept(motion, donors):
         del donors
@@ -203,11 +209,11 @@ def test_leading_is_never_for_the_worse_and_touches_nothing_that_is_met(library)
     seen = []
 
     def watched(motion, donors):
-        seen.append(beyond.excess(donors)["lower"].sum())
+        seen.append(donor_excess(beyond, donors)["lower"].sum())
         return motion
 
     led = tabu_search(beyond, problem.captured_donors, rows, watched)
-    assert seen[0] > beyond.excess(led)["lower"].sum() == min(seen) > 0
+    assert seen[0] > donor_excess(beyond, led)["lower"].sum() == min(seen) > 0
     far = replace(problem, constraints=(mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0)),))
     np.testing.assert_array_equal(tabu_search(far, raw, rows, kept)["lower"], raw["lower"])
 
@@ -216,12 +222,12 @@ def test_leading_looks_at_the_finished_motion(library):
     """What is done to the motion last is led around too."""
     constraint = wall(library)
     problem = problem_of(library, [constraint])
-    rows = {"lower": problem.row("lower", {})}
+    rows = {"lower": build_trellis(problem, "lower", {})}
     donors = tabu_search(problem, problem.captured_donors, rows, lambda motion, _: motion)
     region = constraint.region
     outward = np.array(region.normal) / np.linalg.norm(region.normal)
-    hips = problem.assembled(donors).world_positions()[:, library.root]
-    push = -outward * (((hips - region.point) @ outward).min() + 0.01 * problem.poses.height)
+    hips = assemble(problem, donors).world_positions()[:, library.root]
+    push = -outward * (((hips - region.point) @ outward).min() + 0.01 * problem.base_poses.height)
 
     def pushed(motion, donors):
         del donors
@@ -230,7 +236,7 @@ def test_leading_looks_at_the_finished_motion(library):
         return replace(motion, positions=places, channel_values=None)
 
     def missed(donors):
-        motion = pushed(problem.assembled(donors), donors)
+        motion = pushed(assemble(problem, donors), donors)
         return constraint.errors(mg.Poses.from_motion(motion))[0].max()
 
     assert missed(donors) > 1.0
@@ -255,12 +261,12 @@ def test_places_that_other_donors_lead_to_are_reached(library):
     for turn in range(10):
         joint = (HAND, HIPS)[turn % 2]
         at = library.skeleton.index(joint)
-        motion = problem.assembled(drawn(problem, rng))
+        motion = assemble(problem, drawn(problem, rng))
         frame = int(rng.integers(100, motion.n_frames))
         target = tuple(motion.world_positions()[frame, at])
         graft = mg.graft(library, constraints=[mg.Reach(joint, target, frame)])
         place = graft.motion.world_positions()[frame, at]
-        reached = np.linalg.norm(place - target) <= 0.03 * problem.poses.height
+        reached = np.linalg.norm(place - target) <= 0.03 * problem.base_poses.height
         assert reached == (not graft.violations)
         met += reached
     assert met >= 9

@@ -17,6 +17,7 @@ from mograft.blend.value_spaces import ROTATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
+from mograft.synthesis.donor_trellis import build_trellis
 from mograft.synthesis.search_problem import SearchProblem
 from mograft.synthesis.stream import _MOMENT, _Laid, _Sampled, _with_neighbours, joined
 from tests.oracles import pipeline as plain
@@ -147,7 +148,7 @@ def offline(library, base):
     scenario = longer.segments.of_clip(at)
     cut = longer.segments[scenario]
     problem = SearchProblem.build(longer, longer.clips[at], scenario, cut, ["upper"], [])
-    return problem, problem.row("upper", {})
+    return problem, build_trellis(problem, "upper", {})
 
 
 def test_with_all_in_sight_it_chooses_as_the_search_does(library, base):

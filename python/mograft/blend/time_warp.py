@@ -10,7 +10,7 @@ from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft.analysis.segmentation import Segments
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
-from mograft.search.candidates import pose_gaps
+from mograft.search.boundary_states import pose_gaps
 
 __all__ = ["ALIGNMENTS", "TimeWarp", "warping_path"]
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mograft.library.library import Library
     from mograft.motion.motion import Motion
     from mograft.search.constraints import Constraint
-    from mograft.synthesis.graft import Graft
+    from mograft.synthesis.graft_result import Graft
 
 EXIT_UNSATISFIED = 4
 """Exit code if no donor sequence satisfies the constraints."""

@@ -12,7 +12,7 @@ from mograft import __version__
 from mograft._util.atomic import write_text
 
 if TYPE_CHECKING:
-    from mograft.synthesis.graft import Graft
+    from mograft.synthesis.graft_result import Graft
 
 __all__ = [
     "describe_excluded_file",

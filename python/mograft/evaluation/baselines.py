@@ -17,9 +17,12 @@ from mograft.body.contacts import detect_contacts, find_legs
 from mograft.errors import InsufficientDataError
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.search.candidates import SegmentPool, length_fits
-from mograft.synthesis.graft import Graft, GraftPlan, Grafts
-from mograft.synthesis.search_problem import DonorSequences
+from mograft.search.candidates import SegmentPool
+from mograft.search.costs import length_fits
+from mograft.search.trellis import DonorSequences
+from mograft.synthesis.graft import Grafts
+from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.graft_result import Graft
 
 __all__ = [
     "Analogy",
@@ -375,7 +378,7 @@ def _planned(
     allowed = method.candidates(problem.library, problem.scenario)
     plan = replace(plan, problem=replace(problem, candidates=dict.fromkeys(problem.pools, allowed)))
     if method.by_cost:
-        return plan, plan.settled_draws(count, seed)
+        return plan, plan.choose_donors(count, seed)
     rng = np.random.default_rng(seed)
     limit = problem.config.max_angle if method.limits_seams else np.pi
     return plan, [

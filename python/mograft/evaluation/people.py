@@ -43,7 +43,7 @@ from mograft.evaluation.naturalness import (
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.synthesis.graft import Graft
+from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import Page, assemble_page, embed_json
 
 __all__ = [

@@ -21,7 +21,7 @@ from mograft.evaluation.estimate import Estimate
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.synthesis.graft import Graft
+from mograft.synthesis.graft_result import Graft
 
 __all__ = [
     "Quality",

@@ -34,7 +34,7 @@ from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.people import Judgement, Labels, judgement
 from mograft.evaluation.quality import Quality, quality
 from mograft.library.library import Library
-from mograft.synthesis.graft import Graft
+from mograft.synthesis.graft_result import Graft
 
 __all__ = ["TOPICS", "Evaluation", "evaluate"]
 

@@ -17,6 +17,7 @@ from mograft.library.spec import LibrarySpec
 from mograft.library.stored_clips import StoredClips, StoredSamples
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.search.boundary_states import BoundaryStates
 from mograft.search.candidates import SegmentPool
 
 __all__ = ["LibraryData"]
@@ -101,10 +102,10 @@ class LibraryData:
             self.segments,
             self.labels[base],
             self.is_donor,
+            BoundaryStates(**states),
             rate=self.rate,
             points=None if embedding is None else embedding.points,
             sigma=self.sigma[base],
-            **states,
         )
 
     def find_clip(self, motion: Motion) -> int | None:

@@ -18,7 +18,9 @@ from mograft.library.discover import ClipSource
 from mograft.library.folder import load_library, save_library
 from mograft.library.indexing import add_to_folder, index_folder
 from mograft.library.ingest_run import IngestOptions, IngestRun
-from mograft.search.candidates import Candidates
+from mograft.search.candidates import Candidates, list_candidates
+from mograft.search.costs import limit_config
+from mograft.search.donor_choice import cost_model
 
 if TYPE_CHECKING:
     from mograft.search.constraints import Constraint
@@ -319,10 +321,12 @@ class Library(DerivableLibrary):
             raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
         if group == self.groups.base:
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")
-        pool = self.pool(group)
-        candidates = pool.judge(segment, pool.points, self.config)
-        if not constraints:
-            return candidates
-        from mograft.synthesis.search_problem import reasons  # layer exception: checks donors
+        pool, config, verdicts = self.pool(group), self.config, None
+        if constraints:
+            from mograft.synthesis.candidate_verdicts import (
+                judge_candidates,  # layer exception: checks donors in place
+            )
 
-        return reasons(self, segment, group, candidates, constraints)
+            verdicts = judge_candidates(self, segment, group, constraints)
+            config = limit_config(config, constraints)
+        return list_candidates(pool, segment, cost_model(config, pool), verdicts)

@@ -7,7 +7,7 @@ import numpy as np
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.plot.figure_axes import axes_width, cluster_colour, ensure_axes
-from mograft.synthesis.graft import Graft
+from mograft.synthesis.graft_result import Graft
 from mograft.viewing.scene import Scene, TimelineRow
 
 if TYPE_CHECKING:

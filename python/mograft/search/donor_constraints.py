@@ -12,7 +12,14 @@ from mograft.analysis.segmentation import Segments
 from mograft.errors import join_names
 from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span
 
-__all__ = ["KeepOriginal", "MaxAngle", "MaxStretch", "NotFrom", "OnlyFrom"]
+__all__ = [
+    "KeepOriginal",
+    "MaxAngle",
+    "MaxStretch",
+    "NotFrom",
+    "OnlyFrom",
+    "find_seam_violations",
+]
 
 
 @dataclass(frozen=True)
@@ -184,6 +191,34 @@ class MaxAngle(Constraint):
             joint="",
             message=message,
         )
+
+
+def find_seam_violations(
+    constraints: Sequence[Constraint], group: str, frames: Sequence[int], angles: Sequence[float]
+) -> list[Violation]:
+    """Return the violations of `MaxAngle` at the seams of a group.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The constraints; only `MaxAngle` applies to seams.
+    group : str
+        The grafted group.
+    frames, angles : sequence of int, sequence of float
+        Frames of the seams in the base motion, and the mean joint angles there in radians.
+
+    Returns
+    -------
+    list of Violation
+        By constraint and frame.
+    """
+    return [
+        constraint.violation(group, frame, angle)
+        for constraint in constraints
+        if isinstance(constraint, MaxAngle)
+        for frame, angle in zip(frames, angles, strict=True)
+        if angle > constraint.limit
+    ]
 
 
 def _is_same(base: Segments, donors: Segments) -> BoolArray:

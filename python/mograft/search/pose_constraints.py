@@ -1,6 +1,6 @@
 """Constraints on the poses of a new motion: collisions, targets, view directions, regions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint, Errors, no_errors
 from mograft.search.obstacles import Obstacle, Vector
 
-__all__ = ["Avoid", "AvoidSelf", "Custom", "Face", "KeepOut", "Reach"]
+__all__ = ["Avoid", "AvoidSelf", "Custom", "Face", "KeepOut", "Reach", "with_captured_depth"]
 
 
 @dataclass(frozen=True)
@@ -338,6 +338,30 @@ class Custom(Constraint):
         """As `Constraint.describe_error`."""
         del height
         return f"{self.name}: {error:.3g} tolerances"
+
+
+def with_captured_depth(constraints: Sequence[Constraint], captured: Poses) -> list[Constraint]:
+    """Return the constraints with `AvoidSelf.captured` measured where it is 0.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The constraints.
+    captured : Poses
+        The captured poses of all frames that are decided together: the whole base motion in a
+        graft, one base segment in a stream.
+
+    Returns
+    -------
+    list of Constraint
+        Other constraints, and depths that are given, stay as they are.
+    """
+    return [
+        replace(constraint, captured=constraint.self_collision_depth(captured))
+        if isinstance(constraint, AvoidSelf) and constraint.captured == 0
+        else constraint
+        for constraint in constraints
+    ]
 
 
 def _errors_where_applied(

@@ -1,9 +1,9 @@
-"""Search over chains of choices: what each costs alone, and what it costs after another.
+"""Exact searches for paths through a trellis: cheapest, k cheapest, random and diverse paths.
 
-A choice is made at every position of a row. Costs add up: one for each choice, and one for
-each pair of neighbours. All searches are exact, for any costs, and walk the row once: from
-its end to its start with the least cost, or the weight, of all ways from each choice to the
-end, and then forwards along the way wanted.
+A path takes one candidate index per position. Its cost is the sum of a unary cost per position
+and a pairwise cost per pair of neighbours. Every search is exact for any costs. It walks the
+trellis once from the end to the start, accumulating the least cost (or the weight) of all
+continuations of each candidate, and then once forwards to read off the path.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ __all__ = ["Trellis", "diverse", "k_best", "sample", "viterbi"]
 
 @dataclass(frozen=True, eq=False)
 class Trellis:
-    """Costs of the choices at every position of a row.
+    """Costs of the candidates at every position and of every pair of neighbours.
 
     Attributes
     ----------
-    alone : tuple of ndarray, each of shape (n_choices,)
-        Cost of each choice by itself; infinite where it must not be made.
-    after : tuple of ndarray, each of shape (n_choices, n_choices of the next position)
+    unary : tuple of ndarray, each of shape (n_candidates,)
+        Cost of each candidate by itself; infinite if it is forbidden.
+    pairwise : tuple of ndarray, each of shape (n_candidates, n_candidates of the next position)
         For every position but the last, cost of each pair of neighbours.
     """
 
@@ -34,33 +34,56 @@ class Trellis:
     def __len__(self) -> int:
         return len(self.unary)
 
-    def cost(self, choices: IntArray) -> float:
-        """Return what a row of choices costs.
+    def cost(self, path: IntArray) -> float:
+        """Return the cost of a path.
 
         Parameters
         ----------
-        choices : ndarray of int, shape (n_positions,)
-            Which choice is made at each position.
+        path : ndarray of int, shape (n_positions,)
+            Index of the candidate at each position.
 
         Returns
         -------
         float
-            The sum of all costs.
+            The sum of all unary and pairwise costs.
         """
-        at = choices.tolist()
-        own = sum(float(costs[i]) for costs, i in zip(self.unary, at, strict=True))
-        pairs = zip(self.pairwise, at[:-1], at[1:], strict=True)
-        return own + sum(float(costs[i, j]) for costs, i, j in pairs)
+        indices = path.tolist()
+        unary = sum(float(costs[i]) for costs, i in zip(self.unary, indices, strict=True))
+        pairs = zip(self.pairwise, indices[:-1], indices[1:], strict=True)
+        return unary + sum(float(costs[i, j]) for costs, i, j in pairs)
 
-    def add_unary(self, more: Sequence[FloatArray]) -> "Trellis":
-        """Return the trellis with further costs of each choice by itself."""
-        return replace(
-            self, unary=tuple(own + other for own, other in zip(self.unary, more, strict=True))
-        )
+    def add_unary(self, costs: Sequence[FloatArray]) -> "Trellis":
+        """Return the trellis with further unary costs, one array per position."""
+        summed = (unary + further for unary, further in zip(self.unary, costs, strict=True))
+        return replace(self, unary=tuple(summed))
+
+    def slice(self, start: int, stop: int) -> "Trellis":
+        """Return the positions from `start` to before `stop` by themselves."""
+        return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
+
+    def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
+        """Return positions from `start` to before `stop`, the rest being as in a path.
+
+        The unary costs at both ends include the pairwise costs to the path's neighbours.
+        """
+        unary = list(self.unary[start:stop])
+        if start > 0:
+            unary[0] = unary[0] + self.pairwise[start - 1][path[start - 1]]
+        if stop < len(self):
+            unary[-1] = unary[-1] + self.pairwise[stop - 1][:, path[stop]]
+        return Trellis(tuple(unary), self.pairwise[start : stop - 1])
+
+    def costs_beside(self, path: IntArray) -> list[FloatArray]:
+        """Return for each position the costs of its candidates with the path's neighbours."""
+        costs = list(self.unary)
+        for position, pairwise in enumerate(self.pairwise):
+            costs[position] = costs[position] + pairwise[:, path[position + 1]]
+            costs[position + 1] = costs[position + 1] + pairwise[path[position]]
+        return costs
 
 
 def viterbi(trellis: Trellis) -> IntArray:
-    """Return the choices of least cost.
+    """Return the cheapest path.
 
     Parameters
     ----------
@@ -70,12 +93,11 @@ def viterbi(trellis: Trellis) -> IntArray:
     Returns
     -------
     ndarray of int, shape (n_positions,)
-        Of equally cheap rows the one whose first choice has the lowest index, then its
-        second, and so on.
+        Ties go to the path with the lowest first index, then the lowest second, and so on.
 
     Notes
     -----
-    Viterbi, IEEE Trans. Information Theory 13 (1967), backwards. Takes O(Σ n_p n_{p+1}).
+    Viterbi, IEEE Trans. Information Theory 13 (1967), run backwards. Takes O(Σ n_p n_{p+1}).
 
     Examples
     --------
@@ -86,68 +108,67 @@ def viterbi(trellis: Trellis) -> IntArray:
     if not len(trellis):
         return np.zeros(0, np.int64)
     to_end = [trellis.unary[-1]]
-    for alone, after in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
-        to_end.append(alone + (after + to_end[-1]).min(axis=1))
+    for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
+        to_end.append(unary + (pairwise + to_end[-1]).min(axis=1))
     to_end.reverse()
-    chosen = [int(to_end[0].argmin())]
-    for after, onward in zip(trellis.pairwise, to_end[1:], strict=True):
-        chosen.append(int((after[chosen[-1]] + onward).argmin()))
-    return np.array(chosen, np.int64)
+    path = [int(to_end[0].argmin())]
+    for pairwise, onward in zip(trellis.pairwise, to_end[1:], strict=True):
+        path.append(int((pairwise[path[-1]] + onward).argmin()))
+    return np.array(path, np.int64)
 
 
 def k_best(trellis: Trellis, count: int) -> list[IntArray]:
-    """Return the rows of choices of least cost, the cheapest first.
+    """Return the cheapest paths, in ascending order of cost.
 
     Parameters
     ----------
     trellis : Trellis
         The costs.
     count : int
-        How many are wanted.
+        Number of paths.
 
     Returns
     -------
     list of ndarray of int, each of shape (n_positions,)
-        All different; fewer where there are no more of finite cost. Equally cheap ones as in
-        `viterbi`.
+        Different paths; fewer than `count` if fewer have a finite cost. Ties as in `viterbi`.
 
     Notes
     -----
-    List Viterbi: every choice keeps its `count` cheapest ways to the end (Seshadri and
+    List Viterbi: every candidate keeps its `count` cheapest continuations (Seshadri and
     Sundberg, IEEE Trans. Communications 42, 1994).
 
     Examples
     --------
     >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
-    >>> [choices.tolist() for choices in k_best(trellis, 3)]
+    >>> [path.tolist() for path in k_best(trellis, 3)]
     [[0, 0], [1, 0], [0, 1]]
     """
     if not len(trellis):
         return [np.zeros(0, np.int64)] if count else []
-    # Row i of `to_end` holds the cheapest ways on from choice i, ascending.
+    # Row i of `to_end` holds the costs of the cheapest continuations of candidate i, ascending.
     to_end = trellis.unary[-1][:, None]
-    nexts: list[tuple[IntArray, IntArray]] = []
-    for alone, after in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
+    links: list[tuple[IntArray, IntArray]] = []
+    for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
         width = to_end.shape[1]
-        through = (after[:, :, None] + to_end).reshape(len(alone), -1)
+        through = (pairwise[:, :, None] + to_end).reshape(len(unary), -1)
         order = np.argsort(through, axis=1, kind="stable")[:, :count]
-        nexts.append((order // width, order % width))
-        to_end = alone[:, None] + np.take_along_axis(through, order, axis=1)
+        links.append((order // width, order % width))
+        to_end = unary[:, None] + np.take_along_axis(through, order, axis=1)
     width = to_end.shape[1]
     order = np.argsort(to_end.ravel(), kind="stable")[:count]
-    rows = []
+    paths = []
     for start in order[np.isfinite(to_end.ravel()[order])].tolist():
-        choice, rank = divmod(start, width)
-        row = [choice]
-        for onward, ranks in reversed(nexts):
-            choice, rank = int(onward[choice, rank]), int(ranks[choice, rank])
-            row.append(choice)
-        rows.append(np.array(row, np.int64))
-    return rows
+        index, rank = divmod(start, width)
+        path = [index]
+        for successors, ranks in reversed(links):
+            index, rank = int(successors[index, rank]), int(ranks[index, rank])
+            path.append(index)
+        paths.append(np.array(path, np.int64))
+    return paths
 
 
 def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> IntArray:
-    """Draw a row of choices with probability proportional to exp(-cost / temperature).
+    """Draw a path with probability proportional to exp(-cost / temperature).
 
     Parameters
     ----------
@@ -156,7 +177,7 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     temperature : float
         In units of cost, above 0.
     rng : numpy.random.Generator
-        Where the chance comes from: one number per position.
+        Source of randomness; one number is drawn per position.
 
     Returns
     -------
@@ -165,74 +186,73 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
 
     Notes
     -----
-    Filtering one way and sampling the other (FFBS: Carter and Kohn, Biometrika 81, 1994),
-    here backwards and forwards, in logarithms.
+    Forward filtering, backward sampling (Carter and Kohn, Biometrika 81, 1994), here with the
+    directions exchanged, in logarithms.
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
     weights = [-trellis.unary[-1] / temperature]
-    with np.errstate(divide="ignore"):  # no way on at all: log 0
-        for alone, after in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
-            onward = weights[-1] - after / temperature
+    with np.errstate(divide="ignore"):  # log 0 if a candidate has no continuation
+        for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
+            onward = weights[-1] - pairwise / temperature
             top = onward.max(axis=1, initial=-np.inf)
             top[~np.isfinite(top)] = 0.0
             total = top + np.log(np.exp(onward - top[:, None]).sum(axis=1))
-            weights.append(total - alone / temperature)
-    chosen: list[int] = []
-    for position, own in enumerate(reversed(weights)):
-        before = trellis.pairwise[position - 1][chosen[-1]] / temperature if position else 0.0
-        chosen.append(_draw(own - before, rng))
-    return np.array(chosen, np.int64)
+            weights.append(total - unary / temperature)
+    path: list[int] = []
+    for position, weight in enumerate(reversed(weights)):
+        before = trellis.pairwise[position - 1][path[-1]] / temperature if position else 0.0
+        path.append(_draw_index(weight - before, rng))
+    return np.array(path, np.int64)
 
 
 def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
-    """Return rows of choices, each the cheapest where earlier ones' choices cost more.
+    """Return paths of which each is the cheapest after the earlier ones are made more expensive.
 
     Parameters
     ----------
     trellis : Trellis
         The costs.
     count : int
-        How many are wanted.
+        Number of paths.
     penalty : float
-        What a choice costs more for every earlier row that has made it.
+        Cost added to a candidate for every earlier path through it.
 
     Returns
     -------
     list of ndarray of int, each of shape (n_positions,)
-        All different, the first that of `viterbi`. Fewer where there are no more: where the
-        penalty does not lead away from those that are there, the cheapest that is none of
-        them is taken.
+        Different paths, the first that of `viterbi`; fewer than `count` if there are no more.
+        If the penalised search repeats a path, the cheapest new path takes its place.
 
     Examples
     --------
     >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
-    >>> [choices.tolist() for choices in diverse(trellis, 2, penalty=9.0)]
+    >>> [path.tolist() for path in diverse(trellis, 2, penalty=9.0)]
     [[0, 0], [1, 1]]
     """
-    uses = [np.zeros(len(costs)) for costs in trellis.unary]
-    rows: list[IntArray] = []
+    n_uses = [np.zeros(len(costs)) for costs in trellis.unary]
+    paths: list[IntArray] = []
     seen: set[bytes] = set()
-    while len(rows) < count:
-        dearer = trellis.add_unary([penalty * used for used in uses])
-        found = viterbi(dearer)
-        if found.tobytes() in seen:
-            # Among one more than there are, one is new, if there is any.
-            others = (row for row in k_best(dearer, len(rows) + 1) if row.tobytes() not in seen)
-            fresh = next(others, None)
-            if fresh is None:
+    while len(paths) < count:
+        penalised = trellis.add_unary([penalty * uses for uses in n_uses])
+        path = viterbi(penalised)
+        if path.tobytes() in seen:
+            # Of one more path than are known, at least one is new if a new one exists.
+            others = (p for p in k_best(penalised, len(paths) + 1) if p.tobytes() not in seen)
+            unseen = next(others, None)
+            if unseen is None:
                 break
-            found = fresh
-        rows.append(found)
-        seen.add(found.tobytes())
-        for used, choice in zip(uses, found.tolist(), strict=True):
-            used[choice] += 1
-    return rows
+            path = unseen
+        paths.append(path)
+        seen.add(path.tobytes())
+        for uses, index in zip(n_uses, path.tolist(), strict=True):
+            uses[index] += 1
+    return paths
 
 
-def _draw(weights: FloatArray, rng: np.random.Generator) -> int:
-    """Draw an index by logarithmic weights."""
-    shares = np.exp(weights - weights.max())
-    ends = shares.cumsum()
-    # The last end itself is never drawn; a choice of weight 0 has no room.
+def _draw_index(log_weights: FloatArray, rng: np.random.Generator) -> int:
+    """Draw an index with probability proportional to exp(log_weights)."""
+    weights = np.exp(log_weights - log_weights.max())
+    ends = weights.cumsum()
+    # side="right" skips indices of weight 0 and never returns the end itself.
     return int(np.searchsorted(ends, rng.random() * ends[-1], side="right"))

@@ -1,193 +1,222 @@
-"""Lead a root that donors carry to where constraints are met.
+"""Tabu search for donor sequences that drive the root so that all hard constraints hold.
 
-Where a grafted group holds the root, its donors carry the body over the floor, one after the
-other. Another donor in one place is felt there, and leads all that follows elsewhere: turned
-about up and shifted over the floor, as it is. So every exchange in the row is judged by where it
-would lead the motion, and the most promising are put together.
+If a grafted group holds the root, its donors move the body over the floor, one after the other.
+Replacing one donor rotates all later frames about the up axis and translates them over the floor.
+Each single substitution is therefore ranked by the violation of the whole moved motion, and the
+best-ranked ones are assembled.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.body.world_poses import Poses
 from mograft.motion.motion import Motion
-from mograft.search.candidates import INFEASIBLE_PENALTY, DonorTrellis
-from mograft.search.viterbi import Trellis
-from mograft.synthesis.search_problem import DonorSequences, SearchProblem
+from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.trellis import DonorSequences, DonorTrellis
+from mograft.synthesis.assembly import assemble, pose_excess
+from mograft.synthesis.donor_poses import advance_root, candidate_poses, split_by_count
+from mograft.synthesis.search_problem import SearchProblem
 
 __all__ = ["rank_substitutions", "tabu_search"]
 
-_TURNS = 64
-"""Exchanges that are made, at most."""
-_PATIENCE = 16
-"""Of which so many in a row may be of no help."""
-_TENURE = 6
-"""Turns that the place of an exchange is left alone, at most."""
-_FEW = 2
-"""Exchanges of which one is made: so many are put together."""
+_MAX_ITERATIONS = 64
+"""Substitutions that are made, at most."""
 
-_POSES = 200_000
-"""Poses by which all exchanges are judged, about; where there are more, every so many-th."""
-_CHUNK = 20_000
-"""Poses that are looked at at a time."""
+_MAX_ITERATIONS_WITHOUT_GAIN = 16
+"""Consecutive substitutions without a new best result, at most."""
+
+_MAX_TENURE = 6
+"""Iterations during which a changed position stays fixed, at most."""
+
+_N_ASSEMBLED = 2
+"""Best-ranked substitutions that are assembled in each iteration."""
+
+_MAX_RANKING_POSES = 200_000
+"""Approximate number of poses used for a ranking; larger motions are sampled at a stride."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Donor sequences with their finished motion and its total violation."""
+
+    violation: float
+    donors: DonorSequences
+    motion: Motion
 
 
 def tabu_search(
     problem: SearchProblem,
     donors: DonorSequences,
-    rows: Mapping[str, DonorTrellis],
+    trellises: Mapping[str, DonorTrellis],
     finish: Callable[[Motion, DonorSequences], Motion],
 ) -> DonorSequences:
-    """Exchange donors that carry the root, one at a time, until hard constraints are met.
+    """Substitute donors that drive the root, one at a time, until hard constraints hold.
 
     Parameters
     ----------
     problem : SearchProblem
-        What is demanded.
+        The search problem.
     donors : dict of str to ndarray of int
-        The choice so far.
-    rows : mapping of str to DonorTrellis
-        The donors that are looked at.
+        The donor sequences to start from.
+    trellises : mapping of str to DonorTrellis
+        The candidates of the grafted groups.
     finish : callable
-        What is done to a motion of some donors once it is put together, such as planting its
-        feet.
+        Applied to each assembled motion and its donor sequences, such as foot planting.
 
     Returns
     -------
     dict of str to ndarray of int
-        Of all choices that were finished the one that misses least, and of those the first.
-        Where no group holds the root, or nothing is missed, `donors`.
+        The donor sequences with the smallest total violation of the finished motion; ties go to
+        the first. `donors` if no group holds the root or nothing is violated.
 
     Notes
     -----
-    Where no exchange helps, one is made all the same, and its place left alone for a while, so
-    that others lead on from there (tabu search: Glover, ORSA J. Computing 1, 1989).
+    The best-ranked substitution is made even if it increases the violation, and its position is
+    then fixed for some iterations, so that the search leaves local minima (Glover, ORSA
+    J. Computing 1, 1989).
     """
     group = problem.root_group
-    if group is None or group not in rows or not problem.applies.any():
+    if group is None or group not in trellises or not problem.is_constrained_frame.any():
         return donors
-    row = DonorTrellis.build(
-        problem.pools[group], problem.scenario, rows[group].candidates, problem.config
+    trellis = DonorTrellis.build(
+        problem.pools[group],
+        problem.scenario,
+        trellises[group].candidates,
+        problem.cost_models[group],
     )
-    tenure = min(_TENURE, sum(len(own) > 1 for own in row.candidates) // 2)
+    tenure = min(_MAX_TENURE, sum(len(own) > 1 for own in trellis.candidates) // 2)
 
-    def made(choice: DonorSequences) -> tuple[float, DonorSequences, Motion]:
-        motion = finish(problem.assembled(choice), choice)
-        poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
-        return float(problem.over(poses).sum()), choice, motion
+    def evaluate(sequences: DonorSequences) -> _Solution:
+        motion = finish(assemble(problem, sequences), sequences)
+        violation = float(pose_excess(problem, _poses_of(problem, motion)).sum())
+        return _Solution(violation, sequences, motion)
 
-    now = made(donors)
-    least, kept = now[:2]
-    free, idle = np.zeros(len(problem.base_segments), np.int64), 0
-    for turn in range(_TURNS):
-        if least == 0 or idle == _PATIENCE:
+    current = evaluate(donors)
+    best = current
+    free_from, idle = np.zeros(len(problem.base_segments), np.int64), 0
+    for iteration in range(_MAX_ITERATIONS):
+        if best.violation == 0 or idle == _MAX_ITERATIONS_WITHOUT_GAIN:
             break
-        at, given, _ = rank_substitutions(problem, row, now[1], now[2], free <= turn)
-        tried = []
-        for position, donor in zip(at[:_FEW].tolist(), given[:_FEW].tolist(), strict=True):
-            own = now[1][group].copy()
-            own[position] = donor
-            tried.append((*made({**now[1], group: own}), position))
-            if tried[-1][0] < least:
+        positions, given, _ = rank_substitutions(
+            problem, trellis, current.donors, current.motion, free_from <= iteration
+        )
+        tried: list[tuple[_Solution, int]] = []
+        for position, donor in zip(
+            positions[:_N_ASSEMBLED].tolist(), given[:_N_ASSEMBLED].tolist(), strict=True
+        ):
+            sequence = current.donors[group].copy()
+            sequence[position] = donor
+            tried.append((evaluate({**current.donors, group: sequence}), position))
+            if tried[-1][0].violation < best.violation:
                 break
         if not tried:
             break
-        nearest = min(tried, key=lambda one: one[0])
-        now, where = nearest[:3], nearest[3]
-        free[where] = turn + 1 + tenure
+        current, changed = min(tried, key=lambda one: one[0].violation)
+        free_from[changed] = iteration + 1 + tenure
         idle += 1
-        if now[0] < least:
-            least, kept, idle = now[0], now[1], 0
-    return kept
+        if current.violation < best.violation:
+            best, idle = current, 0
+    return best.donors
 
 
 def rank_substitutions(
     problem: SearchProblem,
-    row: DonorTrellis,
+    trellis: DonorTrellis,
     chosen: DonorSequences,
     motion: Motion,
-    free: BoolArray,
+    is_free: BoolArray,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return single exchanges of donors that carry the root, the most promising first.
+    """Return single substitutions of donors that drive the root, the most promising first.
 
     Parameters
     ----------
     problem : SearchProblem
-        What is demanded.
-    row : DonorTrellis
-        What donors cost by themselves.
+        The search problem.
+    trellis : DonorTrellis
+        The candidates, without constraint costs.
     chosen : dict of str to ndarray of int
-        The choice so far.
+        The current donor sequences.
     motion : Motion
-        The motion of that choice; it must miss something.
-    free : ndarray of bool, shape (n_positions,)
-        Where donors may be exchanged.
+        Their motion; it must violate a hard constraint.
+    is_free : ndarray of bool, shape (n_positions,)
+        The positions that can change.
 
     Returns
     -------
-    at, given : ndarray of int, shape (n,)
-        Positions before the last frame that misses something, and donors for them. None adds
-        a limit that its seams miss.
-    missed : ndarray, shape (n,)
-        What the motion would miss in all, in tolerances: of equals the cheaper comes first.
-        Seams are not closed anew, and of many poses only every so many-th is looked at.
+    positions, donors : ndarray of int, shape (n,)
+        Positions that start before the last violating frame, and a donor for each. No
+        substitution adds a seam above the limit.
+    violations : ndarray, shape (n,)
+        Predicted total violations, ascending, in tolerances; ties are in order of cost. Seams
+        are not treated again, and large motions are sampled at a stride.
     """
-    group, cut = problem.root_group, problem.base_segments
+    group, segments = problem.root_group, problem.base_segments
     assert group is not None
-    poses = problem.poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
+    poses = _poses_of(problem, motion)
     root = RootTransforms.from_motion(motion, problem.library.root)
-    over = problem.over(poses)
-    at, which, cost = _within(row, row.path(chosen[group]))
-    sensible = (free & (cut.start < np.flatnonzero(over)[-1]))[at]
-    at, which, cost = at[sensible], which[sensible], cost[sensible]
-    given = np.array([row.candidates[p][c] for p, c in zip(at, which, strict=True)], np.int64)
-    begins, ends = cut.start[at], cut.stop[at]
-    # Before it all stays as it is; in its own place
-    missed = np.concatenate([[0.0], np.cumsum(over)])[begins]
-    come = root[begins]
-    looks = np.flatnonzero(problem.active[at])
-    counts = cut.lengths[at] + 1
-    for some in _chunks(looks, counts[looks]):
-        own = problem.candidate_poses(group, at[some], given[some], motion, come[some])
-        missed[some] += np.add.reduceat(problem.over(own), np.cumsum(counts[some]) - counts[some])
-    # and after it all is moved as it is.
-    goes = AlignmentTransform.from_roots(root[ends], problem.led(given, come), problem.library.up)
-    frames = np.flatnonzero(problem.applies)
-    every = max(1, int(np.ceil(len(frames) * len(at) / (2 * _POSES))))
-    frames = frames[::every]
+    excess = pose_excess(problem, poses)
+    positions, indices, cost = _feasible_changes(trellis, trellis.path(chosen[group]))
+    useful = (is_free & (segments.start < np.flatnonzero(excess)[-1]))[positions]
+    positions, indices, cost = positions[useful], indices[useful], cost[useful]
+    pairs = zip(positions, indices, strict=True)
+    donors = np.array([trellis.candidates[p][i] for p, i in pairs], np.int64)
+    begins, ends = segments.start[positions], segments.stop[positions]
+    # Frames before a substitution stay unchanged; those of its own position are the donor's;
+    violations = np.concatenate([[0.0], np.cumsum(excess)])[begins]
+    root_start = root[begins]
+    active = np.flatnonzero(problem.is_constrained_position[positions])
+    counts = segments.lengths[positions] + 1
+    for chunk in split_by_count(active, counts[active]):
+        own = candidate_poses(
+            problem, group, positions[chunk], donors[chunk], motion, root_start[chunk]
+        )
+        starts = np.cumsum(counts[chunk]) - counts[chunk]
+        violations[chunk] += np.add.reduceat(pose_excess(problem, own), starts)
+    # and all later frames move rigidly with the root.
+    moves = AlignmentTransform.from_roots(
+        root[ends], advance_root(problem, donors, root_start), problem.library.up
+    )
+    _add_excess_after(problem, poses, ends, moves, violations)
+    order = np.lexsort([cost, violations])
+    return positions[order], donors[order], violations[order]
+
+
+def _add_excess_after(
+    problem: SearchProblem,
+    poses: Poses,
+    ends: IntArray,
+    moves: AlignmentTransform,
+    violations: FloatArray,
+) -> None:
+    """Add to each violation that of all frames after an end once they are moved rigidly."""
+    frames = np.flatnonzero(problem.is_constrained_frame)
+    stride = max(1, int(np.ceil(len(frames) * len(ends) / (2 * _MAX_RANKING_POSES))))
+    frames = frames[::stride]
     index, later = np.nonzero(frames > ends[:, None])
-    for some in _chunks(np.arange(len(index)), np.ones(len(index), np.int64)):
-        moments = frames[later[some]]
-        there = poses.with_poses(moments, poses.rotations[moments], poses.positions[moments])
-        moved = problem.over(goes[index[some]].apply_to_poses(there))
-        missed += every * np.bincount(index[some], moved, len(at))
-    order = np.lexsort([cost, missed])
-    return at[order], given[order], missed[order]
+    for chunk in split_by_count(np.arange(len(index)), np.ones(len(index), np.int64)):
+        at = frames[later[chunk]]
+        still = poses.with_poses(at, poses.rotations[at], poses.positions[at])
+        moved = pose_excess(problem, moves[index[chunk]].apply_to_poses(still))
+        violations += stride * np.bincount(index[chunk], moved, len(ends))
 
 
-def _within(row: DonorTrellis, choices: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return positions, other choices there that add no limit missed, and what they add."""
-    costs = _alone(row.costs, choices)
-    more = [own - own[choice] for own, choice in zip(costs, choices.tolist(), strict=True)]
-    at = np.repeat(np.arange(len(more)), [len(own) for own in more])
-    which = np.concatenate([np.arange(len(own)) for own in more])
-    cost = np.concatenate(more)
-    other = (which != choices[at]) & (cost < INFEASIBLE_PENALTY / 2)
-    return at[other], which[other], cost[other]
+def _feasible_changes(
+    trellis: DonorTrellis, path: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return positions, other candidates that add no infeasible penalty, and the added costs."""
+    costs = trellis.costs.costs_beside(path)
+    added = [own - own[index] for own, index in zip(costs, path.tolist(), strict=True)]
+    positions = np.repeat(np.arange(len(added)), [len(own) for own in added])
+    indices = np.concatenate([np.arange(len(own)) for own in added])
+    cost = np.concatenate(added)
+    feasible = (indices != path[positions]) & (cost < INFEASIBLE_PENALTY / 2)
+    return positions[feasible], indices[feasible], cost[feasible]
 
 
-def _alone(chain: Trellis, choices: IntArray) -> list[FloatArray]:
-    """Return what each choice costs with its neighbours as chosen."""
-    costs = list(chain.unary)
-    for position, after in enumerate(chain.pairwise):
-        costs[position] = costs[position] + after[:, choices[position + 1]]
-        costs[position + 1] = costs[position + 1] + after[choices[position]]
-    return costs
-
-
-def _chunks(some: IntArray, counts: IntArray) -> list[IntArray]:
-    """Return some in turns, so that what they count in one is never too much at once."""
-    turn = np.cumsum(counts) // _CHUNK
-    return np.split(some, np.flatnonzero(np.diff(turn)) + 1) if len(some) else []
+def _poses_of(problem: SearchProblem, motion: Motion) -> Poses:
+    frames = np.arange(motion.n_frames)
+    return problem.base_poses.with_poses(frames, *motion.world_transforms())

@@ -29,20 +29,22 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion, world_transforms
 from mograft.motion.resample import cubic
 from mograft.motion.skeleton import Skeleton
-from mograft.search.candidates import (
-    INFEASIBLE_PENALTY,
-    cheapest,
-    donor_costs,
-    length_fits,
-    pose_gaps,
-    seam_costs,
-    velocity_gaps,
-)
+from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Clip, Constraint, Violation, find_violations
-from mograft.search.donor_constraints import MaxAngle
-from mograft.search.pose_constraints import AvoidSelf
-from mograft.search.viterbi import Trellis, sample, viterbi
-from mograft.synthesis.graft import Substitution, grafted_groups
+from mograft.search.costs import (
+    ConstraintViolations,
+    CostModel,
+    length_fits,
+    limit_config,
+    origin_violations,
+    pose_violations,
+)
+from mograft.search.donor_choice import DONOR_CHOICES, cost_model
+from mograft.search.donor_constraints import find_seam_violations
+from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
+from mograft.search.viterbi import Trellis
+from mograft.synthesis.graft_plan import grafted_groups
+from mograft.synthesis.graft_result import Substitution
 from mograft.synthesis.search_problem import check_constraints, driven_joints
 
 __all__ = ["Piece", "Stream", "joined"]
@@ -218,11 +220,9 @@ class Stream:
         for constraint in wanted:
             constraint.donor_errors(none, none, self._clips)
         self._constraints = tuple(wanted)
-        angles = [own.limit for own in wanted if isinstance(own, MaxAngle)]
-        config = self._library.config
-        self._config = replace(config, max_angle=min([config.max_angle, *angles]))
-        self._scaled = {
-            group: pool.scale_config(self._config) for group, pool in self._pools.items()
+        self._config = limit_config(self._library.config, wanted)
+        self._models = {
+            group: cost_model(self._config, pool) for group, pool in self._pools.items()
         }
         self._places = []
 
@@ -325,23 +325,24 @@ class Stream:
         fits &= library.is_donor[mates]
         mates, apart = mates[fits], apart[fits]
         own = _one(start, stop, len(self._clips) - 1)
-        prices, passes = self._origins(own, mates)
+        origin = self._origins(own, mates)
+        prices, passes = origin.soft, origin.is_feasible
         mates, apart, prices = mates[passes], np.append(apart[passes], 0.0), prices[passes]
         is_own = np.arange(len(mates) + 1) == len(mates)
         # The base's own part is the last donor, of no number in the library.
         taken = np.append(lengths[mates], cut.lengths)
-        costs = donor_costs(cut.lengths, taken, apart, is_own, config)
-        few = cheapest(costs + np.append(prices, 0.0), is_own, config)
+        # Unary costs do not depend on the scales of seams, by which the groups' models differ.
+        model = next(iter(self._models.values()))
+        costs = model.unary(cut.lengths, taken, apart, is_own)
+        few = model.keep_cheapest(costs + np.append(prices, 0.0), is_own)
         donors = np.append(mates, -1)[few]
         ends, flat = boundary_states(base, cut), np.append(prices, 0.0)[few]
         place = _Place(start, base, at, own, donors, costs[few], costs[few] + flat, ())
         place = replace(place, posed=tuple(self._here(place)))
         for group in self._members:
-            joints, known = self._columns[group], library.boundary_states[group]
-            place.ends[group] = {
-                key: np.concatenate([known[key][donors[:-1]], ends[key][:, joints]])
-                for key in ("first", "last", "first_velocity", "last_velocity")
-            }
+            known = self._pools[group].boundary[donors[:-1]]
+            columns = {key: states[:, self._columns[group]] for key, states in ends.items()}
+            place.ends[group] = BoundaryStates.concatenate([known, BoundaryStates(**columns)])
             place.alone[group] = place.flat
             if place.posed:
                 place.sampled[group] = sampled = self._sampled(place, group, donors)
@@ -349,40 +350,27 @@ class Stream:
                 place.alone[group] = place.flat + missed
         self._places.append(place)
 
-    def _origins(self, own: Segments, mates: IntArray) -> tuple[FloatArray, BoolArray]:
-        """Return what soft limits on their origin cost donors, and which pass the hard ones."""
-        given = self._library.segments[mates]
+    def _origins(self, own: Segments, mates: IntArray) -> ConstraintViolations:
+        """Return how far donors violate constraints on their origin."""
         every = own[np.zeros(len(mates), np.int64)]
-        costs, passes = np.zeros(len(mates)), np.ones(len(mates), bool)
-        for constraint in self._constraints:
-            span = constraint.frames
-            if span is not None and not (own.start[0] <= span[1] and own.stop[0] >= span[0]):
-                continue
-            miss = constraint.donor_errors(every, given, self._clips)
-            if constraint.weight is None:
-                passes &= miss <= 1.0
-            else:
-                costs += constraint.weight * miss**2
-        return costs, passes
+        donors = self._library.segments[mates]
+        amounts = origin_violations(self._constraints, every, donors, every, self._clips)
+        return ConstraintViolations.from_amounts(self._constraints, amounts, len(mates))
 
     def _misses(
         self, place: "_Place", group: str, values: FloatArray, context: FloatArray
     ) -> FloatArray:
-        """Return what donors that are laid cost for the constraints that they miss."""
-        n = len(values)
-        cost = np.zeros(n)
+        """Return the costs of the constraints on poses for donors in their place."""
+        n, first = len(values), 1 if self._count else 0
         local = np.tile(context, (n, 1, 1))
         local[:, self._members[group]] = values.reshape(-1, *values.shape[2:])
-        poses = self._posed(place, local)
-        for constraint in place.posed:
-            error, _ = constraint.errors(poses, self._owner[group])
-            new = error.reshape(n, -1)[:, 1 if self._count else 0 :]
-            worst = new.max(axis=1)
-            if constraint.weight is not None:
-                cost += constraint.weight * worst**2
-            else:
-                cost += np.where(worst > 1.0, INFEASIBLE_PENALTY * (1.0 + worst), 0.0)
-        return cost
+        amounts = pose_violations(
+            place.posed,
+            self._posed(place, local),
+            self._owner[group],
+            lambda errors: errors.reshape(n, -1)[:, first:].max(axis=1),
+        )
+        return ConstraintViolations.from_amounts(place.posed, amounts, n).costs()
 
     @property
     def _owner(self) -> dict[str, BoolArray]:
@@ -398,13 +386,7 @@ class Stream:
         ]
         if not any(isinstance(c, AvoidSelf) for c in posed):
             return posed
-        poses = self._posed(place, place.local)
-        return [
-            replace(c, captured=max(c.captured, c.self_collision_depth(poses)))
-            if isinstance(c, AvoidSelf)
-            else c
-            for c in posed
-        ]
+        return with_captured_depth(posed, self._posed(place, place.local))
 
     def _posed(self, place: "_Place", local: FloatArray) -> Poses:
         """Return the body in a place, in one row of poses or several one behind the other."""
@@ -430,7 +412,7 @@ class Stream:
             if place.posed:
                 every = self._lay(place, place.sampled[group], past)
                 alone = place.flat + self._misses(place, group, every.frames, local)
-            chosen[group] = at = self._first(self._chain(group, alone))
+            chosen[group] = at = self._first(self._trellis(group, alone))
             if every is None:
                 taken = self._sampled(place, group, place.donors[at : at + 1])
                 laid[group] = self._lay(place, taken, past)
@@ -439,29 +421,21 @@ class Stream:
             local[:, joints] = laid[group].frames[0]
         return chosen, laid, self._posed(place, local) if place.posed else None
 
-    def _chain(self, group: str, first: FloatArray) -> Trellis:
-        """Return the costs of all donors that are in sight, those in the first place given."""
-        config = self._scaled[group]
-        alone = [place.alone[group] for place in self._places]
-        after = [
-            place.after(following, group, config) for place, following in pairwise(self._places)
+    def _trellis(self, group: str, first: FloatArray) -> Trellis:
+        """Return the costs of all donors within the horizon, those of the first place given."""
+        model = self._models[group]
+        unary = [place.alone[group] for place in self._places]
+        seams = [
+            place.after(following, group, model) for place, following in pairwise(self._places)
         ]
         if group in self._past:
-            first = first + self._past[group].costs(self._places[0].ends[group], config)[0]
-        alone[0] = first
-        if config.choice == "random":  # within the limits all are alike
-            after = [
-                np.where(costs >= INFEASIBLE_PENALTY, INFEASIBLE_PENALTY, 0.0) for costs in after
-            ]
-            alone = [np.where(costs >= INFEASIBLE_PENALTY, costs, 0.0) for costs in alone]
-        return Trellis(tuple(alone), tuple(after))
+            first = first + self._past[group].costs(self._places[0].ends[group], model)[0]
+        unary[0] = first
+        return Trellis(tuple(unary), tuple(seams))
 
-    def _first(self, chain: Trellis) -> int:
-        config = self._config
-        if config.choice not in ("sample", "random"):
-            return int(viterbi(chain)[0])
-        temperature = config.temperature if config.choice == "sample" else 1.0
-        return int(sample(chain, temperature, self._rng)[0])
+    def _first(self, trellis: Trellis) -> int:
+        choice = DONOR_CHOICES.get(self._config.choice)
+        return int(choice.choose_path(trellis, self._config, self._rng)[0])
 
     def _sampled(self, place: "_Place", group: str, donors: IntArray) -> "_Sampled":
         """Return donors stretched to a place, as they are."""
@@ -518,31 +492,24 @@ class Stream:
             gap = 0.0 if past is None else float(past.gaps(ends)[0, at])
             given = place.own if donor < 0 else library.segments[np.array([donor])]
             substitutions.append(
-                Substitution(
+                Substitution.build(
                     group,
-                    place.start,
-                    place.start + place.length,
-                    segment,
-                    segment if donor < 0 else donor,
-                    (base.name or "the base") if donor < 0 else self._clips[given.clip[0]].name,
-                    int(given.start[0]),
-                    int(given.stop[0]),
-                    place.length / int(given.lengths[0]) - 1.0,
-                    float(place.costs[at]),
-                    gap,
-                    float("nan"),
+                    (place.start, place.start + place.length),
+                    segment=segment,
+                    donor=segment if donor < 0 else donor,
+                    clip=(base.name or "the base")
+                    if donor < 0
+                    else self._clips[given.clip[0]].name,
+                    donor_frames=(int(given.start[0]), int(given.stop[0])),
+                    cost=float(place.costs[at]),
+                    gaps=(gap, float("nan")),
                 )
             )
-            missed += [
-                own.violation(group, place.start, gap)
-                for own in self._constraints
-                if isinstance(own, MaxAngle) and gap > own.limit
-            ]
+            missed += find_seam_violations(self._constraints, group, [place.start], [gap])
             joints = self._members[group]
             values, spots = laid[group].frames[0, new], base.positions[:, joints]
             parts.append(Part(joints, values, spots))
-            last = {key: ends[key][at : at + 1] for key in ("last", "last_velocity")}
-            self._past[group] = _Past(laid[group].pose[0], laid[group].speed[0], **last)
+            self._past[group] = _Past(laid[group].pose[0], laid[group].speed[0], ends[at : at + 1])
         motion = recombine(base, parts, base.name)
         quats = motion.rotations.copy()
         if self._signs is not None:
@@ -623,15 +590,13 @@ class _Past:
 
     pose: FloatArray
     speed: FloatArray
-    last: FloatArray
-    last_velocity: FloatArray
+    boundary: BoundaryStates
 
-    def gaps(self, ends: Mapping[str, FloatArray]) -> FloatArray:
-        return pose_gaps(self.last, ends["first"])
+    def gaps(self, following: BoundaryStates) -> FloatArray:
+        return self.boundary.pose_gaps_to(following)
 
-    def costs(self, ends: Mapping[str, FloatArray], config: Config) -> FloatArray:
-        speeds = velocity_gaps(self.last_velocity, ends["first_velocity"])
-        return seam_costs(self.gaps(ends), speeds, config)
+    def costs(self, following: BoundaryStates, model: CostModel) -> FloatArray:
+        return model.seam_costs(self.boundary, following)
 
 
 @dataclass(frozen=True, eq=False)
@@ -653,7 +618,7 @@ class _Place:
     costs: FloatArray
     flat: FloatArray
     posed: tuple[Constraint, ...]
-    ends: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
+    ends: dict[str, BoundaryStates] = field(default_factory=dict)
     alone: dict[str, FloatArray] = field(default_factory=dict)
     seams: dict[str, FloatArray] = field(default_factory=dict)
     sampled: dict[str, _Sampled] = field(default_factory=dict)
@@ -678,13 +643,10 @@ class _Place:
     def track(self) -> FloatArray:
         return _with_neighbours(self.base.rotations, self.at, self.at + self.length)
 
-    def after(self, following: "_Place", group: str, config: Config) -> FloatArray:
+    def after(self, following: "_Place", group: str, model: CostModel) -> FloatArray:
         """Return what seams with the donors of the next place cost."""
         if group not in self.seams:
-            left, right = self.ends[group], following.ends[group]
-            speeds = velocity_gaps(left["last_velocity"], right["first_velocity"])
-            angles = pose_gaps(left["last"], right["first"])
-            self.seams[group] = seam_costs(angles, speeds, config)
+            self.seams[group] = model.seam_costs(self.ends[group], following.ends[group])
         return self.seams[group]
 
 

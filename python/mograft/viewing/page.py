@@ -19,7 +19,7 @@ from mograft.body.groups import JointGroups
 from mograft.io.bvh import read_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.synthesis.graft import Graft
+from mograft.synthesis.graft_result import Graft
 from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
 from mograft.viewing.scene import Scene
 

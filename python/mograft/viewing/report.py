@@ -13,8 +13,9 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
-from mograft.search.candidates import count_combinations, length_fits
-from mograft.synthesis.graft import Graft
+from mograft.search.candidates import count_combinations
+from mograft.search.costs import length_fits
+from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import Page, assemble_page, viewer_html
 from mograft.viewing.scene import Scene
 

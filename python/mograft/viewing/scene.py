@@ -12,7 +12,7 @@ from mograft.body.groups import JointGroups
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.synthesis.graft import Graft
+from mograft.synthesis.graft_result import Graft
 
 __all__ = ["Figure", "Scene", "TimelineRow"]
 

@@ -1,0 +1,106 @@
+"""Poses and velocities at the ends of segments, and the gaps between them at seams."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft import _core
+from mograft._util.arrays import FloatArray, IntArray
+
+__all__ = ["BoundaryStates", "pose_gaps", "velocity_gaps"]
+
+
+def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return the mean joint angle between every end pose and every start pose.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (n_ends, n_joints, 4)
+        Local rotations, xyzw, in the last frames of some segments.
+    starts : ndarray, shape (n_starts, n_joints, 4)
+        Local rotations, xyzw, in the first frames of others.
+
+    Returns
+    -------
+    ndarray, shape (n_ends, n_starts)
+        Angles in radians, 0 to π.
+    """
+    return _core.pose_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
+
+
+def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return the mean difference of joint velocities between every end and every start.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (n_ends, n_joints, 3)
+        Angular velocities, each in its joint's local frame, at the ends of some segments.
+    starts : ndarray, shape (n_starts, n_joints, 3)
+        Angular velocities at the starts of others.
+
+    Returns
+    -------
+    ndarray, shape (n_ends, n_starts)
+        Mean norms of the differences, in the velocities' unit.
+    """
+    return _core.velocity_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoundaryStates:
+    """Poses and velocities of one joint group in the first and last frame of each segment.
+
+    Attributes
+    ----------
+    first, last : ndarray, shape (n_segments, n_joints, 4)
+        Local rotations, xyzw.
+    first_velocity, last_velocity : ndarray, shape (n_segments, n_joints, 3)
+        Angular velocities in radians per second, each in its joint's local frame.
+    """
+
+    first: FloatArray
+    last: FloatArray
+    first_velocity: FloatArray
+    last_velocity: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    def __getitem__(self, index: IntArray | slice) -> "BoundaryStates":
+        return BoundaryStates(
+            first=self.first[index],
+            last=self.last[index],
+            first_velocity=self.first_velocity[index],
+            last_velocity=self.last_velocity[index],
+        )
+
+    @staticmethod
+    def concatenate(parts: "Sequence[BoundaryStates]") -> "BoundaryStates":
+        """Return the states of several sets of segments, one set after the other."""
+        return BoundaryStates(
+            first=np.concatenate([part.first for part in parts]),
+            last=np.concatenate([part.last for part in parts]),
+            first_velocity=np.concatenate([part.first_velocity for part in parts]),
+            last_velocity=np.concatenate([part.last_velocity for part in parts]),
+        )
+
+    def pose_gaps_to(self, following: "BoundaryStates") -> FloatArray:
+        """Return the mean joint angle from every end to every start of other segments.
+
+        Returns
+        -------
+        ndarray, shape (len(self), len(following))
+            Angles in radians; 0 if a segment is the successor in its clip.
+        """
+        return pose_gaps(self.last, following.first)
+
+    def velocity_gaps_to(self, following: "BoundaryStates") -> FloatArray:
+        """Return the mean velocity difference from every end to every start of other segments.
+
+        Returns
+        -------
+        ndarray, shape (len(self), len(following))
+            In radians per second; 0 if a segment is the successor in its clip.
+        """
+        return velocity_gaps(self.last_velocity, following.first_velocity)

@@ -1,0 +1,330 @@
+"""The cost model of the search: every cost and limit that a donor can incur.
+
+Candidate listing, trellis, stream, repair and reports take their numbers from this module.
+A donor sequence costs the sum of
+
+- one unary cost per position: length difference, dissimilarity of the base parts, novelty;
+- one pairwise cost per seam: pose gap, velocity gap, and `INFEASIBLE_PENALTY` above the limit;
+- constraint costs per position: ``weight · violation²`` of each soft constraint, and for hard
+  constraints `INFEASIBLE_PENALTY` times 1 + the greatest violation amount.
+
+Violation amounts are in tolerances of the constraint: at most 1 if it is satisfied.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.body.world_poses import Poses
+from mograft.config import Config
+from mograft.search.boundary_states import BoundaryStates
+from mograft.search.constraints import Clip, Constraint
+from mograft.search.donor_constraints import MaxAngle
+
+__all__ = [
+    "INFEASIBLE_PENALTY",
+    "ConstraintViolations",
+    "CostModel",
+    "SeamScales",
+    "SimilarityCostModel",
+    "infeasible_costs",
+    "length_fits",
+    "limit_config",
+    "origin_violations",
+    "pose_violations",
+]
+
+INFEASIBLE_PENALTY = 1e3
+"""Cost of exceeding a limit: more than any donor sequence within the limits costs at a seam."""
+
+
+def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) -> BoolArray:
+    """Return whether the lengths of donors are close enough to those of base segments (eq. 19).
+
+    Parameters
+    ----------
+    base, donor : ndarray of int
+        Lengths in intervals; the shapes broadcast.
+    rate : float
+        Frames per second.
+    config : Config
+        Gives `max_stretch` and `length_slack`.
+
+    Returns
+    -------
+    ndarray of bool
+        |base - donor| < max_stretch · base, strictly, as printed; with a slack,
+        ≤ max(max_stretch · base, slack). The rule is relative to the base segment, so it is
+        not symmetric.
+    """
+    gap = np.abs(base - donor)
+    limit = config.max_stretch * base
+    tolerance = 1e-9 * base
+    fits: BoolArray = gap < limit - tolerance
+    if config.length_slack > 0:
+        fits = gap <= np.maximum(limit, config.length_slack * rate) + tolerance
+    return fits
+
+
+def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
+    """Return the configuration with the smallest `max_angle` of itself and of `MaxAngle`."""
+    angles = [constraint.limit for constraint in constraints if isinstance(constraint, MaxAngle)]
+    return replace(config, max_angle=min([config.max_angle, *angles]))
+
+
+@dataclass(frozen=True)
+class SeamScales:
+    """Gaps at a seam that cost 1 each.
+
+    Attributes
+    ----------
+    angle : float
+        Mean joint angle in radians.
+    velocity : float
+        Mean difference of joint velocities in radians per second.
+    """
+
+    angle: float
+    velocity: float
+
+    @classmethod
+    def from_typical_gaps(cls, angle: float, velocity: float, config: Config) -> "SeamScales":
+        """Return twice the typical gaps, but at most the scales of the configuration.
+
+        Low-amplitude libraries have small typical gaps: their scales shrink accordingly.
+        Typical gaps of 0 or infinity leave the configured scales.
+        """
+        angle, velocity = (2.0 * gap if gap > 0 else np.inf for gap in (angle, velocity))
+        return cls(min(config.angle_scale, angle), min(config.velocity_scale, velocity))
+
+
+@dataclass(frozen=True)
+class CostModel:
+    """Unary and pairwise costs: the weighted sum of all terms.
+
+    Attributes
+    ----------
+    config : Config
+        Gives weights and limits.
+    scales : SeamScales
+        Gives the scales of the gaps at seams.
+
+    Notes
+    -----
+    A donor k of segment i costs ``length_weight · (1 - shorter / longer)
+    + distance_weight · d(i, k) / sigma``, minus `novelty` if k is not i. A seam costs
+    ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus `INFEASIBLE_PENALTY` if
+    the angle exceeds `max_angle`.
+    """
+
+    config: Config
+    scales: SeamScales
+
+    def unary(
+        self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
+    ) -> FloatArray:
+        """Return the costs of donors by themselves, without seams and constraints.
+
+        Parameters
+        ----------
+        base, donors : ndarray of int, shape (n,)
+            Lengths of base segments and of their donors, in intervals.
+        distances : ndarray, shape (n,)
+            Distances between their base parts, in cluster diameters.
+        is_base : ndarray of bool, shape (n,)
+            Whether a donor is the base segment itself.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The costs.
+        """
+        ratio = np.minimum(base, donors) / np.maximum(base, donors)
+        costs = self.config.length_weight * (1.0 - ratio)
+        costs = costs + self.config.distance_weight * distances
+        return costs - np.where(is_base, 0.0, self.config.novelty)
+
+    def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Return the costs of seams.
+
+        Parameters
+        ----------
+        angles : ndarray
+            Mean joint angles in radians.
+        velocities : ndarray, shape of `angles`
+            Mean differences of joint velocities in radians per second.
+
+        Returns
+        -------
+        ndarray, shape of `angles`
+            The costs.
+        """
+        gaps = (angles / self.scales.angle) ** 2 + (velocities / self.scales.velocity) ** 2
+        return self._angle_penalties(angles) + gaps
+
+    def seam_costs(self, left: BoundaryStates, right: BoundaryStates) -> FloatArray:
+        """Return the costs of the seams from every segment of `left` to every one of `right`.
+
+        Returns
+        -------
+        ndarray, shape (len(left), len(right))
+            The costs.
+        """
+        return self.pairwise(left.pose_gaps_to(right), left.velocity_gaps_to(right))
+
+    def keep_cheapest(self, costs: FloatArray, is_base: BoolArray) -> IntArray:
+        """Return the indices of the `max_candidates` cheapest donors, ascending.
+
+        The base segment is always kept, so that one sequence without seams remains. Ties go to
+        the lowest index.
+        """
+        order = np.lexsort((costs, ~is_base))[: self.config.max_candidates]
+        order.sort()
+        return order
+
+    def _angle_penalties(self, angles: FloatArray) -> FloatArray:
+        return np.where(angles > self.config.max_angle, INFEASIBLE_PENALTY, 0.0)
+
+
+@dataclass(frozen=True)
+class SimilarityCostModel(CostModel):
+    """Unary and pairwise costs: the similarity of the base parts alone.
+
+    Notes
+    -----
+    A donor k of segment i costs d(i, k) / sigma, the base segment itself
+    `INFEASIBLE_PENALTY`. A seam costs 0 within the limit and `INFEASIBLE_PENALTY` above it.
+    """
+
+    def unary(
+        self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
+    ) -> FloatArray:
+        """As `CostModel.unary`."""
+        del base, donors
+        return np.where(is_base, INFEASIBLE_PENALTY, distances)
+
+    def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
+        """As `CostModel.pairwise`."""
+        del velocities
+        return self._angle_penalties(angles)
+
+
+def infeasible_costs(amounts: FloatArray) -> FloatArray:
+    """Return the costs of violating hard constraints.
+
+    Parameters
+    ----------
+    amounts : ndarray
+        Violation amounts in tolerances.
+
+    Returns
+    -------
+    ndarray, shape of `amounts`
+        ``INFEASIBLE_PENALTY · (1 + amount)`` for amounts above 1, else 0.
+    """
+    return np.where(amounts > 1.0, INFEASIBLE_PENALTY * (1.0 + amounts), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintViolations:
+    """How far several candidates violate constraints.
+
+    Attributes
+    ----------
+    hard : ndarray, shape (n,)
+        Greatest violation amount of any hard constraint, in tolerances; at most 1 if all are
+        satisfied.
+    soft : ndarray, shape (n,)
+        Cost of the soft constraints: the sum of ``weight · amount²``.
+    """
+
+    hard: FloatArray
+    soft: FloatArray
+
+    @classmethod
+    def from_amounts(
+        cls, constraints: Sequence[Constraint], amounts: Sequence[FloatArray], n: int
+    ) -> "ConstraintViolations":
+        """Combine the violation amounts of several constraints, each of shape (n,)."""
+        hard, soft = np.zeros(n), np.zeros(n)
+        for constraint, amount in zip(constraints, amounts, strict=True):
+            if constraint.weight is None:
+                hard = np.maximum(hard, amount)
+            else:
+                soft += constraint.weight * amount**2
+        return cls(hard, soft)
+
+    @property
+    def is_feasible(self) -> BoolArray:
+        """Whether each candidate satisfies all hard constraints, shape (n,)."""
+        feasible: BoolArray = self.hard <= 1.0
+        return feasible
+
+    def costs(self) -> FloatArray:
+        """Return the costs of all constraints, shape (n,)."""
+        return infeasible_costs(self.hard) + self.soft
+
+
+def origin_violations(
+    constraints: Sequence[Constraint],
+    base: Segments,
+    donors: Segments,
+    frames: Segments,
+    clips: Sequence[Clip],
+) -> list[FloatArray]:
+    """Return how far donors violate each constraint on the clip, frames and length of a donor.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The constraints.
+    base, donors : Segments
+        n base segments and one donor for each, in frames of their clips.
+    frames : Segments
+        The base segments in frames of the base motion.
+    clips : sequence of Clip
+        The clips that `base` and `donors` refer to.
+
+    Returns
+    -------
+    list of ndarray, each of shape (n,)
+        One per constraint: violation amounts, 0 outside the constraint's frames.
+    """
+    amounts = []
+    for constraint in constraints:
+        amount = constraint.donor_errors(base, donors, clips)
+        if constraint.frames is not None:
+            first, last = constraint.frames
+            amount = np.where((frames.start <= last) & (frames.stop >= first), amount, 0.0)
+        amounts.append(amount)
+    return amounts
+
+
+def pose_violations(
+    constraints: Sequence[Constraint],
+    poses: Poses,
+    joints: BoolArray,
+    maximum: Callable[[FloatArray], FloatArray],
+) -> list[FloatArray]:
+    """Return how far the poses of several candidates violate each constraint.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The constraints.
+    poses : Poses
+        The frames of all candidates, one candidate after the other.
+    joints : ndarray of bool, shape (n_joints,)
+        The joints whose errors count.
+    maximum : callable
+        Reduces one value per frame to the maximum of each candidate, shape (n,).
+
+    Returns
+    -------
+    list of ndarray, each of shape (n,)
+        One per constraint: the maximum violation amount over each candidate's frames.
+    """
+    return [maximum(constraint.errors(poses, joints)[0]) for constraint in constraints]

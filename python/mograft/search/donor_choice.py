@@ -1,0 +1,379 @@
+"""Strategies that choose donor sequences: the values of `Config.choice`."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain, islice, product
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.registry import CONFIG_OPTIONS, Registry
+from mograft.config import Config
+from mograft.search.candidates import SegmentPool
+from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel
+from mograft.search.trellis import DonorSequences, DonorTrellis
+from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
+
+__all__ = [
+    "DONOR_CHOICES",
+    "DonorChoice",
+    "DonorSource",
+    "cheapest_combinations",
+    "cost_model",
+    "draw_uniform",
+    "interleaved_combinations",
+    "prune_dead_ends",
+    "unique_sequences",
+]
+
+_MAX_REPEATED_DRAWS = 100
+"""Draws in a row without a new result after which drawing ends."""
+
+
+class DonorSource(Protocol):
+    """Candidates and costs of several grafted groups; strategies draw from it."""
+
+    @property
+    def config(self) -> Config:
+        """The configuration."""
+        ...
+
+    @property
+    def pools(self) -> Mapping[str, SegmentPool]:
+        """For every grafted group the segments."""
+        ...
+
+    @property
+    def trellises(self) -> Mapping[str, DonorTrellis]:
+        """For every grafted group the candidates at each position and their costs."""
+        ...
+
+    def feasible_candidates(self, group: str) -> list[IntArray]:
+        """Return the candidates at each position that satisfy the hard constraints."""
+        ...
+
+
+class DonorChoice(ABC):
+    """A strategy that chooses donor sequences.
+
+    Attributes
+    ----------
+    cost_model : type of CostModel
+        How unary and pairwise costs are computed.
+    needs_costs : bool
+        Whether drawing needs costs, and not only limits.
+    is_limited : bool
+        Whether only the `Config.max_candidates` cheapest candidates are considered.
+    """
+
+    cost_model: ClassVar[type[CostModel]] = CostModel
+    needs_costs: ClassVar[bool] = True
+    is_limited: ClassVar[bool] = True
+
+    @abstractmethod
+    def draw(
+        self, source: DonorSource, count: int, rng: np.random.Generator
+    ) -> list[DonorSequences]:
+        """Return different donor sequences for several motions.
+
+        Parameters
+        ----------
+        source : DonorSource
+            The candidates and their costs.
+        count : int
+            Number of motions.
+        rng : numpy.random.Generator
+            Source of randomness, for the strategies that use one.
+
+        Returns
+        -------
+        list of dict of str to ndarray of int
+            For every motion the donor sequence of each group; fewer than `count` if there are
+            no more.
+        """
+
+    def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
+        """Return one path through a trellis; `Stream` commits its first donor.
+
+        Parameters
+        ----------
+        trellis : Trellis
+            The costs.
+        config : Config
+            Gives `temperature`.
+        rng : numpy.random.Generator
+            Source of randomness, for the strategies that use one.
+
+        Returns
+        -------
+        ndarray of int, shape (n_positions,)
+            The path.
+        """
+        del config, rng
+        return viterbi(trellis)
+
+
+class Viterbi(DonorChoice):
+    """Cheapest sequences; donors of earlier motions become more expensive in later ones."""
+
+    def draw(
+        self, source: DonorSource, count: int, rng: np.random.Generator
+    ) -> list[DonorSequences]:
+        """As `DonorChoice.draw`."""
+        del rng
+        penalty = source.config.diversity
+        paths = {
+            group: diverse(trellis.costs, count, penalty)
+            for group, trellis in source.trellises.items()
+        }
+        ranks = interleaved_combinations([len(own) for own in paths.values()], count)
+        return _sequences(source, paths, ranks)
+
+
+class Best(DonorChoice):
+    """The sequences of the lowest total costs."""
+
+    def draw(
+        self, source: DonorSource, count: int, rng: np.random.Generator
+    ) -> list[DonorSequences]:
+        """As `DonorChoice.draw`."""
+        del rng
+        trellises = source.trellises
+        paths = {group: k_best(trellis.costs, count) for group, trellis in trellises.items()}
+        costs = [
+            [trellises[group].costs.cost(path) for path in own] for group, own in paths.items()
+        ]
+        return _sequences(source, paths, cheapest_combinations(costs, count))
+
+
+class Sample(DonorChoice):
+    """Sequences drawn with probability exp(-cost / temperature)."""
+
+    def draw(
+        self, source: DonorSource, count: int, rng: np.random.Generator
+    ) -> list[DonorSequences]:
+        """As `DonorChoice.draw`."""
+        trellises, temperature = source.trellises, source.config.temperature
+
+        def draw_once() -> DonorSequences:
+            return {
+                group: trellis.donor_sequence(sample(trellis.costs, temperature, rng))
+                for group, trellis in trellises.items()
+            }
+
+        return _draw_different(draw_once, count)
+
+    def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
+        """As `DonorChoice.choose_path`."""
+        return sample(trellis, config.temperature, rng)
+
+
+class Nearest(Viterbi):
+    """The donors with the most similar base parts; seams only have to satisfy the limit."""
+
+    cost_model = SimilarityCostModel
+
+
+class Random(DonorChoice):
+    """Uniform draws among the donors within the limits (paper, 4.4)."""
+
+    needs_costs = False
+    is_limited = False
+
+    def draw(
+        self, source: DonorSource, count: int, rng: np.random.Generator
+    ) -> list[DonorSequences]:
+        """As `DonorChoice.draw`."""
+        config = source.config
+        pruned = {
+            group: prune_dead_ends(pool, source.feasible_candidates(group), config)
+            for group, pool in source.pools.items()
+        }
+
+        def draw_once() -> DonorSequences:
+            return {group: draw_uniform(*own, config, rng) for group, own in pruned.items()}
+
+        return _draw_different(draw_once, count)
+
+    def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
+        """As `DonorChoice.choose_path`; all paths without penalties are equally likely."""
+        del config
+        unary = tuple(np.where(own >= INFEASIBLE_PENALTY, own, 0.0) for own in trellis.unary)
+        pairwise = tuple(
+            np.where(own >= INFEASIBLE_PENALTY, INFEASIBLE_PENALTY, 0.0) for own in trellis.pairwise
+        )
+        return sample(Trellis(unary, pairwise), 1.0, rng)
+
+
+DONOR_CHOICES: Registry[DonorChoice] = CONFIG_OPTIONS["choice"].implemented_by(
+    {
+        "viterbi": Viterbi(),
+        "best": Best(),
+        "sample": Sample(),
+        "nearest": Nearest(),
+        "random": Random(),
+    }
+)
+"""The strategies by their names in `Config.choice`."""
+
+
+def cost_model(config: Config, pool: SegmentPool) -> CostModel:
+    """Return the cost model of the configured strategy, with the seam scales of a pool."""
+    return DONOR_CHOICES.get(config.choice).cost_model(config, pool.seam_scales(config))
+
+
+def prune_dead_ends(
+    pool: SegmentPool, candidates: Sequence[IntArray], config: Config
+) -> tuple[list[IntArray], list[FloatArray]]:
+    """Keep the candidates from which the last position can be reached within `max_angle`.
+
+    Parameters
+    ----------
+    pool : SegmentPool
+        The segments.
+    candidates : sequence of ndarray of int
+        The candidates at each position, the base segment among them.
+    config : Config
+        Gives `max_angle`.
+
+    Returns
+    -------
+    kept : list of ndarray of int
+        For each position the candidates with at least one kept successor at a seam of at most
+        `max_angle`; all candidates if none has one.
+    angles : list of ndarray
+        For each position but the last the seam angles between its kept candidates and those
+        of the next.
+    """
+    kept = [candidates[-1]] if len(candidates) else []
+    kept_angles: list[FloatArray] = []
+    for segments in reversed(candidates[:-1]):
+        angles = pool.seam_angles(segments, kept[-1])
+        passing = np.flatnonzero((angles <= config.max_angle).any(axis=1))
+        if not len(passing):
+            passing = np.arange(len(segments))
+        kept.append(segments[passing])
+        kept_angles.append(angles[passing])
+    return kept[::-1], kept_angles[::-1]
+
+
+def draw_uniform(
+    candidates: Sequence[IntArray],
+    angles: Sequence[FloatArray],
+    config: Config,
+    rng: np.random.Generator,
+) -> IntArray:
+    """Draw a donor at every position, uniformly among those within the limit.
+
+    Parameters
+    ----------
+    candidates, angles
+        As `prune_dead_ends` returns them.
+    config : Config
+        Gives `max_angle`.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    ndarray of int, shape (n_positions,)
+        Each donor is drawn uniformly from the candidates whose seam with its predecessor is
+        within the limit; if there are none it is the candidate with the narrowest seam.
+    """
+    sequence: list[int] = []
+    index = 0
+    for position, segments in enumerate(candidates):
+        if position == 0:
+            index = int(rng.integers(len(segments)))
+        else:
+            gaps = angles[position - 1][index]
+            passing = np.flatnonzero(gaps <= config.max_angle)
+            index = int(rng.choice(passing)) if len(passing) else int(np.argmin(gaps))
+        sequence.append(segments[index])
+    return np.array(sequence, np.int64)
+
+
+def cheapest_combinations(costs: Sequence[Sequence[float]], count: int) -> list[tuple[int, ...]]:
+    """Return the combinations of one item per list with the lowest total costs.
+
+    Parameters
+    ----------
+    costs : sequence of sequence of float
+        Costs of each list's items, ascending.
+    count : int
+        Number of combinations.
+
+    Returns
+    -------
+    list of tuple of int
+        The index in each list, in ascending order of total cost; ties in order of the indices.
+    """
+    sums: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
+    for own in costs:
+        extended = [
+            (total + cost, (*indices, index))
+            for total, indices in sums
+            for index, cost in enumerate(own)
+        ]
+        sums = sorted(extended)[:count]
+    return [indices for _, indices in sums]
+
+
+def interleaved_combinations(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
+    """Return different combinations of one item per list that advance all lists together.
+
+    Parameters
+    ----------
+    lengths : sequence of int
+        Number of items in each list.
+    count : int
+        Number of combinations.
+
+    Returns
+    -------
+    list of tuple of int
+        The index in each list: first those with equal indices, modulo the lengths, then the
+        others in lexicographic order.
+    """
+    together = [tuple(i % length for length in lengths) for i in range(max(lengths))]
+    others = product(*(range(length) for length in lengths))
+    return list(islice(dict.fromkeys(chain(together, others)), count))
+
+
+def unique_sequences(sequences: Sequence[DonorSequences]) -> list[DonorSequences]:
+    """Return donor sequences without repetitions, in order of first occurrence."""
+    return list({_key(donors): donors for donors in sequences}.values())
+
+
+def _sequences(
+    source: DonorSource,
+    paths: Mapping[str, Sequence[IntArray]],
+    combinations: Sequence[tuple[int, ...]],
+) -> list[DonorSequences]:
+    """Return the donor sequences of combinations of one path per group."""
+    return [
+        {
+            group: source.trellises[group].donor_sequence(own[index])
+            for (group, own), index in zip(paths.items(), indices, strict=True)
+        }
+        for indices in combinations
+    ]
+
+
+def _draw_different(draw: Callable[[], DonorSequences], count: int) -> list[DonorSequences]:
+    """Draw until `count` results differ, or `_MAX_REPEATED_DRAWS` draws in a row repeat."""
+    results: dict[bytes, DonorSequences] = {}
+    while len(results) < count:
+        for _ in range(_MAX_REPEATED_DRAWS):
+            donors = draw()
+            if _key(donors) not in results:
+                break
+        else:
+            break
+        results[_key(donors)] = donors
+    return list(results.values())
+
+
+def _key(donors: DonorSequences) -> bytes:
+    return b"".join(own.tobytes() for own in donors.values())

@@ -1,0 +1,174 @@
+"""Motions assembled from donor sequences, and how far they violate hard constraints."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.blend.recombine import Part, recombine
+from mograft.blend.transplant import transplant
+from mograft.body.world_poses import Poses
+from mograft.motion.motion import Motion
+from mograft.search.trellis import DonorSequences
+from mograft.synthesis.search_problem import SearchProblem
+
+__all__ = ["assemble", "donor_excess", "donor_excesses", "pose_excess", "transplant_group"]
+
+
+def transplant_group(
+    problem: SearchProblem, group: str, base: Motion, base_segments: Segments, donors: IntArray
+) -> Part:
+    """Return a group's part made of donors, with treated seams.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    group : str
+        The grafted group.
+    base : Motion
+        The motion that the part is fitted to.
+    base_segments : Segments
+        Its segments.
+    donors : ndarray of int
+        A donor for each of them.
+    """
+    library = problem.library
+    return transplant(
+        base,
+        base_segments,
+        library.segments[donors],
+        library.clips,
+        problem.grafted_group(group),
+        library.config,
+    )
+
+
+def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
+    """Return the motion of donor sequences, with treated seams.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    donors : dict of str to ndarray of int
+        Donor sequences of some or all grafted groups; the other joints are as in the base.
+    """
+    return _assemble_ranges(problem, [donors], 0, len(problem.base_segments))
+
+
+def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
+    """Return by how much each pose exceeds the tolerances of hard constraints.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Summed over the grafted groups, the greatest violation amount minus 1, at least 0.
+    """
+    excess = np.zeros(len(poses))
+    for joints in problem.driven_joints.values():
+        excess += _joint_excess(problem, poses, joints)
+    return excess
+
+
+def donor_excess(
+    problem: SearchProblem, donors: DonorSequences, first: int = 0, stop: int | None = None
+) -> dict[str, FloatArray]:
+    """Return by how much the assembled motion exceeds the tolerances of hard constraints.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    donors : dict of str to ndarray of int
+        The donor sequences.
+    first, stop : int
+        Half-open range of positions to evaluate. Default: all.
+
+    Returns
+    -------
+    dict of str to ndarray
+        For every group and every frame, from the first frame of the first position to the last
+        frame of the last, the greatest violation amount minus 1, at least 0.
+    """
+    stop = len(problem.base_segments) if stop is None else stop
+    return {group: own[0] for group, own in donor_excesses(problem, [donors], first, stop).items()}
+
+
+def donor_excesses(
+    problem: SearchProblem, alternatives: Sequence[DonorSequences], first: int, stop: int
+) -> dict[str, FloatArray]:
+    """Return for several alternatives what `donor_excess` returns for one.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n_alternatives, n_frames)
+        Like `donor_excess`.
+    """
+    if problem.root_group is not None and len(alternatives) > 1:
+        each = [donor_excesses(problem, [donors], first, stop) for donors in alternatives]
+        return {group: np.concatenate([own[group] for own in each]) for group in problem.pools}
+    segments = problem.base_segments
+    low, high = _seam_range(problem, first, stop)
+    motion = _assemble_ranges(problem, alternatives, low, high)
+    begin, end = int(segments.start[low]), int(segments.stop[high - 1])
+    frames = np.tile(np.arange(begin, end + 1), len(alternatives))
+    poses = problem.base_poses.with_poses(frames, *motion.world_transforms())
+    wanted = slice(int(segments.start[first]) - begin, int(segments.stop[stop - 1]) - begin + 1)
+    found = {}
+    for group in problem.pools:
+        excess = _joint_excess(problem, poses, problem.driven_joints[group])
+        found[group] = excess.reshape(len(alternatives), -1)[:, wanted]
+    return found
+
+
+def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> FloatArray:
+    excess = np.zeros(len(poses))
+    for constraint in problem.constraints:
+        if constraint.is_hard:
+            error, _ = constraint.errors(poses, joints)
+            excess = np.maximum(excess, error - 1.0)
+    return excess
+
+
+def _assemble_ranges(
+    problem: SearchProblem, alternatives: Sequence[DonorSequences], first: int, stop: int
+) -> Motion:
+    """Return a range of positions of several assembled motions, one after the other."""
+    segments, base, n = problem.base_segments, problem.base, len(alternatives)
+    begin, end = int(segments.start[first]), int(segments.stop[stop - 1])
+    shift = np.repeat((end - begin + 1) * np.arange(n) - begin, stop - first)
+    tiled_segments = Segments(
+        np.tile(segments.start[first:stop], n) + shift,
+        np.tile(segments.stop[first:stop], n) + shift,
+    )
+    tiled = replace(
+        base,
+        rotations=np.tile(base.rotations[begin : end + 1], (n, 1, 1)),
+        positions=np.tile(base.positions[begin : end + 1], (n, 1, 1)),
+        channel_values=None,
+    )
+    parts = []
+    for group in problem.pools:
+        chosen = [donors[group][first:stop] for donors in alternatives if group in donors]
+        if chosen:
+            donors = np.concatenate(chosen)
+            parts.append(transplant_group(problem, group, tiled, tiled_segments, donors))
+    return recombine(tiled, parts, "")
+
+
+def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int]:
+    """Return a range of positions widened by all positions whose seams change its frames.
+
+    The whole motion if a group holds the root, which accumulates from the start.
+    """
+    segments = problem.base_segments
+    if problem.root_group is not None:
+        return 0, len(segments)
+    reach = int(np.ceil(problem.config.seam_blend * problem.base.rate))
+    start, end = segments.start[first], segments.stop[stop - 1]
+    low = int(np.searchsorted(segments.start, start - reach, side="right")) - 1
+    high = int(np.searchsorted(segments.stop, end + reach)) + 1
+    return max(min(low, first - 2), 0), min(max(high, stop + 2), len(segments))

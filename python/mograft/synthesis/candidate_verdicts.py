@@ -1,0 +1,98 @@
+"""Constraints applied to the candidates of a single base segment, for their listing."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.library.library import Library
+from mograft.search.candidates import ConstraintVerdicts
+from mograft.search.constraints import Constraint
+from mograft.search.costs import (
+    ConstraintViolations,
+    infeasible_costs,
+    origin_violations,
+    pose_violations,
+)
+from mograft.synthesis.donor_poses import candidate_poses
+from mograft.synthesis.search_problem import SearchProblem
+
+__all__ = ["judge_candidates"]
+
+
+def judge_candidates(
+    library: Library, segment: int, group: str, constraints: Sequence[Constraint]
+) -> ConstraintVerdicts:
+    """Return constraint costs and violated hard constraints for the members of a cluster.
+
+    Parameters
+    ----------
+    library : Library
+        The segments.
+    segment : int
+        The base segment; its clip is the base motion.
+    group : str
+        The grafted group.
+    constraints : sequence of Constraint
+        The constraints.
+
+    Returns
+    -------
+    ConstraintVerdicts
+        For the members of the base segment's cluster, ascending. A group that holds the root
+        starts each member at the root transform of the base.
+    """
+    clip = int(library.segments.clip[segment])
+    scenario = library.segments.of_clip(clip)
+    base, base_segments = library.clips[clip], library.segments[scenario]
+    problem = SearchProblem.build(library, base, scenario, base_segments, [group], constraints)
+    labels = problem.pools[group].labels
+    members = np.flatnonzero(labels == labels[segment])
+    positions = np.full(len(members), np.searchsorted(scenario, segment))
+    origin = origin_violations(
+        problem.constraints,
+        library.segments[scenario[positions]],
+        library.segments[members],
+        base_segments[positions],
+        library.entries,
+    )
+    counts = base_segments.lengths[positions] + 1
+    starts = np.cumsum(counts) - counts
+    pose = pose_violations(
+        problem.constraints,
+        candidate_poses(problem, group, positions, members),
+        problem.driven_joints[group],
+        lambda errors: np.maximum.reduceat(errors, starts),
+    )
+    return ConstraintVerdicts(
+        costs=_costs(problem.constraints, origin, pose, len(members)),
+        reasons=_reasons(problem, origin, pose, len(members)),
+    )
+
+
+def _costs(
+    constraints: Sequence[Constraint],
+    origin: Sequence[FloatArray],
+    pose: Sequence[FloatArray],
+    n: int,
+) -> FloatArray:
+    """Return the costs as the trellis has them: once for the greatest hard violation."""
+    by_origin = ConstraintViolations.from_amounts(constraints, origin, n)
+    by_pose = ConstraintViolations.from_amounts(constraints, pose, n)
+    hard = np.maximum(by_origin.hard, by_pose.hard)
+    return infeasible_costs(hard) + (by_origin.soft + by_pose.soft)
+
+
+def _reasons(
+    problem: SearchProblem, origin: Sequence[FloatArray], pose: Sequence[FloatArray], n: int
+) -> list[list[str]]:
+    """Return for each candidate the violated hard constraints, each with its amount."""
+    reasons: list[list[str]] = [[] for _ in range(n)]
+    for constraint, *amounts in zip(problem.constraints, origin, pose, strict=True):
+        if not constraint.is_hard:
+            continue
+        worst = np.maximum(*amounts)
+        for i in np.flatnonzero(worst > 1.0).tolist():
+            message = constraint.describe_error(float(worst[i]), problem.base_poses.height)
+            reasons[i].append(f"{type(constraint).__name__}: {message}")
+    return reasons

@@ -1,0 +1,162 @@
+"""World poses of the body with donors in place, before any seam is treated."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.channel_groups import merge_axes, split_axes
+from mograft.analysis.segmentation import Segments
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.body.world_poses import Poses
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.resample import resample_segment_positions, resample_segments
+from mograft.synthesis.search_problem import SearchProblem
+
+__all__ = ["advance_root", "candidate_poses", "split_by_count"]
+
+_POSES_PER_CHUNK = 20_000
+"""Poses that are evaluated at a time: some hundred megabytes."""
+
+
+def split_by_count(items: IntArray, counts: IntArray) -> list[IntArray]:
+    """Split items into consecutive chunks of about 20,000 poses.
+
+    Parameters
+    ----------
+    items : ndarray of int, shape (n,)
+        The items.
+    counts : ndarray of int, shape (n,)
+        Number of poses of each item.
+
+    Returns
+    -------
+    list of ndarray of int
+        The chunks; none if there are no items.
+    """
+    chunk = np.cumsum(counts) // _POSES_PER_CHUNK
+    return np.split(items, np.flatnonzero(np.diff(chunk)) + 1) if len(items) else []
+
+
+def candidate_poses(
+    problem: SearchProblem,
+    group: str,
+    positions: IntArray,
+    donors: IntArray,
+    context: Motion | None = None,
+    root_start: RootTransforms | None = None,
+) -> Poses:
+    """Return the body with each donor's part in its position, without seam treatment.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    group : str
+        The grafted group.
+    positions, donors : ndarray of int, shape (n,)
+        Positions, and a donor for each.
+    context : Motion, optional
+        The motion of the other joints. Default: the base.
+    root_start : RootTransforms, optional
+        For a group that holds the root, the n root transforms at which the donors start.
+        Default: those of the context.
+
+    Returns
+    -------
+    Poses
+        All frames of the first position, then of the second, and so on. A donor with the root
+        is its clip rotated about the up axis and translated over the floor, so that its first
+        frame has the position and heading of `root_start`.
+    """
+    context = problem.base if context is None else context
+    segments = problem.base_segments
+    counts = segments.lengths[positions] + 1
+    starts = np.cumsum(counts) - counts
+    step = np.arange(counts.sum()) - np.repeat(starts, counts)
+    frames = np.repeat(segments.start[positions], counts) + step
+    local, offsets = context.rotations[frames], context.positions[frames]
+    taken = problem.library.segments[donors]
+    _insert_rotations(problem, group, taken, counts, local)
+    if group == problem.root_group:
+        root = problem.library.root
+        donor_roots = _resample_roots(problem, taken, counts)
+        if root_start is None:
+            at_start = segments.start[positions]
+            root_start = RootTransforms.from_motion(context, root)[at_start]
+        transform = AlignmentTransform.from_roots(
+            donor_roots[starts], root_start, problem.library.up
+        )
+        moved = transform[np.repeat(np.arange(len(positions)), counts)].apply(donor_roots)
+        moved = moved.relative_to_parent(context, frames, root)
+        local[:, root], offsets[:, root] = moved.rotations, moved.positions
+    motion = replace(problem.base, rotations=local, positions=offsets, channel_values=None)
+    return problem.base_poses.with_poses(frames, *motion.world_transforms())
+
+
+def advance_root(
+    problem: SearchProblem, donors: IntArray, root_start: RootTransforms
+) -> RootTransforms:
+    """Return the root transforms at the ends of donors that start at given root transforms.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    donors : ndarray of int, shape (n,)
+        The donors.
+    root_start : RootTransforms
+        The n root transforms at which they start.
+    """
+    library = problem.library
+    taken = library.segments[donors]
+    first, last = _empty_roots(len(donors)), _empty_roots(len(donors))
+    for clip in np.unique(taken.clip):
+        in_clip = taken.clip == clip
+        root = RootTransforms.from_motion(library.clips[clip], library.root)
+        for ends, frames in ((first, taken.start[in_clip]), (last, taken.stop[in_clip])):
+            ends.rotations[in_clip] = root.rotations[frames]
+            ends.positions[in_clip] = root.positions[frames]
+    return AlignmentTransform.from_roots(first, root_start, library.up).apply(last)
+
+
+def _insert_rotations(
+    problem: SearchProblem, group: str, taken: Segments, counts: IntArray, local: FloatArray
+) -> None:
+    """Write the resampled rotations of donors into rows of local rotations."""
+    library = problem.library
+    axes = problem.divided_channels[group]
+    joints = np.setdiff1d(library.joints(group), list(axes)).astype(np.int64)
+    clip_of_row = np.repeat(taken.clip, counts)
+    for clip in np.unique(taken.clip):
+        in_clip, rows, motion = taken.clip == clip, clip_of_row == clip, library.clips[clip]
+        track = np.concatenate([motion.rotations[:, joints], split_axes(motion, axes)], axis=1)
+        resampled = resample_segments(
+            track, taken.start[in_clip], taken.stop[in_clip], counts[in_clip]
+        )
+        local[np.ix_(rows, joints)] = resampled[:, : len(joints)]
+        for (joint, axis), angle in merge_axes(resampled[:, len(joints) :], axes).items():
+            order = problem.base.skeleton.rotation_order(joint)
+            euler = rotations.to_euler(local[rows, joint], order)
+            euler[:, order.index(axis)] = angle
+            local[rows, joint] = rotations.from_euler(euler, order)
+
+
+def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -> RootTransforms:
+    """Return the resampled root transforms of donors in their clips, one row per frame."""
+    library = problem.library
+    found = _empty_roots(int(counts.sum()))
+    clip_of_row = np.repeat(taken.clip, counts)
+    for clip in np.unique(taken.clip):
+        in_clip, rows = taken.clip == clip, clip_of_row == clip
+        root = RootTransforms.from_motion(library.clips[clip], library.root)
+        bounds = taken.start[in_clip], taken.stop[in_clip], counts[in_clip]
+        turns = resample_segments(root.rotations[:, None], *bounds)
+        places = resample_segment_positions(root.positions[:, None], *bounds)
+        found.rotations[rows], found.positions[rows] = turns[:, 0], places[:, 0]
+    return found
+
+
+def _empty_roots(n: int) -> RootTransforms:
+    return RootTransforms(np.empty((n, 4)), np.empty((n, 3)))

@@ -1,0 +1,203 @@
+"""Repair of donor sequences whose assembled motion violates hard constraints.
+
+The trellis evaluates candidates before seam treatment; seams can introduce violations. Repair
+penalises the donors at violated positions and searches the neighbourhood again. If that does not
+help, it assembles the cheapest short sequences around each violation and keeps the best.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.runs import dilate, find_runs
+from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.trellis import DonorSequences, DonorTrellis
+from mograft.search.viterbi import Trellis, k_best, viterbi
+from mograft.synthesis.assembly import donor_excess, donor_excesses
+from mograft.synthesis.donor_trellis import candidate_violations
+from mograft.synthesis.search_problem import SearchProblem
+
+__all__ = ["repair_donors", "restrict_to_violations"]
+
+_MAX_ROUNDS = 8
+"""Searches with increased penalties."""
+
+_REPAIR_RADIUS = 3
+"""Positions on either side of a violated one that a restricted problem can change."""
+
+_MAX_WINDOW_LENGTH = 8
+"""Positions of the longest window whose sequences are assembled one by one."""
+
+_N_CHEAPEST_TRIALS = 48
+"""Cheapest sequences of a window that are assembled."""
+
+_N_NEAREST_TRIALS = 4 * _N_CHEAPEST_TRIALS
+"""Sequences with the smallest violation before seam treatment that are assembled."""
+
+_TRIALS_PER_BATCH = 24
+"""Sequences that are assembled together."""
+
+
+def restrict_to_violations(problem: SearchProblem, donors: DonorSequences) -> SearchProblem:
+    """Return the problem with candidates only near the violations of donor sequences.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    donors : dict of str to ndarray of int
+        The donor sequences. Away from violations only they and the base segments remain.
+    """
+    excess = donor_excess(problem, donors)
+    candidates = {}
+    for group, lists in problem.candidates.items():
+        near = dilate(problem.positions_with(excess[group]), _REPAIR_RADIUS)
+        candidates[group] = [
+            segments if is_near else np.unique([base, donor])
+            for segments, is_near, base, donor in zip(
+                lists, near, problem.scenario, donors[group], strict=True
+            )
+        ]
+    return replace(problem, candidates=candidates)
+
+
+def repair_donors(
+    problem: SearchProblem, donors: DonorSequences, trellises: Mapping[str, DonorTrellis]
+) -> DonorSequences:
+    """Change donors until the assembled motion satisfies the hard constraints, if possible.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    donors : dict of str to ndarray of int
+        The donor sequences.
+    trellises : mapping of str to DonorTrellis
+        For every grafted group the candidates and their costs.
+
+    Returns
+    -------
+    dict of str to ndarray of int
+        The evaluated donor sequences with the smallest total violation; ties go to the first.
+        Only violated positions and their neighbours change. A group that holds the root does
+        not change: see `mograft.synthesis.root_tabu_search`.
+    """
+    if not any(constraint.is_hard for constraint in problem.constraints):
+        return donors
+    chosen = {
+        group: _replace_unlisted(donors[group], trellis) for group, trellis in trellises.items()
+    }
+    local = {group: own for group, own in trellises.items() if group != problem.root_group}
+    if not local:
+        return chosen
+    penalties = {
+        group: [np.zeros(len(own)) for own in trellis.candidates]
+        for group, trellis in local.items()
+    }
+    least, best = np.inf, chosen
+    for _ in range(_MAX_ROUNDS):
+        excess = donor_excess(problem, chosen)
+        total = sum(float(own.sum()) for own in excess.values())
+        if total < least:
+            least, best = total, dict(chosen)
+        if total == 0:
+            return best
+        for group, trellis in local.items():
+            chosen[group] = _search_again(
+                problem, trellis, penalties[group], chosen[group], excess[group]
+            )
+    return _try_sequences(problem, best, local)
+
+
+def _replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
+    """Replace donors that are not among the kept candidates by the base segments."""
+    listed = zip(donors, trellis.candidates, trellis.scenario, strict=True)
+    return np.array(
+        [donor if donor in candidates else base for donor, candidates, base in listed], np.int64
+    )
+
+
+def _search_again(
+    problem: SearchProblem,
+    trellis: DonorTrellis,
+    penalties: list[FloatArray],
+    donors: IntArray,
+    excess: FloatArray,
+) -> IntArray:
+    """Penalise the donors at violated positions and return the cheapest sequence around them."""
+    violated = problem.positions_with(excess)
+    if not violated.any():
+        return donors
+    segments, path = problem.base_segments, trellis.path(donors)
+    for position in np.flatnonzero(violated).tolist():
+        frames = slice(segments.start[position], segments.stop[position] + 1)
+        worst = float(excess[frames].max())
+        penalties[position][path[position]] += INFEASIBLE_PENALTY * (1.0 + worst)
+    costs = trellis.costs.add_unary(penalties)
+    for start, stop in find_runs(dilate(violated)).tolist():
+        path[start:stop] = viterbi(costs.slice_within(path, start, stop))
+    return trellis.donor_sequence(path)
+
+
+def _try_sequences(
+    problem: SearchProblem, donors: DonorSequences, trellises: Mapping[str, DonorTrellis]
+) -> DonorSequences:
+    """Assemble many sequences around each remaining violation and keep the best.
+
+    First the cheapest sequences, then those with the smallest violations before seam treatment
+    and the narrowest seams, since wide seams change poses most.
+    """
+    chosen = dict(donors)
+    for group, trellis in trellises.items():
+        violated = problem.positions_with(donor_excess(problem, chosen)[group])
+        windows = [
+            (start, stop)
+            for start, stop in find_runs(dilate(violated)).tolist()
+            if stop - start <= _MAX_WINDOW_LENGTH
+        ]
+        if not windows:
+            continue
+        amounts = _kept_amounts(problem, group, chosen, trellis)
+        by_amount = Trellis(tuple(amounts), trellis.costs.pairwise)
+        for start, stop in windows:
+            path = trellis.path(chosen[group])
+            cheapest = k_best(trellis.costs.slice_within(path, start, stop), _N_CHEAPEST_TRIALS)
+            nearest = k_best(by_amount.slice(start, stop), _N_NEAREST_TRIALS)
+            trials = [path]
+            for window_path in [*cheapest, *nearest]:
+                trials.append(path.copy())
+                trials[-1][start:stop] = window_path
+            alternatives = [{**chosen, group: trellis.donor_sequence(own)} for own in trials]
+            first, last = max(start - 1, 0), min(stop + 1, len(problem.base_segments))
+            chosen = _least_violating(problem, alternatives, first, last)
+    return chosen
+
+
+def _kept_amounts(
+    problem: SearchProblem, group: str, chosen: DonorSequences, trellis: DonorTrellis
+) -> list[FloatArray]:
+    """Return the hard violation amounts of the candidates that the trellis keeps."""
+    found = candidate_violations(problem, group, chosen)
+    listed = zip(found, problem.candidates[group], trellis.candidates, strict=True)
+    return [own.hard[np.searchsorted(everyone, kept)] for own, everyone, kept in listed]
+
+
+def _least_violating(
+    problem: SearchProblem, alternatives: Sequence[DonorSequences], first: int, stop: int
+) -> DonorSequences:
+    """Return the alternative with the smallest total violation in a range of positions.
+
+    Ties go to the first.
+    """
+    least, best = np.inf, alternatives[0]
+    for i in range(0, len(alternatives), _TRIALS_PER_BATCH):
+        batch = alternatives[i : i + _TRIALS_PER_BATCH]
+        excesses = donor_excesses(problem, batch, first, stop).values()
+        totals = np.sum([own.sum(axis=1) for own in excesses], axis=0)
+        if totals.min() < least:
+            least, best = float(totals.min()), batch[int(totals.argmin())]
+        if least == 0:
+            break
+    return best

@@ -1,0 +1,168 @@
+"""Trellises of donors with constraint costs: every candidate is evaluated in its position.
+
+Candidates of most groups are evaluated as they are, before seam treatment. A group that holds
+the root drives it with its donors, one after the other: each of its candidates is evaluated at
+the root transform to which the cheapest path that ends in the candidate leads.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.blend.rigid_alignment import RootTransforms
+from mograft.body.world_poses import Poses
+from mograft.search.costs import ConstraintViolations, pose_violations
+from mograft.search.trellis import DonorSequences, DonorTrellis
+from mograft.synthesis.assembly import assemble
+from mograft.synthesis.donor_poses import advance_root, candidate_poses, split_by_count
+from mograft.synthesis.search_problem import SearchProblem
+
+__all__ = [
+    "build_trellis",
+    "candidate_pose_violations",
+    "candidate_violations",
+    "feasible_candidates",
+]
+
+
+def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
+    """Return the candidates of a group with their costs, constraint costs included.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    group : str
+        The grafted group.
+    chosen : dict of str to ndarray of int
+        Donor sequences of the groups that are chosen already; the others are as captured.
+    """
+    if group == problem.root_group:
+        return _build_root_trellis(problem, group, chosen)
+    costs = [own.costs() for own in candidate_violations(problem, group, chosen)]
+    return _trellis(problem, group, costs)
+
+
+def candidate_violations(
+    problem: SearchProblem, group: str, chosen: DonorSequences
+) -> list[ConstraintViolations]:
+    """Return how far every candidate of a group violates the constraints in its position.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    group : str
+        The grafted group.
+    chosen : dict of str to ndarray of int
+        Donor sequences of the groups that are chosen already; the others are as captured.
+
+    Returns
+    -------
+    list of ConstraintViolations
+        One per position. All hard constraints on origins are satisfied, so that `hard` is of
+        pose constraints alone.
+    """
+    lists = problem.candidates[group]
+    violations = [
+        ConstraintViolations(np.zeros(len(costs)), costs) for costs in problem.origin_costs(group)
+    ]
+    active = np.flatnonzero(problem.is_constrained_position)
+    if not len(active):
+        return violations
+    context = assemble(problem, chosen) if chosen else problem.base
+    intervals = problem.base_segments.lengths[active]
+    n_poses = np.array([len(lists[p]) for p in active.tolist()]) * (intervals + 1)
+    for positions in split_by_count(active, n_poses):
+        counts = [len(lists[p]) for p in positions.tolist()]
+        repeated = np.repeat(positions, counts)
+        donors = np.concatenate([lists[p] for p in positions.tolist()])
+        poses = candidate_poses(problem, group, repeated, donors, context)
+        found = candidate_pose_violations(problem, group, repeated, poses)
+        ends = np.cumsum(counts)[:-1]
+        hard, soft = np.split(found.hard, ends), np.split(found.soft, ends)
+        for i, position in enumerate(positions.tolist()):
+            origin = violations[position].soft
+            violations[position] = ConstraintViolations(hard[i], origin + soft[i])
+    return violations
+
+
+def candidate_pose_violations(
+    problem: SearchProblem, group: str, positions: IntArray, poses: Poses
+) -> ConstraintViolations:
+    """Return how far candidates violate pose constraints.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+        The search problem.
+    group : str
+        The grafted group.
+    positions : ndarray of int, shape (n,)
+        The position of each candidate.
+    poses : Poses
+        As `candidate_poses` returns them.
+    """
+    counts = problem.base_segments.lengths[positions] + 1
+    starts = np.cumsum(counts) - counts
+    constraints = problem.pose_constraints
+    amounts = pose_violations(
+        constraints,
+        poses,
+        problem.driven_joints[group],
+        lambda errors: np.maximum.reduceat(errors, starts),
+    )
+    return ConstraintViolations.from_amounts(constraints, amounts, len(positions))
+
+
+def feasible_candidates(problem: SearchProblem, group: str) -> list[IntArray]:
+    """Return the candidates that satisfy all hard constraints; all of them if none does.
+
+    All, too, if a group holds the root: its transform is known only for a donor sequence.
+    """
+    if problem.root_group is not None:
+        return problem.candidates[group]
+    found = candidate_violations(problem, group, {})
+    return [
+        segments[own.is_feasible] if own.is_feasible.any() else segments
+        for segments, own in zip(problem.candidates[group], found, strict=True)
+    ]
+
+
+def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
+    """Return the candidates at the root transforms to which the cheapest paths lead."""
+    trellis = _trellis(problem, group, problem.origin_costs(group))
+    if not problem.is_constrained_position.any():
+        return trellis
+    context = assemble(problem, chosen) if chosen else problem.base
+    roots = RootTransforms.from_motion(context, problem.library.root)
+    start = roots[problem.base_segments.start[:1]]
+    constraint_costs: list[FloatArray] = []
+    total, ends = np.zeros(1), start
+    for position, donors in enumerate(trellis.candidates):
+        root_start = start[np.zeros(len(donors), np.int64)]
+        if position:
+            through = total[:, None] + trellis.costs.pairwise[position - 1]
+            total, root_start = through.min(axis=0), ends[through.argmin(axis=0)]
+        costs = np.zeros(len(donors))
+        if problem.is_constrained_position[position]:
+            positions = np.full(len(donors), position)
+            poses = candidate_poses(problem, group, positions, donors, context, root_start)
+            costs = candidate_pose_violations(problem, group, positions, poses).costs()
+        constraint_costs.append(costs)
+        total = total + trellis.costs.unary[position] + costs
+        ends = advance_root(problem, donors, root_start)
+    return replace(trellis, costs=trellis.costs.add_unary(constraint_costs))
+
+
+def _trellis(
+    problem: SearchProblem, group: str, constraint_costs: list[FloatArray]
+) -> DonorTrellis:
+    return DonorTrellis.build(
+        problem.pools[group],
+        problem.scenario,
+        problem.candidates[group],
+        problem.cost_models[group],
+        constraint_costs,
+    )

@@ -1,0 +1,285 @@
+"""The plan that all grafts on one base share: choose donors, repair them, build the motion."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+
+from mograft._util.arrays import IntArray, as_indices
+from mograft.blend.foot_planting import FeetReport, plant_feet
+from mograft.blend.recombine import Part, recombine
+from mograft.body.contacts import detect_contacts, find_legs
+from mograft.config import Config
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.scenario import Scenario
+from mograft.scenario.realize import donor_contacts, realize_scenario
+from mograft.search.candidates import SegmentPool
+from mograft.search.constraints import Constraint, Violation, find_violations
+from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
+from mograft.search.donor_constraints import find_seam_violations
+from mograft.search.trellis import DonorSequences, DonorTrellis
+from mograft.search.viterbi import viterbi
+from mograft.synthesis.assembly import transplant_group
+from mograft.synthesis.donor_repair import repair_donors
+from mograft.synthesis.donor_trellis import build_trellis, feasible_candidates
+from mograft.synthesis.graft_result import Graft, Seam, Substitution
+from mograft.synthesis.root_tabu_search import tabu_search
+from mograft.synthesis.search_problem import SearchProblem
+
+__all__ = ["GraftPlan", "grafted_groups"]
+
+
+@dataclass(frozen=True, eq=False)
+class GraftPlan:
+    """The search problem of a base, with its trellises. Made by `GraftPlan.build`.
+
+    Attributes
+    ----------
+    problem : SearchProblem
+        The search problem.
+    scenario : tuple of int
+        The segments of which the base is composed; empty if the base is a clip.
+    """
+
+    problem: SearchProblem
+    scenario: tuple[int, ...] = ()
+
+    @classmethod
+    def build(
+        cls,
+        library: Library,
+        base: Motion | str | None,
+        swap: Sequence[str] | None,
+        constraints: Sequence[Constraint],
+        scenario: Sequence[int] | IntArray | Scenario | None = None,
+    ) -> "GraftPlan":
+        """Return the plan for the arguments of `mograft.graft`."""
+        groups = grafted_groups(library, swap)
+        composed: tuple[int, ...] = ()
+        if scenario is None:
+            library, clip = library.resolve_base(base)
+            indices = library.segments.of_clip(clip)
+            motion, segments = library.clips[clip], library.segments[indices]
+        elif base is not None:
+            raise ValueError("base must not be given with a scenario, which is the base itself")
+        else:
+            if not isinstance(scenario, Scenario):
+                scenario = Scenario(_as_scenario(scenario))
+            indices = _check_segments(scenario.segments, library)
+            motion, segments = realize_scenario(library, scenario)
+            composed = tuple(indices.tolist())
+        problem = SearchProblem.build(library, motion, indices, segments, groups, constraints)
+        return cls(problem, composed)
+
+    @property
+    def base(self) -> Motion:
+        """The base motion."""
+        return self.problem.base
+
+    @property
+    def config(self) -> Config:
+        """The library's configuration, limited by the constraints."""
+        return self.problem.config
+
+    @property
+    def pools(self) -> Mapping[str, SegmentPool]:
+        """For every grafted group the segments."""
+        return self.problem.pools
+
+    @cached_property
+    def trellises(self) -> dict[str, DonorTrellis]:
+        """For every grafted group the candidates and their costs.
+
+        With constraints, each group is evaluated beside the cheapest donors of those before it.
+        """
+        trellises: dict[str, DonorTrellis] = {}
+        chosen: DonorSequences = {}
+        for group in self.pools:
+            trellis = build_trellis(self.problem, group, chosen)
+            trellises[group] = trellis
+            if self.problem.constraints:
+                chosen[group] = trellis.donor_sequence(viterbi(trellis.costs))
+        return trellises
+
+    def feasible_candidates(self, group: str) -> list[IntArray]:
+        """Return the candidates at each position that satisfy the hard constraints."""
+        return feasible_candidates(self.problem, group)
+
+    def choose_donors(self, count: int, seed: int) -> list[DonorSequences]:
+        """Return different donor sequences for several motions, repaired."""
+        choice = DONOR_CHOICES.get(self.config.choice)
+        drawn = choice.draw(self, count, np.random.default_rng(seed))
+        return unique_sequences([self.repair(donors) for donors in drawn])
+
+    def repair(self, donors: DonorSequences) -> DonorSequences:
+        """Return donor sequences changed until hard constraints hold, if possible."""
+        if not any(constraint.is_hard for constraint in self.problem.constraints):
+            return donors
+        donors = repair_donors(self.problem, donors, self.trellises)
+        return tabu_search(self.problem, donors, self.trellises, self._finish)
+
+    def build_graft(self, donors: DonorSequences, seed: int, index: int) -> Graft:
+        """Return the graft of donor sequences."""
+        problem = self.problem
+        parts: list[Part] = []
+        substitutions: list[Substitution] = []
+        seams: list[Seam] = []
+        for group, sequence in donors.items():
+            part = transplant_group(problem, group, problem.base, problem.base_segments, sequence)
+            parts.append(part)
+            substitutions += _substitutions(problem, group, sequence)
+            seams += [
+                Seam(group, frame, float(gaps.mean()))
+                for frame, gaps in zip(part.seams.tolist(), part.gaps, strict=True)
+            ]
+        motion = recombine(self.base, parts, f"{self.base.name}_graft{index}")
+        motion, feet = self._plant_feet(motion, donors)
+        return Graft(
+            motion=motion,
+            base=self.base,
+            library=problem.library,
+            substitutions=tuple(substitutions),
+            seams=tuple(seams),
+            alternatives={
+                group: np.array([len(own) - 1 for own in problem.candidates[group]])
+                for group in donors
+            },
+            seed=seed,
+            index=index,
+            violations=tuple(self._violations(motion, donors)),
+            feet=feet,
+            scenario=self.scenario,
+        )
+
+    def _violations(self, motion: Motion, donors: DonorSequences) -> list[Violation]:
+        """Return the violations of hard constraints by a finished motion."""
+        problem = self.problem
+        if not problem.constraints:
+            return []
+        frames = np.arange(motion.n_frames)
+        poses = problem.base_poses.with_poses(frames, *motion.world_transforms())
+        found = find_violations(problem.constraints, poses)
+        seam_frames = problem.base_segments.stop[:-1].tolist()
+        for constraint in problem.constraints:
+            for group, sequence in donors.items():
+                angles = problem.pools[group].seam_angles_along(sequence).tolist()
+                found += find_seam_violations([constraint], group, seam_frames, angles)
+        return found
+
+    def _finish(self, motion: Motion, donors: DonorSequences) -> Motion:
+        return self._plant_feet(motion, donors)[0]
+
+    def _plant_feet(
+        self, motion: Motion, donors: DonorSequences
+    ) -> tuple[Motion, FeetReport | None]:
+        """Plant the feet where they stand in the clips of their donors.
+
+        The motion stays as it is if no exchanged group drives the feet.
+        """
+        problem, library = self.problem, self.problem.library
+        if library.config.feet == "never":
+            return motion, None
+        legs = find_legs(motion.skeleton)
+        donors_of = {
+            int(joint): sequence
+            for group, sequence in donors.items()
+            for joint in library.joints(group)
+            if joint not in problem.divided_channels[group]
+        }
+        exchanged = {
+            joint for joint, sequence in donors_of.items() if (sequence != problem.scenario).any()
+        }
+        driving = chain.from_iterable(
+            _chain_to_root(motion.skeleton, leg.ankle, library.root) for leg in legs
+        )
+        if exchanged.isdisjoint(driving):
+            return motion, None
+        sources = [donors_of.get(leg.ankle, problem.scenario) for leg in legs]
+        contacts, heights = donor_contacts(library, problem.base_segments, sources)
+        return plant_feet(
+            motion,
+            # Contacts of the donors, and those that the new motion has by itself.
+            contacts | detect_contacts(motion),
+            movable_legs=[{leg.hip, leg.knee, leg.ankle} <= donors_of.keys() for leg in legs],
+            move_root=library.root in donors_of,
+            min_heights=heights,
+        )
+
+
+def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
+    """Return the groups to graft, in the library's order.
+
+    Parameters
+    ----------
+    library : Library
+        The library.
+    swap : sequence of str, optional
+        Names of groups. Default: all but the base group.
+
+    Raises
+    ------
+    TypeError
+        If `swap` is a string.
+    ValueError
+        If a name is not that of a grafted group, or there is none.
+    """
+    base = library.groups.base
+    others = [name for name in library.groups.names if name != base]
+    if isinstance(swap, str):
+        raise TypeError(f"swap must be a list of groups, got {swap!r}")
+    wanted = others if swap is None else list(swap)
+    for name in wanted:
+        if name not in others:
+            raise ValueError(
+                f"swap must name groups other than the base {base!r}, of {', '.join(others)}; "
+                f"got {name!r}"
+            )
+    if not wanted:
+        raise ValueError(f"swap must name at least one group of {', '.join(others)}, got none")
+    return [name for name in others if name in wanted]
+
+
+def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iterator[Substitution]:
+    library, pool, frames = problem.library, problem.pools[group], problem.base_segments
+    segments = library.segments
+    costs = pool.unary_costs(problem.scenario, donors, problem.cost_models[group])
+    gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
+    for i, (base, donor) in enumerate(zip(problem.scenario.tolist(), donors.tolist(), strict=True)):
+        yield Substitution.build(
+            group,
+            (int(frames.start[i]), int(frames.stop[i])),
+            segment=base,
+            donor=donor,
+            clip=library.entries[segments.clip[donor]].name,
+            donor_frames=(int(segments.start[donor]), int(segments.stop[donor])),
+            cost=float(costs[i]),
+            gaps=(gaps[i], gaps[i + 1]),
+        )
+
+
+def _as_scenario(scenario: Sequence[int] | IntArray) -> IntArray:
+    indices = as_indices("scenario", scenario, ("n",))
+    if not len(indices):
+        raise ValueError("scenario must hold at least one segment, got none")
+    return indices
+
+
+def _check_segments(scenario: IntArray, library: Library) -> IntArray:
+    """Return a scenario after checking that its segments exist."""
+    n = len(library.segments)
+    wrong = scenario[(scenario < 0) | (scenario >= n)]
+    if len(wrong):
+        raise ValueError(f"scenario must be of segments 0 to {n - 1}, got {wrong[0]}")
+    return scenario
+
+
+def _chain_to_root(skeleton: Skeleton, joint: int, root: int) -> list[int]:
+    """Return a joint and its ancestors up to the root."""
+    joints = [joint]
+    while joints[-1] != root and skeleton.parents[joints[-1]] >= 0:
+        joints.append(int(skeleton.parents[joints[-1]]))
+    return joints

@@ -1,0 +1,183 @@
+"""Grafts: new motions with the source of every part."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mograft._util.arrays import IntArray
+from mograft.blend.foot_planting import FeetReport
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.search.constraints import Violation
+from mograft.synthesis import provenance
+
+__all__ = ["Graft", "Seam", "Substitution"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Substitution:
+    """The donor of one base segment for one joint group.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    start, stop : int
+        First and last frame in the base, both included.
+    segment, donor : int
+        Indices of the base segment and of the donor in the library.
+    clip : str
+        Name of the donor's clip.
+    donor_start, donor_stop : int
+        First and last frame of the donor in its clip.
+    stretch : float
+        Change of the donor's length as a fraction of it: above 0 if it was lengthened.
+    cost : float
+        Cost of the donor by itself, without seams and constraints; see `Config`.
+    gap_before, gap_after : float
+        Mean joint angle, in radians, between the poses that meet at its seams; 0 if the donors
+        are neighbours in a clip, or there is no seam.
+    """
+
+    group: str
+    start: int
+    stop: int
+    segment: int
+    donor: int
+    clip: str
+    donor_start: int
+    donor_stop: int
+    stretch: float
+    cost: float = 0.0
+    gap_before: float = 0.0
+    gap_after: float = 0.0
+
+    @classmethod
+    def build(
+        cls,
+        group: str,
+        frames: tuple[int, int],
+        *,
+        segment: int,
+        donor: int,
+        clip: str,
+        donor_frames: tuple[int, int],
+        cost: float,
+        gaps: tuple[float, float],
+    ) -> "Substitution":
+        """Return the substitution with its stretch.
+
+        Parameters
+        ----------
+        group, segment, donor, clip, cost
+            As the attributes.
+        frames, donor_frames : tuple of int
+            First and last frame in the base, and of the donor in its clip.
+        gaps : tuple of float
+            The gaps before and after.
+        """
+        length, donor_length = frames[1] - frames[0], donor_frames[1] - donor_frames[0]
+        return cls(
+            group=group,
+            start=frames[0],
+            stop=frames[1],
+            segment=segment,
+            donor=donor,
+            clip=clip,
+            donor_start=donor_frames[0],
+            donor_stop=donor_frames[1],
+            stretch=length / donor_length - 1.0,
+            cost=cost,
+            gap_before=gaps[0],
+            gap_after=gaps[1],
+        )
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the base segment is its own donor."""
+        return self.segment == self.donor
+
+
+@dataclass(frozen=True)
+class Seam:
+    """A frame at which segments meet that are not neighbours in a clip.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    frame : int
+        The frame in the base.
+    gap : float
+        Mean joint angle between the poses before seam treatment, in radians.
+    """
+
+    group: str
+    frame: int
+    gap: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Graft:
+    """A new motion and the source of every part.
+
+    Attributes
+    ----------
+    motion : Motion
+        The new motion, with as many frames as the base.
+    base : Motion
+        The motion whose base group is kept.
+    library : Library
+        The source of the donors.
+    substitutions : tuple of Substitution
+        The donor of every base segment and grafted group; it may be the segment itself.
+    seams : tuple of Seam
+        The treated seams.
+    alternatives : dict of str to ndarray of int
+        For every grafted group the number of candidates for each base segment besides itself.
+    seed : int
+        The seed of the donor choice.
+    index : int
+        Number among the grafts of the same call, from 0.
+    violations : tuple of Violation
+        Violations of hard constraints; empty if all are satisfied.
+    feet : FeetReport or None
+        Result of foot planting; None if the base group holds legs and root, or no exchanged
+        group drives the feet.
+    scenario : tuple of int
+        The segments of which the base is composed; empty if the base is a clip.
+    """
+
+    motion: Motion
+    base: Motion
+    library: Library
+    substitutions: tuple[Substitution, ...]
+    seams: tuple[Seam, ...]
+    alternatives: dict[str, IntArray]
+    seed: int
+    index: int
+    violations: tuple[Violation, ...] = ()
+    feet: FeetReport | None = None
+    scenario: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        new = sum(not s.is_own for s in self.substitutions)
+        return f"Graft({self.motion.name}: {new} of {len(self.substitutions)} parts exchanged)"
+
+    def _repr_html_(self) -> str:
+        from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
+
+        return notebook_view(self)
+
+    def report(self, *, each: bool = False) -> str:
+        """Return a summary in text: exchanged and kept segments, seams, violations and feet.
+
+        Parameters
+        ----------
+        each : bool
+            Whether to list every exchanged segment with its donor, cost and seams.
+        """
+        return provenance.report(self, each=each)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the provenance of the motion as a JSON document."""
+        return provenance.document(self)

@@ -1,0 +1,40 @@
+"""Properties of poses and velocities at the ends of segments."""
+
+import numpy as np
+from hypothesis import given
+
+from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
+from tests.oracles import pipeline as oracle
+from tests.strategies import SEEDS, quaternions
+
+
+@given(quaternions((3, 2)), quaternions((4, 2)))
+def test_pose_gaps_match_the_oracle_and_are_symmetric(ends, starts):
+    gaps = pose_gaps(ends, starts)
+    expected = [[oracle.gap(end, start) for start in starts] for end in ends]
+    np.testing.assert_allclose(gaps, expected, atol=1e-9)
+    np.testing.assert_allclose(pose_gaps(starts, ends), gaps.T, atol=1e-12)
+
+
+def test_velocity_gaps_match_numpy_norms():
+    rng = np.random.default_rng(0)
+    ends, starts = rng.normal(size=(4, 2, 3)), rng.normal(size=(3, 2, 3))
+    expected = np.linalg.norm(ends[:, None] - starts, axis=-1).mean(axis=-1)
+    np.testing.assert_allclose(velocity_gaps(ends, starts), expected, atol=1e-12)
+
+
+@given(SEEDS)
+def test_gaps_between_neighbours_of_a_clip_are_zero(make_pool, seed):
+    boundary = make_pool(seed).boundary
+    gaps = boundary[:-1].pose_gaps_to(boundary[1:])
+    np.testing.assert_allclose(np.diag(gaps), 0.0, atol=1e-15)
+    velocities = boundary[:-1].velocity_gaps_to(boundary[1:])
+    np.testing.assert_array_equal(np.diag(velocities), 0.0)
+
+
+def test_boundary_states_concatenate_restores_slices(make_pool):
+    boundary = make_pool(1).boundary
+    whole = BoundaryStates.concatenate([boundary[:5], boundary[np.arange(5, 12)]])
+    assert len(whole) == len(boundary) == 12
+    for name in ("first", "last", "first_velocity", "last_velocity"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(boundary, name))

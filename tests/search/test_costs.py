@@ -1,0 +1,118 @@
+"""Properties of the cost model: lengths, seams, similarity and constraints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from mograft import Config, MaxAngle, Reach
+from mograft.search.costs import (
+    INFEASIBLE_PENALTY,
+    ConstraintViolations,
+    CostModel,
+    SeamScales,
+    SimilarityCostModel,
+    infeasible_costs,
+    length_fits,
+    limit_config,
+)
+
+ROBUST, PAPER = Config(), Config.paper()
+SCALES = SeamScales(0.3, 2.0)
+
+
+def test_length_fits_paper_rule_is_strict_and_relative_to_the_base():
+    def fits(base, donor, config):
+        return bool(length_fits(np.array(base), np.array(donor), 30.0, config))
+
+    assert fits(20, 22, PAPER)
+    assert not fits(20, 23, PAPER)  # 0.15 is not below 0.15
+    assert fits(21, 18, PAPER)
+    assert not fits(18, 21, PAPER)  # the same lengths with base and donor exchanged
+    assert not fits(6, 7, PAPER)
+    assert fits(6, 7, ROBUST)
+    assert not fits(6, 8, ROBUST)
+    assert fits(20, 23, ROBUST)
+
+
+@given(st.integers(1, 500), st.integers(1, 500))
+def test_length_fits_slack_allows_one_paper_frame_at_any_rate(base, donor):
+    at_30 = length_fits(np.array(base), np.array(donor), 30.0, ROBUST)
+    at_120 = length_fits(np.array(4 * base), np.array(4 * donor), 120.0, ROBUST)
+    assert at_30 == at_120
+    assert at_30 == (abs(base - donor) <= max(0.15 * base + 1e-9, 1))
+
+
+@given(st.integers(1, 50), st.integers(1, 50), st.floats(0, 2), st.booleans())
+def test_unary_weighted_costs_match_the_formula(base, donor, distance, is_base):
+    config = Config(length_weight=2.0, distance_weight=0.5, novelty=1.5)
+    lengths = np.array([base]), np.array([donor])
+    costs = CostModel(config, SCALES).unary(*lengths, np.array([distance]), np.array([is_base]))
+    expected = 2.0 * (1 - min(base, donor) / max(base, donor)) + 0.5 * distance
+    assert costs[0] == pytest.approx(expected - (0.0 if is_base else 1.5))
+
+
+def test_unary_similarity_costs_are_distances_and_a_penalty_for_the_base():
+    model = SimilarityCostModel(ROBUST, SCALES)
+    lengths = np.array([4, 4])
+    costs = model.unary(lengths, lengths, np.array([0.7, 0.0]), np.array([False, True]))
+    assert costs.tolist() == [0.7, INFEASIBLE_PENALTY]
+
+
+@pytest.mark.parametrize("model", [CostModel, SimilarityCostModel])
+def test_pairwise_penalty_applies_above_the_limit_only(model):
+    config = Config(max_angle=0.5)
+    angles, velocities = np.array([0.0, 0.5, 0.5000001]), np.array([0.0, 1.0, 1.0])
+    costs = model(config, SCALES).pairwise(angles, velocities)
+    assert (costs >= INFEASIBLE_PENALTY).tolist() == [False, False, True]
+    gaps = (angles / 0.3) ** 2 + (velocities / 2.0) ** 2
+    rest = np.zeros(3) if model is SimilarityCostModel else gaps
+    np.testing.assert_allclose(costs - [0.0, 0.0, INFEASIBLE_PENALTY], rest, atol=1e-9)
+
+
+@given(
+    npst.arrays(float, 9, elements=st.sampled_from([0.0, 1.0, 2.0])),
+    st.integers(0, 8),
+    st.integers(1, 12),
+)
+def test_keep_cheapest_keeps_the_base_and_lowest_indices_of_ties(costs, base, most):
+    is_base = np.arange(9) == base
+    kept = CostModel(Config(max_candidates=most), SCALES).keep_cheapest(costs, is_base)
+    others = sorted((i for i in range(9) if i != base), key=lambda i: (costs[i], i))
+    assert kept.tolist() == sorted([base, *others[: most - 1]])
+
+
+@given(st.floats(1e-3, 10.0), st.floats(1e-3, 10.0))
+def test_seam_scales_are_twice_the_typical_gaps_up_to_the_configured_scales(angle, velocity):
+    scales = SeamScales.from_typical_gaps(angle, velocity, ROBUST)
+    assert scales.angle == min(ROBUST.angle_scale, 2 * angle)
+    assert scales.velocity == min(ROBUST.velocity_scale, 2 * velocity)
+
+
+@pytest.mark.parametrize("gap", [0.0, np.inf])
+def test_seam_scales_without_typical_gaps_are_the_configured_ones(gap):
+    scales = SeamScales.from_typical_gaps(gap, gap, ROBUST)
+    assert scales == SeamScales(ROBUST.angle_scale, ROBUST.velocity_scale)
+
+
+def test_limit_config_takes_the_smallest_angle():
+    limited = limit_config(ROBUST, [MaxAngle(0.4), MaxAngle(0.2), Reach("a", (0, 0, 0), 0)])
+    assert limited == replace(ROBUST, max_angle=0.2)
+    assert limit_config(ROBUST, [MaxAngle(3.0)]) == ROBUST
+
+
+def test_infeasible_costs_start_above_one_tolerance():
+    costs = infeasible_costs(np.array([0.0, 1.0, 1.5, 4.0]))
+    assert costs.tolist() == [0.0, 0.0, 2.5 * INFEASIBLE_PENALTY, 5.0 * INFEASIBLE_PENALTY]
+
+
+def test_constraint_costs_are_one_penalty_for_the_greatest_hard_amount_and_all_soft_squares():
+    hard, soft = Reach("a", (0, 0, 0), 0), Reach("a", (0, 0, 0), 0, weight=0.5)
+    amounts = [np.array([2.0, 0.5]), np.array([3.0, 1.0]), np.array([3.0, 2.0])]
+    found = ConstraintViolations.from_amounts([hard, hard, soft], amounts, 2)
+    assert found.is_feasible.tolist() == [False, True]
+    assert found.costs().tolist() == [4 * INFEASIBLE_PENALTY + 4.5, 2.0]
+    assert ConstraintViolations.from_amounts([], [], 2).costs().tolist() == [0.0, 0.0]

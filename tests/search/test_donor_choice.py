@@ -1,0 +1,164 @@
+"""Properties of the strategies that choose donor sequences."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chisquare
+
+from mograft import Config
+from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.donor_choice import (
+    DONOR_CHOICES,
+    cheapest_combinations,
+    cost_model,
+    draw_uniform,
+    interleaved_combinations,
+    prune_dead_ends,
+    unique_sequences,
+)
+from mograft.search.trellis import DonorTrellis
+from mograft.search.viterbi import Trellis, viterbi
+from tests.oracles import pipeline as oracle
+from tests.strategies import SEEDS
+
+ROBUST = Config()
+
+
+@dataclass
+class Source:
+    """Candidates of one or more groups without constraints."""
+
+    pools: dict
+    config: Config
+
+    @property
+    def scenario(self):
+        return np.arange(len(next(iter(self.pools.values())).segments))
+
+    @property
+    def trellises(self):
+        return {
+            group: DonorTrellis.build(
+                pool,
+                self.scenario,
+                self.feasible_candidates(group),
+                cost_model(self.config, pool),
+            )
+            for group, pool in self.pools.items()
+        }
+
+    def feasible_candidates(self, group):
+        return self.pools[group].candidate_lists(self.scenario, self.config)
+
+
+@pytest.mark.parametrize("name", DONOR_CHOICES.names)
+@given(SEEDS, st.integers(1, 6))
+def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, count):
+    config = Config(choice=name, max_stretch=2.0)
+    pools = {"arms": make_pool(seed, n_labels=2), "head": make_pool(seed + 1, n_labels=2)}
+    source = Source(pools, config)
+    drawn = DONOR_CHOICES.get(name).draw(source, count, np.random.default_rng(seed))
+    assert 1 <= len(drawn) <= count
+    assert len(unique_sequences(drawn)) == len(drawn)
+    for donors in drawn:
+        assert list(donors) == ["arms", "head"]
+        for group, sequence in donors.items():
+            lists = source.feasible_candidates(group)
+            assert all(donor in own for donor, own in zip(sequence, lists, strict=True))
+
+
+@pytest.mark.parametrize("name", DONOR_CHOICES.names)
+def test_draw_same_generator_state_gives_the_same_sequences(make_pool, name):
+    source = Source({"upper": make_pool(3)}, Config(choice=name, max_stretch=2.0))
+    choice = DONOR_CHOICES.get(name)
+    first, again = (choice.draw(source, 4, np.random.default_rng(5)) for _ in range(2))
+    for one, other in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one["upper"], other["upper"])
+
+
+@pytest.mark.parametrize("name", ["viterbi", "best", "nearest"])
+@given(SEEDS)
+def test_choose_path_deterministic_choices_take_the_cheapest_path(make_pool, name, seed):
+    config = Config(choice=name, max_stretch=2.0)
+    costs = Source({"upper": make_pool(seed)}, config).trellises["upper"].costs
+    path = DONOR_CHOICES.get(name).choose_path(costs, config, np.random.default_rng(seed))
+    np.testing.assert_array_equal(path, viterbi(costs))
+
+
+def test_choose_path_random_ignores_costs_and_avoids_penalties():
+    infeasible = INFEASIBLE_PENALTY * 3
+    trellis = Trellis((np.array([0.0, 5.0, infeasible]), np.zeros(1)), (np.zeros((3, 1)),))
+    rng, choice = np.random.default_rng(0), DONOR_CHOICES.get("random")
+    counts = np.zeros(3, int)
+    for _ in range(600):
+        counts[choice.choose_path(trellis, ROBUST, rng)[0]] += 1
+    assert counts[2] == 0
+    assert chisquare(counts[:2]).pvalue > 1e-6
+
+
+@given(SEEDS, st.floats(0.05, 1.0))
+def test_draw_uniform_stays_within_cluster_and_limit(make_pool, seed, limit):
+    pool = make_pool(seed, n_labels=2)
+    config = Config(max_angle=limit, max_stretch=2.0)
+    lists = pool.candidate_lists(np.arange(len(pool.segments)), config)
+    kept, angles = prune_dead_ends(pool, lists, config)
+    for own, everyone in zip(kept, lists, strict=True):
+        assert set(own) <= set(everyone)
+    donors = draw_uniform(kept, angles, config, np.random.default_rng(seed))
+    np.testing.assert_array_equal(pool.labels[donors], pool.labels)
+    # Every kept candidate has a successor: the captured segments follow each other without gap.
+    assert (pool.seam_angles_along(donors) <= limit).all()
+
+
+@given(SEEDS)
+def test_draw_uniform_matches_the_oracle(make_pool, seed):
+    pool = make_pool(seed, n_labels=2)
+    config = Config(max_angle=0.6, max_stretch=2.0)
+    bounds = np.array([*pool.segments.start, pool.segments.stop[-1]])
+    quats = np.zeros((bounds[-1] + 1, 3, 4))
+    quats[bounds] = np.concatenate([pool.boundary.first, pool.boundary.last[-1:]])
+    found = oracle.candidates(pool.labels, pool.segments.lengths, 30.0, config)
+    expected = oracle.choose(quats, bounds, found, config, np.random.default_rng(seed))
+    lists = pool.candidate_lists(np.arange(len(pool.segments)), config)
+    kept, angles = prune_dead_ends(pool, lists, config)
+    donors = draw_uniform(kept, angles, config, np.random.default_rng(seed))
+    np.testing.assert_array_equal(donors, expected)
+
+
+def test_draw_uniform_all_candidates_are_equally_likely(make_pool):
+    pool = make_pool(5, n=6, n_labels=1, spread=0.01)
+    config = Config(max_stretch=100.0)
+    kept, angles = prune_dead_ends(pool, pool.candidate_lists(np.arange(6), config), config)
+    rng = np.random.default_rng(0)
+    draws = np.array([draw_uniform(kept, angles, config, rng) for _ in range(3000)])
+    for column in draws.T:
+        assert chisquare(np.bincount(column, minlength=6)).pvalue > 1e-6
+
+
+def test_draw_uniform_without_any_seam_within_the_limit_takes_the_narrowest(make_pool):
+    pool = make_pool(5)
+    config = Config(max_angle=1e-9)
+    lists = [np.array([0, 1]), np.array([7, 9])]
+    kept, angles = prune_dead_ends(pool, lists, config)
+    donors = draw_uniform(kept, angles, config, np.random.default_rng(1))
+    gaps = pool.seam_angles(donors[:1], lists[1])[0]
+    assert donors[1] == lists[1][gaps.argmin()]
+
+
+def test_draw_uniform_lone_segment_is_its_own_donor(make_pool):
+    pool = make_pool(0, n=1)
+    kept, angles = prune_dead_ends(pool, [np.array([0])], ROBUST)
+    assert draw_uniform(kept, angles, ROBUST, np.random.default_rng(0)).tolist() == [0]
+
+
+def test_cheapest_combinations_are_in_order_of_total_cost():
+    costs = [[0.0, 1.0, 4.0], [0.0, 2.0]]
+    assert cheapest_combinations(costs, 4) == [(0, 0), (1, 0), (0, 1), (1, 1)]
+
+
+def test_interleaved_combinations_advance_all_lists_then_enumerate_the_rest():
+    assert interleaved_combinations([3, 2], 5) == [(0, 0), (1, 1), (2, 0), (0, 1), (1, 0)]
+    assert len(interleaved_combinations([3, 2], 99)) == 6

@@ -1,0 +1,115 @@
+"""Properties of trellises of donors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import Config
+from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.donor_choice import cost_model
+from mograft.search.trellis import DonorTrellis
+from mograft.search.viterbi import viterbi
+from tests.oracles import pipeline as oracle
+from tests.strategies import SEEDS
+
+ROBUST = Config()
+
+
+def build(pool, config):
+    scenario = np.arange(len(pool.segments))
+    lists = pool.candidate_lists(scenario, config)
+    return DonorTrellis.build(pool, scenario, lists, cost_model(config, pool))
+
+
+@given(SEEDS, st.sampled_from([1, 3, 100]))
+def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, most):
+    pool = make_pool(seed)
+    config = Config(max_stretch=2.0, max_candidates=most, max_angle=0.5)
+    trellis = build(pool, config)
+    lengths, scales = pool.segments.lengths, pool.seam_scales(config)
+    lists = pool.candidate_lists(trellis.scenario, config)
+
+    def unary(i, k):
+        ratio = min(lengths[i], lengths[k]) / max(lengths[i], lengths[k])
+        distance = np.linalg.norm(pool.points[i] - pool.points[k]) / pool.sigma
+        return 1 - ratio + 0.25 * distance - config.novelty * (i != k)
+
+    for i, (kept, costs) in enumerate(zip(trellis.candidates, trellis.costs.unary, strict=True)):
+        np.testing.assert_allclose(costs, [unary(i, k) for k in kept], atol=1e-12)
+        dropped = np.setdiff1d(lists[i], kept)
+        assert i in kept
+        assert len(kept) == min(most, len(lists[i]))
+        others = [unary(i, k) for k in kept if k != i]
+        assert all(unary(i, k) >= max(others, default=-np.inf) - 1e-12 for k in dropped)
+    boundary = pool.boundary
+    for p, costs in enumerate(trellis.costs.pairwise):
+        for a, left in enumerate(trellis.candidates[p]):
+            for b, right in enumerate(trellis.candidates[p + 1]):
+                angle = oracle.gap(boundary.last[left], boundary.first[right])
+                jump = boundary.last_velocity[left] - boundary.first_velocity[right]
+                expected = (angle / scales.angle) ** 2
+                expected += (np.linalg.norm(jump, axis=1).mean() / scales.velocity) ** 2
+                expected += INFEASIBLE_PENALTY * (angle > 0.5)
+                assert costs[a, b] == pytest.approx(expected, abs=1e-9)
+
+
+@given(SEEDS)
+def test_donor_sequence_and_path_are_inverse(make_pool, seed):
+    trellis = build(make_pool(seed), Config(max_stretch=2.0))
+    path = viterbi(trellis.costs)
+    np.testing.assert_array_equal(trellis.path(trellis.donor_sequence(path)), path)
+
+
+@given(SEEDS)
+def test_trellis_of_a_tenth_of_the_amplitude_has_the_same_seam_costs(make_pool, seed):
+    """All angles and velocities are scaled by 1/10: typical gaps and scales follow."""
+    rng = np.random.default_rng(seed)
+    pool = make_pool(seed)
+    angles, speeds = rng.uniform(-0.1, 0.1, (13, 3)), rng.uniform(-0.5, 0.5, (13, 3, 1))
+
+    def scaled(factor):
+        quats = np.stack([np.sin(factor * angles / 2), np.cos(factor * angles / 2)], axis=-1)
+        quats = np.concatenate([np.zeros((13, 3, 2)), quats], axis=-1)
+        velocities = factor * speeds * [0.0, 0.0, 1.0]
+        boundary = replace(
+            pool.boundary,
+            first=quats[:-1],
+            last=quats[1:],
+            first_velocity=velocities[:-1],
+            last_velocity=velocities[1:],
+        )
+        return replace(pool, boundary=boundary)
+
+    trellises = [build(scaled(factor), ROBUST) for factor in (1.0, 0.1)]
+    for large, small in zip(*(trellis.costs.pairwise for trellis in trellises), strict=True):
+        np.testing.assert_allclose(large, small, rtol=1e-6, atol=1e-9)
+
+
+@given(SEEDS)
+def test_cheapest_sequence_without_novelty_is_the_captured_one(make_pool, seed):
+    pool = make_pool(seed, n_labels=2)
+    config = Config(max_angle=0.4, max_stretch=2.0, novelty=0.0, distance_weight=0.0)
+    trellis = build(pool, config)
+    path = viterbi(trellis.costs)
+    donors = trellis.donor_sequence(path)
+    assert (pool.seam_angles_along(donors) <= 0.4).all()
+    assert trellis.costs.cost(path) == pytest.approx(0.0, abs=1e-12)
+
+
+@given(SEEDS)
+def test_cheapest_sequence_by_similarity_takes_the_nearest_other_segment(make_pool, seed):
+    pool = make_pool(seed, n_labels=4)
+    config = Config(choice="nearest", max_stretch=2.0, max_angle=np.pi)
+    trellis = build(pool, config)
+    lists = pool.candidate_lists(trellis.scenario, config)
+    donors = trellis.donor_sequence(viterbi(trellis.costs))
+    for i, (candidates, donor) in enumerate(zip(lists, donors, strict=True)):
+        others = candidates[candidates != i]
+        if len(others):
+            distances = np.linalg.norm(pool.points[others] - pool.points[i], axis=1)
+            assert donor == others[distances.argmin()]
+        else:
+            assert donor == i
