@@ -6,6 +6,8 @@ from dataclasses import replace
 import pytest
 
 from mograft import read_bvh, write_bvh
+from mograft.body import groups as joint_groups
+from mograft.cli.options import PRESETS
 
 
 def test_info_prints_joints_frames_and_groups(run, folder):
@@ -50,6 +52,11 @@ def test_check_lists_errors_and_faults_of_every_file(run, folder, tmp_path):
     document = json.loads(out)
     assert document["schema"] == "mograft.check/1"
     assert [bool(file["error"]) for file in document["files"]] == [True, False, False]
+
+
+def test_groups_presets_equal_those_of_joint_groups():
+    # The command line lists them without importing NumPy.
+    assert set(PRESETS) == set(joint_groups.PRESETS)
 
 
 def test_groups_output_is_accepted_by_graft(run, folder, tmp_path):
