@@ -26,7 +26,11 @@ from mograft import _core
 from mograft.body.anatomy import feature_joints
 from mograft.body.mass import mass_model, moments_of_inertia, up_axis
 from mograft.library.ingest import DISQUALIFYING_FAULTS
-from tests.oracles import pipeline as plain
+from tests.oracles import analysis as analysis_oracle
+from tests.oracles import blend as blend_oracle
+from tests.oracles import bvh as bvh_oracle
+from tests.oracles import rotations as rotations_oracle
+from tests.oracles import search as search_oracle
 
 CONFIG = mg.Config(choice="random", seam="paper")
 """The paper's own choice and seams: the plain version has no others."""
@@ -47,30 +51,34 @@ def slow(source, target, seed=0):
     moments = moments_of_inertia(mass_model(motion.skeleton), motion.skeleton, CONFIG.inertia)
     height, up = mass_model(motion.skeleton).height, up_axis(motion)
 
-    _, parents, offsets, channels, frame_time, values = plain.read_bvh(source)
-    quats, places = plain.quaternions(channels, offsets, values)
-    energy = plain.kinetic_energy(parents, quats, moments, frame_time)
-    bounds = plain.boundaries(energy, 1 / frame_time, CONFIG)
+    _, parents, offsets, channels, frame_time, values = bvh_oracle.read_bvh(source)
+    quats, places = bvh_oracle.to_transforms(channels, offsets, values)
+    energy = analysis_oracle.kinetic_energy(parents, quats, moments, frame_time)
+    bounds = analysis_oracle.segment_bounds(energy, 1 / frame_time, CONFIG)
     labels = {}
     for name, joints in groups.items():
         counted = feature_joints(motion.skeleton, joints)
         root = 0 if 0 in joints else None
-        matrix = plain.features(
+        matrix = analysis_oracle.features(
             quats, places[:, 0], bounds, counted, root, up, height, frame_time, CONFIG
         )
-        points = plain.embed(matrix, 3 * CONFIG.samples * len(counted), CONFIG)
-        labels[name] = plain.cluster(points, plain.sigma(points, CONFIG))
+        points = analysis_oracle.embed(matrix, 3 * CONFIG.samples * len(counted), CONFIG)
+        labels[name] = analysis_oracle.cluster(
+            points, analysis_oracle.max_cluster_diameter(points, CONFIG)
+        )
     is_donor = np.ones(len(bounds) - 1, bool)
     for fault in mg.find_faults(motion):
         if fault.kind in DISQUALIFYING_FAULTS:
             first, last = fault.frames
             is_donor[(bounds[:-1] <= last) & (bounds[1:] >= first)] = False
-    found = plain.candidates(labels["lower"], np.diff(bounds), 1 / frame_time, CONFIG, is_donor)
+    found = search_oracle.candidates(
+        labels["lower"], np.diff(bounds), 1 / frame_time, CONFIG, is_donor
+    )
     upper = groups["upper"]
     counted = feature_joints(motion.skeleton, upper)
     rng = np.random.default_rng(seed)
-    chosen = plain.choose(quats[:, counted], bounds, found, CONFIG, rng)
-    grafted = plain.transplant(quats[:, upper], bounds, chosen, 1 / frame_time, CONFIG)
+    chosen = search_oracle.random_sequence(quats[:, counted], bounds, found, CONFIG, rng)
+    grafted = blend_oracle.transplant(quats[:, upper], bounds, chosen, 1 / frame_time, CONFIG)
     new = values.copy()
     column = 0
     for joint, own in enumerate(channels):
@@ -79,10 +87,10 @@ def slow(source, target, seed=0):
             order = "".join(own[i][0] for i in turns)
             turned = grafted[:, list(upper).index(joint)]
             at = [column + i for i in turns]
-            new[:, at] = plain.euler_degrees(turned, order, values[0, at])
+            new[:, at] = rotations_oracle.to_euler_degrees(turned, order, values[0, at])
         column += len(own)
     header = Path(source).read_text().partition("Frame Time")[0]
-    plain.write_bvh(target, f"{header}Frame Time: {frame_time!r}\n", new)
+    bvh_oracle.write_bvh(target, f"{header}Frame Time: {frame_time!r}\n", new)
 
 
 def medians(way, source, target, repeats):

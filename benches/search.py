@@ -35,7 +35,8 @@ from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import Trellis, viterbi
 from mograft.synthesis.assembly import assemble
 from mograft.synthesis.search_problem import SearchProblem
-from tests.oracles import pipeline as plain
+from tests.oracles import capsules as capsules_oracle
+from tests.oracles import search as search_oracle
 
 CONFIG = mg.Config()
 HANDS = ("LeftHand", "Hand_L", "LeftWrist", "lHand")
@@ -89,7 +90,7 @@ def speeds(repeats):
 
     def plainly():
         for pool in pools:
-            plain.candidates(pool.labels, pool.segments.lengths, 30.0, CONFIG)
+            search_oracle.candidates(pool.labels, pool.segments.lengths, 30.0, CONFIG)
 
     line("candidates of 10,000 segments, 3 groups", median(listed, repeats), median(plainly, 1))
 
@@ -97,7 +98,11 @@ def speeds(repeats):
     after = [rng.normal(size=(30, 30)) for _ in range(899)]
     chain = Trellis(tuple(alone), tuple(after))
     ours = median(lambda: viterbi(chain), repeats)
-    line("Viterbi, 900 positions of 30", ours, median(lambda: plain.cheapest(alone, after), 3))
+    line(
+        "Viterbi, 900 positions of 30",
+        ours,
+        median(lambda: search_oracle.cheapest_sequence(alone, after), 3),
+    )
 
     lists = pools[0].candidate_lists(scenario[:900], CONFIG)
 
@@ -111,14 +116,14 @@ def speeds(repeats):
         for left, right in pairwise(lists[:100]):
             for a in left:
                 for b in right:
-                    plain.gap(pools[0].last[a], pools[0].first[b])
+                    search_oracle.seam_angle(pools[0].last[a], pools[0].first[b])
 
     line("seam costs of 900 positions (plain: times 9)", ours, 9 * median(seams, 1))
 
     ends, others = rng.normal(size=(240, 11, 2, 3)), rng.normal(size=(240, 11, 2, 3))
     radii = np.full(11, 0.05)
     ours = median(lambda: clearance(ends, radii, others, radii), 20 * repeats)
-    theirs = median(lambda: plain.capsule_distances(ends, radii, others, radii), repeats)
+    theirs = median(lambda: capsules_oracle.capsule_distances(ends, radii, others, radii), repeats)
     line("collision, 30 candidates x 8 frames x 11 x 11 capsules", ours, theirs)
 
 

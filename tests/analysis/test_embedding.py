@@ -28,7 +28,7 @@ from mograft.analysis.principal_components import Spread
 from mograft.analysis.principal_components import pca as components_of
 from mograft.motion import rotations
 from tests.hierarchies import DATA
-from tests.oracles import pipeline as plain
+from tests.oracles import analysis as oracle
 from tests.strategies import SEEDS, motions, quaternions, same_rotations, wander
 
 ROBUST, PAPER = Config(), Config.paper()
@@ -84,7 +84,7 @@ def test_features_are_those_of_the_plain_version(motion, config):
     cut = segment(motion, config)
     bounds = np.array([*cut.start, cut.stop[-1]])
     joints = np.arange(motion.n_joints)
-    expected = plain.features(
+    expected = oracle.features(
         motion.rotations,
         motion.positions[:, 0],
         bounds,

@@ -14,7 +14,7 @@ from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import extrema
 from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.motion import rotations
-from tests.oracles import pipeline as plain
+from tests.oracles import analysis as oracle
 from tests.strategies import SEEDS, motions, quaternions
 
 CURVES = npst.arrays(np.float64, st.integers(4, 200), elements=st.floats(0, 1e3))
@@ -49,7 +49,7 @@ def test_a_joint_that_turns_steadily_has_half_i_omega_squared(joint, speed):
 def test_energy_is_the_plain_sum(motion):
     skeleton = motion.skeleton
     moments = moments_of_inertia(mass_model(skeleton), skeleton, "own")
-    expected = plain.kinetic_energy(skeleton.parents, motion.rotations, moments, motion.frame_time)
+    expected = oracle.kinetic_energy(skeleton.parents, motion.rotations, moments, motion.frame_time)
     np.testing.assert_allclose(kinetic_energy(motion), expected, rtol=1e-9, atol=1e-14)
 
 
@@ -127,7 +127,7 @@ def test_segments_tile_the_motion_and_keep_the_limits(motion, config):
     motions(min_frames=2, max_frames=200, min_joints=2), st.sampled_from((Config(), Config.paper()))
 )
 def test_segments_are_those_of_the_plain_version(motion, config):
-    bounds = plain.boundaries(kinetic_energy(motion), motion.rate, config)
+    bounds = oracle.segment_bounds(kinetic_energy(motion), motion.rate, config)
     cut = segment(motion, config)
     np.testing.assert_array_equal([*cut.start, cut.stop[-1]], bounds)
 

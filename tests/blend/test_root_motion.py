@@ -18,7 +18,7 @@ from mograft.blend.root_motion import (
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
-from tests.oracles import pipeline as plain
+from tests.oracles import blend as oracle
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
@@ -53,7 +53,7 @@ def test_blend_root_velocity_matches_oracle(lengths, seed, seam, blend):
     seams = rng.random(len(lengths) - 1) < 0.7
     config = Config(seam=seam, seam_blend=blend)
     blended = blend_root_velocity(velocities, tile_segments(lengths), seams, config, 30.0)
-    expected = plain.blended(velocities, lengths, seams, seam, blend * 30.0)
+    expected = oracle.fade_velocities(velocities, lengths, seams, seam, blend * 30.0)
     np.testing.assert_allclose(blended, expected, atol=1e-12)
 
 

@@ -11,7 +11,7 @@ from mograft.body.capsules import RADII, Capsules, box_clearance, capsules, clea
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.oracles import pipeline as plain
+from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, quaternions, skeletons, vectors, wander
 
 ALL_PAIRS = np.array([(i, j) for i in range(3) for j in range(2)])
@@ -56,7 +56,7 @@ def test_clearance_matches_dense_points(seed, flat):
     points = slow_clearance(ends, radii, others, other_radii, ALL_PAIRS)
     assert (points.min(axis=1) >= distance - 1e-9).all()
     if not flat:
-        exact = plain.capsule_distances(ends, radii, others, other_radii).min(axis=(1, 2))
+        exact = capsule_distances(ends, radii, others, other_radii).min(axis=(1, 2))
         np.testing.assert_allclose(exact, distance, atol=1e-6)
     np.testing.assert_allclose(points.min(axis=1), distance, atol=0.02)
     told = [np.flatnonzero((pair == ALL_PAIRS).all(axis=1))[0] for pair in which]
@@ -82,7 +82,7 @@ def test_clearance_uses_only_given_pairs(seed, some):
     ends, radii, others, other_radii = bodies(seed)
     pairs = ALL_PAIRS[sorted(some)]
     distance, which = clearance(ends, radii, others, other_radii, None, pairs)
-    exact = plain.capsule_distances(ends, radii, others, other_radii)
+    exact = capsule_distances(ends, radii, others, other_radii)
     expected = exact[:, pairs[:, 0], pairs[:, 1]]
     np.testing.assert_allclose(distance, expected.min(axis=1, initial=np.inf), atol=1e-6)
     named = [tuple(pair) for pair in pairs.tolist()] or [(-1, -1)]

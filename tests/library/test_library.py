@@ -22,7 +22,7 @@ from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.library.checks import DANCE
-from tests.oracles import pipeline as oracle
+from tests.oracles import analysis as oracle
 from tests.strategies import motions
 
 
@@ -66,7 +66,7 @@ def test_build_labels_match_oracle(motion, library):
         points = oracle.embed(matrix, n_rotations, library.config)
         # Samples are stored in single precision, and loadings are rounded to about 1e-6.
         np.testing.assert_allclose(embedding.points, points, atol=3e-5)
-        sigma = oracle.sigma(points, library.config)
+        sigma = oracle.max_cluster_diameter(points, library.config)
         assert library.sigma[group] == pytest.approx(sigma, rel=1e-6)
         expected = oracle.cluster(points, sigma)
         pairs = {*zip(expected.tolist(), library.labels[group].tolist(), strict=True)}

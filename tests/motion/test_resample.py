@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mograft.motion import resample, rotations
-from tests.oracles import pipeline as plain
+from tests.oracles import rotations as oracle
 from tests.strategies import (
     SEEDS,
     motions,
@@ -85,7 +85,7 @@ def test_resample_segments_matches_cubic_of_segment_frames(seed, n_frames, count
     whole = resample.resample_segments(quats, [2], [1 + n_frames], [count])
     at = np.linspace(0, n_frames - 1, count)
     same_rotations(whole, resample.cubic(np.arange(n_frames), own, at), 1e-12)
-    same_rotations(whole, plain.resample(own, count), 1e-12)
+    same_rotations(whole, oracle.resample(own, count), 1e-12)
 
 
 @given(motions(min_frames=6), st.integers(1, 5))

@@ -4,14 +4,14 @@ import numpy as np
 from hypothesis import given
 
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
-from tests.oracles import pipeline as oracle
+from tests.oracles import search as oracle
 from tests.strategies import SEEDS, quaternions
 
 
 @given(quaternions((3, 2)), quaternions((4, 2)))
 def test_pose_gaps_match_the_oracle_and_are_symmetric(ends, starts):
     gaps = pose_gaps(ends, starts)
-    expected = [[oracle.gap(end, start) for start in starts] for end in ends]
+    expected = [[oracle.seam_angle(end, start) for start in starts] for end in ends]
     np.testing.assert_allclose(gaps, expected, atol=1e-9)
     np.testing.assert_allclose(pose_gaps(starts, ends), gaps.T, atol=1e-12)
 

@@ -16,7 +16,7 @@ from mograft.search.donor_choice import cost_model
 from mograft.search.trellis import DonorTrellis
 from mograft.synthesis.donor_trellis import build_trellis
 from mograft.synthesis.search_problem import SearchProblem
-from tests.oracles import pipeline as oracle
+from tests.oracles import search as oracle
 from tests.strategies import SEEDS
 
 ROBUST, PAPER = Config(), Config.paper()
@@ -79,7 +79,7 @@ def typical_gaps_oracle(pool):
             continue
         left, right = partner(i), partner(i + 1)
         if (left, right) != (i, i + 1):
-            angles.append(oracle.gap(boundary.last[left], boundary.first[right]))
+            angles.append(oracle.seam_angle(boundary.last[left], boundary.first[right]))
             jump = boundary.last_velocity[left] - boundary.first_velocity[right]
             velocities.append(np.linalg.norm(jump, axis=1).mean())
     return (np.mean(angles), np.mean(velocities)) if angles else (np.inf, np.inf)

@@ -18,7 +18,7 @@ from mograft.synthesis.donor_poses import candidate_poses
 from mograft.synthesis.donor_repair import repair_donors
 from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
 from mograft.synthesis.search_problem import SearchProblem
-from tests.oracles import pipeline as plain
+from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, vectors
 
 HAND = "LeftHand"
@@ -173,7 +173,7 @@ def test_avoid_self_depth_is_that_of_deepest_pair(poses, seed):
         for names in (["hand", "forearm"], ["pelvis", "trunk", "head", "thigh"])
     )
     kept = arm[:, None] & (rest | (arm & (sides[:, None] != sides)))
-    apart = plain.capsule_distances(some.ends, flesh.radii, some.ends, flesh.radii)
+    apart = capsule_distances(some.ends, flesh.radii, some.ends, flesh.radii)
     deepest = -np.where(kept, apart, np.inf).min(axis=(1, 2)) / some.height
     constraint = mg.AvoidSelf(captured=0.01)
     error, _ = constraint.errors(some)

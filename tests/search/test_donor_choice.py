@@ -21,7 +21,7 @@ from mograft.search.donor_choice import (
 )
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import Trellis, viterbi
-from tests.oracles import pipeline as oracle
+from tests.oracles import search as oracle
 from tests.strategies import SEEDS
 
 ROBUST = Config()
@@ -121,7 +121,7 @@ def test_draw_uniform_matches_the_oracle(make_pool, seed):
     quats = np.zeros((bounds[-1] + 1, 3, 4))
     quats[bounds] = np.concatenate([pool.boundary.first, pool.boundary.last[-1:]])
     found = oracle.candidates(pool.labels, pool.segments.lengths, 30.0, config)
-    expected = oracle.choose(quats, bounds, found, config, np.random.default_rng(seed))
+    expected = oracle.random_sequence(quats, bounds, found, config, np.random.default_rng(seed))
     lists = pool.candidate_lists(np.arange(len(pool.segments)), config)
     kept, angles = prune_dead_ends(pool, lists, config)
     donors = draw_uniform(kept, angles, config, np.random.default_rng(seed))

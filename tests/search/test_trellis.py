@@ -12,7 +12,7 @@ from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import cost_model
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import viterbi
-from tests.oracles import pipeline as oracle
+from tests.oracles import search as oracle
 from tests.strategies import SEEDS
 
 ROBUST = Config()
@@ -48,7 +48,7 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
     for p, costs in enumerate(trellis.costs.pairwise):
         for a, left in enumerate(trellis.candidates[p]):
             for b, right in enumerate(trellis.candidates[p + 1]):
-                angle = oracle.gap(boundary.last[left], boundary.first[right])
+                angle = oracle.seam_angle(boundary.last[left], boundary.first[right])
                 jump = boundary.last_velocity[left] - boundary.first_velocity[right]
                 expected = (angle / scales.angle) ** 2
                 expected += (np.linalg.norm(jump, axis=1).mean() / scales.velocity) ** 2

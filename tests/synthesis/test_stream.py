@@ -20,7 +20,7 @@ from mograft.motion.resample import cubic
 from mograft.synthesis.donor_trellis import build_trellis
 from mograft.synthesis.search_problem import SearchProblem
 from mograft.synthesis.stream import _MOMENT, _Laid, _Sampled, _with_neighbours, joined
-from tests.oracles import pipeline as plain
+from tests.oracles import search as oracle
 from tests.strategies import SEEDS, same_rotations, wander
 
 HAND = "LeftHand"
@@ -195,7 +195,7 @@ def test_each_choice_is_the_first_of_the_best_plan_in_sight(library, base, horiz
         seen = list(alone[at : at + horizon])
         if taken:
             seen[0] = seen[0] + after[at - 1][taken[-1]]
-        taken.append(int(plain.cheapest(seen, list(after[at : at + len(seen) - 1]))[0]))
+        taken.append(int(oracle.cheapest_sequence(seen, list(after[at : at + len(seen) - 1]))[0]))
     found = streamed(chosen, base, (25,), horizon=horizon)
     assert donors_of(found) == row.donor_sequence(np.array(taken)).tolist()
 
