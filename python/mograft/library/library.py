@@ -323,10 +323,8 @@ class Library(DerivableLibrary):
             raise ValueError(f"group must not be the base group, {group!r}, which is kept")
         pool, config, verdicts = self.pool(group), self.config, None
         if constraints:
-            from mograft.synthesis.candidate_verdicts import (
-                judge_candidates,  # layer exception: checks donors in place
-            )
+            from mograft.synthesis import candidate_verdicts  # layer exception: a convenience
 
-            verdicts = judge_candidates(self, segment, group, constraints)
+            verdicts = candidate_verdicts.judge_candidates(self, segment, group, constraints)
             config = limit_config(config, constraints)
         return list_candidates(pool, segment, cost_model(config, pool), verdicts)

@@ -19,8 +19,32 @@ from mograft.search.obstacles import Obstacle, Vector
 __all__ = ["Avoid", "AvoidSelf", "Custom", "Face", "KeepOut", "Reach", "with_captured_depth"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class PoseConstraint(Constraint):
+    """Base class of constraints on poses."""
+
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
+        """As `Constraint.errors`; computed only in the frames in which it applies."""
+        if self.frames is None:
+            return self._applied_errors(poses, joints)
+        applies = self.applies(poses.frames)
+        if applies.all():
+            return self._applied_errors(poses, joints)
+        error, joint = no_errors(poses)
+        if applies.any():
+            some = poses.with_poses(
+                poses.frames[applies], poses.rotations[applies], poses.positions[applies]
+            )
+            error[applies], joint[applies] = self._applied_errors(some, joints)
+        return error, joint
+
+    def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+        """Return the errors of poses in frames in which the constraint applies."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Avoid(Constraint):
+class Avoid(PoseConstraint):
     """Keep the whole body out of an obstacle.
 
     Parameters
@@ -52,11 +76,7 @@ class Avoid(Constraint):
         check_finite(self, "margin")
         check_positive(self, "tolerance")
 
-    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """As `Constraint.errors`."""
-        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
-
-    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+    def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         distance, which = self.obstacle.distances(poses, _capsules_of(poses.capsules, joints))
         depth = self.margin * poses.height - distance
         error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)
@@ -72,7 +92,7 @@ class Avoid(Constraint):
 
 
 @dataclass(frozen=True)
-class AvoidSelf(Constraint):
+class AvoidSelf(PoseConstraint):
     """Keep hands and forearms out of the trunk, the head, the thighs and each other.
 
     Parameters
@@ -96,11 +116,7 @@ class AvoidSelf(Constraint):
         super().__post_init__()
         check_positive(self, "tolerance")
 
-    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """As `Constraint.errors`."""
-        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
-
-    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+    def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         capsules = poses.capsules
         pairs = capsules.self_collision_pairs
         if joints is not None:
@@ -128,7 +144,7 @@ class AvoidSelf(Constraint):
 
 
 @dataclass(frozen=True)
-class Reach(Constraint):
+class Reach(PoseConstraint):
     """Bring a joint to a position at a frame.
 
     Parameters
@@ -160,11 +176,7 @@ class Reach(Constraint):
         object.__setattr__(self, "frame", as_integer("frame", self.frame))
         object.__setattr__(self, "frames", (self.frame, self.frame))
 
-    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """As `Constraint.errors`."""
-        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
-
-    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+    def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         at = poses.skeleton.index(self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
@@ -181,7 +193,7 @@ class Reach(Constraint):
 
 
 @dataclass(frozen=True)
-class Face(Constraint):
+class Face(PoseConstraint):
     """Turn a joint towards a position.
 
     Parameters
@@ -208,11 +220,7 @@ class Face(Constraint):
         coerce_vector(self, "target")
         check_positive(self, "tolerance")
 
-    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """As `Constraint.errors`."""
-        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
-
-    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+    def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         at = mass_model(poses.skeleton).head
         if self.joint is not None:
             at = poses.skeleton.index(self.joint)
@@ -235,7 +243,7 @@ class Face(Constraint):
 
 
 @dataclass(frozen=True)
-class KeepOut(Constraint):
+class KeepOut(PoseConstraint):
     """Keep one joint outside or inside a region.
 
     Parameters
@@ -266,11 +274,7 @@ class KeepOut(Constraint):
         _check_obstacle("region", self.region)
         check_positive(self, "tolerance")
 
-    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """As `Constraint.errors`."""
-        return _errors_where_applied(self, poses, lambda some: self._errors(some, joints))
-
-    def _errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
+    def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         at = poses.skeleton.index(self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
@@ -297,7 +301,7 @@ class KeepOut(Constraint):
 
 
 @dataclass(frozen=True)
-class Custom(Constraint):
+class Custom(PoseConstraint):
     """A constraint that a function defines.
 
     Parameters
@@ -321,18 +325,13 @@ class Custom(Constraint):
     name: str = "custom"
     joint: str | None = None
 
-    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """As `Constraint.errors`."""
+    def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         at = -1 if self.joint is None else poses.skeleton.index(self.joint)
         if joints is not None and at >= 0 and not joints[at]:
             return no_errors(poses)
-
-        def function_errors(some: Poses) -> Errors:
-            label = f"the result of {self.name}"
-            error = as_floats(label, self.function(some), (len(some),))
-            return error, np.full(len(some), at)
-
-        return _errors_where_applied(self, poses, function_errors)
+        label = f"the result of {self.name}"
+        error = as_floats(label, self.function(poses), (len(poses),))
+        return error, np.full(len(poses), at)
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
@@ -362,24 +361,6 @@ def with_captured_depth(constraints: Sequence[Constraint], captured: Poses) -> l
         else constraint
         for constraint in constraints
     ]
-
-
-def _errors_where_applied(
-    constraint: Constraint, poses: Poses, errors: Callable[[Poses], Errors]
-) -> Errors:
-    """Return errors that are computed only in the frames in which a constraint applies."""
-    if constraint.frames is None:
-        return errors(poses)
-    applies = constraint.applies(poses.frames)
-    if applies.all():
-        return errors(poses)
-    error, joint = no_errors(poses)
-    if applies.any():
-        some = poses.with_poses(
-            poses.frames[applies], poses.rotations[applies], poses.positions[applies]
-        )
-        error[applies], joint[applies] = errors(some)
-    return error, joint
 
 
 def _capsules_of(capsules: Capsules, joints: BoolArray | None) -> IntArray:
