@@ -1,9 +1,9 @@
-"""Measure how much feet slide before and after they are planted, and print a table for the docs.
+"""Measure foot skate before and after planting, and print a table for the docs.
 
-``python benches/feet.py [FILE...] [--seeds 3]`` makes grafts with the upper body as the base, so
-that legs and root come from donors, on every file (default: the built-in dancer): the share of
-feet and frames that skate (`mograft.foot_skate`) in the recording, in grafts with feet as they
-fall, and in grafts with feet planted. Files are cut at 30 frames a second.
+``python benches/feet.py [FILE...] [--seeds 3]`` grafts every file (default: the built-in dancer)
+with the upper body as the base group, so that donors drive legs and root. It prints the share of
+feet and frames that skate (`mograft.foot_skate`) in the recording, in grafts without planting, and
+in grafts with it. Files are resampled to 30 frames per second.
 """
 
 import argparse
@@ -20,22 +20,22 @@ import mograft as mg
 from benches.seams import read
 
 
-def on_the_upper_body(motion):
-    """A library whose base is the upper body."""
+def upper_body_library(motion):
+    """A library whose base group is the upper body."""
     parts = mg.JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
     members = {group: [int(joint) for joint in joints] for group, joints in parts.items()}
     return mg.Library.build(motion, mg.JointGroups(members, base="upper"))
 
 
-def measured(library, seeds):
-    """Means over seeds: skate as feet fall and planted, farthest root move, frames out of reach."""
+def measure_feet(library, seeds):
+    """Means over seeds: skate without and with planting, root shift, frames out of reach."""
     loose = replace(library, config=replace(library.config, feet="never"))
     rows = []
     for seed in range(seeds):
         fallen, planted = mg.graft(loose, seed=seed), mg.graft(library, seed=seed)
         feet = planted.feet
         skates = mg.foot_skate(fallen.motion), mg.foot_skate(planted.motion)
-        # Where no legs were exchanged none were planted.
+        # Without substitutions of legs, nothing is planted.
         rows.append([*skates, *((feet.moved_root, feet.unreached_frames) if feet else (0.0, 0))])
     return np.mean(rows, axis=0)
 
@@ -57,7 +57,7 @@ def main():
     )
     print("|---|---|---|---|---|---|")
     for motion in motions:
-        fallen, planted, moved, missed = measured(on_the_upper_body(motion), options.seeds)
+        fallen, planted, moved, missed = measure_feet(upper_body_library(motion), options.seeds)
         own = mg.foot_skate(motion)
         print(
             f"| {motion.name} | {own:.3f} | {fallen:.3f} | {planted:.3f} | {moved:.3f} | "

@@ -1,11 +1,10 @@
-"""Measure what the ways to close seams do to motions, and print a table for the docs.
+"""Measure the effect of seam treatments on motions, and print a table for the docs.
 
 ``python benches/seams.py [FILE...] [--seeds 10]`` grafts every file (default: the built-in
-dancer) with each treatment and the same donors, and compares with the file's own motion:
-acceleration and jerk of the grafted joints as ratios to the original's, what the gaps were,
-how much of the motion was changed to close them, and how feet skate where it is the legs that are
-grafted. A second table compares what a grafted trunk may keep (`Config.torso`). Files are cut at
-30 frames a second.
+dancer) with each seam treatment and the same donors. The first table compares the grafted joints
+with the file: acceleration and jerk as ratios, the angle by which a treatment changes the motion,
+and the share of frames that it changes; and, with the legs grafted, foot skate. The second table
+compares the values of `Config.torso`. Files are resampled to 30 frames per second.
 """
 
 import argparse
@@ -32,7 +31,7 @@ TREATMENTS = ("none", *SEAM_TREATMENTS.names)
 
 
 def read(path):
-    """A motion at 30 fps, without a rest pose before it."""
+    """A motion at 30 fps, without a leading rest pose."""
     motion = mg.read_bvh(path)
     root = motion.positions[:3, motion.locomotion_root()]
     steps = np.abs(np.diff(root, axis=0)).max(axis=1)
@@ -48,7 +47,7 @@ def derivatives(quats, rate):
     return [np.linalg.norm(values, axis=-1).mean() for values in (bends, jerks)]
 
 
-def measured(motion, seeds, blend):
+def measure_treatments(motion, seeds, blend):
     """Rows of numbers by treatment, means over seeds."""
     library = mg.Library.build(motion)
     joints = feature_joints(motion.skeleton, library.joints("upper"))
@@ -82,24 +81,24 @@ def measured(motion, seeds, blend):
                     100.0 * (off > 1e-9).any(axis=1).mean(),
                 ]
             )
-    told = {name: np.mean(values, axis=0) for name, values in rows.items()}
-    return told, own, np.degrees(np.concatenate(gaps)), np.degrees(np.concatenate(kinks))
+    means = {name: np.mean(values, axis=0) for name, values in rows.items()}
+    return means, own, np.degrees(np.concatenate(gaps)), np.degrees(np.concatenate(kinks))
 
 
-def skates(motion, seeds, blend):
-    """Mean foot skate by treatment where legs are grafted on the upper body, feet planted."""
-    from benches.feet import on_the_upper_body
+def mean_foot_skate(motion, seeds, blend):
+    """Mean foot skate by treatment, with legs grafted on the upper body and planted feet."""
+    from benches.feet import upper_body_library
 
-    library = on_the_upper_body(motion)
-    told = {"none": float("nan")}
+    library = upper_body_library(motion)
+    skate = {"none": float("nan")}
     for name in TREATMENTS[1:]:
         own = replace(library, config=replace(library.config, seam=name, seam_blend=blend))
-        told[name] = np.mean([mg.foot_skate(mg.graft(own, seed=s).motion) for s in range(seeds)])
-    return told
+        skate[name] = np.mean([mg.foot_skate(mg.graft(own, seed=s).motion) for s in range(seeds)])
+    return skate
 
 
 def trunk(motion):
-    """The joint that the trunk hangs on, and the trunk's last."""
+    """The parent of the trunk's first joint, and the trunk's last joint."""
     known, parents = anatomy(motion.skeleton), motion.skeleton.parents
     column = [j for j in known.joints("trunk") if known.parts[parents[j]] != "trunk"]
     first = last = max(
@@ -117,18 +116,18 @@ def _hangs(parents, joint, above):
 
 
 def stance(motion, up):
-    """How far the centre of mass is over the floor from the middle of the ankles, in heights."""
+    """Horizontal distance from the centre of mass to the midpoint of the ankles, in heights."""
     found = mass_model(motion.skeleton)
     ankles = motion.world_positions()[:, [foot.ankle for foot in found.feet]].mean(axis=1)
-    apart = np.delete(center_of_mass(motion) - ankles, up, axis=1)
-    return np.linalg.norm(apart, axis=1).mean() / found.height
+    offsets = np.delete(center_of_mass(motion) - ankles, up, axis=1)
+    return np.linalg.norm(offsets, axis=1).mean() / found.height
 
 
-def kept_trunks(motion, seeds):
+def measure_torso(motion, seeds):
     """Rows of numbers by `Config.torso`, as ratios to the recording's."""
     hips, last = trunk(motion)
 
-    def told(one, up):
+    def figures(one, up):
         turned = one.world_transforms()[0]
         waist = rotations.multiply(rotations.inverse(turned[:, hips]), turned[:, last])
         numbers = [*derivatives(turned[:, [last]], RATE), *derivatives(waist[:, None], RATE)]
@@ -137,9 +136,10 @@ def kept_trunks(motion, seeds):
     rows = {}
     for torso in ("pelvis", "world"):
         library = mg.Library.build(motion, config=mg.Config(torso=torso))
-        own = told(motion, library.up)
+        own = figures(motion, library.up)
         rows[torso] = np.mean(
-            [told(mg.graft(library, seed=s).motion, library.up) / own for s in range(seeds)], axis=0
+            [figures(mg.graft(library, seed=s).motion, library.up) / own for s in range(seeds)],
+            axis=0,
         )
     return rows
 
@@ -158,22 +158,22 @@ def main():
 
         motions = [dance().motion]
     for motion in motions:
-        told, own, gaps, kinks = measured(motion, options.seeds, options.blend)
+        treatments, own, gaps, kinks = measure_treatments(motion, options.seeds, options.blend)
         print(f"\n{motion.name}: {motion.n_frames} frames, {options.seeds} seeds")
         print(f"original: acceleration {own[0]:.1f} rad/s², jerk {own[1]:.0f} rad/s³")
         for what, values, unit in (("gap", gaps, "°"), ("velocity gap", kinks, "°/s")):
             mean, high = values.mean(), np.percentile(values, 95)
             print(f"{what} at seams: mean {mean:.1f}{unit}, 95th percentile {high:.1f}{unit}")
-        slides = skates(motion, min(options.seeds, 3), options.blend)
+        slides = mean_foot_skate(motion, min(options.seeds, 3), options.blend)
         print(f"foot skate of the recording: {mg.foot_skate(motion):.3f}")
         print("| seam | acceleration | jerk | changed by | frames changed | foot skate |")
         print("|---|---|---|---|---|---|")
-        for name, (bend, jerk, off, share) in told.items():
+        for name, (bend, jerk, off, share) in treatments.items():
             skate = "" if name == "none" else f"{slides[name]:.3f}"
             print(f"| {name} | {bend:.2f} | {jerk:.2f} | {off:.2f}° | {share:.0f} % | {skate} |")
         print("\n| torso | chest: acceleration | jerk | waist: acceleration | jerk | stance |")
         print("|---|---|---|---|---|---|")
-        for name, numbers in kept_trunks(motion, options.seeds).items():
+        for name, numbers in measure_torso(motion, options.seeds).items():
             print(f"| {name} | {' | '.join(f'{number:.3f}' for number in numbers)} |", flush=True)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from benches.feet import on_the_upper_body
+from benches.feet import upper_body_library
 from mograft import _core
 from mograft.body.capsules import clearance
 from mograft.dancer import dance
@@ -292,7 +292,7 @@ def lead(paths):
     """Count the demands that are met where legs and root come from donors."""
     print()
     for path in paths:
-        library = on_the_upper_body(opened(path))
+        library = upper_body_library(opened(path))
         for kind in ("Reach", "KeepOut", "Avoid"):
             times, met, demands = [0.0], 0, wanted(library, kind)
             for demand in demands:

@@ -1,4 +1,4 @@
-"""Laws of feet: where they stand, that they stand still, and that legs stay as long as they are."""
+"""Foot planting: contacts, planted positions, root shift, and legs of constant length."""
 
 from dataclasses import replace
 
@@ -17,7 +17,8 @@ from mograft import (
     plant_feet,
     read_bvh,
 )
-from mograft.blend.foot_planting import _no_faster, two_bones
+from mograft.blend.root_shift import limit_floor_speed
+from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
@@ -32,14 +33,14 @@ def sample():
 
 
 def sliding(motion, drift):
-    """The motion with its root drifting over the floor, so that all feet slide."""
+    """The motion with a drift of the root over the floor: all feet slide."""
     places = motion.positions.copy()
     places[:, 0] += np.outer(np.arange(motion.n_frames) * motion.frame_time, drift)
     return replace(motion, positions=places, channel_values=None)
 
 
 def limb(rng, bend):
-    """A limb of two bones in any direction, bent by an angle, and the axis that it bends about."""
+    """A limb of two bones in a random direction, bent by an angle, and its bend axis."""
     turn = rotations.exp(rng.normal(size=3))
     upper, lower = rng.uniform(0.5, 2.0, 2)
     points = np.zeros((3, 3))
@@ -51,20 +52,20 @@ def limb(rng, bend):
 
 def bent(points, wanted, axis):
     start, middle, end = (point[None] for point in points)
-    at_start, at_middle = two_bones(start, middle, end, wanted[None], axis[None])
+    at_start, at_middle = bend_limb(start, middle, end, wanted[None], axis[None])
     knee = start + rotations.rotate(at_start, middle - start)
     foot = rotations.rotate(at_middle, end - middle) + middle
     return knee[0], (start + rotations.rotate(at_start, foot - start))[0], at_start, at_middle
 
 
 @given(SEEDS, st.floats(0.0, 3.0), st.floats(0.02, 0.98))
-def test_a_limb_reaches_all_that_is_near_enough(seed, bend, share):
+def test_bend_limb_target_in_reach_is_met(seed, bend, share):
     rng = np.random.default_rng(seed)
     points, axis, upper, lower = limb(rng, bend)
     way = rng.normal(size=3)
     distance = abs(upper - lower) + share * (upper + lower - abs(upper - lower))
     wanted = points[0] + way / np.linalg.norm(way) * distance
-    # An axis that is off the limb's plane a little must do as well.
+    # Also with an axis that is slightly off the normal of the limb's plane.
     for off in (0.0, 0.05):
         tilted = axis + off * rng.normal(size=3)
         knee, foot, *_ = bent(points, wanted, tilted / np.linalg.norm(tilted))
@@ -75,7 +76,7 @@ def test_a_limb_reaches_all_that_is_near_enough(seed, bend, share):
 
 
 @given(SEEDS, st.floats(0.1, 3.0), st.floats(1.0, 3.0))
-def test_out_of_reach_it_points_there(seed, bend, times):
+def test_bend_limb_target_out_of_reach_straightens_towards_it(seed, bend, times):
     rng = np.random.default_rng(seed)
     points, axis, upper, lower = limb(rng, bend)
     way = rng.normal(size=3)
@@ -85,14 +86,14 @@ def test_out_of_reach_it_points_there(seed, bend, times):
 
 
 @given(SEEDS, st.floats(0.01, 3.0))
-def test_a_limb_that_is_there_is_not_turned(seed, bend):
+def test_bend_limb_target_already_met_gives_identity(seed, bend):
     points, axis, *_ = limb(np.random.default_rng(seed), bend)
     *_, at_start, at_middle = bent(points, points[2], axis)
     for turn in (at_start, at_middle):
         assert rotations.angle(turn, rotations.IDENTITY).max() < 1e-6
 
 
-def test_nothing_is_not_a_number():
+def test_bend_limb_degenerate_targets_give_finite_rotations():
     straight = np.array([[0, 0, 0], [0, -1, 0], [0, -2, 0]], float)
     for wanted in ([0, 0, 0], [0, 2, 0], [0, -5, 0], [0, -2, 0]):
         assert np.isfinite(
@@ -100,14 +101,14 @@ def test_nothing_is_not_a_number():
         ).all()
 
 
-def test_contacts_are_where_the_dancer_stands(sample):
+def test_detect_contacts_dancer_matches_stance(sample):
     found = detect_contacts(sample.motion).any(axis=2)
     assert (found[sample.stance]).mean() > 0.99
     assert len(detect_contacts(sample.motion[:3])) == 3
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0])
-def test_contacts_know_no_unit(sample, scale):
+def test_detect_contacts_is_independent_of_unit(sample, scale):
     motion = sample.motion
     other = replace(
         motion,
@@ -126,7 +127,7 @@ def test_contacts_know_no_unit(sample, scale):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
-def test_planted_feet_stand_still_and_bones_keep_their_lengths(sample, seed):
+def test_plant_feet_sliding_motion_fixes_feet_and_keeps_bone_lengths(sample, seed):
     rng = np.random.default_rng(seed)
     start = int(rng.integers(0, sample.motion.n_frames - 200))
     stands = detect_contacts(sample.motion)[start : start + 200]
@@ -147,7 +148,7 @@ def test_planted_feet_stand_still_and_bones_keep_their_lengths(sample, seed):
     np.testing.assert_array_equal(still.positions[:, 1:], motion.positions[:, 1:])
 
 
-def test_the_root_is_not_shaken(sample):
+def test_plant_feet_root_acceleration_at_most_doubles(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
     still, report = plant_feet(motion, detect_contacts(sample.motion))
     assert report.moved_root > 0
@@ -157,8 +158,8 @@ def test_the_root_is_not_shaken(sample):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
-def test_the_root_goes_no_faster_than_at_its_fastest(sample, seed):
-    """However far legs are too short: the shift takes its time, and is none where nothing is."""
+def test_plant_feet_root_is_no_faster_than_before(sample, seed):
+    """For any distance that legs lack; without a shift every position stays."""
     rng = np.random.default_rng(seed)
     start = int(rng.integers(0, sample.motion.n_frames - 200))
     motion = sliding(sample.motion[start : start + 200], rng.uniform(-20, 20, 3))
@@ -173,7 +174,7 @@ def test_the_root_goes_no_faster_than_at_its_fastest(sample, seed):
 
 
 @given(SEEDS, st.integers(2, 40), st.floats(0.0, 3.0))
-def test_a_shift_that_makes_nothing_too_fast_is_kept(seed, n, size):
+def test_limit_floor_speed_slow_shift_is_unchanged(seed, n, size):
     rng = np.random.default_rng(seed)
     path, shift = np.cumsum(rng.normal(size=(n, 3)), axis=0), size * rng.normal(size=(n, 3))
     up = np.eye(3)[int(rng.integers(3))]
@@ -182,7 +183,7 @@ def test_a_shift_that_makes_nothing_too_fast_is_kept(seed, n, size):
         steps = np.diff(places, axis=0)
         return np.linalg.norm(steps - np.outer(steps @ up, up), axis=1)
 
-    new = _no_faster(shift, path, up)
+    new = limit_floor_speed(shift, path, up)
     assert speeds(path + new).max() <= speeds(path).max() * (1 + 1e-9)
     np.testing.assert_allclose(new @ up, shift @ up, atol=1e-12)
     if speeds(path + shift).max() <= speeds(path).max():
@@ -190,46 +191,46 @@ def test_a_shift_that_makes_nothing_too_fast_is_kept(seed, n, size):
 
 
 @given(st.integers(3, 30), st.integers(3, 30), st.floats(0.01, 1.0))
-def test_a_shift_gives_way_only_by_what_is_too_much(before, after, more):
-    """One step is at its fastest and would be longer; there is room beside it."""
+def test_limit_floor_speed_single_excess_is_split_between_neighbours(before, after, more):
+    """One step is at the limit and would become longer; its neighbours are shorter."""
     steps = np.concatenate([np.ones(before), [3.0], np.ones(after)])
     path = np.zeros((len(steps) + 1, 3))
     path[1:, 0] = np.cumsum(steps)
     shift = np.zeros_like(path)
     shift[before + 1 :, 0] = more
-    new = _no_faster(shift, path, np.array([0.0, 1.0, 0.0]))
+    new = limit_floor_speed(shift, path, np.array([0.0, 1.0, 0.0]))
     assert np.diff((path + new)[:, 0]).max() <= 3.0 * (1 + 1e-12)
-    # Half on either side, and at most a little more, so that there is an end to it.
+    # Half on either side, plus the margin that ends the iteration.
     assert np.abs(new - shift).max() <= 0.5 * more + 1e-3
 
 
-def test_the_root_stays_where_it_may_not_move(sample):
+def test_plant_feet_move_root_false_keeps_positions(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
     still, report = plant_feet(motion, detect_contacts(sample.motion), move_root=False)
     np.testing.assert_array_equal(still.positions, motion.positions)
     assert report.unreached_frames > 0
 
 
-def test_only_legs_that_may_be_bent_are(sample):
+def test_plant_feet_movable_legs_bends_only_these(sample):
     motion = sliding(sample.motion, [12.0, 0.0, 5.0])
     still, _ = plant_feet(motion, movable_legs=[True, False])
     np.testing.assert_array_equal(still.rotations[:, 4:], motion.rotations[:, 4:])
     assert (still.rotations[:, 1:4] != motion.rotations[:, 1:4]).any()
 
 
-def test_what_needs_nothing_is_left_to_the_bit(sample):
+def test_plant_feet_without_contacts_returns_same_motion(sample):
     none = np.zeros((sample.motion.n_frames, 2, 2), bool)
     assert plant_feet(sample.motion, none)[0] is sample.motion
     bare = sample.motion[:2]
     assert plant_feet(replace(bare, positions=bare.positions + 0.0))[1].unreached == 0.0
 
 
-def test_bad_arguments_are_refused_by_name(sample):
+def test_plant_feet_invalid_arguments_raise_value_error(sample):
     with pytest.raises(
         ValueError, match=r"foot_contacts must have shape \(\d+, 2, 2\), got \(3, 2\)"
     ):
         plant_feet(sample.motion, np.zeros((3, 2), bool))
-    with pytest.raises(ValueError, match="movable_legs must tell of 2 legs, got 1"):
+    with pytest.raises(ValueError, match="movable_legs must have 2 entries, got 1"):
         plant_feet(sample.motion, movable_legs=[True])
     with pytest.raises(
         ValueError, match=r"min_heights must have shape \(\d+, 2, 2\), got \(3, 2\)"
@@ -239,8 +240,8 @@ def test_bad_arguments_are_refused_by_name(sample):
         Config(feet="sometimes")
 
 
-def test_a_foot_that_is_said_to_stand_and_walks_is_not_held(sample):
-    """As at a seam between donors whose feet stand far apart: the root would be torn away."""
+def test_plant_feet_fast_frames_of_a_contact_are_not_planted(sample):
+    """As at a seam between donors whose feet stand far apart: the root would be pulled away."""
     motion = sample.motion[:240]
     everywhere = np.ones((240, 2, 2), bool)
     still, report = plant_feet(motion, everywhere)
@@ -254,8 +255,8 @@ def test_a_foot_that_is_said_to_stand_and_walks_is_not_held(sample):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, st.floats(0.01, 0.04))
-def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
-    """A figure that sinks into the floor: its feet swing as high as before, or clear of it."""
+def test_plant_feet_min_heights_lift_swinging_feet(sample, seed, drop):
+    """A figure that sinks into the floor: its feet keep their heights, up to the clearance."""
     start = int(np.random.default_rng(seed).integers(0, sample.motion.n_frames - 200))
     motion = sample.motion[start : start + 200]
     stands, high = detect_contacts(sample.motion), foot_heights(sample.motion)
@@ -270,14 +271,14 @@ def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
     )
     ground = Ground.of(sample.motion)
     low = [ground.above(ground.points(one)) / height for one in (loose, tight)]
-    # Far from plants, where nothing else pulls at a foot, and with a leg to spare.
+    # Far from plants, where neither a plant nor its fade changes a foot.
     free = ~stands.any(axis=2)
     for shift in range(1, 5):
         free[shift:] &= ~stands.any(axis=2)[:-shift]
         free[:-shift] &= ~stands.any(axis=2)[shift:]
     lacks = [np.maximum(np.minimum(high, 0.05) - own, 0.0)[free] for own in low]
-    # Below 1e-4 heights times frames in total (0.2 mm of a person, for one frame) nothing drags:
-    # at that size the smoothing of the lift decides the ratio.
+    # The sum is in skeleton heights times frames. 1e-4 is 0.2 mm of a person in one frame: so
+    # small a deficit is no drag, and the smoothing of the lift determines its ratio.
     assert lacks[1].sum() <= 0.3 * lacks[0].sum() + 1e-4
     held = stands[1:] & stands[:-1]
     steps = np.linalg.norm(np.diff(ground.points(tight), axis=0), axis=-1) / height
@@ -287,7 +288,7 @@ def test_feet_that_swing_are_lifted_where_they_would_drag(sample, seed, drop):
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("path", distinct_recordings(), ids=lambda path: path.stem[:30])
-def test_feet_of_every_skeleton_stand(path):
+def test_plant_feet_every_recorded_skeleton_fixes_feet(path):
     motion = read_bvh(path, strict=False)[:240]
     still, report = plant_feet(motion)
     assert report.skate_after <= report.skate_before + 0.01
@@ -300,8 +301,8 @@ def test_feet_of_every_skeleton_stand(path):
     assert np.isfinite(still.rotations).all()
 
 
-def test_where_nothing_is_exchanged_every_bit_stays(sample):
-    """Feet too, that other grafts on an upper body plant."""
+def test_graft_without_substitution_keeps_feet_bit_for_bit(sample):
+    """The library is one whose other grafts plant feet."""
     motion = sample.motion
     preset = JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
     members = {group: [int(j) for j in joints] for group, joints in preset.items()}
@@ -314,7 +315,7 @@ def test_where_nothing_is_exchanged_every_bit_stays(sample):
     np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 
-def test_a_quadruped_has_four_legs():
+def test_plant_feet_quadruped_uses_four_legs():
     path = DATA / "synthetic_quadruped" / "quadruped_trot.bvh"
     if not path.exists():
         pytest.skip("the quadruped is not here")
@@ -327,7 +328,7 @@ def test_a_quadruped_has_four_legs():
 
 @pytest.mark.filterwarnings("ignore")  # of faults in the recordings
 @pytest.mark.parametrize("name", DANCES)
-def test_feet_of_real_grafts_on_upper_bodies_stand(name):
+def test_graft_on_upper_body_of_recordings_plants_feet(name):
     motion = recording(name)
     preset = JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
     members = {group: [int(j) for j in joints] for group, joints in preset.items()}

@@ -1,4 +1,4 @@
-"""Laws of roots that are moved over the floor."""
+"""Rigid alignment of roots: place, heading, preserved height and lean."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -15,12 +15,12 @@ UPS = st.integers(0, 2)
 
 
 def headings(turns, up):
-    """How far rotations turn about up, in radians."""
+    """The twist about the up axis, in radians."""
     return 2 * np.arctan2(turns[:, up], turns[:, 3])
 
 
 @given(ROOTS, ROOTS, UPS)
-def test_roots_come_to_stand_and_head_as_wanted_at_their_own_height_and_lean(own, wanted, up):
+def test_alignment_gives_place_and_heading_and_keeps_height_and_lean(own, wanted, up):
     moved = AlignmentTransform.from_roots(own, wanted, up).apply(own)
     level = np.arange(3) != up
     np.testing.assert_allclose(moved.positions[:, level], wanted.positions[:, level], atol=1e-9)
@@ -39,16 +39,14 @@ def test_roots_come_to_stand_and_head_as_wanted_at_their_own_height_and_lean(own
 
 
 @given(ROOTS, UPS)
-def test_what_is_there_stays_to_the_bit(root, up):
+def test_alignment_of_equal_roots_is_exact_identity(root, up):
     same = AlignmentTransform.from_roots(root, root, up).apply(root)
     np.testing.assert_array_equal(same.rotations, root.rotations)
     np.testing.assert_array_equal(same.positions, root.positions)
 
 
 @given(motions(max_frames=12), st.data())
-def test_roots_are_where_forward_kinematics_puts_them_and_seen_from_their_parent_again(
-    motion, data
-):
+def test_root_transforms_match_forward_kinematics_and_return_to_local(motion, data):
     joint = data.draw(st.integers(0, motion.n_joints - 1))
     root = RootTransforms.from_motion(motion, joint)
     turned, placed = motion.world_transforms()
@@ -62,7 +60,7 @@ def test_roots_are_where_forward_kinematics_puts_them_and_seen_from_their_parent
 
 @settings(max_examples=20)
 @given(SEEDS)
-def test_bodies_are_moved_as_a_whole(seed):
+def test_apply_to_poses_moves_bodies_rigidly(seed):
     rng = np.random.default_rng(seed)
     motion = dance(strides=1).motion[:6]
     poses, root = mg.Poses.from_motion(motion), RootTransforms.from_motion(motion, 0)
@@ -72,9 +70,11 @@ def test_bodies_are_moved_as_a_whole(seed):
     np.testing.assert_allclose(moved.positions[:, 0], goes.apply(root).positions, atol=1e-9)
     np.testing.assert_allclose(moved.rotations[:, 0], goes.apply(root).rotations, atol=1e-9)
 
-    def apart(placed):
+    def pairwise_distances(placed):
         return np.linalg.norm(placed[:, :, None] - placed[:, None], axis=-1)
 
-    np.testing.assert_allclose(apart(moved.positions), apart(poses.positions), atol=1e-9)
+    np.testing.assert_allclose(
+        pairwise_distances(moved.positions), pairwise_distances(poses.positions), atol=1e-9
+    )
     between = [rotations.angle(p.rotations, p.rotations[:, :1]) for p in (moved, poses)]
     np.testing.assert_allclose(*between, atol=1e-6)

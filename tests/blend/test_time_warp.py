@@ -1,4 +1,4 @@
-"""Laws of bent time: it only goes on, keeps its ends, and is bent only where that helps."""
+"""Time warps: monotone, fixed at both ends, used only if they reduce the distance."""
 
 from dataclasses import replace
 from itertools import product
@@ -42,7 +42,7 @@ def distances(most=12):
 
 
 @given(distances(30))
-def test_a_path_only_goes_on_and_keeps_its_ends(gaps):
+def test_warping_path_is_monotone_within_band_and_keeps_ends(gaps):
     path, n = warping_path(gaps), len(gaps) - 1
     assert path[0] == 0
     assert path[-1] == 2 * n
@@ -52,8 +52,8 @@ def test_a_path_only_goes_on_and_keeps_its_ends(gaps):
 
 @settings(max_examples=50)
 @given(distances(6))
-def test_no_path_is_shorter(gaps):
-    """All paths, one after the other."""
+def test_warping_path_is_shortest_of_all_paths(gaps):
+    """The oracle enumerates all paths."""
     n = len(gaps) - 1
     rows = np.arange(n + 1)
     best = np.inf
@@ -66,7 +66,7 @@ def test_no_path_is_shorter(gaps):
 
 
 @given(SEGMENT_LENGTHS, SEEDS)
-def test_a_segment_is_not_bent_to_itself(lengths, seed):
+def test_by_dtw_segment_onto_itself_is_not_warped(lengths, seed):
     cut = tile_segments(lengths)
     base = star_clip(np.random.default_rng(seed), cut)
     warp = TimeWarp.by_dtw(base, cut, cut, [base], BASE_JOINTS)
@@ -76,7 +76,7 @@ def test_a_segment_is_not_bent_to_itself(lengths, seed):
 
 
 @given(SEGMENT_LENGTHS, SEEDS)
-def test_time_goes_on_and_keeps_its_ends(lengths, seed):
+def test_donor_share_is_monotone_and_keeps_ends(lengths, seed):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
@@ -94,8 +94,8 @@ def test_time_goes_on_and_keeps_its_ends(lengths, seed):
 
 
 @given(SEEDS, st.floats(-0.6, 0.6))
-def test_a_donor_that_does_the_same_at_another_time_does_it_at_the_same(seed, bend):
-    """A clip and the same clip in bent time: the graft undoes the better part of it."""
+def test_transplant_dtw_undoes_a_known_time_warp(seed, bend):
+    """The donor is the base with warped time; the graft removes most of the warp."""
     rng = np.random.default_rng(seed)
     n = 40
     cut = tile_segments(np.array([n]))
@@ -105,11 +105,11 @@ def test_a_donor_that_does_the_same_at_another_time_does_it_at_the_same(seed, be
     quats = cubic(np.arange(n + 1), base.rotations, (late * n).clip(0, n))
     donor = recombine(base, [], "donor")
     donor = replace(donor, rotations=rotations.continuous_signs(quats), channel_values=None)
-    even, bent = (
+    even, warped = (
         transplant(base, cut, cut, [donor], GROUP, Config(alignment=own))
         for own in ("uniform", "dtw")
     )
-    off = [rotations.angle(p.rotations, base.rotations[:, JOINTS]).mean() for p in (even, bent)]
+    off = [rotations.angle(p.rotations, base.rotations[:, JOINTS]).mean() for p in (even, warped)]
     assert off[1] <= 1.05 * off[0] + 1e-9
     if abs(bend) > 0.4:
         assert off[1] < 0.6 * off[0]
@@ -117,7 +117,7 @@ def test_a_donor_that_does_the_same_at_another_time_does_it_at_the_same(seed, be
 
 @settings(deadline=None, max_examples=40)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(SMOOTH))
-def test_bent_pieces_meet_smoothly_too(lengths, seed, seam):
+def test_close_warped_pieces_are_continuous(lengths, seed, seam):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
@@ -133,33 +133,33 @@ def test_bent_pieces_meet_smoothly_too(lengths, seed, seam):
     assert velocity < 1e-4
 
 
-def test_neighbours_of_which_one_is_warped_meet_at_a_seam():
-    """They are as long as the places they take, but one of them is not at its own pace."""
+def test_find_seams_one_warped_neighbour_makes_a_seam():
+    """Both donors have the length of their base segments, but one is warped."""
     cut = tile_segments(np.array([20, 20, 20, 20]))
     base = star_clip(np.random.default_rng(8), cut)
     donors = select_segments(cut, np.array([2, 3, 2, 3]))
     timeline = DonorTimeline(cut, donors, 30.0)
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
     even = TimeWarp.by_dtw(base, cut, donors, [base], np.zeros(0, np.int64))
-    bent = replace(even, is_warped=np.array([True, False, False, False]))
+    warped = replace(even, is_warped=np.array([True, False, False, False]))
     assert timeline.find_seams([track]).tolist() == [False, True, False]
     assert replace(timeline, warp=even).find_seams([track]).tolist() == [False, True, False]
-    assert replace(timeline, warp=bent).find_seams([track]).tolist() == [True, True, False]
+    assert replace(timeline, warp=warped).find_seams([track]).tolist() == [True, True, False]
 
 
-def test_grafts_can_be_aligned():
+def test_graft_alignment_dtw_changes_donors_in_time_only():
     motion = dance(seed=3, strides=1).motion
-    even, bent = (
+    even, warped = (
         graft(Library.build(motion, config=Config(alignment=own)), seed=2)
         for own in ("uniform", "dtw")
     )
-    assert [s.donor for s in even.substitutions] == [s.donor for s in bent.substitutions]
-    assert (even.motion.rotations != bent.motion.rotations).any()
-    np.testing.assert_array_equal(bent.motion.rotations[:, :7], motion.rotations[:, :7])
-    same_rotations(bent.motion.rotations[:1], even.motion.rotations[:1], 0.5)
+    assert [s.donor for s in even.substitutions] == [s.donor for s in warped.substitutions]
+    assert (even.motion.rotations != warped.motion.rotations).any()
+    np.testing.assert_array_equal(warped.motion.rotations[:, :7], motion.rotations[:, :7])
+    same_rotations(warped.motion.rotations[:1], even.motion.rotations[:1], 0.5)
 
 
-def test_without_guides_nothing_is_warped():
+def test_transplant_dtw_without_base_joints_equals_uniform():
     cut = tile_segments(np.array([9, 12]))
     base = star_clip(np.random.default_rng(5), cut)
     donors = Segments(cut.start[::-1], cut.stop[::-1])

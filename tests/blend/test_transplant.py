@@ -1,4 +1,4 @@
-"""Laws of recombination and seams."""
+"""Transplant and recombination: kept numbers, oracles, windows, trunk orientation."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ GROUP = GraftedGroup(JOINTS)
 
 
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
-def test_a_part_put_back_in_its_place_changes_no_bit(lengths, seed, config):
+def test_transplant_segments_onto_themselves_change_no_bit(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut, moving=(3,))
@@ -47,7 +47,7 @@ def test_a_part_put_back_in_its_place_changes_no_bit(lengths, seed, config):
 
 
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
-def test_a_part_of_the_same_clip_under_another_name_changes_no_number(lengths, seed, config):
+def test_transplant_from_copy_of_base_changes_no_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
@@ -59,7 +59,7 @@ def test_a_part_of_the_same_clip_under_another_name_changes_no_number(lengths, s
 
 
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
-def test_other_joints_keep_every_number(lengths, seed, config):
+def test_recombine_other_joints_keep_every_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut, moving=(3,))
@@ -75,7 +75,7 @@ def test_other_joints_keep_every_number(lengths, seed, config):
         new.channel_numbers()[:, columns], base.channel_values[:, columns]
     )
     np.testing.assert_allclose(np.linalg.norm(new.rotations, axis=-1), 1.0, atol=1e-12)
-    # What the file says is what the motion is.
+    # Channel values agree with the rotations.
     for joint in JOINTS:
         order = base.skeleton.rotation_order(joint)
         own = [
@@ -90,8 +90,8 @@ def test_other_joints_keep_every_number(lengths, seed, config):
 
 
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
-def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, seed, config):
-    """Files hold angles that no derivation gives, such as whole turns: they stay."""
+def test_recombine_unchanged_frames_of_grafted_joint_keep_channel_values(lengths, seed, config):
+    """Files may hold angles beyond a full turn; these are kept."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
@@ -107,8 +107,8 @@ def test_a_grafted_joint_keeps_its_numbers_where_it_does_what_it_did(lengths, se
 
 
 @given(SEGMENT_LENGTHS, SEEDS, st.integers(-3, 3))
-def test_new_angles_go_on_from_the_last_one_kept(lengths, seed, turns):
-    """A curve that stands at whole turns from zero stays there: no jump where a graft begins."""
+def test_recombine_new_angles_continue_kept_ones(lengths, seed, turns):
+    """Angles offset by full turns keep the offset: no jump at the start of a graft."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(np.array([9, *lengths]))
     base = star_clip(rng, cut)
@@ -125,7 +125,7 @@ def test_new_angles_go_on_from_the_last_one_kept(lengths, seed, turns):
 
 
 @given(SEGMENT_LENGTHS, SEEDS, PLAIN)
-def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
+def test_transplant_rotations_match_oracle(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
@@ -133,7 +133,7 @@ def test_rotations_are_those_of_the_plain_version(lengths, seed, config):
     part = transplant(base, cut, select_segments(cut, chosen), [base], GROUP, config)
     bounds = np.array([0, *cut.stop])
     expected = oracle.transplant(base.rotations[:, JOINTS], bounds, chosen, base.rate, config)
-    # The plain offset differentiates numerically.
+    # The oracle of "offset" differentiates numerically.
     same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
 
 
@@ -157,7 +157,7 @@ def test_displacement_closes_every_gap_half_way(lengths, seed):
 
 
 def kink(seed, before, after, fine, seam):
-    """The greatest change of angular velocity from step to step, and the frames outside."""
+    """The greatest second difference of rotations near a seam, and the part."""
     cut = tile_segments(np.array([before, after, 7]) * fine)
     base = star_clip(np.random.default_rng(seed), cut)
     quats = wander(np.random.default_rng(seed), base.n_frames, 4, speed=0.3 / fine)
@@ -170,19 +170,19 @@ def kink(seed, before, after, fine, seam):
 
 
 @given(st.integers(2, 15), st.integers(2, 15), SEEDS)
-def test_the_curve_about_a_seam_has_no_kink(before, after, seed):
-    """Sampled four times as finely, a smooth curve bends a sixteenth per step, a kink a quarter."""
+def test_paper_curve_at_seam_has_no_kink(before, after, seed):
+    """At four times the rate, second differences fall by 16 on a smooth curve, by 4 at a kink."""
     coarse, fine = (kink(seed, before, after, n, "paper")[0] for n in (32, 128))
     assert fine < 0.12 * coarse
 
 
-def test_displacement_alone_leaves_a_kink():
+def test_displacement_leaves_a_kink():
     coarse, fine = (kink(3, 6, 9, n, "displacement")[0] for n in (32, 128))
     assert fine > 0.2 * coarse
 
 
 @given(st.integers(1, 15), st.integers(1, 15), SEEDS)
-def test_outside_its_window_the_curve_is_left_as_it_was(before, after, seed):
+def test_paper_frames_outside_window_equal_displacement(before, after, seed):
     smooth, moved = (kink(seed, before, after, 4, seam)[1] for seam in ("paper", "displacement"))
     reach = min(5 * 4, before * 4 // 2 - 1, after * 4 // 2 - 1)
     seam = before * 4
@@ -190,7 +190,7 @@ def test_outside_its_window_the_curve_is_left_as_it_was(before, after, seed):
     np.testing.assert_array_equal(smooth.rotations[outside], moved.rotations[outside])
 
 
-def test_no_window_leaves_its_half():
+def test_smoothing_windows_stay_in_nearer_half_of_segments():
     for a in range(1, 16):
         for b in range(1, 16):
             cut = tile_segments(np.array([a, b]))
@@ -202,8 +202,8 @@ def test_no_window_leaves_its_half():
 
 
 @pytest.mark.parametrize("seam", SEAM_TREATMENTS.names)
-def test_a_seam_without_a_gap_is_no_bend(seam):
-    """Segments that are alike but not neighbours: the poses meet, only velocities may not."""
+def test_transplant_equal_poses_at_seam_change_nothing(seam):
+    """Equal segments that are not neighbours: no gap at the seam."""
     cut = tile_segments(np.array([10, 10, 10]))
     base = star_clip(np.random.default_rng(0), cut)
     still = replace(base, rotations=np.tile(rotations.IDENTITY, (31, 4, 1)), channel_values=None)
@@ -213,7 +213,7 @@ def test_a_seam_without_a_gap_is_no_bend(seam):
     np.testing.assert_array_equal(part.rotations, still.rotations[:, JOINTS])
 
 
-def test_stretched_neighbours_keep_their_shared_pose():
+def test_transplant_stretched_neighbours_keep_shared_pose():
     cut = tile_segments(np.array([10, 10, 8, 8]))
     base = star_clip(np.random.default_rng(1), cut)
     part = transplant(
@@ -229,7 +229,7 @@ def test_stretched_neighbours_keep_their_shared_pose():
 
 
 @given(SEGMENT_LENGTHS, SEEDS)
-def test_translations_travel_only_where_they_move(lengths, seed):
+def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, seed):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
@@ -243,7 +243,7 @@ def test_translations_travel_only_where_they_move(lengths, seed):
     np.testing.assert_array_equal(part.positions, base.positions[:, JOINTS])
 
 
-def test_a_motion_without_file_numbers_has_none_after():
+def test_recombine_without_channel_values_has_none():
     cut = tile_segments(np.array([5, 6]))
     base = replace(star_clip(np.random.default_rng(1), cut), channel_values=None)
     part = transplant(base, cut, select_segments(cut, np.array([1, 0])), [base], GROUP, Config())
@@ -259,14 +259,14 @@ UPPER = GraftedGroup(np.arange(7, 18))  # the chest and all joints below it
 
 
 def leans(motion, joint):
-    """How a joint leans in the world, and what it faces there."""
+    """A joint's lean and yaw in the world."""
     turned = motion.world_transforms()[0][:, joint]
     yaw = rotations.twist(turned, 1)
     return rotations.multiply(rotations.inverse(yaw), turned), yaw
 
 
 @given(SEEDS, SEEDS)
-def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_heading(a, b):
+def test_transplant_torso_world_combines_donor_lean_and_base_heading(a, b):
     base, donor = person(a), person(b)
     cut = tile_segments(np.array([39]))
     part = transplant(base, cut, cut, [donor], UPPER, Config(torso="world"))
@@ -275,16 +275,16 @@ def test_a_trunk_that_keeps_to_the_world_leans_as_its_donor_under_the_bases_head
     (_, facing), (above, _) = leans(base, hips), leans(donor, hips)
     upright = rotations.multiply(above, donor.rotations[:, chest])
     same_rotations(new.world_transforms()[0][:, chest], rotations.multiply(facing, upright), 1e-9)
-    # All that hangs on the chest goes with it, as it is in the donor's clip.
+    # Joints below the chest have the donor's local rotations.
     np.testing.assert_array_equal(new.rotations[:, 8:], donor.rotations[:, 8:])
     np.testing.assert_array_equal(new.rotations[:, :7], base.rotations[:, :7])
-    # To the pelvis it stands as in the donor's clip only where both lean alike.
+    # With torso="pelvis" the local rotation is the donor's.
     plain_part = transplant(base, cut, cut, [donor], UPPER, Config())
     np.testing.assert_array_equal(plain_part.rotations, donor.rotations[:, UPPER.joints])
 
 
 @given(SEEDS, SEEDS, st.floats(-3, 3))
-def test_what_the_donor_faces_does_not_matter(a, b, yaw):
+def test_transplant_torso_world_is_independent_of_donor_heading(a, b, yaw):
     base, donor = person(a), person(b)
     turned = donor.rotations.copy()
     turned[:, 0] = rotations.multiply(rotations.from_axis_angle([0, 1, 0], yaw), turned[:, 0])
@@ -301,12 +301,12 @@ def test_what_the_donor_faces_does_not_matter(a, b, yaw):
     SEEDS,
     st.sampled_from([Config(seam=seam, torso="world") for seam in SEAM_TREATMENTS.names]),
 )
-def test_its_own_trunk_keeps_every_bit_in_the_world_too(lengths, seed, config):
+def test_transplant_torso_world_of_base_onto_itself_changes_no_bit(lengths, seed, config):
     cut = tile_segments(lengths)
     base = person(seed, int(lengths.sum()) + 1)
     part = transplant(base, cut, cut, [base], UPPER, config)
     np.testing.assert_array_equal(part.rotations, base.rotations[:, UPPER.joints])
-    # And where a donor takes one place alone, so it does far from it.
+    # One substitution gives unit quaternions in all frames.
     if len(lengths) > 2:
         chosen = np.arange(len(lengths))
         chosen[0] = len(lengths) - 1
@@ -314,8 +314,8 @@ def test_its_own_trunk_keeps_every_bit_in_the_world_too(lengths, seed, config):
         np.testing.assert_allclose(np.linalg.norm(part.rotations, axis=-1), 1.0, atol=1e-12)
 
 
-def test_what_hangs_on_no_other_group_is_left():
-    """Arms keep to the trunk that they hang on, and legs to the pelvis."""
+def test_transplant_torso_world_changes_only_trunks_on_other_groups():
+    """Arms keep their rotation relative to the trunk, legs that relative to the pelvis."""
     base, donor = person(1), person(2)
     cut = tile_segments(np.array([39]))
     for joints in (np.arange(1, 4), np.arange(8, 12), np.arange(18)):

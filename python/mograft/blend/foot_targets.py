@@ -1,0 +1,199 @@
+"""Where heels and toes should be: plants, transitions between them, and lifted swing phases."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.gaussian import gaussian_filter
+from mograft.body.contacts import CONTACT_HEIGHT, SLIDING_SPEED, Ground, point_speeds, runs
+from mograft.config import FRAME
+
+__all__ = ["CLEARANCE", "contacts_at_rest", "foot_displacements"]
+
+CLEARANCE = 0.05
+"""Skeleton heights above the floor at which a swinging foot does not touch it."""
+_FADE_SECONDS = 3 * FRAME
+_RISE_FRAMES = 1.5
+"""Frames after a plant over which the lift of a swinging foot sets in."""
+_MAX_SLIDE = 0.1
+"""Skeleton heights from its mean position at which a fast foot steps instead of sliding."""
+_MAX_DEPTH = 0.01
+"""Skeleton heights that a plant may lie below the floor; above it the limit is CONTACT_HEIGHT."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Plant:
+    """Frames in which a heel or toe stands, first and last included, and its position there."""
+
+    first: int
+    last: int
+    position: FloatArray
+
+
+def contacts_at_rest(
+    contacts: BoolArray, points: FloatArray, ground: Ground, rate: float
+) -> BoolArray:
+    """Return contacts without the fast frames of contacts that cover a long distance.
+
+    If the feet of two donors stand on both sides of a seam, but far apart, the two contacts are not
+    one plant: that would pull the root half way between them. The foot steps instead.
+    """
+    at_rest = contacts.copy()
+    is_fast = point_speeds(points, rate) >= SLIDING_SPEED * ground.height
+    for leg, point in np.ndindex(contacts.shape[1:]):
+        for first, last in runs(contacts[:, leg, point]):
+            rows = slice(first, last + 1)
+            positions = points[rows, leg, point]
+            distances = np.linalg.norm(positions - positions.mean(axis=0), axis=1)
+            if distances.max() > _MAX_SLIDE * ground.height:
+                at_rest[rows, leg, point] = ~is_fast[rows, leg, point]
+    return at_rest
+
+
+def foot_displacements(
+    points: FloatArray,
+    contacts: BoolArray,
+    min_heights: FloatArray,
+    ground: Ground,
+    leg: int,
+    rate: float,
+) -> FloatArray:
+    """Return the displacements of a heel and toe to where they should be.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_frames, 2, 3)
+        Heel and toe.
+    contacts : ndarray of bool, shape (n_frames, 2)
+        When they stand.
+    min_heights : ndarray, shape (n_frames, 2)
+        Their least heights above the floor while neither stands, in skeleton heights.
+    ground : Ground
+        The floor.
+    leg : int
+        Index of the leg.
+    rate : float
+        Frames per second.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 2, 3)
+        A point that does not stand follows the other one if that stands, and is lifted. The foot
+        keeps its length.
+    """
+    single, holds = np.zeros_like(points), np.zeros(contacts.shape)
+    fade = max(round(_FADE_SECONDS * rate), 1)
+    for point, plants in enumerate(_plants(points, contacts, ground, leg)):
+        single[:, point], holds[:, point] = _fade(points[:, point], plants, ground.up, fade)
+    displacements: FloatArray = single + (1.0 - holds)[..., None] * single[:, ::-1]
+    lifts = _lifts(points + displacements, contacts, min_heights, ground, leg, rate)
+    displacements += lifts[..., None] * ground.up
+    # The point that stands keeps its displacement, and the other one restores the foot's length; in
+    # between, the point that is held less moves more.
+    heel, toe = holds[:, 0] * (1.0 - holds[:, 1]), holds[:, 1] * (1.0 - holds[:, 0])
+    heel_share = toe / np.where(toe + heel > 0, toe + heel, 1.0)
+    heel_share = np.where(
+        contacts[:, 1] > contacts[:, 0], 1.0, np.where(contacts[:, 0], 0.0, heel_share)
+    )
+    foot = points[:, 1] - points[:, 0]
+    target = points[:, 1] - points[:, 0] + displacements[:, 1] - displacements[:, 0]
+    length, new_length = np.linalg.norm(foot, axis=1), np.linalg.norm(target, axis=1)
+    ratio = length / np.where(new_length > 0, new_length, 1.0)
+    excess = np.where(new_length > 0, 1.0 - ratio, 0.0)
+    displacements[:, 0] += (heel_share * excess)[:, None] * target
+    displacements[np.abs(displacements).max(axis=(1, 2)) < 1e-12 * ground.height] = 0.0
+    return displacements
+
+
+def _lifts(
+    points: FloatArray,
+    contacts: BoolArray,
+    min_heights: FloatArray,
+    ground: Ground,
+    leg: int,
+    rate: float,
+) -> FloatArray:
+    """Return by how much a heel and toe that do not stand must be lifted, in the file's unit."""
+    heights = points @ ground.up - ground.floors[leg]
+    wanted = np.minimum(min_heights, CLEARANCE) * ground.height
+    deficit: FloatArray = np.maximum(wanted - heights, 0.0)
+    stands = contacts.any(axis=1)
+    deficit[stands] = 0.0
+    if not deficit.any():
+        return deficit
+    # The greatest deficit nearby, then smoothed, as for the shift of the root.
+    width = max(round(_FADE_SECONDS * rate), 1)
+    padded = np.pad(deficit, ((width, width), (0, 0)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1, axis=0)
+    greatest = windows.max(axis=2)
+    smooth = np.stack([gaussian_filter(column, 0.5 * width) for column in greatest.T], axis=1)
+    # The lift is 0 in contact and sets in after it.
+    is_free = np.pad(~stands, width, constant_values=True)
+    free_windows = np.lib.stride_tricks.sliding_window_view(is_free, 2 * width + 1)
+    distances = np.abs(np.arange(2 * width + 1) - width)
+    frames_from_contact = np.where(free_windows, width + 1, distances).min(axis=1)
+    lifts: FloatArray = smooth * np.minimum(frames_from_contact / _RISE_FRAMES, 1.0)[:, None]
+    return lifts
+
+
+def _plants(
+    points: FloatArray, contacts: BoolArray, ground: Ground, leg: int
+) -> tuple[list[_Plant], list[_Plant]]:
+    """Return the plants of a heel and of a toe.
+
+    While both stand, they keep their mean distance: the later plant is moved along the foot.
+    """
+    plants: tuple[list[_Plant], list[_Plant]] = ([], [])
+    intervals = [
+        (int(first), int(last), point)
+        for point in range(2)
+        for first, last in runs(contacts[:, point])
+    ]
+    for first, last, point in sorted(intervals):
+        position = points[first : last + 1, point].mean(axis=0)
+        height = position @ ground.up - ground.floors[leg, point]
+        clamped = np.clip(height, -_MAX_DEPTH * ground.height, CONTACT_HEIGHT * ground.height)
+        position = position + (clamped - height) * ground.up
+        for other in plants[1 - point]:
+            both = slice(max(first, other.first), min(last, other.last) + 1)
+            if both.start >= both.stop:
+                continue
+            length = np.linalg.norm(points[both, 1] - points[both, 0], axis=-1).mean()
+            offset = position - other.position
+            # Without a known toe the foot has no length and no direction.
+            if length > 0 and offset.any():
+                position = other.position + offset * (length / np.linalg.norm(offset))
+                break
+        plants[point].append(_Plant(first, last, position))
+    return plants
+
+
+def _fade(
+    track: FloatArray, plants: Sequence[_Plant], up: FloatArray, width: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the displacements of a heel or toe to its plants, and weights of these.
+
+    Outside plants, displacement and weight fade to 0 or over to the next plant within `width`
+    frames. The point keeps the speed with which it leaves a plant. A downward displacement fades
+    faster, so that a lifted foot does not drag over the floor.
+    """
+    displacements, holds = np.zeros_like(track), np.zeros(len(track))
+    for plant in plants:
+        rows = slice(plant.first, plant.last + 1)
+        displacements[rows] = plant.position - track[rows]
+        holds[rows] = 1.0
+    ends = [(plant.last, 1) for plant in plants] + [(plant.first, -1) for plant in plants]
+    for end, direction in ends:
+        frames = end + direction * np.arange(1, width + 1)
+        frames = frames[(frames >= 0) & (frames < len(track))]
+        held = np.flatnonzero(holds[frames] == 1.0)
+        frames = frames[: held[0]] if len(held) else frames  # at most up to the next plant
+        t = np.abs(frames - end) / (min(width, len(frames)) + 1)
+        weight = 1.0 + t * t * (2.0 * t - 3.0)
+        down = min(float(displacements[end] @ up), 0.0) * up
+        level = weight[:, None] * (displacements[end] - down)
+        displacements[frames] += level + weight[:, None] ** 3 * down
+        holds[frames] = np.minimum(holds[frames] + weight, 1.0)
+    return displacements, holds

@@ -1,0 +1,115 @@
+"""Shifts of the root that bring planted feet within reach of their legs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.gaussian import gaussian_filter
+from mograft.body.contacts import Leg
+from mograft.config import FRAME
+
+__all__ = ["limit_floor_speed", "shift_for_reach"]
+
+_SMOOTHING_SECONDS = 3 * FRAME
+_MAX_LEG_SHARE = 0.995
+"""Share of its length to which a leg is straightened, if it is not straighter already."""
+_N_PROJECTIONS = 10
+_MAX_SWEEPS, _SPEED_MARGIN = 1000, 0.9999
+"""How often excess speed is distributed to neighbouring frames, and the share to which it falls."""
+
+
+def shift_for_reach(
+    legs: Sequence[Leg],
+    world_positions: FloatArray,
+    displacements: FloatArray,
+    is_planted: BoolArray,
+    rate: float,
+) -> FloatArray:
+    """Return the smooth shift of the root with which legs reach their plants.
+
+    Parameters
+    ----------
+    legs : sequence of Leg
+        The legs.
+    world_positions : ndarray, shape (n_frames, n_joints, 3)
+        The joints in the world.
+    displacements : ndarray, shape (n_frames, n_legs, 3)
+        Displacements of the ankles.
+    is_planted : ndarray of bool, shape (n_frames, n_legs)
+        Which legs must reach.
+    rate : float
+        Frames per second.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3)
+        The shift; 0 if all legs reach.
+    """
+    centers, radii = [], []
+    for index, leg in enumerate(legs):
+        hip, knee, ankle = (world_positions[:, j] for j in (leg.hip, leg.knee, leg.ankle))
+        whole = np.linalg.norm(knee - hip, axis=1) + np.linalg.norm(ankle - knee, axis=1)
+        current = np.linalg.norm(ankle - hip, axis=1)
+        centers.append(ankle + displacements[:, index] - hip)
+        reach = np.maximum(_MAX_LEG_SHARE * whole, current)
+        radii.append(np.where(is_planted[:, index], reach, np.inf))
+
+    def project(shift: FloatArray) -> FloatArray:
+        """Return a near shift within all spheres, by alternating projections."""
+        for _ in range(_N_PROJECTIONS):
+            for center, radius in zip(centers, radii, strict=True):
+                offset = shift - center
+                distance = np.linalg.norm(offset, axis=1)
+                is_out = distance > radius * (1.0 + 1e-9)
+                shift = shift.copy()
+                scale = (radius[is_out] / distance[is_out])[:, None]
+                shift[is_out] = center[is_out] + offset[is_out] * scale
+        return shift
+
+    nearest = project(np.zeros((len(world_positions), 3)))
+    if not nearest.any():
+        return nearest
+    # Each frame takes the largest shift nearby before smoothing, so that the smooth shift is large
+    # enough: a correction after smoothing would be a jump.
+    width = round(2 * _SMOOTHING_SECONDS * rate)
+    sizes = np.pad(np.linalg.norm(nearest, axis=1), width, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(sizes, 2 * width + 1)
+    frames = (np.arange(len(nearest)) + windows.argmax(axis=1) - width).clip(0, len(nearest) - 1)
+    smooth = [gaussian_filter(axis, _SMOOTHING_SECONDS * rate) for axis in nearest[frames].T]
+    return project(np.stack(smooth, axis=1))
+
+
+def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
+    """Return a shift with which a path over the floor is no faster than the path's maximum.
+
+    Parameters
+    ----------
+    shift : ndarray, shape (n_frames, 3)
+        The shift.
+    path : ndarray, shape (n_frames, 3)
+        The path to which it is added.
+    up : ndarray, shape (3,)
+        Unit vector upwards.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3)
+        `shift` if it is slow enough. Otherwise frames that are too far apart are moved towards
+        each other, then their neighbours; if that does not end, the shift over the floor is 0.
+    """
+    level = np.eye(3) - np.outer(up, up)
+    given, target = path @ level, (path + shift) @ level
+    limit = np.linalg.norm(np.diff(given, axis=0), axis=1).max(initial=0.0)
+    moved = target.copy()
+    for _ in range(_MAX_SWEEPS if limit > 0 else 0):
+        steps = np.diff(moved, axis=0)
+        speeds = np.linalg.norm(steps, axis=1)
+        fast = np.flatnonzero(speeds > limit)
+        if not len(fast):
+            return shift + (moved - target)
+        # To slightly below the limit, so that the iteration ends.
+        correction = 0.5 * (1.0 - _SPEED_MARGIN * limit / speeds[fast])[:, None] * steps[fast]
+        moved[fast] += correction
+        moved[fast + 1] -= correction
+    return shift + (given - target)

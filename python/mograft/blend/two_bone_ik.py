@@ -1,0 +1,140 @@
+"""Inverse kinematics of a limb of two bones, and its application to legs."""
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.blend.recombine import Part
+from mograft.body.contacts import Leg
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+__all__ = ["bend_leg", "bend_limb"]
+
+_USUAL_AXIS_WEIGHT = 0.1
+"""Weight of a leg's mean bend axis; that of a frame's own axis is the sine of its bend."""
+
+
+def bend_limb(
+    start: FloatArray, middle: FloatArray, end: FloatArray, target: FloatArray, axis: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rotations that move the end of a limb of two bones to a target.
+
+    Parameters
+    ----------
+    start, middle, end : ndarray, shape (n, 3)
+        Positions of the limb's first joint, of the joint between its bones, and of its end.
+    target : ndarray, shape (n, 3)
+        Target of the end. If it is out of reach, the limb is straightened towards it.
+    axis : ndarray, shape (n, 3)
+        Unit axes about which the limb bends, roughly perpendicular to both bones: for a knee the
+        cross product of thigh and shank.
+
+    Returns
+    -------
+    at_start, at_middle : ndarray, shape (n, 4)
+        Rotations in the world: of the whole limb about its start, and before that of the lower
+        bone about the middle joint.
+    """
+    upper, lower = start - middle, end - middle
+
+    def split(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        along = (vectors * axis).sum(axis=1)
+        return along, vectors - along[:, None] * axis
+
+    upper_along, upper_across = split(upper)
+    lower_along, lower_across = split(lower)
+    product = np.linalg.norm(upper_across, axis=1) * np.linalg.norm(lower_across, axis=1)
+    squared_reach = ((target - start) ** 2).sum(axis=1)
+    cosine = 0.5 * ((upper**2).sum(axis=1) + (lower**2).sum(axis=1) - squared_reach)
+    cosine = (cosine - upper_along * lower_along) / np.maximum(product, 1e-300)
+    angle = np.arctan2(
+        (np.cross(upper_across, lower_across) * axis).sum(axis=1),
+        (upper_across * lower_across).sum(axis=1),
+    )
+    half = 0.5 * (np.arccos(cosine.clip(-1.0, 1.0)) - angle)[:, None]
+    at_middle = np.concatenate([np.sin(half) * axis, np.cos(half)], axis=1)
+    bent_end = middle + rotations.rotate(at_middle, lower) - start
+    given_end, direction = end - start, target - start
+    # In two steps, so that the limb's plane is rotated no more than its direction.
+    at_start = rotations.multiply(
+        rotations.shortest_arc(given_end, direction), rotations.shortest_arc(bent_end, given_end)
+    )
+    return at_start, at_middle
+
+
+def bend_leg(
+    motion: Motion,
+    world_rotations: FloatArray,
+    world_positions: FloatArray,
+    leg: Leg,
+    points: FloatArray,
+    displacements: FloatArray,
+) -> Part | None:
+    """Return a leg that is bent so that its heel and toe are displaced.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    world_rotations, world_positions : ndarray, shape (n_frames, n_joints, 4 or 3)
+        Its joints in the world, after the root has been moved.
+    leg : Leg
+        The leg.
+    points : ndarray, shape (n_frames, 2, 3)
+        Its heel and toe, after the root has been moved.
+    displacements : ndarray, shape (n_frames, 2, 3)
+        The displacements of these. Frames with displacements of 0 are kept bit for bit.
+
+    Returns
+    -------
+    Part or None
+        Hip, knee and ankle; None if all displacements are 0.
+    """
+    joints = np.array([leg.hip, leg.knee, leg.ankle])
+    is_moved = (displacements != 0.0).any(axis=(1, 2))
+    frames = np.flatnonzero(is_moved)
+    if not len(frames):
+        return None
+    axis = _bend_axes(world_rotations, world_positions, leg)[frames]
+    hip, knee, ankle = (world_positions[frames, joint] for joint in joints)
+    given, target = points[frames], points[frames] + displacements[frames]
+    at_hip, at_knee = bend_limb(hip, knee, ankle, target[:, 0], axis)
+    foot_rotation = rotations.shortest_arc(given[:, 1] - given[:, 0], target[:, 1] - target[:, 0])
+    inverse_knee, inverse_hip = rotations.inverse(at_knee), rotations.inverse(at_hip)
+    at_ankle = rotations.multiply(rotations.multiply(inverse_knee, inverse_hip), foot_rotation)
+    quats = motion.rotations[:, joints].copy()
+    for column, (joint, change) in enumerate(zip(joints, (at_hip, at_knee, at_ankle), strict=True)):
+        parent = int(motion.skeleton.parents[joint])
+        above = (
+            world_rotations[frames, parent]
+            if parent >= 0
+            else np.broadcast_to(rotations.IDENTITY, change.shape)
+        )
+        changed = rotations.multiply(rotations.inverse(above), change)
+        quats[frames, column] = rotations.multiply(changed, world_rotations[frames, joint])
+    quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
+    quats = np.where(is_moved[:, None, None], quats, motion.rotations[:, joints])
+    return Part(joints, quats, motion.positions[:, joints])
+
+
+def _bend_axes(world_rotations: FloatArray, world_positions: FloatArray, leg: Leg) -> FloatArray:
+    """Return the world axis about which the knee bends in each frame, shape (n_frames, 3).
+
+    It is the normal of the leg's plane. The straighter the leg, the more it becomes the mean axis
+    of all frames, relative to the thigh.
+    """
+    thigh = world_positions[:, leg.hip] - world_positions[:, leg.knee]
+    shank = world_positions[:, leg.ankle] - world_positions[:, leg.knee]
+    lengths = np.linalg.norm(thigh, axis=1) * np.linalg.norm(shank, axis=1)
+    normal = np.cross(thigh, shank) / np.where(lengths > 0, lengths, 1.0)[:, None]
+    hip_rotations = world_rotations[:, leg.hip]
+    mean = rotations.rotate(rotations.inverse(hip_rotations), normal).sum(axis=0)
+    if np.linalg.norm(mean) < 1e-9:  # never bent: any axis perpendicular to the leg
+        along = rotations.rotate(rotations.inverse(hip_rotations[:1]), thigh[:1])[0]
+        mean = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    usual = rotations.rotate(
+        hip_rotations, np.tile(mean / np.linalg.norm(mean), (len(hip_rotations), 1))
+    )
+    axes = normal + _USUAL_AXIS_WEIGHT * usual
+    unit: FloatArray = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    return unit
