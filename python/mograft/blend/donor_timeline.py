@@ -212,7 +212,7 @@ class DonorLayout:
     seams: BoolArray
     config: Config
 
-    def closed(self) -> tuple[FloatArray, FloatArray]:
+    def close(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames with the gaps at seams closed."""
         timeline = self.timeline
         times = timeline.frame_times()
@@ -236,7 +236,7 @@ class DonorLayout:
             self.config.seam_blend,
         )
 
-    def smoothed(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames after the treatment's last pass."""
         treatment = SEAM_TREATMENTS.get(self.config.seam)
         cut, window = self.timeline.cut, round(self.config.seam_window * self.timeline.rate)

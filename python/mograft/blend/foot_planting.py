@@ -115,14 +115,7 @@ def plant_feet(
     ground = Ground.of(motion if floor_reference is None else floor_reference)
     skate_before = skating_share(motion, ground)
     if (min_heights is None and not contacts.any()) or not movable.any():
-        return motion, FeetReport(
-            plants=0,
-            skate_before=skate_before,
-            skate_after=skate_before,
-            moved_root=0.0,
-            unreached=0.0,
-            unreached_frames=0,
-        )
+        return motion, _unchanged(skate_before)
     points = ground.points(motion)
     planted = contacts_at_rest(contacts, points, ground, motion.rate)
     heights = np.full(contacts.shape, -np.inf) if min_heights is None else min_heights
@@ -167,6 +160,18 @@ def plant_feet(
         moved_root=float(np.linalg.norm(shift, axis=1).max()) / ground.height,
         unreached=float(errors.max()),
         unreached_frames=int((errors > _MAX_ERROR).any(axis=(1, 2)).sum()),
+    )
+
+
+def _unchanged(skate: float) -> FeetReport:
+    """Return the report of a motion that needs no change."""
+    return FeetReport(
+        plants=0,
+        skate_before=skate,
+        skate_after=skate,
+        moved_root=0.0,
+        unreached=0.0,
+        unreached_frames=0,
     )
 
 

@@ -49,9 +49,9 @@ class GraftedRoot:
     ) -> tuple[DonorLayout, FloatArray, FloatArray]:
         """Return the aligned layout, and local rotations and translations with seams closed."""
         layout = lean.remove_from(self.align(layout, base, clips), clips)
-        quats, positions = layout.closed()
+        quats, positions = layout.close()
         self.integrate(layout, quats, positions)
-        quats, positions = layout.smoothed(quats, positions)
+        quats, positions = layout.smooth(quats, positions)
         self.to_local(base, quats, positions)
         return layout, quats, positions
 

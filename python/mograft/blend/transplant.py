@@ -108,7 +108,7 @@ def transplant(
         layout, quats, moved = root.close(layout, lean, base, clips)
     else:
         layout = lean.remove_from(_lay_out(timeline, clips, group, moving, config), clips)
-        quats, moved = layout.smoothed(*layout.closed())
+        quats, moved = layout.smooth(*layout.close())
     positions = np.ascontiguousarray(base.positions[:, joints])
     positions[:, moving] = moved
     channel_quats = quats[:, len(joints) :]

@@ -46,7 +46,7 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
     donors = replace(donors, clip=index)
     base = _still(clips[index[0]], int(donors.start[0]), int(stops[-1]) + 1)
     if scenario.place is not None or scenario.turn:
-        base = _moved(base, scenario, library.root, library.up)
+        base = _place_root(base, scenario, library.root, library.up)
     group = GraftedGroup(np.arange(base.n_joints), library.root, library.up)
     part = transplant(base, cut, donors, clips, group, library.config)
     motion = recombine(base, [part], base.name)
@@ -110,7 +110,7 @@ def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
     )
 
 
-def _moved(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
+def _place_root(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
     """Return a still figure with its root rotated about up and moved to the scenario's place."""
     world_quats, world_positions = motion.world_transforms()
     position, parent = world_positions[0, root].copy(), int(motion.skeleton.parents[root])

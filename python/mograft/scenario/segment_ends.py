@@ -114,10 +114,10 @@ def segment_ends(library: Library, segments: IntArray) -> tuple[SegmentEnds, Seg
         indices = segments[clip_of == clip]
         starts.append(reader.read(indices, is_start=True))
         ends.append(reader.read(indices, is_start=False))
-    return _concatenated(starts), _concatenated(ends)
+    return _concatenate(starts), _concatenate(ends)
 
 
-def _concatenated(parts: list[SegmentEnds]) -> SegmentEnds:
+def _concatenate(parts: list[SegmentEnds]) -> SegmentEnds:
     return SegmentEnds(
         **{
             field.name: np.concatenate([getattr(part, field.name) for part in parts])

@@ -134,7 +134,7 @@ def fill(
             f"no segment sequence has a total length of {frames} frames; the nearest possible "
             f"length is {nearest} frames"
         )
-    path = _WalkPath(rng, len(lengths), int(rng.choice(len(lengths), p=_normalized(ends[total]))))
+    path = _WalkPath(rng, len(lengths), int(rng.choice(len(lengths), p=_normalize(ends[total]))))
     left = total
     while left > lengths[path.node]:
         left -= int(lengths[path.node])
@@ -156,7 +156,7 @@ def _end_probabilities(step: "_Step", lengths: IntArray, total: int) -> Weights:
     for left in range(1, n_rows):
         fits = lengths <= left
         ends[left, fits] = after[left - lengths[fits], fits]
-        after[left] = step.expected(ends[left])
+        after[left] = step.expectation(ends[left])
         if left == total and ends[left].any():
             break
     return ends
@@ -222,7 +222,7 @@ def to_beats(
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
     plan = _BeatPlan.solve(graph, lengths, spans, times)
     step = plan.step
-    path = _WalkPath(rng, len(lengths), int(rng.choice(len(lengths), p=_normalized(plan.meets[0]))))
+    path = _WalkPath(rng, len(lengths), int(rng.choice(len(lengths), p=_normalize(plan.meets[0]))))
     new_lengths: list[int] = []
     for beat, span in enumerate(spans.tolist()):
         shortest, _ = _stretchable_lengths(span)
@@ -272,7 +272,7 @@ class _BeatPlan:
         continues: list[Weights] = []
         for beat in range(len(spans) - 1, -1, -1):
             shortest, longest = _stretchable_lengths(int(spans[beat]))
-            at_rest = np.where(graph.is_at_rest, step.expected(meets[beat + 1]), 0.0)
+            at_rest = np.where(graph.is_at_rest, step.expectation(meets[beat + 1]), 0.0)
             at_rest = at_rest.astype(np.float32)
             starting = np.zeros((longest + 1, n), np.float32)
             after = np.zeros_like(starting)
@@ -282,7 +282,7 @@ class _BeatPlan:
                 starting[done, fits] = after[stop[fits], fits]
                 ends = (stop >= shortest) & fits
                 starting[done, ends] += at_rest[ends]
-                after[done] = step.expected(starting[done])
+                after[done] = step.expectation(starting[done])
             if not starting[0].any():
                 raise ValueError(
                     f"no segment sequence comes to rest at the beats from {times[beat]:.4g} s on "
@@ -307,7 +307,7 @@ class _Step:
     def from_graph(cls, graph: Transitions) -> "_Step":
         return cls(graph.first_edge, graph.targets, graph.probabilities())
 
-    def expected(self, values: Weights) -> FloatArray:
+    def expectation(self, values: Weights) -> FloatArray:
         """Return the expectation of a function of the next node, for each node."""
         products = self.probabilities * values[self.targets]
         mean: FloatArray = np.add.reduceat(products, self.first_edge[:-1])
@@ -335,7 +335,7 @@ class _WalkPath:
         weights = weights * np.exp(uses[weights > 0].min() - uses)
         is_recent = np.isin(targets, self.nodes[-_MIN_RETURN - 1 :])
         allowed = np.where(is_recent, 0.0, weights)
-        shares = _normalized(allowed if allowed.any() else weights)
+        shares = _normalize(allowed if allowed.any() else weights)
         self.node = int(self.rng.choice(targets, p=shares))
         self.nodes.append(self.node)
         self.uses[self.node] += 1
@@ -357,7 +357,7 @@ def _check_table_size(n_intervals: int, graph: Transitions) -> None:
         )
 
 
-def _normalized(weights: npt.NDArray[np.floating]) -> FloatArray:
+def _normalize(weights: npt.NDArray[np.floating]) -> FloatArray:
     exact = weights.astype(np.float64)
     shares: FloatArray = exact / exact.sum()
     return shares
