@@ -1,4 +1,4 @@
-"""Laws of complete linkage: one tree, SciPy's where there are no ties, and its cuts."""
+"""Complete linkage: the tree against a greedy oracle and SciPy, cuts, thresholds, the estimator."""
 
 import itertools
 import signal
@@ -17,7 +17,7 @@ from sklearn.cluster import AgglomerativeClustering
 from sklearn.utils.estimator_checks import check_estimator
 
 import mograft as mg
-from mograft import _core  # noqa: TID251 - what tests turn is no part of the public interface
+from mograft import _core  # noqa: TID251 - the tuning parameters are not public
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "embedding_bandai_60k.npy"
 
@@ -31,7 +31,7 @@ COORDINATES = {
 
 @st.composite
 def clouds(draw, max_points=40, kinds=tuple(COORDINATES)):
-    """Points of few axes: scattered, tied, near to each other or repeated."""
+    """Points of few axes: scattered, with ties, nearly equal or repeated."""
     elements = COORDINATES[draw(st.sampled_from(kinds))]
     shape = (draw(st.integers(2, max_points)), draw(st.integers(1, 8)))
     points = draw(npst.arrays(np.float64, shape, elements=elements))
@@ -42,10 +42,10 @@ def clouds(draw, max_points=40, kinds=tuple(COORDINATES)):
 
 
 def greedy(points):
-    """Merge the pair of least (squared distance, lower index, higher index), again and again.
+    """Return the tree that repeatedly merges the pair of the least key.
 
-    Scaled by a power of two, and with the tiniest coordinates taken for 0, so that no square
-    comes near the ends of the range of floats.
+    The key is (squared distance, lower index, higher index). The points are scaled by a power of
+    two and tiny coordinates set to 0, so that squares neither overflow nor underflow.
     """
     n = len(points)
     exponent = np.frexp(np.abs(points).max())[1]
@@ -76,7 +76,7 @@ def greedy(points):
 
 @st.composite
 def tunings(draw):
-    """Everything that may change how fast the tree is there, and nothing else."""
+    """Parameters that affect the run time only."""
     return {
         "threads": draw(st.integers(1, 3)),
         "level": draw(st.integers(0, 2)),
@@ -87,14 +87,14 @@ def tunings(draw):
 
 
 def by_first_appearance(labels):
-    """Number clusters from 0 in the order in which their first members stand."""
+    """Number clusters from 0 in the order of their first members."""
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[inverse]
 
 
 @st.composite
 def scattered(draw, max_points=200):
-    """Points of which no two pairs are equally far."""
+    """Points whose pairwise distances are all different."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     shape = draw(st.integers(2, max_points)), draw(st.integers(1, 20))
     points = draw(st.sampled_from([rng.standard_normal, rng.standard_cauchy]))(shape)
@@ -104,15 +104,15 @@ def scattered(draw, max_points=200):
 
 
 @given(clouds(max_points=12), tunings())
-def test_the_tree_is_that_of_greedy_search(points, tuning):
-    wanted = greedy(points)
-    np.testing.assert_array_equal(mg.linkage(points), wanted)
-    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), wanted)
+def test_linkage_equals_greedy_search(points, tuning):
+    expected = greedy(points)
+    np.testing.assert_array_equal(mg.linkage(points), expected)
+    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), expected)
 
 
 @settings(max_examples=300)
 @given(clouds(max_points=100), tunings())
-def test_nothing_that_is_tuned_changes_the_tree(points, tuning):
+def test_linkage_tuning_parameters_do_not_change_tree(points, tuning):
     tree = _core.linkage_tuned(points, **tuning)
     np.testing.assert_array_equal(tree, _core.linkage_by_chain(points))
     assert hierarchy.is_valid_linkage(tree)
@@ -120,43 +120,43 @@ def test_nothing_that_is_tuned_changes_the_tree(points, tuning):
 
 
 @given(scattered(), tunings())
-def test_the_tree_is_scipys_where_no_distances_are_equal(points, tuning):
-    wanted = hierarchy.complete(pdist(points))
-    np.testing.assert_array_equal(mg.linkage(points), wanted)
-    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), wanted)
+def test_linkage_distinct_distances_equals_scipy(points, tuning):
+    expected = hierarchy.complete(pdist(points))
+    np.testing.assert_array_equal(mg.linkage(points), expected)
+    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), expected)
 
 
 @given(scattered(max_points=60), st.integers(1, 10))
-def test_a_partition_into_k_is_scipys(points, k):
+def test_complete_linkage_n_clusters_equals_scipy(points, k):
     k = min(k, len(points))
     labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
-    wanted = hierarchy.fcluster(hierarchy.complete(pdist(points)), k, "maxclust")
-    np.testing.assert_array_equal(labels, by_first_appearance(wanted))
+    expected = hierarchy.fcluster(hierarchy.complete(pdist(points)), k, "maxclust")
+    np.testing.assert_array_equal(labels, by_first_appearance(expected))
 
 
 @given(scattered(max_points=60), tunings(), st.floats(0, 1))
-def test_a_cut_between_two_heights_is_scipys(points, tuning, quantile):
+def test_cut_between_heights_equals_scipy(points, tuning, quantile):
     tree = hierarchy.complete(pdist(points))
     heights = np.concatenate([[0.0], tree[:, 2]])
     low = int(quantile * (len(heights) - 2))
     diameter = heights[low : low + 2].mean()
-    wanted = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-    np.testing.assert_array_equal(mg.cut(points, diameter), wanted)
-    np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), wanted)
+    expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
+    np.testing.assert_array_equal(mg.cut(points, diameter), expected)
+    np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), expected)
 
 
 @given(clouds(kinds=["lattice", "single precision"]), tunings(), st.floats(0, 1))
-def test_the_cut_is_that_of_the_tree(points, tuning, quantile):
+def test_cut_at_and_next_to_height_equals_fcluster_of_tree(points, tuning, quantile):
     tree = mg.linkage(points)
     height = np.quantile(tree[:, 2], quantile)
     for diameter in (height, np.nextafter(height, 0), np.nextafter(height, np.inf)):
-        wanted = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-        np.testing.assert_array_equal(mg.cut(points, diameter), wanted)
-        np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), wanted)
+        expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
+        np.testing.assert_array_equal(mg.cut(points, diameter), expected)
+        np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), expected)
 
 
 @given(clouds(kinds=["lattice", "single precision"]), st.floats(0, 1))
-def test_clusters_are_no_wider_than_asked_and_no_two_could_be_one(points, quantile):
+def test_cut_diameters_within_limit_and_merges_exceed_it(points, quantile):
     distances = squareform(pdist(points))
     diameter = np.quantile(distances, quantile)
     labels = mg.cut(points, diameter)
@@ -167,20 +167,20 @@ def test_clusters_are_no_wider_than_asked_and_no_two_could_be_one(points, quanti
 
 
 @given(clouds(kinds=["lattice", "single precision"]))
-def test_points_merge_no_lower_than_they_are_apart(points):
+def test_linkage_cophenetic_distance_at_least_distance(points):
     assert (hierarchy.cophenet(mg.linkage(points)) >= pdist(points)).all()
 
 
 @given(scattered(max_points=60), st.randoms(use_true_random=False))
-def test_order_is_of_no_matter_where_no_distances_are_equal(points, random):
+def test_linkage_permuted_points_same_cophenetic_distances(points, random):
     order = random.sample(range(len(points)), len(points))
-    apart = squareform(hierarchy.cophenet(mg.linkage(points)))
+    original = squareform(hierarchy.cophenet(mg.linkage(points)))
     shuffled = squareform(hierarchy.cophenet(mg.linkage(points[order])))
-    np.testing.assert_array_equal(shuffled, apart[np.ix_(order, order)])
+    np.testing.assert_array_equal(shuffled, original[np.ix_(order, order)])
 
 
 @given(clouds(kinds=["lattice", "single precision"]), st.integers(-900, 900))
-def test_the_unit_is_of_no_matter(points, exponent):
+def test_linkage_points_scaled_by_power_of_two_scales_heights(points, exponent):
     tree = mg.linkage(points)
     scaled = mg.linkage(np.ldexp(points, exponent))
     np.testing.assert_array_equal(scaled[:, [0, 1, 3]], tree[:, [0, 1, 3]])
@@ -188,7 +188,7 @@ def test_the_unit_is_of_no_matter(points, exponent):
 
 
 @given(scattered(max_points=60), st.integers(0, 2**32), st.floats(-100, 100))
-def test_turning_and_moving_all_points_is_of_no_matter(points, seed, shift):
+def test_cut_rotated_and_translated_points_same_labels(points, seed, shift):
     axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(points.shape[1],) * 2))[0]
     heights = np.unique(mg.linkage(points)[:, 2])
     between = heights[:-1][np.diff(heights) > 1e-6 * heights[-1]]
@@ -199,7 +199,7 @@ def test_turning_and_moving_all_points_is_of_no_matter(points, seed, shift):
 
 
 @given(scattered(max_points=40), st.floats(1.5, 100))
-def test_clusters_follow_the_unit_by_rms_and_not_by_the_printed_formula(points, factor):
+def test_threshold_scaled_points_rms_scales_linearly_literal_by_square_root(points, factor):
     assume(np.abs(points).max() < 1e3)
     for kind, power in (("rms", 1.0), ("literal", 0.5)):
         one, other = mg.threshold(points, kind), mg.threshold(points * factor, kind)
@@ -207,9 +207,9 @@ def test_clusters_follow_the_unit_by_rms_and_not_by_the_printed_formula(points, 
 
 
 @given(clouds(kinds=["lattice", "single precision"]))
-def test_the_condensed_tree_is_that_of_the_points(points):
+def test_linkage_condensed_equals_linkage_of_points(points):
     distances = pdist(points)
-    # Distances that are equal only when rounded would be told apart by their squares.
+    # Different squares may have equal rounded roots; such points have other ties here.
     assume(len(np.unique(distances)) == len(np.unique(pdist(points, "sqeuclidean"))))
     tree = mg.linkage(points)
     np.testing.assert_array_equal(mg.linkage_condensed(distances), tree)
@@ -217,31 +217,31 @@ def test_the_condensed_tree_is_that_of_the_points(points):
 
 
 @pytest.mark.parametrize("n_axes", [1, 2, 30, 300])
-def test_axes_may_be_few_or_hundreds(n_axes):
+def test_linkage_any_number_of_axes_equals_scipy(n_axes):
     points = np.random.default_rng(n_axes).standard_normal((700, n_axes))
-    wanted = hierarchy.complete(pdist(points))
+    expected = hierarchy.complete(pdist(points))
     for memory_limit in (0, None):
-        np.testing.assert_array_equal(mg.linkage(points, memory_limit=memory_limit), wanted)
+        np.testing.assert_array_equal(mg.linkage(points, memory_limit=memory_limit), expected)
 
 
-def test_real_points_cluster_as_scipy_clusters_them():
+def test_linkage_recorded_embedding_equals_scipy():
     if not REAL.exists():
         pytest.skip(f"needs the embedded motions of {REAL.name}")
     points = np.load(REAL)[::30].astype(np.float64)
     tree = mg.linkage(points, memory_limit=0)
     np.testing.assert_array_equal(tree, hierarchy.complete(pdist(points)))
     for diameter in (3.525, 13.590):
-        wanted = hierarchy.fcluster(tree, diameter, "distance")
+        expected = hierarchy.fcluster(tree, diameter, "distance")
         labels = mg.cut(points, diameter, memory_limit=0)
-        np.testing.assert_array_equal(labels, by_first_appearance(wanted))
+        np.testing.assert_array_equal(labels, by_first_appearance(expected))
     for k in (2, 40, 900):
-        wanted = by_first_appearance(hierarchy.fcluster(tree, k, "maxclust"))
+        expected = by_first_appearance(hierarchy.fcluster(tree, k, "maxclust"))
         labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
-        np.testing.assert_array_equal(labels, wanted)
+        np.testing.assert_array_equal(labels, expected)
 
 
-def hard_clouds(n):
-    """Large clouds that are each hard in a way of its own."""
+def difficult_clouds(n):
+    """Large clouds, each difficult for the algorithm in another way."""
     rng = np.random.default_rng(n)
     white = rng.standard_normal((n, 10))
     yield "scattered", white
@@ -253,8 +253,8 @@ def hard_clouds(n):
     yield "far off", white + 1e8
 
 
-def agree_with_themselves(n):
-    for name, points in hard_clouds(n):
+def check_tunings_agree(n):
+    for name, points in difficult_clouds(n):
         tree = mg.linkage(points)
         diameter = np.quantile(tree[:, 2], 0.9)
         labels = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
@@ -268,18 +268,18 @@ def agree_with_themselves(n):
             np.testing.assert_array_equal(other, tree, name)
 
 
-def test_many_points_cluster_alike_however_it_is_tuned():
-    agree_with_themselves(2_500)
+def test_linkage_2500_difficult_points_tunings_agree():
+    check_tunings_agree(2_500)
 
 
 @pytest.mark.thorough
-def test_very_many_points_cluster_alike_however_it_is_tuned():
-    agree_with_themselves(100_000)
+def test_linkage_100000_difficult_points_tunings_agree():
+    check_tunings_agree(100_000)
 
 
 @pytest.mark.thorough
-def test_equal_distances_without_number_take_no_memory_to_speak_of():
-    """Binary points of many axes: single distances that 5 % of all pairs have."""
+def test_cut_many_tied_distances_memory_stays_small():
+    """Binary points of many axes: some distances occur in 5 % of all pairs."""
     script = """
 import resource, numpy as np, mograft as mg
 points = np.random.default_rng(5).integers(0, 2, (12_000, 64)).astype(float)
@@ -291,21 +291,21 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
     assert int(run.stdout) < 300 * 1024  # in kB; a matrix would take 1.1 GB
 
 
-def test_progress_is_told_and_what_it_raises_ends_the_call():
+def test_linkage_progress_exception_ends_call():
     points = np.random.default_rng(0).standard_normal((20_000, 12))
-    told = []
+    reported = []
 
     def progress(done):
-        told.append(done)
-        if len(told) == 2:
+        reported.append(done)
+        if len(reported) == 2:
             raise LookupError("enough")
 
     with pytest.raises(LookupError, match="enough"):
         mg.linkage(points, progress=progress)
-    assert all(0.0 <= done <= 1.0 for done in told)
+    assert all(0.0 <= done <= 1.0 for done in reported)
 
 
-def test_ctrl_c_ends_the_call():
+def test_linkage_interrupt_raises_keyboard_interrupt():
     points = np.random.default_rng(0).standard_normal((20_000, 12))
     interrupt = iter([signal.SIGINT])
 
@@ -318,7 +318,7 @@ def test_ctrl_c_ends_the_call():
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])
-def test_a_few_points_are_no_special_case(n):
+def test_linkage_and_cut_up_to_two_points(n):
     points = np.arange(2.0 * n).reshape(n, 2)
     np.testing.assert_array_equal(mg.cut(points, 1.0), np.arange(n))
     np.testing.assert_array_equal(mg.cut(points, 9.0), np.zeros(n))
@@ -330,7 +330,7 @@ def test_a_few_points_are_no_special_case(n):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_values_that_are_not_finite_are_refused_by_their_place(bad):
+def test_linkage_non_finite_coordinate_raises_value_error(bad):
     points = np.zeros((4, 3))
     points[2, 1] = bad
     for refuse in (mg.linkage, lambda points: mg.cut(points, 1.0)):
@@ -339,43 +339,45 @@ def test_values_that_are_not_finite_are_refused_by_their_place(bad):
 
 
 @pytest.mark.parametrize("diameter", [-1.0, np.nan])
-def test_a_diameter_below_zero_is_refused(diameter):
+def test_cut_negative_or_nan_diameter_raises_value_error(diameter):
     with pytest.raises(ValueError, match="max_diameter must be 0 or more, got"):
         mg.cut([[0.0]], diameter)
 
 
-def test_a_matrix_that_is_not_condensed_is_refused():
+def test_linkage_condensed_invalid_distances_raises_value_error():
     with pytest.raises(ValueError, match=r"distances must be n\(n-1\)/2 in number, got 4"):
         mg.linkage_condensed(np.ones(4))
     with pytest.raises(ValueError, match=r"distances must be finite and not negative.* at \[1\]"):
         mg.linkage_condensed([1.0, -1.0, 1.0])
 
 
-def test_threshold_is_sigma_about_the_mean_point():
+def test_threshold_equals_deviation_from_mean_point():
     rng = np.random.default_rng(14)
     points = rng.normal(size=(50, 3))
-    away = np.linalg.norm(points - points.mean(axis=0), axis=1)
-    assert mg.threshold(points) == pytest.approx(np.sqrt(np.mean(away**2)))
-    assert mg.threshold(points, "literal", scale=0.5) == pytest.approx(0.5 * np.sqrt(away.mean()))
+    distances = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    assert mg.threshold(points) == pytest.approx(np.sqrt(np.mean(distances**2)))
+    assert mg.threshold(points, "literal", scale=0.5) == pytest.approx(
+        0.5 * np.sqrt(distances.mean())
+    )
     assert mg.threshold(points, 2.5, scale=3.0) == 2.5
     with pytest.raises(ValueError, match="kind must be 'rms', 'literal' or a number, got 'std'"):
         mg.threshold(points, "std")
 
 
 @pytest.mark.parametrize(("name", "value"), [("threads", 0), ("memory_limit", -1)])
-def test_numbers_that_make_no_sense_are_refused(name, value):
-    for cluster in (mg.linkage, lambda points, **wrong: mg.cut(points, 1.0, **wrong)):
+def test_linkage_threads_or_memory_out_of_range_raises_value_error(name, value):
+    for cluster in (mg.linkage, lambda points, **options: mg.cut(points, 1.0, **options)):
         with pytest.raises(ValueError, match=f"{name} must be . or more, got {value}"):
             cluster([[0.0], [1.0]], **{name: value})
 
 
 @pytest.mark.filterwarnings("ignore:Estimator CompleteLinkage does not inherit:UserWarning")
-def test_the_estimator_passes_scikit_learns_checks():
+def test_complete_linkage_passes_check_estimator():
     results = check_estimator(mg.CompleteLinkage(), on_skip=None)
     assert {result["status"] for result in results} == {"passed", "skipped"}
 
 
-def test_the_estimator_is_scikit_learns_but_for_ties_at_the_threshold():
+def test_complete_linkage_equals_agglomerative_clustering():
     points = np.random.default_rng(3).standard_normal((60, 4))
     for ours, theirs in [
         ({"n_clusters": 7}, {"n_clusters": 7}),
@@ -391,7 +393,7 @@ def test_the_estimator_is_scikit_learns_but_for_ties_at_the_threshold():
         assert model.n_leaves_ == peer.n_leaves_ == 60
 
 
-def test_the_estimator_chooses_a_diameter_or_takes_one_wish():
+def test_complete_linkage_default_and_conflicting_parameters():
     points = np.random.default_rng(3).standard_normal((60, 4))
     labels = mg.CompleteLinkage().fit_predict(points)
     np.testing.assert_array_equal(labels, mg.cut(points, mg.threshold(points)))
@@ -404,7 +406,7 @@ def test_the_estimator_chooses_a_diameter_or_takes_one_wish():
     assert repr(mg.CompleteLinkage(n_clusters=3)) == "CompleteLinkage(n_clusters=3)"
 
 
-def test_scikit_learn_is_not_imported():
+def test_complete_linkage_does_not_import_scikit_learn():
     script = "import sys, mograft as mg; mg.CompleteLinkage(); print('sklearn' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
     assert run.stdout.split() == [b"False"]

@@ -1,4 +1,4 @@
-"""Laws of kinetic energy and of cutting at its extrema."""
+"""Kinetic energy, its extrema, and segmentation at them."""
 
 from dataclasses import replace
 
@@ -27,26 +27,26 @@ def chain(n_joints=3):
     return Skeleton([f"bone{j}" for j in range(n_joints)], np.arange(n_joints) - 1, offsets)
 
 
-def turning(skeleton, joint, speed, n_frames=20, frame_time=0.02):
-    """One joint of a skeleton turning steadily about y, in radians per second."""
+def steady_rotation(skeleton, joint, speed, n_frames=20, frame_time=0.02):
+    """A motion of one joint that rotates about y at a constant speed in radians per second."""
     quats = np.tile(rotations.IDENTITY, (n_frames, skeleton.n_joints, 1))
     quats[:, joint] = rotations.from_axis_angle([0, 1, 0], speed * frame_time * np.arange(n_frames))
     return Motion(skeleton, frame_time, quats, np.tile(skeleton.offsets, (n_frames, 1, 1)))
 
 
 @given(st.integers(0, 2), st.floats(0.1, 8.0))
-def test_a_joint_that_turns_steadily_has_half_i_omega_squared(joint, speed):
+def test_kinetic_energy_steady_rotation_is_half_i_omega_squared(joint, speed):
     skeleton = chain()
-    motion = turning(skeleton, joint, speed)
+    motion = steady_rotation(skeleton, joint, speed)
     moments = moments_of_inertia(mass_model(skeleton), skeleton, "own")
-    below = 0.5 * moments[joint:].sum() * speed**2
-    np.testing.assert_allclose(kinetic_energy(motion), below, rtol=1e-9)
-    own = 0.5 * moments[joint] * speed**2
-    np.testing.assert_allclose(kinetic_energy(motion, omega="local"), own, rtol=1e-9)
+    expected = 0.5 * moments[joint:].sum() * speed**2
+    np.testing.assert_allclose(kinetic_energy(motion), expected, rtol=1e-9)
+    expected = 0.5 * moments[joint] * speed**2
+    np.testing.assert_allclose(kinetic_energy(motion, omega="local"), expected, rtol=1e-9)
 
 
 @given(motions(min_joints=2))
-def test_energy_is_the_plain_sum(motion):
+def test_kinetic_energy_equals_oracle(motion):
     skeleton = motion.skeleton
     moments = moments_of_inertia(mass_model(skeleton), skeleton, "own")
     expected = oracle.kinetic_energy(skeleton.parents, motion.rotations, moments, motion.frame_time)
@@ -54,7 +54,7 @@ def test_energy_is_the_plain_sum(motion):
 
 
 @given(motions(min_joints=2), quaternions(()), st.floats(0.01, 100))
-def test_energy_sees_neither_place_nor_heading_nor_size_nor_sign(motion, turn, size):
+def test_kinetic_energy_ignores_position_orientation_size_and_sign(motion, turn, size):
     energy = kinetic_energy(motion)
     quats = motion.rotations.copy()
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
@@ -65,35 +65,35 @@ def test_energy_sees_neither_place_nor_heading_nor_size_nor_sign(motion, turn, s
 
 
 @given(motions(min_joints=2))
-def test_energy_backwards_is_the_energy_reversed(motion):
+def test_kinetic_energy_reversed_motion_is_reversed(motion):
     back = replace(motion, rotations=motion.rotations[::-1], positions=motion.positions[::-1])
     np.testing.assert_allclose(kinetic_energy(back), kinetic_energy(motion)[::-1], atol=1e-12)
 
 
 @given(motions(min_frames=30, max_frames=60, min_joints=2))
-def test_energy_hardly_depends_on_the_frame_rate(motion):
+def test_kinetic_energy_other_rate_within_five_percent(motion):
     finer = motion.resample(4 * motion.rate)
     finest = finer.resample(4 * finer.rate)
     coarse, fine = kinetic_energy(finer)[4:-4], kinetic_energy(finest)[::4][4:-4]
     assert np.abs(coarse - fine).max() <= 0.05 * fine.max() + 1e-12
 
 
-def test_only_turning_has_energy():
+def test_kinetic_energy_translation_only_is_zero():
     skeleton = chain()
-    motion = turning(skeleton, 0, 0.0)
-    places = motion.positions + np.arange(20)[:, None, None]
-    np.testing.assert_array_equal(kinetic_energy(replace(motion, positions=places)), 0.0)
+    motion = steady_rotation(skeleton, 0, 0.0)
+    positions = motion.positions + np.arange(20)[:, None, None]
+    np.testing.assert_array_equal(kinetic_energy(replace(motion, positions=positions)), 0.0)
 
 
 @given(CURVES, st.floats(0, 6))
-def test_smoothing_is_scipys_and_keeps_the_sum(curve, sigma):
+def test_gaussian_filter_equals_scipy_and_keeps_sum(curve, sigma):
     smooth = gaussian_filter(curve, sigma)
     expected = gaussian_filter1d(curve, sigma) if sigma >= 0.125 else curve
     np.testing.assert_allclose(smooth, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(smooth.sum(), curve.sum(), rtol=1e-9, atol=1e-9)
 
 
-def test_boundaries_are_the_tops_and_bottoms():
+def test_extrema_are_maxima_and_minima():
     frames = np.arange(101)
     np.testing.assert_array_equal(
         extrema(2 + np.cos(2 * np.pi * frames / 20)), np.arange(10, 100, 10)
@@ -104,7 +104,7 @@ def test_boundaries_are_the_tops_and_bottoms():
 
 
 @given(st.lists(st.integers(0, 50), min_size=4, max_size=80), st.integers(0, 3), st.integers(0, 99))
-def test_extrema_do_not_depend_on_scale_or_level(levels, power, level):
+def test_extrema_scaled_shifted_or_negated_curve_are_equal(levels, power, level):
     curve = np.array(levels, float)
     np.testing.assert_array_equal(extrema(curve), extrema(curve * 2.0**power + level))
     np.testing.assert_array_equal(extrema(curve), extrema(-curve))
@@ -113,62 +113,46 @@ def test_extrema_do_not_depend_on_scale_or_level(levels, power, level):
 @given(
     motions(min_frames=2, max_frames=200, min_joints=2), st.sampled_from((Config(), Config.paper()))
 )
-def test_segments_tile_the_motion_and_keep_the_limits(motion, config):
-    cut = segment(motion, config)
-    assert cut.start[0] == 0
-    assert cut.stop[-1] == motion.n_frames - 1
-    np.testing.assert_array_equal(cut.start[1:], cut.stop[:-1])
-    assert (cut.lengths <= config.max_length * motion.rate).all()
-    least = round(config.min_length * motion.rate)
-    assert (cut.lengths >= min(least, motion.n_frames - 1)).all()
+def test_segment_tiles_motion_within_length_limits(motion, config):
+    segments = segment(motion, config)
+    assert segments.start[0] == 0
+    assert segments.stop[-1] == motion.n_frames - 1
+    np.testing.assert_array_equal(segments.start[1:], segments.stop[:-1])
+    assert (segments.lengths <= config.max_length * motion.rate).all()
+    min_length = round(config.min_length * motion.rate)
+    assert (segments.lengths >= min(min_length, motion.n_frames - 1)).all()
 
 
 @given(
     motions(min_frames=2, max_frames=200, min_joints=2), st.sampled_from((Config(), Config.paper()))
 )
-def test_segments_are_those_of_the_plain_version(motion, config):
+def test_segment_equals_oracle(motion, config):
     bounds = oracle.segment_bounds(kinetic_energy(motion), motion.rate, config)
-    cut = segment(motion, config)
-    np.testing.assert_array_equal([*cut.start, cut.stop[-1]], bounds)
+    segments = segment(motion, config)
+    np.testing.assert_array_equal([*segments.start, segments.stop[-1]], bounds)
 
 
 @given(SEEDS)
-def test_a_still_motion_is_one_segment_until_it_is_too_long(seed):
+def test_segment_still_motion_is_split_only_at_max_length(seed):
     n_frames = int(np.random.default_rng(seed).integers(2, 400))
-    still = turning(chain(), 0, 0.0, n_frames, 1 / 30)
+    still = steady_rotation(chain(), 0, 0.0, n_frames, 1 / 30)
     assert len(segment(still, Config.paper())) == 1
     assert len(segment(still)) == max(int(np.ceil((n_frames - 1) / 60)), 1)
 
 
-def test_what_is_no_motion_is_refused():
-    single = turning(chain(), 0, 0.0, 1)
+def test_segmentation_invalid_arguments_raise_value_error():
+    single = steady_rotation(chain(), 0, 0.0, 1)
     with pytest.raises(ValueError, match="kinetic energy needs at least 2 frames"):
         segment(single)
-    with pytest.raises(ValueError, match="segment 1 must span an interval, got 4 to 4"):
+    with pytest.raises(ValueError, match="segment 1 must stop after its start, got 4 to 4"):
         Segments([0, 4], [4, 4])
     with pytest.raises(ValueError, match="must be 'own', 'subtree' or 'unit', got 'heavy'"):
-        kinetic_energy(turning(chain(), 0, 1.0), inertia="heavy")
+        kinetic_energy(steady_rotation(chain(), 0, 1.0), inertia="heavy")
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"samples": 1}, "samples must be a whole number of at least 2, got 1"),
-        ({"sigma": "big"}, "sigma must be one of"),
-        ({"sigma": -1.0}, "sigma must be above 0"),
-        ({"min_length": 2.0}, "max_length must be at least twice min_length"),
-        ({"max_angle": float("nan")}, "max_angle must be above 0, got nan"),
-        ({"seam": "glue"}, "`seam` must be one of"),
-        ({"smoothing": "a"}, "smoothing must be a number, got 'a'"),
-    ],
-)
-def test_bad_parameters_are_refused_by_name(changes, message):
-    with pytest.raises(ValueError, match=message):
-        Config(**changes)
-
-
-def test_a_configuration_comes_back_from_its_dictionary():
-    for config in (Config(), Config.paper(sigma=2.5)):
-        assert Config.from_dict(config.as_dict()) == config
-    with pytest.raises(ValueError, match="no parameter is named speed"):
-        Config.from_dict({"speed": 1})
+def test_segments_concatenate_keeps_order_and_clips():
+    first, second = Segments([0, 4], [4, 9]), Segments([2], [7], [3])
+    joined = Segments.concatenate([first, second])
+    assert joined.start.tolist() == [0, 4, 2]
+    assert joined.stop.tolist() == [4, 9, 7]
+    assert joined.clip.tolist() == [0, 0, 3]

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft._util.gaussian import gaussian_filter
-from mograft.analysis.segmentation import OnlineSegmenter, extrema
+from mograft.analysis.online_segmentation import OnlineSegmenter
+from mograft.analysis.segmentation import extrema
 from mograft.blend.donor_timeline import sample_states
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.blend.value_spaces import ROTATIONS

@@ -1,5 +1,6 @@
-"""Cutting motions at the extrema of their kinetic energy (paper, 4.1.1)."""
+"""Segmentation of motions at the extrema of their kinetic energy (paper, 4.1.1)."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,37 +15,45 @@ from mograft._util.arrays import (
     make_read_only,
     restore,
 )
-from mograft._util.gaussian import gaussian_filter, gaussian_kernel
+from mograft._util.gaussian import gaussian_filter
 from mograft._util.validate import check_type
-from mograft.body.mass import mass_model
-from mograft.body.mass import moments_of_inertia as moments
+from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
-__all__ = ["OnlineSegmenter", "Segments", "gaussian_filter", "kinetic_energy", "segment"]
+__all__ = [
+    "Segments",
+    "extrema",
+    "kinetic_energy",
+    "merge_short_segments",
+    "segment",
+    "split_long_segments",
+]
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Stretches of clips: the units that are compared and exchanged.
+    """Segments of clips: the units that are compared and exchanged.
 
     Parameters
     ----------
     start, stop : array_like of int, shape (n_segments,)
-        First and last frame, both included: neighbours share a frame.
+        First and last frame of each segment, both inclusive; neighbours share a frame.
     clip : array_like of int, shape (n_segments,), optional
-        Index of the clip that each belongs to. Default: 0, a single clip.
+        Index of the clip of each segment. Default: 0, a single clip.
 
     Raises
     ------
     ValueError
-        If the lengths differ or a segment spans no interval.
+        If the arrays have different lengths, or a segment does not stop after its start.
 
     Examples
     --------
-    >>> cut = Segments([0, 8, 15], [8, 15, 21])
-    >>> cut.lengths
+    >>> segments = Segments([0, 8, 15], [8, 15, 21])
+    >>> segments.lengths
     array([8, 7, 6])
+    >>> segments[1:]
+    Segments(2 of 1 clip)
     """
 
     start: IntArray
@@ -56,9 +65,10 @@ class Segments:
         stop = as_indices("stop", self.stop, (len(start),)).copy()
         given = self.clip if np.size(self.clip) else np.zeros(len(start), np.int64)
         clip = as_indices("clip", given, (len(start),)).copy()
-        if (start >= stop).any():
-            at = int(np.argmax(start >= stop))
-            raise ValueError(f"segment {at} must span an interval, got {start[at]} to {stop[at]}")
+        is_empty = start >= stop
+        if is_empty.any():
+            k = int(np.argmax(is_empty))
+            raise ValueError(f"segment {k} must stop after its start, got {start[k]} to {stop[k]}")
         for name, array in (("start", start), ("stop", stop), ("clip", clip)):
             make_read_only(array)
             object.__setattr__(self, name, array)
@@ -69,9 +79,9 @@ class Segments:
     def __len__(self) -> int:
         return len(self.start)
 
-    def __getitem__(self, which: IntArray | BoolArray | slice) -> "Segments":
-        """Return some of the segments, in the order given."""
-        return Segments(self.start[which], self.stop[which], self.clip[which])
+    def __getitem__(self, indices: IntArray | BoolArray | slice) -> "Segments":
+        """Return the selected segments, in the order of `indices`."""
+        return Segments(self.start[indices], self.stop[indices], self.clip[indices])
 
     def __repr__(self) -> str:
         n_clips = len(np.unique(self.clip))
@@ -83,8 +93,29 @@ class Segments:
         return self.stop - self.start
 
     def of_clip(self, clip: int) -> IntArray:
-        """Return the indices of a clip's segments, in order of time."""
+        """Return the indices of the segments of a clip, in order of time."""
         return np.flatnonzero(self.clip == clip)
+
+    @classmethod
+    def concatenate(cls, parts: Iterable["Segments"]) -> "Segments":
+        """Join segments one part after the other; clip indices are kept.
+
+        Parameters
+        ----------
+        parts : iterable of Segments
+            The parts, at least one.
+
+        Returns
+        -------
+        Segments
+            The segments of all parts.
+        """
+        several = list(parts)
+        return cls(
+            np.concatenate([part.start for part in several]),
+            np.concatenate([part.stop for part in several]),
+            np.concatenate([part.clip for part in several]),
+        )
 
 
 def kinetic_energy(
@@ -97,16 +128,16 @@ def kinetic_energy(
     motion : Motion
         The motion, of at least two frames.
     omega : {"world", "local"}
-        Whether a link's angular velocity is relative to the world or to its parent.
+        Whether the angular velocity of a link is relative to the world or to its parent.
     inertia : {"own", "subtree", "unit"}
-        Whether a link's moment of inertia about its joint is its own, that of all that hangs
-        on it, or 1.
+        Moment of inertia of a link about its joint: of the link alone, of the link and all
+        links below it, or 1.
 
     Returns
     -------
     ndarray, shape (n_frames,)
-        With masses that sum to 1 and lengths in skeleton heights, so only its shape has
-        meaning: skeletons of other sizes have the same.
+        The energy. Masses sum to 1 and lengths are in skeleton heights, so the energy does not
+        depend on the size of the skeleton, and its absolute value has no meaning.
 
     Raises
     ------
@@ -115,8 +146,8 @@ def kinetic_energy(
 
     Notes
     -----
-    The paper leaves open what I and ω are. Of the combinations the default comes nearest to
-    the true kinetic energy without the root's travel.
+    The paper defines neither I nor ω. Of all combinations, the default is the nearest to the
+    true kinetic energy without the translation of the root.
 
     Examples
     --------
@@ -135,14 +166,14 @@ def kinetic_energy(
     return _core.kinetic_energy(
         skeleton.parents,
         np.ascontiguousarray(motion.rotations),
-        moments(mass_model(skeleton), skeleton, inertia),
+        moments_of_inertia(mass_model(skeleton), skeleton, inertia),
         motion.frame_time,
         omega,
     )
 
 
 def extrema(curve: FloatArray) -> IntArray:
-    """Return where a curve turns: the middles of its tops and bottoms.
+    """Return the frames of the local maxima and minima of a curve.
 
     Parameters
     ----------
@@ -152,31 +183,32 @@ def extrema(curve: FloatArray) -> IntArray:
     Returns
     -------
     ndarray of int
-        Indices, ascending, without the ends. Differences of up to 1e-12 of the greatest
-        value count as none; of a level top or bottom the middle is taken.
+        Indices, ascending, without the ends. Differences of at most 1e-12 times the largest
+        absolute value count as zero; of a level maximum or minimum, the middle is returned.
     """
-    rises = np.diff(curve)
-    rises[np.abs(rises) <= 1e-12 * np.abs(curve).max(initial=0.0)] = 0.0
-    moving = np.flatnonzero(rises)
-    turns = np.flatnonzero(np.sign(rises[moving[1:]]) != np.sign(rises[moving[:-1]]))
-    # The curve is level from the end of the last rise to the start of the next fall.
-    return (moving[turns] + 1 + moving[turns + 1]) // 2
+    steps = np.diff(curve)
+    steps[np.abs(steps) <= 1e-12 * np.abs(curve).max(initial=0.0)] = 0.0
+    nonzero = np.flatnonzero(steps)
+    is_turn = np.sign(steps[nonzero[1:]]) != np.sign(steps[nonzero[:-1]])
+    turns = np.flatnonzero(is_turn)
+    # The curve is level from the end of one step to the start of the next nonzero step.
+    return (nonzero[turns] + 1 + nonzero[turns + 1]) // 2
 
 
 def segment(motion: Motion, config: Config | None = None) -> Segments:
-    """Cut a motion at the extrema of its kinetic energy.
+    """Segment a motion at the extrema of its kinetic energy.
 
     Parameters
     ----------
     motion : Motion
         The motion, of at least two frames.
     config : Config, optional
-        Gives `smoothing`, `min_length`, `max_length`, `omega` and `inertia`.
+        Provides `smoothing`, `min_length`, `max_length`, `omega` and `inertia`.
 
     Returns
     -------
     Segments
-        They tile the motion: each starts at the frame where the one before stops.
+        They tile the motion: each starts at the frame at which the previous one stops.
 
     Raises
     ------
@@ -185,8 +217,9 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
 
     Notes
     -----
-    While the shortest segment is too short, that one of its inner boundaries goes which
-    stands out least from the energy at its neighbours.
+    The energy is smoothed before its extrema are found. Segments shorter than `min_length` are
+    merged as `merge_short_segments` describes; segments longer than `max_length` are split into
+    equal parts.
 
     Examples
     --------
@@ -197,149 +230,69 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     """
     config = Config() if config is None else config
     energy = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
-    smooth = gaussian_filter(energy, config.smoothing * motion.rate)
-    bounds = np.concatenate([[0], extrema(smooth), [motion.n_frames - 1]])
-    bounds = _merge(bounds, smooth, max(round(config.min_length * motion.rate), 1))
-    bounds = _split(bounds, config.max_length * motion.rate)
+    curve = gaussian_filter(energy, config.smoothing * motion.rate)
+    bounds = np.concatenate([[0], extrema(curve), [motion.n_frames - 1]])
+    bounds = merge_short_segments(bounds, curve, max(round(config.min_length * motion.rate), 1))
+    bounds = split_long_segments(bounds, config.max_length * motion.rate)
     return Segments(bounds[:-1], bounds[1:])
 
 
-class OnlineSegmenter:
-    """Cuts a motion that grows, at the extrema of its kinetic energy.
+def merge_short_segments(bounds: IntArray, curve: FloatArray, min_length: int) -> IntArray:
+    """Remove bounds until no segment is shorter than `min_length`, or one segment is left.
 
     Parameters
     ----------
-    rate : float
-        Frames per second.
-    config : Config
-        As for `segment`.
+    bounds : ndarray of int
+        The frames at which segments meet, and both ends.
+    curve : ndarray
+        The smoothed energy.
+    min_length : int
+        Shortest length in intervals.
 
-    Attributes
-    ----------
-    bounds : list of int
-        The frames where segments meet, ascending from 0, as far as they are settled: nothing
-        that comes later changes them. The caller may take away the first ones.
+    Returns
+    -------
+    ndarray of int
+        The remaining bounds, ascending; both ends are kept.
 
     Notes
     -----
-    `segment` merges short segments beginning with the shortest of all; here with the shortest
-    of those not settled, and one is settled when there is a next one. Where a curve does not
-    turn for `Config.max_length` it is cut there, not in equal parts.
+    The shortest segment is merged first; ties go to the first. Of its inner bounds, the one is
+    removed at which the curve differs less from the mean of its values at the two neighbouring
+    bounds; ties go to the first.
     """
-
-    def __init__(self, rate: float, config: Config) -> None:
-        self.bounds: list[int] = []
-        self._sigma = config.smoothing * rate
-        self._least = max(round(config.min_length * rate), 1)
-        self._most = config.max_length * rate
-        self._kernel = gaussian_kernel(self._sigma)
-        self._energies: list[float] = []
-        self._curve: list[float] = []
-        self._gone = 0
-        """Frames that are not looked at any more, of the energies as of the curve."""
-        self._settled = 0
-        self._turns: list[int] = []
-        self._rising: bool | None = None
-        self._moved = 0
-        self._top = 0.0
-
-    @property
-    def n_frames(self) -> int:
-        """Frames whose energy is known."""
-        return self._gone + len(self._energies)
-
-    def push(self, energies: FloatArray) -> None:
-        """Take in the kinetic energy of the next frames.
-
-        Parameters
-        ----------
-        energies : ndarray, shape (n,)
-            As `kinetic_energy` gives them.
-        """
-        radius = len(self._kernel) // 2
-        for energy in energies.tolist():
-            self._energies.append(energy)
-            middle = len(self._energies) - 1 - radius
-            if middle < 0:
-                continue
-            first = middle - radius
-            window = self._energies[max(first, 0) : middle + radius + 1]
-            if first < 0:  # only at the very start, which is reflected
-                window = self._energies[-first - 1 :: -1] + window
-            self._follow(float(np.dot(self._kernel, window)))
-
-    def close(self) -> None:
-        """Settle the rest: no frame comes any more."""
-        smooth = gaussian_filter(np.array(self._energies), self._sigma)
-        for value in smooth[len(self._curve) :].tolist():
-            self._follow(value)
-        last = self.n_frames - 1
-        self.bounds += self._tentative([*self._turns, last])[1 if self._settled else 0 :]
-        self._settled, self._turns = last, []
-
-    def _follow(self, value: float) -> None:
-        """Take in the next value of the smooth curve."""
-        at = self._gone + len(self._curve)
-        rise = value - self._curve[-1] if self._curve else 0.0
-        self._curve.append(value)
-        self._top = max(self._top, abs(value))
-        before = len(self._turns)
-        if abs(rise) > 1e-12 * self._top:
-            turn = (self._moved + 1 + at - 1) // 2
-            latest = self._turns[-1] if self._turns else self._settled
-            if self._rising not in (None, rise > 0) and turn > latest:
-                self._turns.append(turn)
-            self._rising, self._moved = rise > 0, at - 1
-        latest = self._turns[-1] if self._turns else self._settled
-        if at - latest > self._most:
-            self._turns.append(latest + int(self._most))
-        if len(self._turns) > before:
-            self._settle()
-
-    def _settle(self) -> None:
-        bounds = self._tentative(self._turns)
-        while len(bounds) > 2:
-            if not self._settled:
-                self.bounds.append(0)
-            self._settled = bounds[1]
-            self.bounds.append(self._settled)
-            self._turns = [turn for turn in self._turns if turn > self._settled]
-            bounds = self._tentative(self._turns)
-        # The smoothing at the end looks back as far as the kernel reaches, twice.
-        spare = min(self._settled, self._gone + len(self._curve) - 2 * len(self._kernel))
-        if spare > self._gone:
-            del self._energies[: spare - self._gone], self._curve[: spare - self._gone]
-            self._gone = spare
-
-    def _tentative(self, turns: list[int]) -> list[int]:
-        """Return bounds from the last settled one as `segment` would have them."""
-        bounds = np.array([self._settled, *turns]) - self._gone
-        merged = _split(_merge(bounds, np.array(self._curve), self._least), self._most)
-        return [int(bound) + self._gone for bound in merged]
-
-
-def _merge(bounds: IntArray, curve: FloatArray, least: int) -> IntArray:
-    """Drop boundaries until no interval is shorter than `least`, if the motion allows."""
     bounds = np.unique(bounds)
     while len(bounds) > 2:
         lengths = np.diff(bounds)
         shortest = int(np.argmin(lengths))
-        if lengths[shortest] >= least:
+        if lengths[shortest] >= min_length:
             break
-        inner = [b for b in (shortest, shortest + 1) if 0 < b < len(bounds) - 1]
-        before, at, after = (curve[bounds[[b + step for b in inner]]] for step in (-1, 0, 1))
-        weakest = inner[int(np.argmin(np.abs(at - 0.5 * (before + after))))]
-        bounds = np.delete(bounds, weakest)
+        inner = np.array([b for b in (shortest, shortest + 1) if 0 < b < len(bounds) - 1])
+        before, value, after = (curve[bounds[inner + step]] for step in (-1, 0, 1))
+        prominence = np.abs(value - 0.5 * (before + after))
+        bounds = np.delete(bounds, inner[int(np.argmin(prominence))])
     return bounds
 
 
-def _split(bounds: IntArray, most: float) -> IntArray:
-    """Split intervals longer than `most` into parts as equal as can be."""
-    parts = np.maximum(np.ceil(np.diff(bounds) / most), 1).astype(np.int64)
-    if (parts == 1).all():
+def split_long_segments(bounds: IntArray, max_length: float) -> IntArray:
+    """Split segments longer than `max_length` intervals into the fewest equal parts.
+
+    Parameters
+    ----------
+    bounds : ndarray of int
+        The frames at which segments meet, and both ends.
+    max_length : float
+        Greatest length in intervals.
+
+    Returns
+    -------
+    ndarray of int
+        The bounds, ascending; the lengths of the parts differ by at most one interval.
+    """
+    n_parts = np.maximum(np.ceil(np.diff(bounds) / max_length), 1).astype(np.int64)
+    if (n_parts == 1).all():
         return bounds
-    steps = [
-        np.linspace(a, b, n + 1).round().astype(np.int64)[:-1]
-        for a, b, n in zip(bounds[:-1], bounds[1:], parts, strict=True)
+    parts = [
+        np.linspace(start, stop, n + 1).round().astype(np.int64)[:-1]
+        for start, stop, n in zip(bounds[:-1], bounds[1:], n_parts, strict=True)
     ]
-    return np.concatenate([*steps, bounds[-1:]])
+    return np.concatenate([*parts, bounds[-1:]])

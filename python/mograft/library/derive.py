@@ -1,7 +1,6 @@
 """Libraries derived from a library: with other clusters, mirror images, or one more clip."""
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Self, TypeVar
 
@@ -187,7 +186,7 @@ def _append_mirror_images(library: L) -> L:
         library,
         clips=clips,
         entries=tuple(replace(info, name=name) for info, name in infos),
-        segments=_concatenate([library.segments, images]),
+        segments=Segments.concatenate([library.segments, images]),
         is_donor=np.concatenate([library.is_donor, library.is_donor]),
         embedding=embedding,
         labels=labels,
@@ -236,7 +235,7 @@ def _append_clip(library: L, motion: Motion) -> L:
         library,
         clips=ExtendedClips(library.clips, motion),
         entries=(*library.entries, _clip_info(motion)),
-        segments=_concatenate([library.segments, appended]),
+        segments=Segments.concatenate([library.segments, appended]),
         is_donor=np.concatenate([library.is_donor, np.zeros(n, bool)]),
         embedding=embedding,
         labels=labels,
@@ -283,14 +282,6 @@ def _project(embedding: Embedding, samples: Samples) -> Embedding:
     """Return an embedding with new segments projected into it, behind the others."""
     matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
     return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
-
-
-def _concatenate(parts: Sequence[Segments]) -> Segments:
-    return Segments(
-        start=np.concatenate([part.start for part in parts]),
-        stop=np.concatenate([part.stop for part in parts]),
-        clip=np.concatenate([part.clip for part in parts]),
-    )
 
 
 def _ignore(stage: str, done: int, total: int) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.analysis.embedding import features, normalise
-from mograft.analysis.segmentation import OnlineSegmenter, Segments, kinetic_energy
+from mograft.analysis.online_segmentation import OnlineSegmenter
+from mograft.analysis.segmentation import Segments, kinetic_energy
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import PieceTimes, SeamBoundaries

@@ -177,7 +177,7 @@ class _LineCheck:
         return n_frames, width
 
     def _has_surplus(self) -> bool:
-        """Return whether lines are as many as frames declared, with surplus numbers on each."""
+        """Return whether each declared frame is one line with surplus numbers at its end."""
         is_exact = self._is_uniform and not self._has_short_line
         return (
             is_exact
