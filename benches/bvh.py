@@ -5,19 +5,21 @@ Markdown table. All readers of a file take turns in the same run, so that ratios
 busy machine; a reader that is slow takes fewer turns.
 """
 
+import argparse
 import os
 import platform
 import statistics
 import sys
 import tempfile
 import time
-import warnings
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import mograft as mg
-from mograft import _core
+from benches._common import run
 
 N_JOINTS = 31
 SMALL, LARGE = 2_700, 98_000
@@ -55,10 +57,10 @@ def make_clip(path, n_frames):
     return len(lines)
 
 
-def take_turns(tasks):
+def take_turns(tasks, turns):
     """Return the seconds of each task, run in turns."""
     seconds = {name: [] for name in tasks}
-    for _ in range(TURNS):
+    for _ in range(turns):
         for name, task in tasks.items():
             if sum(seconds[name]) > BUDGET:
                 continue
@@ -136,8 +138,8 @@ def writers(path, folder, installed):
     return tasks
 
 
-def print_table(title, tasks, size, ours):
-    seconds = take_turns(tasks)
+def print_table(title, tasks, size, ours, turns):
+    seconds = take_turns(tasks, turns)
     medians = {name: statistics.median(turns) for name, turns in seconds.items()}
     print(f"\n| {title} | turns | median ms | MB/s | times {ours} |")
     print("|---|--:|--:|--:|--:|")
@@ -147,25 +149,29 @@ def print_table(title, tasks, size, ours):
         print(f"| {name} | {row} | {ratio:.2f} |", flush=True)
 
 
-def main():
-    if _core.BUILD_PROFILE != "release":
-        sys.exit(f"refusing to time a {_core.BUILD_PROFILE} build: maturin develop --release")
-    warnings.simplefilter("ignore")
+def main(argv=None):
+    run(argparse.ArgumentParser(description=__doc__), report, argv, is_timing=True)
+
+
+def report(options):
+    turns = 1 if options.tiny else TURNS
     installed = peers()
     versions = [f"Python {platform.python_version()}", f"NumPy {np.__version__}"]
     print(f"{platform.machine()}, {os.cpu_count()} cores, {', '.join(versions)}, release build")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for n_frames in (SMALL, LARGE):
+        for n_frames in (20, 40) if options.tiny else (SMALL, LARGE):
             path = folder / f"{n_frames}.bvh"
             n_head = make_clip(path, n_frames)
             size = path.stat().st_size
             what = f"{size / 1e6:.1f} MB, {n_frames} frames of {N_JOINTS} joints"
             numbers, quaternions = readers(path, n_head, installed)
-            print_table(f"read, {what}", numbers, size, "mograft read_bvh")
-            print_table(f"read to quaternions, {what}", quaternions, size, "mograft read_bvh")
+            print_table(f"read, {what}", numbers, size, "mograft read_bvh", turns)
+            print_table(
+                f"read to quaternions, {what}", quaternions, size, "mograft read_bvh", turns
+            )
             tasks = writers(path, folder, installed)
-            print_table(f"write, {what}", tasks, size, "mograft write_bvh")
+            print_table(f"write, {what}", tasks, size, "mograft write_bvh", turns)
 
 
 if __name__ == "__main__":

@@ -10,14 +10,17 @@ draws both motions at the worst collisions before and after.
 import argparse
 import statistics
 import sys
+import tempfile
 import time
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import mograft as mg
+from benches import _common
 from mograft.body.anatomy import anatomy
 from mograft.synthesis.search_problem import SearchProblem
 
@@ -26,15 +29,15 @@ DISTANCES = np.arange(0.25, 1.0, 0.05)
 DIRECTIONS = np.radians(np.arange(0, 360, 30))
 
 
-def copies(motion, poses):
+def copies(motion, poses, step=1):
     """Characters at all distances and in all directions, facing either way."""
     level = [axis for axis in range(3) if axis != poses.up]
     for yaw in (0.0, np.pi):
         # A copy that is turned about dances elsewhere: it is brought back to this one's middle.
         own = poses.positions[:, 0].mean(axis=0)
         home = own - (own if yaw == 0 else turn_about(own, poses.up))
-        for distance in DISTANCES:
-            for angle in DIRECTIONS:
+        for distance in DISTANCES[::step]:
+            for angle in DIRECTIONS[::step]:
                 offset = home.copy()
                 offset[level] += distance * poses.height * np.array([np.cos(angle), np.sin(angle)])
                 yield mg.Character(motion, tuple(offset), yaw), distance, np.degrees([angle, yaw])
@@ -46,7 +49,7 @@ def turn_about(place, up):
     return turned
 
 
-def worst_place(motion, problem):
+def worst_place(motion, problem, step=1):
     """The copy that meets the arms most often, and the rest of the body never."""
     poses = problem.base_poses
     # Trunk and head ride on the hips, which are kept: no arm that is replaced moves them.
@@ -55,7 +58,7 @@ def worst_place(motion, problem):
     some = slice(None, None, max(motion.n_frames // 400, 2))
     thin = poses.with_poses(poses.frames[some], poses.rotations[some], poses.positions[some])
     found = []
-    for other, distance, angles in copies(motion, poses):
+    for other, distance, angles in copies(motion, poses, step):
         avoid = mg.Avoid(other)
         if (avoid.errors(thin, ~grafted)[0] > 1).any():
             continue
@@ -124,12 +127,12 @@ class Trial:
     after: np.ndarray
 
     @classmethod
-    def of(cls, motion):
+    def of(cls, motion, step):
         library = mg.Library.build(motion)
         scenario = library.segments.of_clip(0)
         cut = library.segments[scenario]
         problem = SearchProblem.build(library, motion, scenario, cut, ["upper"], [])
-        found = worst_place(motion, problem)
+        found = worst_place(motion, problem, step)
         if found is None:
             return None
         _, other, distance, (angle, yaw) = found
@@ -152,8 +155,8 @@ class Trial:
         strip(path, self.motion, self.graft, self.avoid.obstacle, frames, flesh)
 
 
-def run(motion, folder):
-    trial = Trial.of(motion)
+def run(motion, folder, step=1):
+    trial = Trial.of(motion, step)
     if trial is None:
         print(f"{motion.name}: no place where only the arms collide")
         return True
@@ -181,12 +184,18 @@ def run(motion, folder):
     return trial.after.max() <= 1.0
 
 
-def main():
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*")
     parser.add_argument("-o", "--output", type=Path)
-    options = parser.parse_args()
-    warnings.simplefilter("ignore")
+    return _common.run(parser, report, argv)
+
+
+def report(options):
+    if options.tiny:
+        with tempfile.TemporaryDirectory() as folder:
+            run(_common.tiny_motion(), Path(folder), step=3)
+        return 0
     if options.files:
         motions = [mg.read_bvh(path) for path in options.files]
     else:

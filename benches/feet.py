@@ -8,7 +8,6 @@ in grafts with it. Files are resampled to 30 frames per second.
 
 import argparse
 import sys
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+from benches._common import run, tiny_motion
 from benches.seams import read
 
 
@@ -40,13 +40,17 @@ def measure_feet(library, seeds):
     return np.mean(rows, axis=0)
 
 
-def main():
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--seeds", type=int, default=3)
-    options = parser.parse_args()
-    warnings.simplefilter("ignore")
-    if options.files:
+    run(parser, report, argv)
+
+
+def report(options):
+    if options.tiny:
+        motions, options.seeds = [tiny_motion()], 1
+    elif options.files:
         motions = [read(path) for path in options.files]
     else:
         from mograft.dancer import dance

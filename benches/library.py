@@ -25,6 +25,10 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import mograft as mg
+from benches import _common
 from mograft import _core
 
 INDEX = """
@@ -194,14 +198,25 @@ def kill(files, times, seed=0):
     print(f"{times} kills of index and add: {counts}; no library is damaged")
 
 
-def main():
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", nargs="?", type=Path)
     parser.add_argument("-j", "--jobs", type=int, default=2)
     parser.add_argument("--kill", type=int, metavar="N")
-    options = parser.parse_args()
-    if _core.BUILD_PROFILE != "release":
-        sys.exit(f"refusing to time a {_core.BUILD_PROFILE} build: maturin develop --release")
+    _common.run(parser, report, argv, is_timing=True)
+
+
+def report(options):
+    if options.tiny:
+        with tempfile.TemporaryDirectory() as folder:
+            files = [Path(folder) / f"{seed}.bvh" for seed in range(18)]
+            for seed, path in enumerate(files):
+                mg.write_bvh(_common.tiny_motion(seed, 60), path)
+            measure(files, jobs=1)
+            kill(files, times=1)
+        return
+    if options.folder is None:
+        sys.exit("FOLDER is missing: a folder of BVH files of one skeleton")
     files = sorted(options.folder.rglob("*.bvh"))
     load = os.getloadavg()[0]
     print(

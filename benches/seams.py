@@ -9,7 +9,6 @@ compares the values of `Config.torso`. Files are resampled to 30 frames per seco
 
 import argparse
 import sys
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+from benches._common import run, tiny_motion
 from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
@@ -144,14 +144,18 @@ def measure_torso(motion, seeds):
     return rows
 
 
-def main():
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--blend", type=float, default=mg.Config().seam_blend)
-    options = parser.parse_args()
-    warnings.simplefilter("ignore")
-    if options.files:
+    run(parser, report, argv)
+
+
+def report(options):
+    if options.tiny:
+        motions, options.seeds = [tiny_motion()], 1
+    elif options.files:
         motions = [read(path) for path in options.files]
     else:
         from mograft.dancer import dance

@@ -5,6 +5,7 @@ after a fresh installation. Headless Chromium opens its page, and a page of two 
 joints over 1000 frames. The times of pages include the frame that the browser draws.
 """
 
+import argparse
 import os
 import statistics
 import subprocess
@@ -19,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from mograft.dancer import dance
+from benches._common import run
 from tests import strategies
 from tests.browser import chromium, open_page
 
@@ -35,17 +37,19 @@ SCRUB = """async () => {
 }"""
 
 
-def pair(n_joints=31, n_frames=1000):
+def random_motions(n_joints=31, n_frames=1000):
+    """Yield two motions of one random skeleton."""
     rng = np.random.default_rng(0)
     skeleton = strategies.skeletons(rng, n_joints)
     for name in ("one", "two"):
         quats = strategies.wander(rng, n_frames, n_joints, speed=0.05)
-        places = np.tile(skeleton.offsets, (n_frames, 1, 1))
-        places[:, 0] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
-        yield mg.Motion(skeleton, 1 / 120, quats, places, name=name)
+        positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
+        positions[:, 0] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
+        yield mg.Motion(skeleton, 1 / 120, quats, positions, name=name)
 
 
-def seconds(words, **environment):
+def run_python(words, **environment):
+    """Return the seconds that a new Python process takes."""
     start = time.perf_counter()
     subprocess.run(
         [sys.executable, *words], check=True, capture_output=True, env=os.environ | environment
@@ -53,7 +57,7 @@ def seconds(words, **environment):
     return time.perf_counter() - start
 
 
-def start_up():
+def start_up(repeats):
     cases = {
         "python -c pass": ["-c", "pass"],
         "python -c 'import numpy'": ["-c", "import numpy"],
@@ -61,7 +65,7 @@ def start_up():
         "mograft graft --help": ["-m", "mograft", "graft", "--help"],
     }
     for name, words in cases.items():
-        times = [seconds(words) for _ in range(11)]
+        times = [run_python(words) for _ in range(repeats)]
         print(f"{name:26} {1e3 * statistics.median(times):4.0f} ms")
 
 
@@ -69,29 +73,31 @@ def demo(browser, folder):
     # With an empty cache folder, Python compiles all modules again.
     environment = {"PYTHONPYCACHEPREFIX": str(folder / "cache")}
     words = ["-m", "mograft", "demo", "-o", str(folder / "demo")]
-    run = seconds(words, **environment)
+    demo_seconds = run_python(words, **environment)
     start = time.perf_counter()
     with open_page(browser, folder / "demo" / "index.html"):
         ready = time.perf_counter() - start
-    print(f"mograft demo, nothing compiled: {run:.1f} s; its page is ready in {ready:.1f} s")
+    print(
+        f"mograft demo, nothing compiled: {demo_seconds:.1f} s; its page is ready in {ready:.1f} s"
+    )
 
 
-def page(browser, folder):
+def page(browser, folder, n_frames):
     start = time.perf_counter()
-    made = mg.view(*pair(), show=False)
+    built_page = mg.view(*random_motions(n_frames=n_frames), show=False)
     built = time.perf_counter() - start
-    print(f"viewer page: built in {built:.2f} s, {len(made.html.encode()) / 1e3:.0f} KB")
-    path = made.save(folder / "page.html")
+    print(f"viewer page: built in {built:.2f} s, {len(built_page.html.encode()) / 1e3:.0f} KB")
+    path = built_page.save(folder / "page.html")
     for _ in range(3):
         start = time.perf_counter()
-        with open_page(browser, path) as shown:
+        with open_page(browser, path) as opened_page:
             ready = time.perf_counter() - start
-            middle, high = shown.evaluate(SCRUB)
-        print(f"ready in {ready:.2f} s; scrub {middle:.1f} ms, 95 % under {high:.1f} ms")
+            median, high = opened_page.evaluate(SCRUB)
+        print(f"ready in {ready:.2f} s; scrub {median:.1f} ms, 95 % under {high:.1f} ms")
 
 
-def film(folder):
-    motion = dance(strides=1).motion[:300]
+def film(folder, n_frames):
+    motion = dance(strides=1).motion[:n_frames]
     for ending in ("mp4", "gif"):
         start = time.perf_counter()
         mg.write_video(motion, folder / f"m.{ending}", rate=20)
@@ -104,13 +110,17 @@ def film(folder):
         )
 
 
-def main():
-    start_up()
+def main(argv=None):
+    run(argparse.ArgumentParser(description=__doc__), report, argv)
+
+
+def report(options):
     with tempfile.TemporaryDirectory() as name, chromium() as browser:
         folder = Path(name)
+        start_up(1 if options.tiny else 11)
         demo(browser, folder)
-        page(browser, folder)
-        film(folder)
+        page(browser, folder, 50 if options.tiny else 1000)
+        film(folder, 4 if options.tiny else 300)
 
 
 if __name__ == "__main__":
