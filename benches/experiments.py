@@ -10,7 +10,6 @@ recording the built-in dancer is measured.
 import argparse
 import sys
 import time
-import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+from benches._common import run, tiny_motion
 from benches.collision import worst_place
 from mograft.evaluation import (
     Analogy,
@@ -91,7 +91,7 @@ def read(paths):
     return motions
 
 
-def collided(motion):
+def collided(motion, step=1):
     """Experiment 5.2: a copy in the way, and what repair changes to get around it."""
     clip = motion[:LONGEST]
     library = mg.Library.build(clip)
@@ -99,7 +99,7 @@ def collided(motion):
     problem = SearchProblem.build(
         library, clip, scenario, library.segments[scenario], ["upper"], []
     )
-    found = worst_place(clip, problem)
+    found = worst_place(clip, problem, step)
     if found is None:
         return None
     avoid = mg.Avoid(found[1])
@@ -132,15 +132,15 @@ def selectivity(library):
     return found
 
 
-def measured(motions, seed):
+def measured(motions, seed, *, runs=10, step=1):
     """All that is measured on one set of recordings."""
     library = mg.Library.build(motions)
-    found = evaluate(library, ["balance", "naturalness", "quality"], seed=seed)
+    found = evaluate(library, ["balance", "naturalness", "quality"], runs=runs, seed=seed)
     three = evaluate(
         mg.Library.build(motions, "lower_torso_arms"),
         ["quality"],
         ways=(Random(), Analogy(), ByCost()),
-        runs=5,
+        runs=(runs + 1) // 2,
         seed=seed,
     )
     literal = mg.Library.build(motions, config=mg.Config.paper())
@@ -151,7 +151,7 @@ def measured(motions, seed):
         counts,
         sweep(library),
         cluster_numbers(library),
-        collided(motions[0]),
+        collided(motions[0], step),
         selectivity(library),
     )
 
@@ -550,13 +550,20 @@ def pictures(results):
     return {name: plots.as_svg(figure) for name, figure in drawn.items()}
 
 
-def main():
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
     parser.add_argument("--only", nargs="+", choices=SOURCES, help="some of the recordings")
     parser.add_argument("--write", action="store_true", help="write docs/experiments.md")
-    options = parser.parse_args()
-    warnings.simplefilter("ignore")
+    run(parser, report, argv)
+
+
+def report(options):
+    if options.tiny:
+        results = {"dancer": measured([tiny_motion()], seed=0, runs=1, step=3)}
+        page(results, [])
+        pictures(results)
+        return
     results, missing = {}, []
     for name in options.only or SOURCES:
         paths = sorted(options.data.glob(SOURCES[name]))

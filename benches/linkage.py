@@ -35,10 +35,14 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import mograft as mg
+from benches import _common
 from mograft import _core
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "embedding_bandai_60k.npy"
+CHILD = "--child"
 SIGMAS = {"literal": 3.525, "rms": 13.590}
 
 
@@ -97,11 +101,10 @@ def run_fastcluster(points):
 
 
 def measure(who, kind, n, runs, diameter=None):
-    """Run in this process and print what came of it."""
-    points = make(kind, n)
+    """Return the seconds of runs in this process, and the memory that they took."""
+    points = make(kind, n)[:n]
     if who == "stop":
-        print(json.dumps({"wall": stopped(points, runs), "cpu": [0], "MB": 0}))
-        return
+        return {"wall": stopped(points, runs), "cpu": [0], "MB": 0}
     if diameter == "rms":
         diameter = mg.threshold(points)
     call = {
@@ -123,7 +126,7 @@ def measure(who, kind, n, runs, diameter=None):
         walls.append(time.perf_counter() - wall)
         cpus.append(time.process_time() - cpu)
     more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    print(json.dumps({"wall": walls, "cpu": cpus, "MB": more / 1024}))
+    return {"wall": walls, "cpu": cpus, "MB": more / 1024}
 
 
 def stopped(points, runs):
@@ -143,15 +146,25 @@ def stopped(points, runs):
         except KeyboardInterrupt:
             waits.append(time.perf_counter() - sent[0])
         timer.cancel()
-    return waits
+    return waits or [np.nan]
 
 
 def child(who, kind, n, runs=3, diameter=None):
     """Measure in a process of its own."""
     task = json.dumps([who, kind, n, runs, diameter])
-    command = [sys.executable, __file__, "--child", task]
+    command = [sys.executable, __file__, CHILD, task]
     run = subprocess.run(command, capture_output=True, text=True, check=True)
-    found = json.loads(run.stdout)
+    return summary(who, kind, n, json.loads(run.stdout))
+
+
+def tiny_child(who, kind, n, runs=3, diameter=None):  # noqa: ARG001 - as `child`
+    """Measure a few points in this process, but in a new one what an interrupt may end."""
+    if who == "stop":
+        return child(who, kind, 10_000, runs=1)
+    return summary(who, kind, n, measure(who, kind, 40, 1, diameter))
+
+
+def summary(who, kind, n, found):
     wall, cpu = statistics.median(found["wall"]), statistics.median(found["cpu"])
     return {"who": who, "kind": kind, "n": n, "wall": wall, "cpu": cpu, "MB": found["MB"]}
 
@@ -162,7 +175,7 @@ def show(row, note=""):
     sys.stdout.flush()
 
 
-def peers(kinds):
+def peers(kinds, child):
     rows = []
     for kind in (kind for kind in kinds if kind != "walk"):
         for n in (1_000, 2_000, 5_000, 10_000, 20_000, 30_000):
@@ -180,7 +193,7 @@ def peers(kinds):
     return rows
 
 
-def large(kinds):
+def large(kinds, child):
     rows = []
     for kind in kinds:
         for who in ("mograft", "cut"):
@@ -200,7 +213,7 @@ def large(kinds):
 LARGE = (50_000, 100_000, 200_000, 500_000)
 
 
-def real(_):
+def real(_, child):
     if not REAL.exists():
         print(f"real: skipped, there is no {REAL.name}")
         return []
@@ -212,7 +225,7 @@ def real(_):
     return rows
 
 
-def hard(_):
+def hard(_, child):
     rows = [
         child("mograft", kind, 100_000, runs=1)
         for kind in ("lattice", "tails", "clump", "scale-free")
@@ -222,7 +235,7 @@ def hard(_):
     return rows
 
 
-def plain(_):
+def plain(_, child):
     rows = []
     for kind in ("300 axes", "binary", "lattice", "tails", "clump", "scale-free"):
         own, chain = (child(who, kind, 10_000, runs=1) for who in ("one thread", "plain"))
@@ -232,7 +245,7 @@ def plain(_):
     return rows
 
 
-def stop(_):
+def stop(_, child):
     rows = [child("stop", "white", 500_000, runs=6), child("stop", "binary", 100_000, runs=6)]
     for row in rows:
         show(row, "from the signal to the exception, median")
@@ -243,13 +256,13 @@ def instructions(kind, n):
     """Count those of a process that grows the tree of n points on one thread."""
     task = json.dumps(["one thread", kind, n, 1, None])
     valgrind = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
-    command = [*valgrind, sys.executable, __file__, "--child", task]
+    command = [*valgrind, sys.executable, __file__, CHILD, task]
     environment = {**os.environ, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
     run = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
     return int(re.search(r"Collected : (\d+)", run.stderr)[1])
 
 
-def counts(_):
+def counts(*_):
     if not shutil.which("valgrind"):
         print("counts: skipped, there is no valgrind")
         return []
@@ -279,32 +292,36 @@ def machine():
     )
 
 
-def main():
+PARTS = {part.__name__: part for part in (peers, large, real, hard, plain, stop, counts)}
+KINDS = ("white", "mixture", "walk")
+
+
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parts = {run.__name__: run for run in (peers, large, real, hard, plain, stop, counts)}
-    parser.add_argument("parts", nargs="*", choices=[*parts, []], help="what to run; all")
-    kinds = ("white", "mixture", "walk")
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="what to run; all")
     parser.add_argument(
-        "--kinds", nargs="+", choices=kinds, default=kinds, help="of peers and large; all"
+        "--kinds", nargs="+", choices=KINDS, default=KINDS, help="of peers and large; all"
     )
     parser.add_argument("--json", type=Path, help="add the figures to this file")
-    parser.add_argument("--child", help=argparse.SUPPRESS)
-    args = parser.parse_args()
-    if _core.BUILD_PROFILE != "release":
-        sys.exit("a debug build is not worth timing: maturin develop --release")
-    if args.child:
-        measure(*json.loads(args.child))
-        return
+    _common.run(parser, report, argv, is_timing=True)
+
+
+def report(options):
     print(machine())
-    for name in args.parts or parts:
+    # Valgrind takes half a minute to import NumPy.
+    names = [name for name in PARTS if name != "counts"] if options.tiny else PARTS
+    for name in options.parts or names:
         print(f"-- {name}")
-        rows = parts[name](args.kinds)
-        if args.json:
-            known = json.loads(args.json.read_text())["rows"] if args.json.exists() else []
+        rows = PARTS[name](options.kinds, tiny_child if options.tiny else child)
+        if options.json:
+            known = json.loads(options.json.read_text())["rows"] if options.json.exists() else []
             figures = {"machine": machine(), "rows": known + rows}
-            args.json.write_text(json.dumps(figures, indent=1))
+            options.json.write_text(json.dumps(figures, indent=1))
     print(f"load at the end {os.getloadavg()[0]:.1f}")
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == [CHILD]:
+        print(json.dumps(measure(*json.loads(sys.argv[2]))))
+    else:
+        main()

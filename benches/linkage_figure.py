@@ -7,30 +7,35 @@ draws two stages of complete linkage into docs/linkage-stages.svg and, given wha
 docs/linkage-speed.svg.
 """
 
+import argparse
 import json
 import sys
+import tempfile
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+from benches._common import run
 
-mpl.use("svg")
-mpl.rcParams.update({"svg.hashsalt": "mograft", "svg.fonttype": "none", "font.size": 9})
-
-from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
+STYLE = {"svg.hashsalt": "mograft", "svg.fonttype": "none", "font.size": 9}
 
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-def draw_stages():
+def draw_stages(folder):
     rng = np.random.default_rng(4)
     centres = np.array([[0.0, 0.0], [2.6, 0.4], [1.2, 2.2]])
     points = np.concatenate([c + 0.55 * rng.standard_normal((8, 2)) for c in centres])
     limits = (0.7, 1.6)
     before = np.arange(len(points))
-    figure, panels = plt.subplots(1, 4, figsize=(10, 2.9))
+    figure = Figure(figsize=(10, 2.9))
+    panels = figure.subplots(1, 4)
     for i, limit in enumerate(limits):
         after = mg.cut(points, limit)
         graph, merged = panels[2 * i], panels[2 * i + 1]
@@ -50,7 +55,7 @@ def draw_stages():
             panel.set(aspect="equal", xticks=[], yticks=[], xlim=(-1.6, 4.3), ylim=(-1.6, 3.7))
         before = after
     figure.tight_layout()
-    figure.savefig(DOCS / "linkage-stages.svg", metadata={"Date": None})
+    figure.savefig(folder / "linkage-stages.svg", metadata={"Date": None})
 
 
 def ring(panel, members):
@@ -58,12 +63,13 @@ def ring(panel, members):
     if len(members) > 1:
         centre = (members.min(axis=0) + members.max(axis=0)) / 2
         radius = np.linalg.norm(members - centre, axis=1).max() + 0.09
-        panel.add_patch(plt.Circle(centre, radius, fill=False, color="tab:blue", lw=0.9))
+        panel.add_patch(Circle(centre, radius, fill=False, color="tab:blue", lw=0.9))
 
 
-def draw_speed(rows):
+def draw_speed(rows, folder):
     """Draw seconds over the number of points, both on logarithmic scales."""
-    figure, axes = plt.subplots(figsize=(6.4, 4.0))
+    figure = Figure(figsize=(6.4, 4.0))
+    axes = figure.subplots()
     colours = {"SciPy": "tab:red", "fastcluster": "tab:orange", "mograft": "tab:blue"}
     dashes = {"white": "-", "mixture": "--", "walk": ":"}
     for who, colour in colours.items():
@@ -76,10 +82,27 @@ def draw_speed(rows):
     axes.grid(visible=True, alpha=0.3)
     axes.legend(fontsize="small")
     figure.tight_layout()
-    figure.savefig(DOCS / "linkage-speed.svg", metadata={"Date": None})
+    figure.savefig(folder / "linkage-speed.svg", metadata={"Date": None})
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("figures", nargs="?", type=Path, metavar="FIGURES.json")
+    run(parser, report, argv)
+
+
+@mpl.rc_context(STYLE)
+def report(options):
+    if options.tiny:
+        rows = [{"who": "mograft", "kind": "white", "n": n, "wall": n / 1e5} for n in (10, 100)]
+        with tempfile.TemporaryDirectory() as folder:
+            draw_stages(Path(folder))
+            draw_speed(rows, Path(folder))
+        return
+    draw_stages(DOCS)
+    if options.figures is not None:
+        draw_speed(json.loads(options.figures.read_text())["rows"], DOCS)
 
 
 if __name__ == "__main__":
-    draw_stages()
-    for file in sys.argv[1:]:
-        draw_speed(json.loads(Path(file).read_text())["rows"])
+    main()

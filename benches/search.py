@@ -14,7 +14,6 @@ import statistics
 import sys
 import tempfile
 import time
-import warnings
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+from benches._common import run, tiny_motion
 from benches.feet import upper_body_library
 from mograft import _core
 from mograft.body.capsules import clearance
@@ -75,11 +75,11 @@ def make_pool(n, rng):
     return SegmentPool(cut, labels, np.ones(n, bool), boundary, 30.0, points, 5.0)
 
 
-def speeds(repeats):
+def speeds(repeats, n_segments=10_000, n_positions=900):
     rng = np.random.default_rng(0)
     print(f"{'':58} {'mograft':>12} {'plain':>14} {'ratio':>8}")
-    pools = [make_pool(10_000, rng) for _ in range(3)]
-    scenario = np.arange(10_000)
+    pools = [make_pool(n_segments, rng) for _ in range(3)]
+    scenario = np.arange(n_segments)
 
     def listed():
         for pool in pools:
@@ -94,8 +94,8 @@ def speeds(repeats):
 
     line("candidates of 10,000 segments, 3 groups", median(listed, repeats), median(plainly, 1))
 
-    alone = [rng.normal(size=30) for _ in range(900)]
-    after = [rng.normal(size=(30, 30)) for _ in range(899)]
+    alone = [rng.normal(size=30) for _ in range(n_positions)]
+    after = [rng.normal(size=(30, 30)) for _ in range(n_positions - 1)]
     chain = Trellis(tuple(alone), tuple(after))
     ours = median(lambda: viterbi(chain), repeats)
     line(
@@ -104,11 +104,11 @@ def speeds(repeats):
         median(lambda: search_oracle.cheapest_sequence(alone, after), 3),
     )
 
-    lists = pools[0].candidate_lists(scenario[:900], CONFIG)
+    lists = pools[0].candidate_lists(scenario[:n_positions], CONFIG)
 
     def trellis():
         model = cost_model(CONFIG, pools[0])
-        DonorTrellis.build(pools[0], scenario[:900], lists, model)
+        DonorTrellis.build(pools[0], scenario[:n_positions], lists, model)
 
     ours = median(trellis, repeats)
 
@@ -116,7 +116,7 @@ def speeds(repeats):
         for left, right in pairwise(lists[:100]):
             for a in left:
                 for b in right:
-                    search_oracle.seam_angle(pools[0].last[a], pools[0].first[b])
+                    search_oracle.seam_angle(pools[0].boundary.last[a], pools[0].boundary.first[b])
 
     line("seam costs of 900 positions (plain: times 9)", ours, 9 * median(seams, 1))
 
@@ -127,13 +127,15 @@ def speeds(repeats):
     line("collision, 30 candidates x 8 frames x 11 x 11 capsules", ours, theirs)
 
 
-def stream():
+def stream(n_dances=13, strides=4):
     """Decide segment by segment on a library in a folder, as frames come."""
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/dances.mograft"
-        mg.Library.build([dance(seed=seed, strides=4).motion for seed in range(13)]).save(path)
+        mg.Library.build(
+            [dance(seed=seed, strides=strides).motion for seed in range(n_dances)]
+        ).save(path)
         library = mg.Library.open(path)
-        base = dance(seed=99, strides=4).motion
+        base = dance(seed=99, strides=strides).motion
         ball = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0))
         print(f"\nstream on {library}\n{'':44} {'median':>9} {'99 %':>9} {'most':>9}")
         for name, constraints in (
@@ -227,7 +229,7 @@ def gains(paths):
     print(f"at least 10 % below random: {sum(own >= 0.1 for own in told)} of {len(told)} libraries")
 
 
-def reach(paths):
+def reach(paths, count=20):
     """Have the left hand where it is with another segment's part in place of one."""
     print()
     for path in paths:
@@ -242,7 +244,7 @@ def reach(paths):
             print(f"{Path(path).name}: no left hand of a known name, or no candidate")
             continue
         met = 0
-        for _ in range(20):
+        for _ in range(count):
             at = int(rng.choice(np.flatnonzero(np.array(counts) > 1)))
             donors = problem.captured_donors
             others = problem.candidates["upper"][at]
@@ -251,7 +253,7 @@ def reach(paths):
             place = assemble(problem, donors).world_positions()[frame, base.skeleton.index(hand)]
             graft = mg.graft(library, constraints=[mg.Reach(hand, tuple(place), frame)])
             met += not graft.violations
-        print(f"{Path(path).name}: reached {met} of 20 places")
+        print(f"{Path(path).name}: reached {met} of {count} places")
 
 
 def wanted(library, kind, count=20):
@@ -288,13 +290,13 @@ def wanted(library, kind, count=20):
     return found
 
 
-def lead(paths):
+def lead(paths, count=20):
     """Count the demands that are met where legs and root come from donors."""
     print()
     for path in paths:
         library = upper_body_library(opened(path))
         for kind in ("Reach", "KeepOut", "Avoid"):
-            times, met, demands = [0.0], 0, wanted(library, kind)
+            times, met, demands = [0.0], 0, wanted(library, kind, count)
             for demand in demands:
                 begin = time.perf_counter()
                 met += not mg.graft(library, constraints=[demand]).violations
@@ -306,15 +308,30 @@ def lead(paths):
             )
 
 
-def main():
+def report_tiny():
+    speeds(repeats=1, n_segments=300, n_positions=30)
+    stream(n_dances=1, strides=1)
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / f"{seed}.bvh" for seed in (1, 2)]
+        for seed, path in enumerate(paths):
+            mg.write_bvh(tiny_motion(seed), path)
+        gains(paths)
+        reach(paths[:1], count=1)
+        lead(paths[:1], count=1)
+
+
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*")
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--only", choices=["speeds", "stream", "gains", "reach", "lead"])
-    options = parser.parse_args()
-    if _core.BUILD_PROFILE != "release":
-        sys.exit("this is a debug build: pip install . or maturin develop --release")
-    warnings.simplefilter("ignore")
+    run(parser, report, argv, is_timing=True)
+
+
+def report(options):
+    if options.tiny:
+        report_tiny()
+        return
     print(f"{platform.machine()} {platform.processor()}, Python {platform.python_version()}, ")
     print(f"NumPy {np.__version__}, {_core.BUILD_PROFILE} build\n")
     if options.only in (None, "speeds"):

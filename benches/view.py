@@ -19,8 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from mograft.dancer import dance
 from benches._common import run
+from mograft.dancer import dance
 from tests import strategies
 from tests.browser import chromium, open_page
 
