@@ -5,50 +5,23 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, make_read_only, restore
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.body_parts import ARM, LEG
+from mograft.body.segment_masses import (
+    COLUMNS_OF_SEX,
+    ROD_CENTER,
+    ROD_GYRATION,
+    de_leva_masses,
+    normalise_weights,
+)
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 __all__ = ["Foot", "MassModel", "center_of_mass", "mass_model", "moments_of_inertia", "up_axis"]
 
-# de Leva 1996, with hips and neck as the proximal ends of trunk and head. Mass in % of body mass,
-# then centre of mass from the proximal end and transverse radius of gyration, both in % of
-# segment length; each (male, female).
-_DE_LEVA = {
-    "head": ((6.94, 6.68), (50.0, 51.6), (31.5, 29.5)),
-    "trunk": ((43.46, 42.57), (48.6, 50.4), (30.6, 29.2)),
-    "upper_arm": ((2.71, 2.55), (57.7, 57.5), (26.9, 26.0)),
-    "forearm": ((1.62, 1.38), (45.7, 45.6), (26.5, 25.7)),
-    "hand": ((0.61, 0.56), (36.2, 34.3), (23.5, 20.8)),
-    "thigh": ((14.16, 14.78), (41.0, 36.1), (32.9, 36.4)),
-    "shank": ((4.33, 4.81), (44.0, 43.5), (24.6, 26.3)),
-    "foot": ((1.37, 1.29), (44.2, 40.1), (24.5, 27.9)),
-}
-# Segment that receives the mass of a segment without joints.
-_FALLBACK_SEGMENT = {
-    "head": "trunk",
-    "hand": "forearm",
-    "forearm": "upper_arm",
-    "upper_arm": "trunk",
-    "foot": "shank",
-    "shank": "thigh",
-    "thigh": "trunk",
-}
-_SEGMENT_OF_PART = {
-    "pelvis": "trunk",
-    "clavicle": "trunk",
-    "tail": "trunk",
-    "neck": "head",
-    "finger": "hand",
-    "toe": "foot",
-}
-# Uniform rod about its middle: radius of gyration 1 / sqrt(12).
-_ROD_CENTER, _ROD_GYRATION = 0.5, 0.289
 # Lengths in statures: hips to ankles plus hips to head joint, and each alone. Rounded means over
 # human hierarchies of several sources. Each alone varies by 0.04 (standard deviation).
 _LEGS_AND_HEAD, _LEGS, _HEAD = 0.87, 0.525, 0.345
@@ -181,12 +154,9 @@ def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
     >>> round(mass_model(skeleton).height)
     169
     """
-    if sex not in _COLUMNS:
-        raise ValueError(f"sex must be one of {', '.join(_COLUMNS)}, got {sex!r}")
+    if sex not in COLUMNS_OF_SEX:
+        raise ValueError(f"sex must be one of {', '.join(COLUMNS_OF_SEX)}, got {sex!r}")
     return _cached_mass_model(_SkeletonKey.of(skeleton), sex)
-
-
-_COLUMNS = {"male": [0], "female": [1], "mean": [0, 1]}
 
 
 @dataclass(frozen=True)
@@ -215,12 +185,12 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
     limbs = [(p, s) for p, s in zip(known.parts, known.sides, strict=True) if p in ARM + LEG]
     if known.human and all(side for _, side in limbs):
         model = "de Leva"
-        mass, center, gyration = _de_leva(known, lengths, has_mass, _COLUMNS[sex])
+        mass, center, gyration = de_leva_masses(known, lengths, has_mass, COLUMNS_OF_SEX[sex])
     else:
         model = "rods"
-        mass = _normalised(np.where(has_mass, lengths, 0.0), has_mass)
-        center = np.full(skeleton.n_joints, _ROD_CENTER)
-        gyration = np.full(skeleton.n_joints, _ROD_GYRATION)
+        mass = normalise_weights(np.where(has_mass, lengths, 0.0), has_mass)
+        center = np.full(skeleton.n_joints, ROD_CENTER)
+        gyration = np.full(skeleton.n_joints, ROD_GYRATION)
     head = next(iter(known.joints("head")), None)
     if head is None:
         head = next(iter(reversed(known.joints("neck"))), None)
@@ -373,48 +343,6 @@ def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
         elif ends:
             bones[joint] = max(ends, key=lambda end: float(np.linalg.norm(end)))
     return bones
-
-
-def _normalised(weights: FloatArray, members: npt.NDArray[np.bool_]) -> FloatArray:
-    """Return weights divided by their sum; equal weights if all are zero."""
-    total = float(weights.sum())
-    return weights / total if total > 0 else members / max(int(members.sum()), 1)
-
-
-def _de_leva(
-    known: Anatomy, lengths: FloatArray, has_mass: npt.NDArray[np.bool_], columns: list[int]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, centre of mass and radius of gyration of each joint's bone."""
-    n_joints = len(lengths)
-    members: dict[tuple[str, str], list[int]] = {}
-    for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
-        if has_mass[joint]:
-            segment = _SEGMENT_OF_PART.get(part, part)
-            is_central = segment in ("head", "trunk")
-            members.setdefault((segment, "" if is_central else side), []).append(joint)
-    segment_mass = dict.fromkeys(members, 0.0)
-    for segment, (mass_percent, _, _) in _DE_LEVA.items():
-        for side in ("",) if segment in ("head", "trunk") else ("left", "right"):
-            receiver = segment
-            while (receiver, "" if receiver == "trunk" else side) not in members:
-                receiver = _FALLBACK_SEGMENT[receiver]
-            key = (receiver, "" if receiver == "trunk" else side)
-            segment_mass[key] += float(np.mean([mass_percent[column] for column in columns]))
-    mass = np.zeros(n_joints)
-    center = np.full(n_joints, _ROD_CENTER)
-    gyration = np.full(n_joints, _ROD_GYRATION)
-    for (segment, side), joints in members.items():
-        is_member = np.zeros(n_joints, dtype=bool)
-        is_member[joints] = True
-        mass += segment_mass[segment, side] * _normalised(
-            np.where(is_member, lengths, 0.0), is_member
-        )
-        bones = [joint for joint in joints if lengths[joint] > 0]
-        if len(bones) == 1:
-            _, centers, gyrations = _DE_LEVA[segment]
-            center[bones[0]] = np.mean([centers[column] for column in columns]) / 100
-            gyration[bones[0]] = np.mean([gyrations[column] for column in columns]) / 100
-    return mass / mass.sum(), center, gyration
 
 
 def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
