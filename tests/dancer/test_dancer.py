@@ -1,4 +1,4 @@
-"""Laws of the dancer: what a body, a floor and a clock demand of every dance."""
+"""The procedural dancer: its labels, anatomical limits, floor contact and styles."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -21,51 +21,55 @@ HEIGHT = 170.0  # cm, of the figure
 HEEL = [0.0, -7.0, -5.0]
 
 
-class Seen:
-    """A dance with its joints placed in the world."""
+class PlacedDance:
+    """A dance with the world positions and rotations of its joints."""
 
     def __init__(self, seed, strides, rate=30.0):
         self.dance = dance(seed, strides=strides, rate=rate)
         self.motion = self.dance.motion
-        self.turns, self.places = self.motion.world_transforms()
+        self.rotations, self.positions = self.motion.world_transforms()
         self.index = self.motion.skeleton.index
         self.tips = {
             self.motion.skeleton.names[site.parent]: site.offset
             for site in self.motion.skeleton.end_sites
         }
 
-    def at(self, name):
-        return self.places[:, self.index(name)]
+    def position(self, name):
+        return self.positions[:, self.index(name)]
 
-    def turn(self, name):
-        return self.turns[:, self.index(name)]
+    def rotation(self, name):
+        return self.rotations[:, self.index(name)]
 
-    def local(self, name):
+    def local_rotation(self, name):
         return self.motion.rotations[:, self.index(name)]
 
     def point(self, name, offset):
-        """Place a point of a joint's body in the world."""
-        return self.at(name) + rotations.rotate(self.turn(name), np.array(offset))
+        """Return the world positions of a point that is fixed to a joint."""
+        return self.position(name) + rotations.rotate(self.rotation(name), np.array(offset))
 
     def tip(self, name):
         return self.point(name, self.tips[name])
 
-    def towards(self, name, points):
-        """Look at points from a joint: along its axes."""
-        return rotations.rotate(rotations.inverse(self.turn(name)), points - self.at(name))
+    def to_local(self, name, points):
+        """Return the coordinates of points relative to a joint."""
+        return rotations.rotate(
+            rotations.inverse(self.rotation(name)), points - self.position(name)
+        )
 
 
 @lru_cache(maxsize=64)
-def seen(seed=0, strides=4, rate=30.0):
-    return Seen(seed, strides, rate)
+def placed_dance(seed=0, strides=4, rate=30.0):
+    return PlacedDance(seed, strides, rate)
 
 
-def in_every_dance(test):
-    """Run a test on the built-in sample and on a few shorter dances."""
-    drawn = given(st.integers(0, 2**32).flatmap(lambda s: st.tuples(st.just(s), st.integers(1, 2))))
-    whole = example((0, 4))
-    few = settings(max_examples=8, deadline=None)
-    return few(whole(drawn(lambda which: test(seen(*which)))))
+def for_every_dance(test):
+    """Run a test on the default dance and on eight shorter ones."""
+    random_dances = given(
+        st.integers(0, 2**32).flatmap(lambda s: st.tuples(st.just(s), st.integers(1, 2)))
+    )
+    default_dance = example((0, 4))
+    few_examples = settings(max_examples=8, deadline=None)
+    return few_examples(default_dance(random_dances(lambda args: test(placed_dance(*args)))))
 
 
 def speeds(values, rate):
@@ -73,14 +77,14 @@ def speeds(values, rate):
 
 
 def distances(points, starts, ends):
-    """Distances of points from lines between two moving ends, frame by frame."""
+    """Distances of points from the lines between two ends in each frame."""
     along = ends - starts
-    share = np.einsum("fi,fi->f", points - starts, along) / np.einsum("fi,fi->f", along, along)
-    return np.linalg.norm(points - starts - share.clip(0, 1)[:, None] * along, axis=-1)
+    fraction = np.einsum("fi,fi->f", points - starts, along) / np.einsum("fi,fi->f", along, along)
+    return np.linalg.norm(points - starts - fraction.clip(0, 1)[:, None] * along, axis=-1)
 
 
 def bend(quats, axis):
-    """Angles of rotations about one coordinate axis; the other two must be still."""
+    """Angles of rotations about one axis in degrees; asserts that there is no other rotation."""
     others = [other for other in range(3) if other != axis]
     np.testing.assert_allclose(quats[:, others], 0.0, atol=1e-12)
     return np.degrees(2 * np.arctan2(quats[:, axis], quats[:, 3]))
@@ -89,7 +93,7 @@ def bend(quats, axis):
 # The data.
 
 
-def test_the_same_seed_gives_the_same_bytes():
+def test_dance_same_seed_gives_same_bytes():
     first, second = dance(5, strides=2), dance(5, strides=2)
     for name in ("rotations", "positions"):
         assert getattr(first.motion, name).tobytes() == getattr(second.motion, name).tobytes()
@@ -97,26 +101,26 @@ def test_the_same_seed_gives_the_same_bytes():
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
 
 
-def test_a_generator_may_stand_for_the_seed():
+def test_dance_generator_equals_its_seed():
     by_generator = dance(np.random.default_rng(3), strides=1)
     np.testing.assert_array_equal(
         by_generator.motion.rotations, dance(3, strides=1).motion.rotations
     )
 
 
-def test_different_seeds_give_different_dances():
-    orders = {tuple(seen(seed, 1).dance.legs[::30]) for seed in range(5)}
+def test_dance_different_seeds_differ_in_order():
+    orders = {tuple(placed_dance(seed, 1).dance.legs[::30]) for seed in range(5)}
     assert len(orders) == 5
 
 
-def test_the_sample_is_as_long_as_the_papers():
+def test_dance_default_has_about_6000_frames():
     sample = dance()
     assert 5700 < len(sample) < 6300
     assert repr(sample.motion).startswith("Motion(dance: 18 joints")
 
 
-def test_the_figure_has_the_papers_degrees_of_freedom():
-    skeleton = seen().motion.skeleton
+def test_skeleton_has_24_lower_and_33_upper_channels():
+    skeleton = placed_dance().motion.skeleton
     counts = dict(zip(skeleton.names, map(len, skeleton.channels), strict=True))
     assert sum(counts.values()) == skeleton.n_channels == 57
     assert sum(counts[name] for name in LOWER) == 24
@@ -126,8 +130,8 @@ def test_the_figure_has_the_papers_degrees_of_freedom():
     assert set(counts) == {*LOWER, *upper}
 
 
-def test_the_figure_rests_in_a_t_pose():
-    skeleton = seen().motion.skeleton
+def test_skeleton_rest_pose_is_symmetric_t_pose():
+    skeleton = placed_dance().motion.skeleton
     rest = dict(zip(skeleton.names, skeleton.rest_positions(), strict=True))
     for side, out in SIDES.items():
         arm = np.diff([rest[f"{side}{part}"] for part in ("Arm", "ForeArm", "Hand")], axis=0)
@@ -140,48 +144,48 @@ def test_the_figure_rests_in_a_t_pose():
         np.testing.assert_array_equal(rest[name] * [-1, 1, 1], rest[name.replace("Right", "Left")])
 
 
-def test_the_root_has_its_channels_in_the_common_order():
-    channels = seen().motion.skeleton.channels
+def test_skeleton_channels_are_positions_then_zyx_rotations():
+    channels = placed_dance().motion.skeleton.channels
     places = ("Xposition", "Yposition", "Zposition")
     turns = ("Zrotation", "Yrotation", "Xrotation")
     assert channels == (places + turns, *[turns] * 17)
 
 
-@in_every_dance
-def test_every_combination_is_danced_once(seen):
-    pairs = list(zip(seen.dance.legs.tolist(), seen.dance.arms.tolist(), strict=True))
+@for_every_dance
+def test_dance_contains_every_combination_once(sample):
+    pairs = list(zip(sample.dance.legs.tolist(), sample.dance.arms.tolist(), strict=True))
     blocks = [pair for before, pair in pairwise([None, *pairs]) if pair != before]
     assert sorted(blocks) == sorted(product(LEG_STYLES, ARM_PATTERNS))
 
 
-@in_every_dance
-def test_labels_have_one_entry_per_frame(seen):
-    n_frames = seen.motion.n_frames
-    known = seen.dance
-    assert known.legs.shape == known.arms.shape == known.phase.shape == (n_frames,)
-    assert known.stance.shape == (n_frames, 2)
-    assert (known.phase >= 0).all()
-    assert (known.phase <= 1).all()
+@for_every_dance
+def test_dance_labels_have_one_entry_per_frame(sample):
+    n_frames = sample.motion.n_frames
+    labels = sample.dance
+    assert labels.legs.shape == labels.arms.shape == labels.phase.shape == (n_frames,)
+    assert labels.stance.shape == (n_frames, 2)
+    assert (labels.phase >= 0).all()
+    assert (labels.phase <= 1).all()
 
 
-@in_every_dance
-def test_rotations_are_unit_and_do_not_jump(seen):
-    quats = seen.motion.rotations
+@for_every_dance
+def test_dance_rotations_are_unit_and_continuous(sample):
+    quats = sample.motion.rotations
     np.testing.assert_allclose(np.linalg.norm(quats, axis=-1), 1.0, rtol=0, atol=1e-12)
     assert (np.einsum("fji,fji->fj", quats[1:], quats[:-1]) > 0.97).all()
 
 
-@in_every_dance
-def test_euler_angles_do_not_jump(seen):
-    numbers = seen.motion.channel_numbers()[:, 3:]
+@for_every_dance
+def test_dance_euler_angles_are_continuous(sample):
+    numbers = sample.motion.channel_numbers()[:, 3:]
     assert np.isfinite(numbers).all()
     assert np.abs(np.diff(numbers, axis=0)).max() < 32  # degrees from frame to frame
     assert np.abs(numbers).max() < 180
 
 
 @pytest.mark.parametrize("seed", [0, 7])
-def test_the_dance_does_not_depend_on_the_frame_rate(seed):
-    slow, fast = seen(seed, 1), seen(seed, 1, 60.0)
+def test_dance_double_rate_has_same_frames_in_between(seed):
+    slow, fast = placed_dance(seed, 1), placed_dance(seed, 1, 60.0)
     assert abs(slow.motion.duration - fast.motion.duration) <= 1 / 30
     n_frames = min(len(slow.dance), len(fast.dance[::2]))
     for name in ("rotations", "positions"):
@@ -193,8 +197,8 @@ def test_the_dance_does_not_depend_on_the_frame_rate(seed):
     np.testing.assert_array_equal(fast.dance[::2].legs[:n_frames], slow.dance.legs[:n_frames])
 
 
-def test_takes_are_the_dance_in_parts():
-    whole = seen(0, 1).dance
+def test_takes_partition_the_dance():
+    whole = placed_dance(0, 1).dance
     parts = whole.takes(6)
     assert [part.motion.name for part in parts] == [f"dance_{number}" for number in range(1, 7)]
     for name in ("legs", "arms", "phase", "stance"):
@@ -206,9 +210,9 @@ def test_takes_are_the_dance_in_parts():
 
 
 @pytest.mark.parametrize("n", [0, -1, 10**6])
-def test_takes_must_hold_a_frame_each(n):
+def test_takes_invalid_count_raises_value_error(n):
     with pytest.raises(ValueError, match=rf"n must be 1 to \d+.*got {n}"):
-        seen(0, 1).dance.takes(n)
+        placed_dance(0, 1).dance.takes(n)
 
 
 @pytest.mark.parametrize(
@@ -227,7 +231,7 @@ def test_takes_must_hold_a_frame_each(n):
         ({"seed": True}, TypeError, "seed must be a whole number or a .*Generator, got True"),
     ],
 )
-def test_bad_arguments_are_named(arguments, error, message):
+def test_dance_invalid_argument_raises_error_naming_it(arguments, error, message):
     with pytest.raises(error, match=message):
         dance(**arguments)
 
@@ -235,44 +239,44 @@ def test_bad_arguments_are_named(arguments, error, message):
 # The feet and the floor.
 
 
-@in_every_dance
-def test_standing_feet_are_still_and_flat(seen):
+@for_every_dance
+def test_stance_feet_are_flat_and_still(sample):
     for column, side in enumerate(SIDES):
-        stands = seen.dance.stance[:, column]
+        stands = sample.dance.stance[:, column]
         through = stands[1:] & stands[:-1]
         name = f"{side}Foot"
-        moved = np.linalg.norm(np.diff(seen.at(name), axis=0), axis=-1)
+        moved = np.linalg.norm(np.diff(sample.position(name), axis=0), axis=-1)
         assert moved[through].max() <= 1e-6 * HEIGHT
-        turned = rotations.angle(seen.turn(name)[1:], seen.turn(name)[:-1])
+        turned = rotations.angle(sample.rotation(name)[1:], sample.rotation(name)[:-1])
         assert turned[through].max() <= 1e-6
-        sole = np.stack([seen.tip(name), seen.point(name, HEEL)])[:, stands, 1]
+        sole = np.stack([sample.tip(name), sample.point(name, HEEL)])[:, stands, 1]
         assert np.abs(sole).max() <= 1e-6 * HEIGHT
 
 
-@in_every_dance
-def test_a_foot_stands_all_the_time_and_each_foot_most_of_it(seen):
-    assert seen.dance.stance.any(axis=1).all()
-    shares = seen.dance.stance.mean(axis=0)
+@for_every_dance
+def test_stance_covers_all_frames_and_half_of_each_foot(sample):
+    assert sample.dance.stance.any(axis=1).all()
+    shares = sample.dance.stance.mean(axis=0)
     assert (shares > 0.45).all()
     assert (shares < 0.75).all()
 
 
-@in_every_dance
-def test_feet_stay_above_the_floor(seen):
+@for_every_dance
+def test_feet_stay_above_floor(sample):
     for side in SIDES:
-        for offset in (HEEL, seen.tips[f"{side}Foot"], [0.0, 0.0, 0.0]):
-            assert seen.point(f"{side}Foot", offset)[:, 1].min() > -1e-6 * HEIGHT
+        for offset in (HEEL, sample.tips[f"{side}Foot"], [0.0, 0.0, 0.0]):
+            assert sample.point(f"{side}Foot", offset)[:, 1].min() > -1e-6 * HEIGHT
 
 
-def test_feet_roll_over_a_toe_that_stays():
-    sample = seen(0, 1, 120.0)
+def test_feet_roll_over_fixed_toe_at_take_off():
+    sample = placed_dance(0, 1, 120.0)
     styles = [LEG_STYLES[name] for name in sample.dance.legs]
     swing, push = (
         np.array([getattr(style, name) for style in styles]) for name in ("swing", "push")
     )
     for column, (side, middle) in enumerate(zip(SIDES, (0.25, 0.75), strict=True)):
-        share = (sample.dance.phase - middle) / swing + 0.5  # of the swing
-        rolls = (share > 0) & (share < push) & ~sample.dance.stance[:, column]
+        progress = (sample.dance.phase - middle) / swing + 0.5  # fraction of the swing
+        rolls = (progress > 0) & (progress < push) & ~sample.dance.stance[:, column]
         through = rolls[1:] & rolls[:-1]
         toe, heel = sample.tip(f"{side}Foot"), sample.point(f"{side}Foot", HEEL)
         assert np.linalg.norm(np.diff(toe, axis=0), axis=-1)[through].max() < 1e-6 * HEIGHT
@@ -280,151 +284,157 @@ def test_feet_roll_over_a_toe_that_stays():
         assert heel[rolls, 1].max() > 2
 
 
-def test_the_pelvis_sinks_where_a_leg_would_be_too_short(monkeypatch):
+def test_pelvis_too_high_for_legs_is_lowered(monkeypatch):
     for name, style in LEG_STYLES.items():
         monkeypatch.setitem(LEG_STYLES, name, replace(style, height=style.height + 12))
-    tall = Seen(0, 1)
-    assert tall.at("Hips")[:, 1].max() < 94  # where both legs are straight
+    tall = PlacedDance(0, 1)
+    assert tall.position("Hips")[:, 1].max() < 94  # the height at which both legs are straight
     for column, side in enumerate(SIDES):
         stands = tall.dance.stance[:, column]
-        np.testing.assert_allclose(tall.at(f"{side}Foot")[stands, 1], 7.0, atol=1e-6 * HEIGHT)
-        assert bend(tall.local(f"{side}Leg"), 0).min() > 5
-    acceleration = np.diff(tall.at("Hips"), n=2, axis=0) * tall.motion.rate**2
+        np.testing.assert_allclose(tall.position(f"{side}Foot")[stands, 1], 7.0, atol=1e-6 * HEIGHT)
+        assert bend(tall.local_rotation(f"{side}Leg"), 0).min() > 5
+    acceleration = np.diff(tall.position("Hips"), n=2, axis=0) * tall.motion.rate**2
     assert np.linalg.norm(acceleration, axis=-1).max() < 4000  # cm a second²
 
 
-@in_every_dance
-def test_toes_clear_the_floor_in_mid_swing(seen):
+@for_every_dance
+def test_toes_in_mid_swing_are_above_floor(sample):
     for column, (side, middle) in enumerate(zip(SIDES, (0.28, 0.78), strict=True)):
-        swings = ~seen.dance.stance[:, column] & (np.abs(seen.dance.phase - middle) < 0.03)
+        swings = ~sample.dance.stance[:, column] & (np.abs(sample.dance.phase - middle) < 0.03)
         assert swings.any()
-        assert seen.tip(f"{side}Foot")[swings, 1].min() > 0.5
+        assert sample.tip(f"{side}Foot")[swings, 1].min() > 0.5
 
 
-@in_every_dance
-def test_feet_do_not_cross(seen):
-    left, right = (seen.towards("Hips", seen.at(f"{side}Foot"))[:, 0] for side in SIDES)
+@for_every_dance
+def test_feet_do_not_cross(sample):
+    left, right = (sample.to_local("Hips", sample.position(f"{side}Foot"))[:, 0] for side in SIDES)
     assert (left - right).min() > 3.0
 
 
 # The joints.
 
 
-@in_every_dance
-def test_knees_bend_as_knees_do(seen):
+@for_every_dance
+def test_knees_bend_forward_within_anatomical_range(sample):
     for side in SIDES:
-        angles = bend(seen.local(f"{side}Leg"), 0)
+        angles = bend(sample.local_rotation(f"{side}Leg"), 0)
         assert angles.min() > 5
         assert angles.max() < 130
-        hip, knee, ankle = (seen.at(f"{side}{part}") for part in ("UpLeg", "Leg", "Foot"))
-        ahead = rotations.rotate(seen.turn("Hips"), np.array([0.0, 0.0, 1.0]))
+        hip, knee, ankle = (sample.position(f"{side}{part}") for part in ("UpLeg", "Leg", "Foot"))
+        ahead = rotations.rotate(sample.rotation("Hips"), np.array([0.0, 0.0, 1.0]))
         forward = np.einsum("fi,fi->f", knee - 0.5 * (hip + ankle), ahead)
         assert forward.min() > 0
 
 
-@in_every_dance
-def test_ankles_stay_in_their_range(seen):
+@for_every_dance
+def test_ankles_stay_within_anatomical_range(sample):
     for side in SIDES:
-        angles = np.degrees(rotations.to_euler(seen.local(f"{side}Foot"), "ZYX"))
+        angles = np.degrees(rotations.to_euler(sample.local_rotation(f"{side}Foot"), "ZYX"))
         assert np.abs(angles[:, :2]).max() < 25
         assert angles[:, 2].min() > -72  # toe up
         assert angles[:, 2].max() < 30
 
 
-@in_every_dance
-def test_elbows_bend_as_elbows_do(seen):
+@for_every_dance
+def test_elbows_bend_outward_within_anatomical_range(sample):
     for side, out in SIDES.items():
-        angles = -out * bend(seen.local(f"{side}ForeArm"), 1)
+        angles = -out * bend(sample.local_rotation(f"{side}ForeArm"), 1)
         assert angles.min() > 10
         assert angles.max() < 145
         arm, elbow, wrist = (
-            seen.towards("Spine", seen.at(f"{side}{part}")) for part in ("Arm", "ForeArm", "Hand")
+            sample.to_local("Spine", sample.position(f"{side}{part}"))
+            for part in ("Arm", "ForeArm", "Hand")
         )
-        # They point out, back or down, never all to the other side.
+        # Elbows point outward, back or down.
         outside = (elbow - 0.5 * (arm + wrist)) @ np.array([out, -1.0, -1.0])
         assert outside.min() > 0
 
 
-@in_every_dance
-def test_wrists_and_collar_bones_bend_little(seen):
+@for_every_dance
+def test_wrists_and_collar_bones_stay_within_anatomical_range(sample):
     for side in SIDES:
-        still = np.broadcast_to(rotations.IDENTITY, seen.local("Hips").shape)
-        assert np.degrees(rotations.angle(seen.local(f"{side}Hand"), still)).max() < 75
-        assert np.degrees(rotations.angle(seen.local(f"{side}Shoulder"), still)).max() < 25
+        identity = np.broadcast_to(rotations.IDENTITY, sample.local_rotation("Hips").shape)
+        assert (
+            np.degrees(rotations.angle(sample.local_rotation(f"{side}Hand"), identity)).max() < 75
+        )
+        assert (
+            np.degrees(rotations.angle(sample.local_rotation(f"{side}Shoulder"), identity)).max()
+            < 25
+        )
 
 
-@in_every_dance
-def test_arms_stay_outside_the_body(seen):
-    middle_of_head = seen.at("Head") + 0.5 * (seen.tip("Head") - seen.at("Head"))
+@for_every_dance
+def test_arms_keep_distance_from_trunk_head_and_thighs(sample):
+    middle_of_head = sample.position("Head") + 0.5 * (sample.tip("Head") - sample.position("Head"))
     for side in SIDES:
-        elbow, wrist = seen.at(f"{side}ForeArm"), seen.at(f"{side}Hand")
-        tip = seen.tip(f"{side}Hand")
+        elbow, wrist = sample.position(f"{side}ForeArm"), sample.position(f"{side}Hand")
+        tip = sample.tip(f"{side}Hand")
         for point in (elbow, 0.5 * (elbow + wrist), wrist, 0.5 * (wrist + tip), tip):
-            assert distances(point, seen.at("Hips"), seen.at("Neck")).min() > 12
+            assert distances(point, sample.position("Hips"), sample.position("Neck")).min() > 12
             assert np.linalg.norm(point - middle_of_head, axis=-1).min() > 15
             for thigh in SIDES:
-                ends = seen.at(f"{thigh}UpLeg"), seen.at(f"{thigh}Leg")
+                ends = sample.position(f"{thigh}UpLeg"), sample.position(f"{thigh}Leg")
                 assert distances(point, *ends).min() > 7
 
 
-@in_every_dance
-def test_arms_do_not_cross(seen):
-    hands = [seen.towards("Spine", seen.tip(f"{side}Hand"))[:, 0] for side in SIDES]
-    wrists = [seen.towards("Spine", seen.at(f"{side}Hand"))[:, 0] for side in SIDES]
+@for_every_dance
+def test_arms_do_not_cross(sample):
+    hands = [sample.to_local("Spine", sample.tip(f"{side}Hand"))[:, 0] for side in SIDES]
+    wrists = [sample.to_local("Spine", sample.position(f"{side}Hand"))[:, 0] for side in SIDES]
     assert min(hands[0].min(), wrists[0].min()) > 0
     assert max(hands[1].max(), wrists[1].max()) < 0
 
 
-@in_every_dance
-def test_nothing_is_too_fast(seen):
-    motion = seen.motion
+@for_every_dance
+def test_dance_speeds_and_accelerations_are_bounded(sample):
+    motion = sample.motion
     turns = rotations.angle(motion.rotations[1:], motion.rotations[:-1]) * motion.rate
     assert np.degrees(turns).max() < 850  # degrees a second
-    assert speeds(seen.at("Hips"), motion.rate).max() < 180  # cm a second
-    acceleration = np.diff(seen.at("Hips"), n=2, axis=0) * motion.rate**2
+    assert speeds(sample.position("Hips"), motion.rate).max() < 180  # cm a second
+    acceleration = np.diff(sample.position("Hips"), n=2, axis=0) * motion.rate**2
     assert np.linalg.norm(acceleration, axis=-1).max() < 1400  # cm a second²
     for side in SIDES:
-        assert speeds(seen.tip(f"{side}Hand"), motion.rate).max() < 900
-        assert speeds(seen.at(f"{side}Foot"), motion.rate).max() < 700
+        assert speeds(sample.tip(f"{side}Hand"), motion.rate).max() < 900
+        assert speeds(sample.position(f"{side}Foot"), motion.rate).max() < 700
 
 
 # The dance.
 
 
 def inner(sample, legs=None, arms=None, margin=20):
-    """Mark the frames of a style or a pattern away from where it begins and ends."""
-    own = np.ones(len(sample), dtype=bool)
-    for labels, wanted in ((sample.legs, legs), (sample.arms, arms)):
-        own &= (labels == wanted) if wanted else True
-    edges = np.flatnonzero(np.diff(own, prepend=False, append=False)).reshape(-1, 2)
+    """Select the frames of a style or a pattern, without the margins of each block."""
+    selected = np.ones(len(sample), dtype=bool)
+    for labels, style in ((sample.legs, legs), (sample.arms, arms)):
+        selected &= (labels == style) if style else True
+    edges = np.flatnonzero(np.diff(selected, prepend=False, append=False)).reshape(-1, 2)
     for start, stop in edges:
-        own[start : start + margin] = own[max(stop - margin, 0) : stop] = False
-    return own
+        selected[start : start + margin] = selected[max(stop - margin, 0) : stop] = False
+    return selected
 
 
-def test_hands_meet_in_front_when_they_clap():
-    sample = seen()
+def test_clap_hands_meet_in_front_of_chest():
+    sample = placed_dance()
     clap = inner(sample.dance, arms="clap")
     gaps = np.linalg.norm(sample.tip("LeftHand") - sample.tip("RightHand"), axis=-1)[clap]
     assert gaps.min() < 6
     assert gaps.max() > 30
     closed = np.flatnonzero(clap)[gaps < 8]
     for side in SIDES:
-        place = sample.towards("Spine", sample.tip(f"{side}Hand"))[closed]
-        assert place[:, 2].min() > 35
-        assert (np.abs(place[:, 1] - 27) < 10).all()
+        tip = sample.to_local("Spine", sample.tip(f"{side}Hand"))[closed]
+        assert tip[:, 2].min() > 35
+        assert (np.abs(tip[:, 1] - 27) < 10).all()
 
 
-def test_hands_rest_on_the_hips_with_elbows_out_and_back():
-    sample = seen()
+def test_hips_pattern_hands_on_hips_elbows_out_and_back():
+    sample = placed_dance()
     frames = inner(sample.dance, arms="hips")
     for side, out in SIDES.items():
         wrist, tip, elbow = (
-            sample.towards("Hips", points)[frames]
+            sample.to_local("Hips", points)[frames]
             for points in (
-                sample.at(f"{side}Hand"),
+                sample.position(f"{side}Hand"),
                 sample.tip(f"{side}Hand"),
-                sample.at(f"{side}ForeArm"),
+                sample.position(f"{side}ForeArm"),
             )
         )
         np.testing.assert_allclose(wrist, np.broadcast_to([out * 19.5, 8, 1], wrist.shape), atol=2)
@@ -434,73 +444,76 @@ def test_hands_rest_on_the_hips_with_elbows_out_and_back():
 
 
 @pytest.mark.parametrize("pattern", ["swing", "punch", "robot"])
-def test_arms_take_turns(pattern):
-    sample = seen()
+def test_alternating_patterns_arms_are_in_antiphase(pattern):
+    sample = placed_dance()
     frames = inner(sample.dance, arms=pattern)
-    left, right = (sample.towards("Spine", sample.at(f"{side}Hand"))[frames] for side in SIDES)
+    left, right = (
+        sample.to_local("Spine", sample.position(f"{side}Hand"))[frames] for side in SIDES
+    )
     axis = 1 if pattern == "robot" else 2
     assert np.corrcoef(left[:, axis], right[:, axis])[0, 1] < -0.8
 
 
-def test_arms_swing_against_the_legs():
-    sample = seen()
+def test_swing_arms_follow_opposite_legs():
+    sample = placed_dance()
     frames = inner(sample.dance, legs="walk", arms="swing")
     for side, other in (("Left", "Right"), ("Right", "Left")):
-        hand = sample.towards("Hips", sample.at(f"{side}Hand"))[frames, 2]
+        hand = sample.to_local("Hips", sample.position(f"{side}Hand"))[frames, 2]
         same, opposite = (
-            sample.towards("Hips", sample.at(f"{own}Foot"))[frames, 2] for own in (side, other)
+            sample.to_local("Hips", sample.position(f"{leg}Foot"))[frames, 2]
+            for leg in (side, other)
         )
         assert np.corrcoef(hand, opposite)[0, 1] > 0.7
         assert np.corrcoef(hand, same)[0, 1] < -0.7
 
 
-def yaw(turns):
-    ahead = rotations.rotate(turns, np.array([0.0, 0.0, 1.0]))
+def yaw(quats):
+    ahead = rotations.rotate(quats, np.array([0.0, 0.0, 1.0]))
     return np.degrees(np.arctan2(ahead[:, 0], ahead[:, 2]))
 
 
 @pytest.mark.parametrize("style", ["walk", "march", "bounce", "lunge"])
-def test_shoulders_turn_against_the_hips_under_a_steady_head(style):
-    sample = seen()
+def test_chest_counter_rotates_to_pelvis_under_steady_head(style):
+    sample = placed_dance()
     frames = inner(sample.dance, legs=style)
-    gaze = yaw(sample.turn("Head"))
-    hips, chest = (yaw(sample.turn(name))[frames] - gaze[frames] for name in ("Hips", "Spine"))
+    gaze = yaw(sample.rotation("Head"))
+    hips, chest = (yaw(sample.rotation(name))[frames] - gaze[frames] for name in ("Hips", "Spine"))
     assert np.corrcoef(hips, chest)[0, 1] < -0.7
     spins = {
-        name: np.abs(np.diff(yaw(sample.turn(name))))[frames[1:]].mean()
+        name: np.abs(np.diff(yaw(sample.rotation(name))))[frames[1:]].mean()
         for name in ("Hips", "Spine", "Head")
     }
     assert spins["Head"] < 0.5 * min(spins["Hips"], spins["Spine"])
 
 
 @pytest.mark.parametrize("style", LEG_STYLES)
-def test_the_weight_shifts_over_the_standing_foot(style):
-    sample = seen()
+def test_pelvis_shifts_over_standing_foot(style):
+    sample = placed_dance()
     frames = inner(sample.dance, legs=style)
     phase = sample.dance.phase
-    middle = 0.5 * (sample.at("LeftFoot") + sample.at("RightFoot"))
-    aside = -sample.towards("Hips", middle)[:, 0]
+    middle = 0.5 * (sample.position("LeftFoot") + sample.position("RightFoot"))
+    aside = -sample.to_local("Hips", middle)[:, 0]
     right_stands = frames & (np.abs(phase - 0.25) < 0.15)
     left_stands = frames & (np.abs(phase - 0.75) < 0.15)
     assert aside[left_stands].mean() > aside[right_stands].mean() + 1.5
 
 
 def knee_curve(sample, legs, arms):
-    """Average bends of both knees over the phase, away from the ends of the block."""
+    """Mean angles of both knees in 12 bins of the phase, without the margins of the block."""
     frames = inner(sample.dance, legs, arms, margin=25)
     bins = (sample.dance.phase[frames] * 12).astype(int).clip(0, 11)
-    knees = [bend(sample.local(f"{side}Leg"), 0)[frames] for side in SIDES]
-    return np.array([[knee[bins == own].mean() for own in range(12)] for knee in knees])
+    knees = [bend(sample.local_rotation(f"{side}Leg"), 0)[frames] for side in SIDES]
+    return np.array([[knee[bins == k].mean() for k in range(12)] for knee in knees])
 
 
-def test_the_same_legs_are_seen_under_every_arm_pattern():
-    sample = seen()
+def test_knee_curves_differ_by_leg_style_not_by_arm_pattern():
+    sample = placed_dance()
     curves = {
         legs: np.array([knee_curve(sample, legs, arms) for arms in ARM_PATTERNS])
         for legs in LEG_STYLES
     }
-    within = {legs: own.std(axis=0).mean() for legs, own in curves.items()}
-    between = np.array([own.mean(axis=0) for own in curves.values()]).std(axis=0).mean()
+    within = {legs: curve.std(axis=0).mean() for legs, curve in curves.items()}
+    between = np.array([curve.mean(axis=0) for curve in curves.values()]).std(axis=0).mean()
     assert max(within.values()) < 0.5 * between
 
 
@@ -515,27 +528,28 @@ def test_the_same_legs_are_seen_under_every_arm_pattern():
         ("lunge", 77, False),
     ],
 )
-def test_styles_go_where_they_should(style, forward, aside):
-    sample = seen()
+def test_leg_styles_have_expected_root_velocity(style, forward, aside):
+    sample = placed_dance()
     frames = inner(sample.dance, legs=style)[1:]
-    ways = np.diff(sample.at("Hips"), axis=0) * sample.motion.rate
-    own = rotations.rotate(rotations.inverse(sample.turn("Head")[1:]), ways)[frames]
-    assert abs(own[:, 2].mean() - forward) < 12
-    assert (np.abs(own[:, 0]).mean() > 26) == aside
+    velocities = np.diff(sample.position("Hips"), axis=0) * sample.motion.rate
+    heading = rotations.inverse(sample.rotation("Head")[1:])
+    velocities = rotations.rotate(heading, velocities)[frames]
+    assert abs(velocities[:, 2].mean() - forward) < 12
+    assert (np.abs(velocities[:, 0]).mean() > 26) == aside
 
 
 @pytest.mark.parametrize("style", ["turn", "sidestep"])
-def test_the_dance_goes_both_ways(style):
-    sample = seen()
+def test_turn_and_sidestep_go_both_ways(style):
+    sample = placed_dance()
     frames = inner(sample.dance, legs=style)[1:]
-    gaze = sample.turn("Head")
-    ways = rotations.rotate(rotations.inverse(gaze[1:]), np.diff(sample.at("Hips"), axis=0))[:, 0]
-    left = (np.diff(yaw(gaze)) if style == "turn" else ways)[frames] > 0
+    gaze = sample.rotation("Head")
+    steps = rotations.rotate(rotations.inverse(gaze[1:]), np.diff(sample.position("Hips"), axis=0))
+    left = (np.diff(yaw(gaze)) if style == "turn" else steps[:, 0])[frames] > 0
     assert 0.25 < left.mean() < 0.75
 
 
-def test_the_heading_keeps_clear_of_gimbal_lock():
+def test_heading_stays_below_80_degrees():
     for seed in range(4):
-        headings = yaw(seen(seed, 2).turn("Hips"))
+        headings = yaw(placed_dance(seed, 2).rotation("Hips"))
         assert np.abs(headings).max() < 80
         assert np.ptp(headings) > 60

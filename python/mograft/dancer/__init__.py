@@ -1,14 +1,14 @@
-"""The procedural dancer: a motion made of nothing but numbers, whose labels are known.
+"""The procedural dancer: a synthetic motion whose labels are known.
 
-Six styles of the legs meet seven patterns of the arms, every combination once, in shuffled
-order. All of it is planned over one clock that counts strides: the pelvis travels along a
-smooth path; each foot is set down below the place that the pelvis passes in the middle of
-its stance, and does not move until it is lifted; the pelvis sinks where a leg would be too
-short; inverse kinematics then bends knees and elbows. Every curve is a smooth function of
-the clock, so the frame rate only says where the same dance is looked at.
+The dance combines each of six leg styles with each of seven arm patterns once, in shuffled order.
+All curves are smooth functions of a clock that counts strides, so the frame rate affects only the
+sampling. The pelvis follows a smooth path. Each foot is placed below the point that the pelvis
+passes in the middle of its stance, and does not move until it is lifted. If a leg would be too
+short, the pelvis is lowered. Inverse kinematics computes the bend of knees and elbows.
 
-Lengths are in cm, y is up. At rest the figure stands in a T-pose, faces z and has its left
-side at x. In the first half of a stride the left foot swings, in the second the right one.
+Lengths are in cm, y is up. In the rest pose the figure stands in a T-pose and faces z; its left
+side is at positive x. The left foot swings in the first half of a stride, the right foot in the
+second.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray, as_floats, make_read_only, restore
-from mograft.dancer.figure import INDEX, JOINTS, OFFSETS, skeleton
 from mograft.dancer.plan import (
     BoolArray,
     StrArray,
@@ -29,6 +28,7 @@ from mograft.dancer.plan import (
     make_route,
 )
 from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
+from mograft.dancer.skeleton import INDEX, JOINTS, OFFSETS, make_skeleton
 from mograft.dancer.styles import ARM_PATTERNS, LEG_STYLES
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -38,7 +38,7 @@ __all__ = ["ARM_PATTERNS", "LEG_STYLES", "Dance", "dance"]
 
 @dataclass(frozen=True, eq=False)
 class Dance:
-    """A dance and what is known about each of its frames.
+    """A dance and the labels of its frames.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ class Dance:
     legs, arms : ndarray of str, shape (n_frames,)
         Style of the legs and pattern of the arms: keys of `LEG_STYLES` and `ARM_PATTERNS`.
     phase : ndarray, shape (n_frames,)
-        How much of the stride is over, 0 to 1.
+        Fraction of the stride that has passed, from 0 to 1.
     stance : ndarray of bool, shape (n_frames, 2)
-        Whether the left and the right foot stand: flat, and without moving at all.
+        Whether the left and the right foot stand flat and still.
     """
 
     motion: Motion
@@ -69,7 +69,7 @@ class Dance:
         return self.motion.n_frames
 
     def __getitem__(self, frames: slice) -> "Dance":
-        """Return those frames of the dance, as for `Motion`."""
+        """Return a range of frames, as `Motion` does."""
         return Dance(
             self.motion[frames],
             self.legs[frames],
@@ -84,12 +84,12 @@ class Dance:
         Parameters
         ----------
         n : int
-            How many.
+            Number of clips.
 
         Returns
         -------
         tuple of Dance
-            One after the other; no frame is in two of them.
+            The clips in order; each frame is in exactly one of them.
 
         Raises
         ------
@@ -98,8 +98,8 @@ class Dance:
         """
         if not 1 <= n <= len(self):
             raise ValueError(f"n must be 1 to {len(self)}, the number of frames, got {n}")
-        cuts = np.linspace(0, len(self), n + 1).round().astype(int)
-        clips = [self[start:stop] for start, stop in pairwise(cuts)]
+        bounds = np.linspace(0, len(self), n + 1).round().astype(int)
+        clips = [self[start:stop] for start, stop in pairwise(bounds)]
         return tuple(
             replace(clip, motion=replace(clip.motion, name=f"{self.motion.name}_{number}"))
             for number, clip in enumerate(clips, start=1)
@@ -107,17 +107,17 @@ class Dance:
 
 
 def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: int = 4) -> Dance:
-    """Make the dance.
+    """Generate a dance.
 
     Parameters
     ----------
     seed : int or numpy.random.Generator
-        Decides the order of the 42 combinations and the differences between strides. The
-        same seed gives the same bytes.
+        Determines the order of the 42 combinations and the variation between strides. The same
+        seed gives the same bytes.
     rate : float
-        Frames per second. The dance itself does not depend on it.
+        Frames per second; it affects only the sampling.
     strides : int
-        How many strides each combination lasts.
+        Number of strides of each combination.
 
     Returns
     -------
@@ -127,8 +127,8 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     Raises
     ------
     TypeError, ValueError
-        If the seed is neither a whole number from 0 nor a generator, the rate is not above
-        0, or strides is not a whole number from 1.
+        If the seed is neither a non-negative integer nor a generator, the rate is not above 0,
+        or `strides` is not a positive integer.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     clock = make_clock(plan, frames_per_second)
     route = make_route(plan)
     feet = [make_foot(plan, route, clock, side) for side in (0, 1)]
-    pelvis, pelvis_at = make_pelvis(plan, route, clock, feet)
+    pelvis, pelvis_positions = make_pelvis(plan, route, clock, feet)
 
     quats = np.empty((len(clock), len(JOINTS), 4))
     quats[:, 0] = pelvis
@@ -162,20 +162,22 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     quats[:, spine : spine + 3] = trunk_pose(plan, route, clock, pelvis)
     for side, name in enumerate(("Left", "Right")):
         hip, shoulder = INDEX[f"{name}UpLeg"], INDEX[f"{name}Shoulder"]
-        quats[:, hip : hip + 3] = leg_pose(pelvis, pelvis_at, feet[side], OFFSETS[hip])
+        quats[:, hip : hip + 3] = leg_pose(pelvis, pelvis_positions, feet[side], OFFSETS[hip])
         quats[:, shoulder : shoulder + 4] = arm_pose(plan, clock, quats[:, spine], side)
     quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
 
-    places = np.tile(OFFSETS, (len(clock), 1, 1))
-    places[:, 0] = pelvis_at
+    positions = np.tile(OFFSETS, (len(clock), 1, 1))
+    positions[:, 0] = pelvis_positions
     stride = plan.stride(clock)
     frame_time = 1.0 / frames_per_second
     return Dance(
-        Motion(skeleton(), frame_time, rotations.continuous_signs(quats), places, name="dance"),
+        Motion(
+            make_skeleton(), frame_time, rotations.continuous_signs(quats), positions, name="dance"
+        ),
         plan.legs[stride],
         plan.arms[stride],
         clock - stride,
-        np.stack([foot.stands for foot in feet], axis=-1),
+        np.stack([foot.is_standing for foot in feet], axis=-1),
     )
 
 

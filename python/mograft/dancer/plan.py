@@ -1,4 +1,4 @@
-"""Where everything goes: the strides, the way of the pelvis, the feet on the floor."""
+"""The plan of a dance: strides, the path of the pelvis, and the footholds."""
 
 from dataclasses import dataclass, fields
 from typing import TypeAlias
@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.dancer.figure import (
+from mograft.dancer.skeleton import (
     ANKLE_BACK,
     ANKLE_HEIGHT,
     HEEL,
@@ -25,17 +25,18 @@ from mograft.motion import rotations
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 StrArray: TypeAlias = npt.NDArray[np.str_]
 
-# Headings stay in front of a right angle, where Euler angles in the order ZYX lock.
+# Degrees. At 90 degrees, Euler angles in the order ZYX are singular (gimbal lock).
 _MAX_HEADING = 62.0
 _GRID = 256  # nodes per stride of integrated curves
-_FADE = 0.8  # how many strides it takes to go over from one stride's values to the next's
+_FADE = 0.8  # duration of the transition from one stride's values to the next, in strides
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is danced in each stride, in arrays of shape (n_strides,).
+    """Styles and parameters of each stride, in arrays of shape (n_strides,).
 
-    The values are those of `LegStyle` by name, varied, and ``arms``, the size of arm moves.
+    The values are the parameters of `LegStyle` by name, with random variation, and ``arms``, the
+    amplitude of the arm patterns.
     """
 
     legs: StrArray
@@ -48,23 +49,23 @@ class Plan:
         return len(self.legs)
 
     def stride(self, clock: FloatArray) -> IntArray:
-        """Return the stride that is danced at each time of the clock."""
+        """Return the stride at each time of the clock."""
         return np.clip(np.floor(clock), 0, self.n_strides - 1).astype(np.int64)
 
-    def faded(self, name: str, clock: FloatArray, outside: float | None = None) -> FloatArray:
-        """Return a value over time, fading from stride to stride.
+    def interpolate(self, name: str, clock: FloatArray, outside: float | None = None) -> FloatArray:
+        """Return a parameter at each time of the clock, with smooth transitions between strides.
 
-        Before the first stride and after the last it is `outside`, or as within.
+        Before the first stride and after the last it is `outside`; by default, it is constant.
         """
         values = self.values[name]
         ends = (values[0], values[-1]) if outside is None else (outside, outside)
         padded = np.concatenate([[ends[0]], values, [ends[1]]])
-        border, weight = fade(clock, self.n_strides)
-        return padded[border] * (1 - weight) + padded[border + 1] * weight
+        boundary, weight = stride_transition(clock, self.n_strides)
+        return padded[boundary] * (1 - weight) + padded[boundary + 1] * weight
 
 
 def make_plan(generator: np.random.Generator, strides: int) -> Plan:
-    """Shuffle the combinations and vary their strides a little."""
+    """Shuffle the combinations and vary the parameters of their strides."""
     combinations = [(legs, arms) for legs in LEG_STYLES for arms in ARM_PATTERNS]
     order = generator.permutation(len(combinations)).repeat(strides)
     legs = np.array([combinations[i][0] for i in order])
@@ -75,42 +76,42 @@ def make_plan(generator: np.random.Generator, strides: int) -> Plan:
     }
     values["arms"] = np.ones(len(order))
     for name, deviation in (*JITTER.items(), ("arms", ARM_JITTER)):
-        # Clipped, since reach and speed are bounded for what is likely, not for all numbers.
+        # Clipped, because unlimited deviations would exceed the reach of the limbs.
         noise = generator.normal(size=len(order)).clip(-2, 2)
         values[name] = values[name] * (1 + deviation * noise)
-    ways = generator.choice([-1.0, 1.0], size=len(combinations)).repeat(strides)
+    signs = generator.choice([-1.0, 1.0], size=len(combinations)).repeat(strides)
     half = max(strides // 2, 1)
-    values["side"] = values["side"] * ways * np.where(np.arange(len(order)) // half % 2, -1.0, 1.0)
-    values["turn"] = _bounded_turns(values["turn"], ways)
+    values["side"] = values["side"] * signs * np.where(np.arange(len(order)) // half % 2, -1.0, 1.0)
+    values["turn"] = _limit_heading(values["turn"], signs)
     return Plan(legs, arms, values)
 
 
-def _bounded_turns(turns: FloatArray, ways: FloatArray) -> FloatArray:
-    """Give turns a sign: as the ways say, but back where the heading would go too far."""
-    signed = turns * ways
+def _limit_heading(turns: FloatArray, signs: FloatArray) -> FloatArray:
+    """Return signed turns; the sign is reversed if the heading would exceed its limit."""
+    signed = turns * signs
     heading = 0.0
-    back = 1.0
+    direction = 1.0
     for stride in range(len(turns)):
-        if stride and ways[stride] != ways[stride - 1]:
-            back = 1.0
-        if abs(heading + back * signed[stride]) > _MAX_HEADING:
-            back = -back
-        signed[stride] *= back
+        if stride and signs[stride] != signs[stride - 1]:
+            direction = 1.0
+        if abs(heading + direction * signed[stride]) > _MAX_HEADING:
+            direction = -direction
+        signed[stride] *= direction
         heading += signed[stride]
     return signed
 
 
 def make_clock(plan: Plan, rate: float) -> FloatArray:
-    """Return how many strides are over at each frame, shape (n_frames,)."""
+    """Return the clock: the strides that have passed at each frame, shape (n_frames,)."""
     grid = _grid(plan)
-    seconds = _integral(plan.faded("period", grid))
+    seconds = _integral(plan.interpolate("period", grid))
     n_frames = int(seconds[-1] * rate * (1 + 1e-12)) + 1
     return np.interp(np.arange(n_frames) / rate, seconds, grid)
 
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """The way of the pelvis over the floor: radians and cm on a fine grid of the clock."""
+    """The path of the pelvis on the floor: radians and cm on a fine grid of the clock."""
 
     grid: FloatArray
     headings: FloatArray
@@ -118,22 +119,22 @@ class Route:
     z: FloatArray
 
     def heading(self, clock: FloatArray) -> FloatArray:
-        """Return headings in radians, 0 along z, shape of the clock."""
+        """Return headings in radians, 0 along z, with the shape of `clock`."""
         return np.interp(clock, self.grid, self.headings)
 
-    def at(self, clock: FloatArray) -> FloatArray:
-        """Return places on the floor, shape (..., 3)."""
+    def position(self, clock: FloatArray) -> FloatArray:
+        """Return positions on the floor, shape (..., 3)."""
         x, z = (np.interp(clock, self.grid, values) for values in (self.x, self.z))
         return np.stack([x, np.zeros_like(x), z], axis=-1)
 
 
 def make_route(plan: Plan) -> Route:
-    """Add up turns and ways, from a standstill to a standstill."""
+    """Integrate turns and steps; the speed is 0 at both ends."""
     grid = _grid(plan)
-    headings = _integral(np.radians(plan.faded("turn", grid, outside=0.0)))
-    surge = 1 - plan.faded("surge", grid) * np.cos(4 * np.pi * grid)
-    forward = 2 * plan.faded("step", grid, outside=0.0) * surge
-    left = plan.faded("side", grid, outside=0.0)
+    headings = _integral(np.radians(plan.interpolate("turn", grid, outside=0.0)))
+    surge = 1 - plan.interpolate("surge", grid) * np.cos(4 * np.pi * grid)
+    forward = 2 * plan.interpolate("step", grid, outside=0.0) * surge
+    left = plan.interpolate("side", grid, outside=0.0)
     x = _integral(left * np.cos(headings) + forward * np.sin(headings))
     z = _integral(forward * np.cos(headings) - left * np.sin(headings))
     return Route(grid, headings, x, z)
@@ -141,118 +142,134 @@ def make_route(plan: Plan) -> Route:
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """A foot over time: where the ankle is, how the foot is turned, and when it stands.
+    """The motion of a foot in the world.
 
-    The shapes are (n_frames, 3), (n_frames, 4) and (n_frames,).
+    Parameters
+    ----------
+    ankle : ndarray, shape (n_frames, 3)
+        Positions of the ankle.
+    quats : ndarray, shape (n_frames, 4)
+        Rotations of the foot.
+    is_standing : ndarray of bool, shape (n_frames,)
+        Whether the foot stands flat and still.
     """
 
     ankle: FloatArray
     quats: FloatArray
-    stands: BoolArray
+    is_standing: BoolArray
 
 
 def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:
-    """Plan the left foot (`side` 0) or the right one (1).
+    """Return the motion of the left foot (`side` 0) or the right foot (1).
 
-    A foot rolls: at first about the toe, which stays, at last about the heel. In between
-    the pivot slides from toe to heel while the sole is well above the floor.
+    A foot rolls about the toe at take-off and about the heel at landing. In between, while the
+    sole is above the floor, the pivot moves from toe to heel.
     """
-    plants, yaws = _plants(plan, route, side)
-    steps = (plants[1:] != plants[:-1]).any(axis=1)
+    footholds, yaws = _footholds(plan, route, side)
+    is_step = (footholds[1:] != footholds[:-1]).any(axis=1)
     stride = plan.stride(clock)
     swing = plan.values["swing"][stride]
     middle = 0.25 + 0.5 * side
     u = ((clock - stride - middle) / swing + 0.5).clip(0, 1)
 
     push = plan.values["push"][stride]
-    way = _ease((u - push) / (0.92 - push))
-    sole = plants[stride] + way[:, None] * (plants[stride + 1] - plants[stride])
-    yaw = yaws[stride] + way * (yaws[stride + 1] - yaws[stride])
+    progress = _ease((u - push) / (0.92 - push))
+    start, stop = footholds[stride], footholds[stride + 1]
+    sole = start + progress[:, None] * (stop - start)
+    yaw = yaws[stride] + progress * (yaws[stride + 1] - yaws[stride])
     heel_off, strike, lift = (plan.values[name][stride] for name in ("heel_off", "strike", "lift"))
     pitch = heel_off * _bump(u / (0.58 + push)) - strike * _bump((u - 0.6) / 0.4)
     turned = rotations.from_axis_angle(Y, yaw)
-    rolled = rotations.from_axis_angle(X, np.radians(np.where(steps[stride], pitch, 0.0)))
+    rolled = rotations.from_axis_angle(X, np.radians(np.where(is_step[stride], pitch, 0.0)))
     pivot = np.zeros_like(sole)
     pivot[:, 1] = -ANKLE_HEIGHT
     pivot[:, 2] = TOE + (HEEL - TOE) * _ease((u - 0.4 - push) / 0.35)
     ankle = sole + rotations.rotate(turned, pivot - rotations.rotate(rolled, pivot))
     ankle[:, 1] += ANKLE_HEIGHT + np.where(
-        steps[stride], lift * _bump((u - push) / (0.98 - push)), 0.0
+        is_step[stride], lift * _bump((u - push) / (0.98 - push)), 0.0
     )
-    stands = (u <= 0) | (u >= 1) | ~steps[stride]
-    return Foot(ankle, rotations.multiply(turned, rolled), stands)
+    is_standing = (u <= 0) | (u >= 1) | ~is_step[stride]
+    return Foot(ankle, rotations.multiply(turned, rolled), is_standing)
 
 
-def _plants(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatArray]:
-    """Return where a foot stands before and after each stride, and its turns about y.
+def _footholds(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatArray]:
+    """Return positions and yaws of a foot before and after each stride.
 
     The shapes are (n_strides + 1, 3) and (n_strides + 1,).
     """
     out = 1 - 2 * side
     middles = np.arange(0.0, plan.n_strides + 1) - 0.25 * out
     yaws = route.heading(middles)
-    width = plan.faded("width", middles)
+    width = plan.interpolate("width", middles)
     beside = np.stack([out * width, np.zeros_like(width), np.full_like(width, -ANKLE_BACK)], -1)
-    plants = route.at(middles) + rotations.rotate(rotations.from_axis_angle(Y, yaws), beside)
+    footholds = route.position(middles) + rotations.rotate(
+        rotations.from_axis_angle(Y, yaws), beside
+    )
     yaws = yaws + out * TOE_OUT
     for stride in range(plan.n_strides):
-        # A foot that is nearly where it should be stays, rather than shuffle.
-        gap = np.linalg.norm(plants[stride + 1] - plants[stride])
+        # A foot stays in place if its step would be shorter than 2 cm and turn less than 4 degrees.
+        gap = np.linalg.norm(footholds[stride + 1] - footholds[stride])
         if gap < 2.0 and abs(yaws[stride + 1] - yaws[stride]) < np.radians(4.0):
-            plants[stride + 1], yaws[stride + 1] = plants[stride], yaws[stride]
-    return plants, yaws
+            footholds[stride + 1], yaws[stride + 1] = footholds[stride], yaws[stride]
+    return footholds, yaws
 
 
 def make_pelvis(
     plan: Plan, route: Route, clock: FloatArray, feet: list[Foot]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return rotations and places of the pelvis, shapes (n_frames, 4) and (n_frames, 3).
+    """Return rotations and positions of the pelvis, shapes (n_frames, 4) and (n_frames, 3).
 
-    It goes up and down as the style wants, but never so high that a leg would be too short.
+    Its height follows the style and is limited by the reach of the legs.
     """
     beat = 2 * np.pi * clock
     heading = route.heading(clock)
-    twist, roll, lean = (np.radians(plan.faded(name, clock)) for name in ("twist", "roll", "lean"))
+    twist, roll, lean = (
+        np.radians(plan.interpolate(name, clock)) for name in ("twist", "roll", "lean")
+    )
     angles = np.stack([heading + twist * np.cos(beat), -roll * np.sin(beat), 0.4 * lean], axis=-1)
     quats = rotations.from_euler(angles, "YZX")
 
     aside = np.zeros((len(clock), 3))
-    aside[:, 0] = -plan.faded("sway", clock) * np.sin(beat)
-    places = route.at(clock) + rotations.rotate(rotations.from_axis_angle(Y, heading), aside)
-    late = 2 * (beat - 2 * np.pi * plan.faded("lag", clock))
-    wanted = plan.faded("height", clock) - plan.faded("bounce", clock) * np.cos(late)
+    aside[:, 0] = -plan.interpolate("sway", clock) * np.sin(beat)
+    positions = route.position(clock) + rotations.rotate(
+        rotations.from_axis_angle(Y, heading), aside
+    )
+    bounce_phase = 2 * (beat - 2 * np.pi * plan.interpolate("lag", clock))
+    target = plan.interpolate("height", clock) - plan.interpolate("bounce", clock) * np.cos(
+        bounce_phase
+    )
     limits = []
     for foot, hip in zip(feet, ("LeftUpLeg", "RightUpLeg"), strict=True):
         to_hip = rotations.rotate(quats, OFFSETS[INDEX[hip]])
-        gap = (places + to_hip - foot.ankle)[:, [0, 2]]
+        gap = (positions + to_hip - foot.ankle)[:, [0, 2]]
         below = np.sqrt(LEG_REACH**2 - (gap**2).sum(axis=-1))
         limits.append(foot.ankle[:, 1] + below - to_hip[:, 1])
-    places[:, 1] = soft_minimum(np.stack([wanted, *limits]), 1.5)
-    return quats, places
+    positions[:, 1] = soft_minimum(np.stack([target, *limits]), 1.5)
+    return quats, positions
 
 
 def _ease(t: FloatArray) -> FloatArray:
-    """Go from 0 to 1 while t does, with no speed and no acceleration at the ends."""
+    """Return the quintic smoothstep: 0 to 1, with zero speed and acceleration at the ends."""
     t = t.clip(0, 1)
     eased: FloatArray = t**3 * (10 + t * (6 * t - 15))
     return eased
 
 
 def _bump(t: FloatArray) -> FloatArray:
-    """Go from 0 to 1 and back while t goes from 0 to 1, smoothly at the ends."""
+    """Return a smooth curve from 0 at t = 0 over 1 at t = 0.5 to 0 at t = 1."""
     t = t.clip(0, 1)
     bump: FloatArray = 64 * (t * (1 - t)) ** 3
     return bump
 
 
-def fade(clock: FloatArray, n_strides: int) -> tuple[IntArray, FloatArray]:
-    """Return the nearest border of strides, 0 to n_strides, and how far it is crossed, 0 to 1."""
-    border = np.clip(np.round(clock), 0, n_strides).astype(np.int64)
-    return border, _ease((clock - border) / _FADE + 0.5)
+def stride_transition(clock: FloatArray, n_strides: int) -> tuple[IntArray, FloatArray]:
+    """Return the nearest stride boundary, 0 to n_strides, and the weight of the stride after it."""
+    boundary = np.clip(np.round(clock), 0, n_strides).astype(np.int64)
+    return boundary, _ease((clock - boundary) / _FADE + 0.5)
 
 
 def soft_minimum(values: FloatArray, softness: float) -> FloatArray:
-    """Return a smooth curve below the least of n curves, shape (n, n_frames) to (n_frames,)."""
+    """Return a smooth lower bound of n curves, shape (n, n_frames) to (n_frames,)."""
     least = values.min(axis=0)
     soft: FloatArray = least - softness * np.log(np.exp((least - values) / softness).sum(axis=0))
     return soft
@@ -263,6 +280,6 @@ def _grid(plan: Plan) -> FloatArray:
 
 
 def _integral(rates: FloatArray) -> FloatArray:
-    """Integrate rates per stride on the grid, by trapezia, from 0."""
+    """Integrate rates per stride over the grid by the trapezoidal rule, starting at 0."""
     areas = 0.5 * (rates[1:] + rates[:-1]) / _GRID
     return np.concatenate([[0.0], np.cumsum(areas)])

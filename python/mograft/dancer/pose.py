@@ -1,9 +1,10 @@
-"""How the body follows the plan: inverse kinematics of the limbs, and the upper body."""
+"""Poses that follow the plan: inverse kinematics of the limbs, and the trunk."""
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.dancer.figure import (
+from mograft.dancer.plan import Foot, Plan, Route, soft_minimum, stride_transition
+from mograft.dancer.skeleton import (
     ARM_REACH,
     FOREARM,
     INDEX,
@@ -15,18 +16,22 @@ from mograft.dancer.figure import (
     Y,
     Z,
 )
-from mograft.dancer.plan import Foot, Plan, Route, fade, soft_minimum
-from mograft.dancer.styles import ARM_PATTERNS, ArmMove
+from mograft.dancer.styles import ARM_PATTERNS, ArmPattern
 from mograft.motion import rotations
 
 
-def leg_pose(pelvis: FloatArray, places: FloatArray, foot: Foot, hip: FloatArray) -> FloatArray:
-    """Return local rotations of thigh, shank and foot, shape (n_frames, 3, 4)."""
-    reach = foot.ankle - places - rotations.rotate(pelvis, hip)
-    # The knee points between where the pelvis and where the foot points.
+def leg_pose(
+    pelvis: FloatArray, pelvis_positions: FloatArray, foot: Foot, hip: FloatArray
+) -> FloatArray:
+    """Return local rotations of thigh, shank and foot, shape (n_frames, 3, 4).
+
+    `pelvis` holds its rotations, `hip` the offset of the hip joint.
+    """
+    reach = foot.ankle - pelvis_positions - rotations.rotate(pelvis, hip)
+    # The knee points to the mean of the forward directions of pelvis and foot.
     yaw = rotations.twist(foot.quats, 1)
     knee = rotations.rotate(pelvis, Z) + rotations.rotate(yaw, Z)
-    thigh, bend = _two_bones(reach, knee, (THIGH, SHANK), -Y, X)
+    thigh, bend = _two_bone_ik(reach, knee, (THIGH, SHANK), -Y, X)
     shank = rotations.from_axis_angle(X, bend)
     down = rotations.multiply(thigh, shank)
     return np.stack(
@@ -39,32 +44,32 @@ def leg_pose(pelvis: FloatArray, places: FloatArray, foot: Foot, hip: FloatArray
     )
 
 
-def _two_bones(
+def _two_bone_ik(
     reach: FloatArray,
     pole: FloatArray,
     lengths: tuple[float, float],
     rest: FloatArray,
     hinge: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Bend a limb of two bones so that its end is where it should be.
+    """Solve the inverse kinematics of a limb of two bones.
 
     Parameters
     ----------
     reach : ndarray, shape (n, 3)
-        From the start of the limb to its end; no longer than both bones.
+        Vector from the start of the limb to its end, shorter than both bones together.
     pole : ndarray, shape (n, 3) or (3,)
-        Where to the middle joint points.
+        Direction of the middle joint.
     lengths : tuple of float
-        Of the two bones.
+        Lengths of the two bones.
     rest, hinge : ndarray, shape (3,)
-        Direction of the limb at rest, and the axis about which it bends.
+        Direction of the limb in the rest pose, and the axis about which it bends.
 
     Returns
     -------
     upper : ndarray, shape (n, 4)
         Rotations of the first bone.
     bend : ndarray, shape (n,)
-        Angles about the hinge of the second against the first, in radians, 0 if straight.
+        Angles of the second bone about the hinge in radians, 0 if the limb is straight.
     """
     upper, lower = lengths
     distance = np.linalg.norm(reach, axis=-1)
@@ -82,10 +87,13 @@ def _two_bones(
 def trunk_pose(plan: Plan, route: Route, clock: FloatArray, pelvis: FloatArray) -> FloatArray:
     """Return local rotations of spine, neck and head, shape (n_frames, 3, 4).
 
-    The shoulders turn against the hips; the head looks where the dance goes and stays level.
+    The chest rotates opposite to the pelvis. The head faces the direction of travel and stays
+    level.
     """
     beat = 2 * np.pi * clock
-    twist, roll, lean = (np.radians(plan.faded(name, clock)) for name in ("twist", "roll", "lean"))
+    twist, roll, lean = (
+        np.radians(plan.interpolate(name, clock)) for name in ("twist", "roll", "lean")
+    )
     nod = np.radians(1.5) * np.cos(2 * beat)
     angles = np.stack([-2 * twist * np.cos(beat), 1.5 * roll * np.sin(beat), lean + nod], axis=-1)
     spine = rotations.from_euler(angles, "YZX")
@@ -98,27 +106,27 @@ def trunk_pose(plan: Plan, route: Route, clock: FloatArray, pelvis: FloatArray) 
     return np.stack([spine, neck, head], axis=1)
 
 
-# Arms fade from pattern to pattern as rotation vectors from here, out to the side, a little
-# down and forward: between any two poses the arm then passes where it has room.
+# Arm patterns are interpolated as rotation vectors relative to this rotation: sideways, a little
+# down and forward. The arm then does not pass through the body between two patterns.
 _ARM_HOME = rotations.from_euler(np.radians([-30.0, -35.0, 0.0]), "ZYX")
 
 
 def arm_pose(plan: Plan, clock: FloatArray, spine: FloatArray, side: int) -> FloatArray:
     """Return local rotations of shoulder, arm, forearm and hand, shape (n_frames, 4, 4).
 
-    `side` is 0 for the left arm and 1 for the right, which moves as a left one in a mirror.
+    `side` is 0 for the left arm and 1 for the right arm, which is computed as a mirrored left arm.
     """
     names = list(ARM_PATTERNS)
-    size = plan.faded("arms", clock)
-    own_spine = _mirrored(spine) if side else spine
+    size = plan.interpolate("arms", clock)
+    mirrored_spine = _mirror(spine) if side else spine
     poses = np.stack(
-        [_move_pose(ARM_PATTERNS[name][side], clock, size, own_spine) for name in names]
+        [_pattern_pose(ARM_PATTERNS[name][side], clock, size, mirrored_spine) for name in names]
     )
-    pattern = np.array([names.index(name) for name in plan.arms])
-    padded = np.concatenate([pattern[:1], pattern, pattern[-1:]])
-    border, weight = fade(clock, plan.n_strides)
+    indices = np.array([names.index(name) for name in plan.arms])
+    padded = np.concatenate([indices[:1], indices, indices[-1:]])
+    boundary, weight = stride_transition(clock, plan.n_strides)
     frame = np.arange(len(clock))
-    before, after = poses[padded[border], frame], poses[padded[border + 1], frame]
+    before, after = poses[padded[boundary], frame], poses[padded[boundary + 1], frame]
     pose = before + weight[:, None] * (after - before)
 
     quats = np.stack(
@@ -130,24 +138,26 @@ def arm_pose(plan: Plan, clock: FloatArray, spine: FloatArray, side: int) -> Flo
         ],
         axis=1,
     )
-    return _mirrored(quats) if side else quats
+    return _mirror(quats) if side else quats
 
 
-def _move_pose(move: ArmMove, clock: FloatArray, size: FloatArray, spine: FloatArray) -> FloatArray:
-    """Return a left arm's move as numbers that may be faded, shape (n_frames, 8).
+def _pattern_pose(
+    pattern: ArmPattern, clock: FloatArray, size: FloatArray, spine: FloatArray
+) -> FloatArray:
+    """Return a pattern of the left arm as numbers that can be interpolated, shape (n_frames, 8).
 
-    They are the angle of the shoulder, the rotation vector of the arm from its home, the
-    angle of the elbow, and the rotation vector of the hand.
+    They are the angle of the shoulder, the rotation vector of the arm relative to `_ARM_HOME`,
+    the angle of the elbow, and the rotation vector of the hand.
     """
-    wave = np.cos(2 * np.pi * (move.beats * clock + move.start))
-    if move.snap:
-        wave = np.tanh(move.snap * wave) / np.tanh(move.snap)
+    wave = np.cos(2 * np.pi * (pattern.beats * clock + pattern.start))
+    if pattern.snap:
+        wave = np.tanh(pattern.snap * wave) / np.tanh(pattern.snap)
     s = (size * wave)[:, None]
-    wrist = np.array(move.wrist) + s * np.array(move.sway) + s**2 * np.array(move.arc)
-    if move.on == "Hips":
+    wrist = np.array(pattern.wrist) + s * np.array(pattern.sway) + s**2 * np.array(pattern.arc)
+    if pattern.on == "Hips":
         wrist = rotations.rotate(rotations.inverse(spine), wrist - OFFSETS[INDEX["Spine"]])
 
-    shrug = np.radians(move.shrug) * (1 + 0.3 * wave)
+    shrug = np.radians(pattern.shrug) * (1 + 0.3 * wave)
     shoulder = rotations.from_axis_angle(Z, shrug)
     arm = OFFSETS[INDEX["LeftShoulder"]] + rotations.rotate(shoulder, OFFSETS[INDEX["LeftArm"]])
     reach = wrist - arm
@@ -155,11 +165,11 @@ def _move_pose(move: ArmMove, clock: FloatArray, size: FloatArray, spine: FloatA
     within = soft_minimum(np.stack([distance, np.full_like(distance, ARM_REACH)]), 0.7)
     reach = reach * (within / distance)[:, None]
     bones = (UPPER_ARM, FOREARM)
-    upper, bend = _two_bones(reach, np.array(move.elbow), bones, X, -Y)
+    upper, bend = _two_bone_ik(reach, np.array(pattern.elbow), bones, X, -Y)
     forearm = rotations.multiply(upper, rotations.from_axis_angle(-Y, bend))
     hand = np.zeros_like(reach)
-    if move.hand is not None:
-        aim = np.array(move.hand) / np.linalg.norm(move.hand)
+    if pattern.hand is not None:
+        aim = np.array(pattern.hand) / np.linalg.norm(pattern.hand)
         hand = rotations.log(
             rotations.shortest_arc(X, rotations.rotate(rotations.inverse(forearm), aim))
         )
@@ -168,7 +178,7 @@ def _move_pose(move: ArmMove, clock: FloatArray, size: FloatArray, spine: FloatA
     return np.concatenate([shrug[:, None], turn, bend[:, None], hand], axis=-1)
 
 
-def _mirrored(quats: FloatArray) -> FloatArray:
-    """Return rotations as seen in a mirror between left and right."""
-    seen: FloatArray = quats * np.array([1.0, -1.0, -1.0, 1.0])
-    return seen
+def _mirror(quats: FloatArray) -> FloatArray:
+    """Return rotations mirrored at the plane between left and right."""
+    mirrored: FloatArray = quats * np.array([1.0, -1.0, -1.0, 1.0])
+    return mirrored

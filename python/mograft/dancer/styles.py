@@ -1,40 +1,41 @@
-"""How the legs and the arms move: the tables of the dance."""
+"""Parameters of the leg styles and of the arm patterns."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from mograft.dancer.figure import Vector
+from mograft.dancer.skeleton import Vector
 
 
 @dataclass(frozen=True)
 class LegStyle:
-    """How the legs move; lengths in cm, angles in degrees.
+    """Parameters of a leg style; lengths in cm, angles in degrees.
 
     Parameters
     ----------
     period : float
         Seconds per stride, which is two steps.
     step, side : float
-        Way forward per step, and to the side per stride.
+        Distance forward per step, and sideways per stride.
     turn : float
         Change of heading per stride.
     swing : float
-        Share of a stride that each foot is off the ground or rolls.
+        Fraction of a stride in which each foot is in the air or rolls.
     push : float
-        Share of the swing before the toe leaves the ground.
+        Fraction of the swing before the toe leaves the ground.
     lift, heel_off, strike : float
-        Height of the sole in mid swing; how far the heel rises as the foot leaves, and the
-        toe as it lands.
+        Height of the sole in mid swing; pitch of the foot at take-off (heel up) and at landing
+        (toe up).
     width : float
-        Distance of each ankle from the middle.
+        Lateral distance of each ankle from the midline.
     height, bounce : float
-        Mean height of the pelvis, and how far it goes up and down from there.
+        Mean height of the pelvis, and the amplitude of its vertical motion.
     lag : float
-        Share of a stride by which it is lowest after a foot has landed.
+        Delay of the lowest point after a foot lands, as a fraction of a stride.
     surge : float
-        How much the way forward slows while both feet stand, as a share of its speed.
+        Amplitude of the variation of the forward speed, as a fraction of the speed.
     sway, twist, roll, lean : float
-        Of the pelvis over the standing foot, about y and about z; of the trunk forward.
+        Lateral motion of the pelvis towards the standing foot, its rotation about y and about
+        z, and the forward inclination of the trunk.
     """
 
     period: float
@@ -70,35 +71,36 @@ LEG_STYLES: dict[str, LegStyle] = {
                       height=77, bounce=8, lag=0.1, surge=0.4, sway=2, twist=7, roll=3, lean=9),
 }  # fmt: skip
 
-# Standard deviations of the factors by which strides differ.
+# Standard deviations of the random factors of each stride.
 JITTER = {"period": 0.03, "step": 0.04, "side": 0.04, "lift": 0.06, "bounce": 0.08, "twist": 0.06}
 ARM_JITTER = 0.06
 
 
 @dataclass(frozen=True)
-class ArmMove:
-    """How the left arm moves, or the right one mirrored; lengths in cm, angles in degrees.
+class ArmPattern:
+    """An arm pattern of the left arm, mirrored for the right; lengths in cm, angles in degrees.
 
-    The wrist is at ``wrist + sway * s + arc * s**2``, where s goes between 1 and -1.
+    The wrist is at ``wrist + sway * s + arc * s**2``, where s oscillates between 1 and -1.
 
     Parameters
     ----------
     wrist, sway, arc : tuple of float
-        Outward, up and forward, from the lower end of the trunk.
+        Coefficients of the wrist position: outward, up and forward from the lower end of the
+        trunk.
     elbow : tuple of float
-        Where to the elbow points, as seen from the line between shoulder and wrist.
+        Direction of the elbow from the line between shoulder and wrist.
     hand : tuple of float, optional
-        Where to the hand points. Default: on along the forearm.
+        Direction of the hand. Default: that of the forearm.
     beats : int
-        How often s goes to and fro in a stride.
+        Periods of s per stride.
     start : float
-        Share of a cycle by which it is ahead.
+        Phase of s at the start of a stride, as a fraction of its period.
     snap : float
-        Above 0, s lingers at its ends and hurries in between.
+        If above 0, s is flattened at its extremes and steeper in between.
     shrug : float
-        How far the collar bone is raised.
+        Elevation of the collar bone.
     on : {"Spine", "Hips"}
-        The joint that carries the wrist along.
+        The joint to which the wrist positions are relative.
     """
 
     wrist: Vector
@@ -113,31 +115,31 @@ class ArmMove:
     on: Literal["Spine", "Hips"] = "Spine"
 
 
-_SWING = ArmMove((24, -19, 3), sway=(-2, 2.5, 19), arc=(0, 7, 1), elbow=(0.4, 0, -1))
-_HIPS = ArmMove((19.5, 8, 1), sway=(0.5, 0.5, 0.5), elbow=(1, 0, -0.75), hand=(-0.25, -0.6, 0.74),
-                beats=2, shrug=4, on="Hips")  # fmt: skip
-_CLAP = ArmMove((14, 22, 33), sway=(-10.5, 0, 2), elbow=(0.7, -1, -0.1), hand=(-0.05, 0.5, 0.85),
-                beats=2, snap=0.8)  # fmt: skip
-_FLAP = ArmMove((66, 30, 8), sway=(0, 20, 0), arc=(-7, 0, 0), elbow=(0, -0.4, -1), beats=2,
-                shrug=6)  # fmt: skip
-_PUNCH = ArmMove((14, 19, 30), sway=(-5, 4, 14), elbow=(0.7, -1, 0), snap=1.2)
-_ROBOT = ArmMove((42, 31, 24), sway=(0, 23, 0), arc=(0, 0, -18), elbow=(1, 0, -0.3), snap=1.8)
-_WAVE = ArmMove((36, 66, 8), sway=(11, -2, 0), elbow=(1, -1, -0.2), hand=(0.1, 1, 0.1), beats=2,
-                shrug=14)  # fmt: skip
+_SWING = ArmPattern((24, -19, 3), sway=(-2, 2.5, 19), arc=(0, 7, 1), elbow=(0.4, 0, -1))
+_HIPS = ArmPattern((19.5, 8, 1), sway=(0.5, 0.5, 0.5), elbow=(1, 0, -0.75),
+                   hand=(-0.25, -0.6, 0.74), beats=2, shrug=4, on="Hips")  # fmt: skip
+_CLAP = ArmPattern((14, 22, 33), sway=(-10.5, 0, 2), elbow=(0.7, -1, -0.1),
+                   hand=(-0.05, 0.5, 0.85), beats=2, snap=0.8)  # fmt: skip
+_FLAP = ArmPattern((66, 30, 8), sway=(0, 20, 0), arc=(-7, 0, 0), elbow=(0, -0.4, -1), beats=2,
+                   shrug=6)  # fmt: skip
+_PUNCH = ArmPattern((14, 19, 30), sway=(-5, 4, 14), elbow=(0.7, -1, 0), snap=1.2)
+_ROBOT = ArmPattern((42, 31, 24), sway=(0, 23, 0), arc=(0, 0, -18), elbow=(1, 0, -0.3), snap=1.8)
+_WAVE = ArmPattern((36, 66, 8), sway=(11, -2, 0), elbow=(1, -1, -0.2), hand=(0.1, 1, 0.1), beats=2,
+                   shrug=14)  # fmt: skip
 
 
-def _in_turn(move: ArmMove) -> tuple[ArmMove, ArmMove]:
-    """Return the move of the left arm and that of the right, half a cycle later."""
-    return move, replace(move, start=move.start + 0.5)
+def _alternate(pattern: ArmPattern) -> tuple[ArmPattern, ArmPattern]:
+    """Return the pattern for the left arm, and half a period later for the right."""
+    return pattern, replace(pattern, start=pattern.start + 0.5)
 
 
-# The move of the left arm and of the right.
-ARM_PATTERNS: dict[str, tuple[ArmMove, ArmMove]] = {
-    "swing": _in_turn(_SWING),
+# The patterns of the left and of the right arm.
+ARM_PATTERNS: dict[str, tuple[ArmPattern, ArmPattern]] = {
+    "swing": _alternate(_SWING),
     "hips": (_HIPS, _HIPS),
     "clap": (_CLAP, _CLAP),
     "flap": (_FLAP, _FLAP),
-    "punch": _in_turn(_PUNCH),
-    "robot": _in_turn(_ROBOT),
+    "punch": _alternate(_PUNCH),
+    "robot": _alternate(_ROBOT),
     "wave": (_SWING, _WAVE),
 }

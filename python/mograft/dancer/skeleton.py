@@ -1,6 +1,6 @@
-"""The figure that dances: joints, lengths and feet, in cm.
+"""The skeleton of the dancer and its dimensions, in cm.
 
-At rest it stands in a T-pose, faces z and has its left side at x.
+In the rest pose it stands in a T-pose and faces z; its left side is at positive x.
 """
 
 from typing import TypeAlias
@@ -32,7 +32,7 @@ JOINTS: tuple[tuple[str, str, Vector], ...] = (
     ("RightForeArm", "RightArm", (-27, 0, 0)),
     ("RightHand", "RightForeArm", (-25, 0, 0)),
 )
-# Joint, end of its bone in cm.
+# Joint, offset of its end site in cm.
 TIPS: tuple[tuple[str, Vector], ...] = (
     ("LeftFoot", (0, -7, 15)),
     ("RightFoot", (0, -7, 15)),
@@ -47,23 +47,24 @@ X, Y, Z = np.eye(3)
 THIGH, SHANK, UPPER_ARM, FOREARM = np.linalg.norm(
     [OFFSETS[INDEX[end]] for end in ("LeftLeg", "LeftFoot", "LeftForeArm", "LeftHand")], axis=-1
 ).tolist()
-# The sole is below the ankle; it reaches from the toe, the tip of the foot, back to the heel.
+# The sole is ANKLE_HEIGHT below the ankle and extends along z from the heel to the toe.
 ANKLE_HEIGHT, TOE, HEEL = 7.0, 15.0, -5.0
-ANKLE_BACK = 3.0  # how far the ankle stands behind the hip, so that the sole carries
+ANKLE_BACK = 3.0  # distance of the ankle behind the hip, which puts the hip over the sole
 TOE_OUT = np.radians(7.0)
-# A leg is never quite straight: there the knee would have no direction and a huge speed.
+# Legs and arms are never fully extended: the direction of the bend would be undefined and its
+# speed unbounded.
 LEG_REACH = 0.994 * (THIGH + SHANK)
 ARM_REACH = 0.985 * (UPPER_ARM + FOREARM)
 
 
-def skeleton() -> Skeleton:
-    """Return the figure: 18 joints, 57 channels, rotations in the order ZYX."""
-    turns = ("Zrotation", "Yrotation", "Xrotation")
-    root = ("Xposition", "Yposition", "Zposition", *turns)
+def make_skeleton() -> Skeleton:
+    """Return the skeleton: 18 joints, 57 channels, rotations in the order ZYX."""
+    rotations = ("Zrotation", "Yrotation", "Xrotation")
+    root = ("Xposition", "Yposition", "Zposition", *rotations)
     return Skeleton(
         tuple(INDEX),
         np.array([INDEX.get(parent, -1) for _, parent, _ in JOINTS]),
         OFFSETS,
-        (root, *[turns] * (len(JOINTS) - 1)),
+        (root, *[rotations] * (len(JOINTS) - 1)),
         tuple(EndSite(INDEX[name], np.array(offset)) for name, offset in TIPS),
     )
