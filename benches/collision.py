@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches import _common
+from mograft._util.runs import find_runs
 from mograft.body.anatomy import anatomy
 from mograft.synthesis.search_problem import SearchProblem
 
@@ -146,11 +147,11 @@ class Trial:
 
     def draw(self, path):
         """Draw the frames of the worst collisions, before and after."""
-        runs = np.flatnonzero(np.diff(self.before > 1, prepend=False, append=False))
         runs = sorted(
-            runs.reshape(-1, 2).tolist(), key=lambda own: -self.before[own[0] : own[1]].max()
+            find_runs(self.before > 1).tolist(),
+            key=lambda run: -self.before[run[0] : run[1]].max(),
         )
-        frames = sorted(own[0] + int(self.before[own[0] : own[1]].argmax()) for own in runs[:4])
+        frames = sorted(run[0] + int(self.before[run[0] : run[1]].argmax()) for run in runs[:4])
         flesh = mg.Poses.from_motion(self.motion).capsules
         strip(path, self.motion, self.graft, self.avoid.obstacle, frames, flesh)
 

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.blend.foot_targets import CLEARANCE, contacts_at_rest, foot_displacements
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.root_shift import limit_floor_speed, shift_for_reach
 from mograft.blend.two_bone_ik import bend_leg
-from mograft.body.contacts import Ground, detect_contacts, find_legs, runs, skating_share
+from mograft.body.contacts import Ground, detect_contacts, find_legs, skating_share
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
@@ -153,7 +154,7 @@ def plant_feet(
     errors = np.where(planted, errors, 0.0)
     return still, FeetReport(
         plants=sum(
-            len(runs(planted[:, leg, point])) for leg, point in np.ndindex(planted.shape[1:])
+            len(find_runs(planted[:, leg, point])) for leg, point in np.ndindex(planted.shape[1:])
         ),
         skate_before=skate_before,
         skate_after=skating_share(still, ground),

@@ -7,7 +7,8 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.gaussian import gaussian_filter
-from mograft.body.contacts import CONTACT_HEIGHT, SLIDING_SPEED, Ground, point_speeds, runs
+from mograft._util.runs import find_runs
+from mograft.body.contacts import CONTACT_HEIGHT, SLIDING_SPEED, Ground, point_speeds
 from mograft.config import FRAME
 
 __all__ = ["CLEARANCE", "contacts_at_rest", "foot_displacements"]
@@ -43,8 +44,8 @@ def contacts_at_rest(
     at_rest = contacts.copy()
     is_fast = point_speeds(points, rate) >= SLIDING_SPEED * ground.height
     for leg, point in np.ndindex(contacts.shape[1:]):
-        for first, last in runs(contacts[:, leg, point]):
-            rows = slice(first, last + 1)
+        for start, stop in find_runs(contacts[:, leg, point]):
+            rows = slice(start, stop)
             positions = points[rows, leg, point]
             distances = np.linalg.norm(positions - positions.mean(axis=0), axis=1)
             if distances.max() > _MAX_SLIDE * ground.height:
@@ -147,9 +148,9 @@ def _plants(
     """
     plants: tuple[list[_Plant], list[_Plant]] = ([], [])
     intervals = [
-        (int(first), int(last), point)
+        (start, stop - 1, point)
         for point in range(2)
-        for first, last in runs(contacts[:, point])
+        for start, stop in find_runs(contacts[:, point]).tolist()
     ]
     for first, last, point in sorted(intervals):
         position = points[first : last + 1, point].mean(axis=0)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
@@ -27,7 +28,6 @@ __all__ = [
     "foot_heights",
     "foot_skate",
     "point_speeds",
-    "runs",
     "skating_share",
 ]
 
@@ -267,30 +267,23 @@ def skating_share(motion: Motion, ground: Ground) -> float:
     return float((low.any(axis=-1) & (slowest > _SKATING_SPEED * ground.height)).mean())
 
 
-def runs(marked: BoolArray) -> IntArray:
-    """Return first and last frame of each run of marked frames, shape (n_runs, 2)."""
-    edges = np.flatnonzero(np.diff(marked.astype(np.int8), prepend=0, append=0))
-    runs: IntArray = edges.reshape(-1, 2) - np.array([0, 1])
-    return runs
-
-
 def _without_short_runs(marked: BoolArray, rate: float) -> BoolArray:
     """Close short gaps, then remove short runs."""
     kept = np.ones(len(marked), bool)
-    for first, last in runs(~marked):
-        is_inner = first > 0 and last < len(marked) - 1
-        if not is_inner or last - first + 1 > round(_MAX_GAP_SECONDS * rate):
-            kept[first : last + 1] = False
-    for first, last in runs(kept):
-        if last - first + 1 < round(_MIN_CONTACT_SECONDS * rate):
-            kept[first : last + 1] = False
+    for start, stop in find_runs(~marked):
+        is_inner = start > 0 and stop < len(marked)
+        if not is_inner or stop - start > round(_MAX_GAP_SECONDS * rate):
+            kept[start:stop] = False
+    for start, stop in find_runs(kept):
+        if stop - start < round(_MIN_CONTACT_SECONDS * rate):
+            kept[start:stop] = False
     return kept
 
 
 def _extended(marked: BoolArray, allowed: BoolArray) -> BoolArray:
     """Extend runs of marked frames over adjacent allowed frames."""
     extended = marked.copy()
-    for first, last in runs(allowed | marked):
-        if marked[first : last + 1].any():
-            extended[first : last + 1] = True
+    for start, stop in find_runs(allowed | marked):
+        if marked[start:stop].any():
+            extended[start:stop] = True
     return extended

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
+from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -152,7 +153,7 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     )
     is_teleport[:1] &= not first
     is_teleport[glitches - 1] = is_teleport[glitches] = False
-    for start, stop in _runs(is_teleport):
+    for start, stop in find_runs(is_teleport).tolist():
         height_share = 100.0 * steps[start:stop].max()
         message = f"joints jump by {height_share:.0f} % of the figure height"
         yield Fault("teleport", (start, stop), None, message)
@@ -190,7 +191,7 @@ def _frozen_spans(motion: Motion) -> Iterator[Fault]:
     quats, positions = motion.rotations, motion.positions
     same_rotations = (quats[1:] == quats[:-1]).all(axis=(1, 2))
     still = same_rotations & (positions[1:] == positions[:-1]).all(axis=(1, 2))
-    for start, stop in _runs(still):
+    for start, stop in find_runs(still).tolist():
         seconds = (stop - start) * motion.frame_time
         if seconds >= _MIN_FROZEN_SECONDS and stop - start + 1 >= _MIN_FROZEN_FRAMES:
             yield Fault("frozen", (start, stop), None, f"nothing moves for {seconds:.2f} s")
@@ -246,9 +247,3 @@ def _median_around(steps: FloatArray) -> FloatArray:
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
     medians: FloatArray = np.median(windows, axis=-1)
     return medians
-
-
-def _runs(marked: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return start and stop of each run of marked elements; the stop is excluded."""
-    edges = np.flatnonzero(np.diff(marked, prepend=False, append=False))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

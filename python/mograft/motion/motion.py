@@ -18,6 +18,7 @@ from mograft._util.arrays import (
     make_read_only,
     restore,
 )
+from mograft._util.runs import find_runs
 from mograft.motion import rotations
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
@@ -281,9 +282,8 @@ def world_transforms(
 def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:
     """Fill missing Euler angles in degrees, each the nearest to the previous frame."""
     filled = angles.copy()
-    unknown = np.isnan(angles).any(axis=1)
-    edges = np.flatnonzero(np.diff(unknown, prepend=False, append=False))
-    for start, stop in edges.reshape(-1, 2):
+    unknown = np.asarray(np.isnan(angles).any(axis=1))
+    for start, stop in find_runs(unknown):
         near = np.zeros(3)
         if start > 0:
             near[: len(order)] = np.radians(filled[start - 1])

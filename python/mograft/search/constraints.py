@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.runs import find_runs
 from mograft._util.validate import as_integer, check_not_negative
 from mograft.analysis.segmentation import Segments
 from mograft.body.world_poses import Poses
@@ -178,8 +179,7 @@ def find_violations(
         if not constraint.is_hard:
             continue
         error, joint_of_error = constraint.errors(poses, joints)
-        edges = np.flatnonzero(np.diff(error > 1.0, prepend=False, append=False))
-        for start, stop in edges.reshape(-1, 2).tolist():
+        for start, stop in find_runs(error > 1.0).tolist():
             worst = start + int(error[start:stop].argmax())
             joint = "" if joint_of_error[worst] < 0 else poses.skeleton.names[joint_of_error[worst]]
             frames = (int(poses.frames[start]), int(poses.frames[stop - 1]))
