@@ -93,25 +93,25 @@ class Registry(Generic[T]):
         return Registry(self.parameter, {name: implementations[name] for name in self.entries})
 
 
-def _described(parameter: str, **descriptions: str) -> tuple[str, Registry[str]]:
+def _describe(parameter: str, **descriptions: str) -> tuple[str, Registry[str]]:
     return parameter, Registry(parameter, descriptions)
 
 
 CONFIG_OPTIONS: Mapping[str, Registry[str]] = MappingProxyType(
     dict(
         (
-            _described(
+            _describe(
                 "omega",
                 world="angular velocities relative to the world",
                 local="angular velocities relative to the parent joint",
             ),
-            _described(
+            _describe(
                 "inertia",
                 own="moment of inertia of the link alone",
                 subtree="moment of inertia of the link and of all links below it",
                 unit="moment of inertia 1 for every link",
             ),
-            _described(
+            _describe(
                 "choice",
                 viterbi="minimum total cost; each further motion pays for repeated donors",
                 best="the motions of the lowest total costs",
@@ -119,7 +119,7 @@ CONFIG_OPTIONS: Mapping[str, Registry[str]] = MappingProxyType(
                 nearest="most similar base segments; seams only have to satisfy the limit",
                 random="uniform among the donors within the limits, as in the paper",
             ),
-            _described(
+            _describe(
                 "seam",
                 offset="a decaying offset on both sides; continuous pose and velocity",
                 paper="displacement over the segments, then a cubic through the seam window",
@@ -127,17 +127,17 @@ CONFIG_OPTIONS: Mapping[str, Registry[str]] = MappingProxyType(
                 inertial="a decaying offset after the seam only",
                 dead="a cross-fade after the seam from the extrapolated motion before it",
             ),
-            _described(
+            _describe(
                 "alignment",
                 uniform="donors stretched at a constant rate",
                 dtw="donors stretched by dynamic time warping of the base parts",
             ),
-            _described(
+            _describe(
                 "torso",
                 pelvis="a grafted trunk keeps its angle to the pelvis",
                 world="a grafted trunk keeps its orientation in the world",
             ),
-            _described(
+            _describe(
                 "feet",
                 auto="feet planted unless the base group holds both legs and root",
                 never="feet left as the graft places them",

@@ -116,7 +116,7 @@ def plant_feet(
     ground = Ground.of(motion if floor_reference is None else floor_reference)
     skate_before = skating_share(motion, ground)
     if (min_heights is None and not contacts.any()) or not movable.any():
-        return motion, _unchanged(skate_before)
+        return motion, _without_changes(skate_before)
     points = ground.points(motion)
     planted = contacts_at_rest(contacts, points, ground, motion.rate)
     heights = np.full(contacts.shape, -np.inf) if min_heights is None else min_heights
@@ -164,7 +164,7 @@ def plant_feet(
     )
 
 
-def _unchanged(skate: float) -> FeetReport:
+def _without_changes(skate: float) -> FeetReport:
     """Return the report of a motion that needs no change."""
     return FeetReport(
         plants=0,

@@ -135,8 +135,8 @@ def detect_contacts(motion: Motion) -> BoolArray:
     slides = low & (speed < SLIDING_SPEED)
     for leg in range(stands.shape[1]):
         for point in range(2):
-            runs_kept = _without_short_runs(stands[:, leg, point], motion.rate)
-            stands[:, leg, point] = _extended(runs_kept, slides[:, leg, point])
+            runs_kept = _remove_short_runs(stands[:, leg, point], motion.rate)
+            stands[:, leg, point] = _extend_runs(runs_kept, slides[:, leg, point])
     return stands
 
 
@@ -267,7 +267,7 @@ def skating_share(motion: Motion, ground: Ground) -> float:
     return float((low.any(axis=-1) & (slowest > _SKATING_SPEED * ground.height)).mean())
 
 
-def _without_short_runs(marked: BoolArray, rate: float) -> BoolArray:
+def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
     """Close short gaps, then remove short runs."""
     kept = np.ones(len(marked), bool)
     for start, stop in find_runs(~marked):
@@ -280,7 +280,7 @@ def _without_short_runs(marked: BoolArray, rate: float) -> BoolArray:
     return kept
 
 
-def _extended(marked: BoolArray, allowed: BoolArray) -> BoolArray:
+def _extend_runs(marked: BoolArray, allowed: BoolArray) -> BoolArray:
     """Extend runs of marked frames over adjacent allowed frames."""
     extended = marked.copy()
     for start, stop in find_runs(allowed | marked):

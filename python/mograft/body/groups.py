@@ -282,14 +282,14 @@ class JointGroups:
             {subtree = "Spine"},
         ]
         """
-        lines = [f"base = {_quoted(self.base)}", "", "[groups]"]
+        lines = [f"base = {_toml_value(self.base)}", "", "[groups]"]
         for name, entries in self.groups.items():
-            lines.append(f"{_quoted(name)} = [")
+            lines.append(f"{_toml_value(name)} = [")
             for entry in entries:
                 if isinstance(entry, Subtree):
-                    lines.append(f"    {{subtree = {_quoted(entry.joint)}}},")
+                    lines.append(f"    {{subtree = {_toml_value(entry.joint)}}},")
                 else:
-                    lines.append(f"    {_quoted(entry)},")
+                    lines.append(f"    {_toml_value(entry)},")
             lines.append("]")
         return "\n".join(lines) + "\n"
 
@@ -393,7 +393,7 @@ def _is_encodable(name: str) -> bool:
     return not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
-def _quoted(value: str | int) -> str:
+def _toml_value(value: str | int) -> str:
     """Return a value as TOML. Strings are those of JSON, with DEL escaped."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 

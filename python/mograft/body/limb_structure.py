@@ -206,7 +206,7 @@ def _spine(
     found: list[tuple[int, str]] = []
     if arms is None:
         spine = max(between, key=shape.length, default=None)
-        chain = _unbranched(shape, spine)
+        chain = _unbranched_chain(shape, spine)
         found += [(joint, "trunk") for joint in chain[:-1]]
         # Without limbs the end of the chain is not known to be a head.
         head = "head" if legs and len(chain) > 1 else "trunk"
@@ -219,7 +219,7 @@ def _spine(
         found += [(joint, "trunk") for joint in line[: line.index(core)]]
         upward = [child for child in axis if skeleton.parents[child] == chest]
         if chest != core:
-            chain = _unbranched(shape, max(upward, key=shape.length, default=None))
+            chain = _unbranched_chain(shape, max(upward, key=shape.length, default=None))
             found += [(joint, "neck") for joint in chain[:-1]]
             found += [(joint, "head") for joint in chain[-1:]]
     for child in between:
@@ -228,7 +228,7 @@ def _spine(
     return found
 
 
-def _unbranched(shape: _Shape, first: int | None) -> list[int]:
+def _unbranched_chain(shape: _Shape, first: int | None) -> list[int]:
     """Return the chain of joints below `first` up to the first branch."""
     if first is None:
         return []

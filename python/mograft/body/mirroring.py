@@ -177,7 +177,7 @@ class _Reflection:
 
     def mirror_rotations(self, quats: FloatArray) -> FloatArray:
         """Return the local rotations of the partners."""
-        image = _reflected_rotations(quats, self.axis)
+        image = _reflect_rotations(quats, self.axis)
         if self.is_symmetric:
             return image
         from_parent = rotations.inverse(self.parent_frame)
@@ -185,20 +185,20 @@ class _Reflection:
 
     def mirror_positions(self, positions: FloatArray) -> FloatArray:
         """Return the local translations of the partners."""
-        image = _reflected(positions, self.axis)
+        image = _reflect(positions, self.axis)
         if self.is_symmetric:
             return image
         return rotations.rotate(rotations.inverse(self.parent_frame), image)
 
     def mirror_end_site(self, site: EndSite) -> FloatArray:
         """Return the offset of the corresponding end site of the partner."""
-        image = _reflected(site.offset, self.axis)
+        image = _reflect(site.offset, self.axis)
         if self.is_symmetric:
             return image
         return rotations.rotate(rotations.inverse(self.frame[site.parent]), image)
 
 
-def _reflected(vectors: FloatArray, axis: int) -> FloatArray:
+def _reflect(vectors: FloatArray, axis: int) -> FloatArray:
     image = vectors.copy()
     image[..., axis] = -image[..., axis]
     return image
@@ -206,14 +206,14 @@ def _reflected(vectors: FloatArray, axis: int) -> FloatArray:
 
 def _asymmetry(offsets: FloatArray, pair: IntArray, axis: int) -> FloatArray:
     """Return the distance of each offset from the mirror image of its partner; 0 at the root."""
-    distance: FloatArray = np.linalg.norm(offsets[pair] - _reflected(offsets, axis), axis=1)
+    distance: FloatArray = np.linalg.norm(offsets[pair] - _reflect(offsets, axis), axis=1)
     distance[0] = 0.0
     return distance
 
 
-def _reflected_rotations(quats: FloatArray, axis: int) -> FloatArray:
+def _reflect_rotations(quats: FloatArray, axis: int) -> FloatArray:
     image = quats.copy()
-    image[..., :3] = -_reflected(quats[..., :3], axis)
+    image[..., :3] = -_reflect(quats[..., :3], axis)
     return image
 
 
@@ -225,13 +225,13 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
     mirrored mean pose is closest to the mean pose is returned.
     """
     skeleton = motion.skeleton
-    reflected = _reflected(skeleton.offsets, axis)
+    reflected = _reflect(skeleton.offsets, axis)
     frame = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
     hub = anatomy(skeleton).hips
     world_rotations = motion.world_transforms()[0][:: max(motion.n_frames // 200, 1)]
     to_hub = rotations.inverse(world_rotations[:, hub, None])
     mean = _mean_rotation(rotations.multiply(to_hub, world_rotations))
-    image = rotations.inverse(_reflected_rotations(mean, axis))
+    image = rotations.inverse(_reflect_rotations(mean, axis))
     for joint in range(hub, skeleton.n_joints):
         children = list(skeleton.children[joint])
         rotated = rotations.rotate(_CUBE_ROTATIONS[:, None], skeleton.offsets[pair[children]][None])
