@@ -64,10 +64,10 @@ def with_names(skeleton, name):
 
 def with_order(skeleton, order):
     """Return the skeleton with another order of joints, parents first."""
-    place = {old: new for new, old in enumerate(order)}
-    parents = [place.get(int(skeleton.parents[old]), -1) for old in order]
+    new_index = {old: new for new, old in enumerate(order)}
+    parents = [new_index.get(int(skeleton.parents[old]), -1) for old in order]
     sites = tuple(
-        EndSite(place[site.parent], site.offset, name=site.name) for site in skeleton.end_sites
+        EndSite(new_index[site.parent], site.offset, name=site.name) for site in skeleton.end_sites
     )
     return Skeleton(
         [skeleton.names[old] for old in order],
@@ -81,11 +81,11 @@ def with_order(skeleton, order):
 @st.composite
 def orders(draw, skeleton):
     """Orders of the joints in which every parent precedes its children."""
-    free, order = [0], []
-    while free:
-        joint = free.pop(draw(st.integers(0, len(free) - 1)))
+    ready, order = [0], []
+    while ready:
+        joint = ready.pop(draw(st.integers(0, len(ready) - 1)))
         order.append(joint)
-        free += skeleton.children[joint]
+        ready += skeleton.children[joint]
     return order
 
 
@@ -107,8 +107,10 @@ def skeletons(draw, names=KNOWN_NAMES, max_joints=16):
         st.lists(st.tuples(number, number, number), min_size=n_joints, max_size=n_joints)
     )
     sites = draw(st.lists(st.tuples(st.integers(0, n_joints - 1), number), max_size=3))
-    own = [draw(names) for _ in range(n_joints)]
-    return Skeleton(own, parents, offsets, end_sites=tuple(EndSite(j, (0, y, 1)) for j, y in sites))
+    joint_names = [draw(names) for _ in range(n_joints)]
+    return Skeleton(
+        joint_names, parents, offsets, end_sites=tuple(EndSite(j, (0, y, 1)) for j, y in sites)
+    )
 
 
 def human():
@@ -118,7 +120,7 @@ def human():
         " | Chest {LeftCollar > LeftShoulder > LeftElbow > LeftWrist"
         " | RightCollar > RightShoulder > RightElbow > RightWrist | Neck > Head}}"
     )
-    places = {
+    limb_offsets = {
         "Hip": (9, 0, 0),
         "Knee": (0, -41, 0),
         "Ankle": (0, -40, -2),
@@ -127,20 +129,20 @@ def human():
         "Elbow": (28, 0, 0),
         "Wrist": (25, 0, 0),
     }
-    middle = {"Hips": (0, 0, 0), "Chest": (0, 22, 0), "Neck": (0, 24, 0), "Head": (0, 9, 2)}
+    trunk_offsets = {"Hips": (0, 0, 0), "Chest": (0, 22, 0), "Neck": (0, 24, 0), "Head": (0, 9, 2)}
     offsets = []
     for name in skeleton.names:
         side = -1 if name.startswith("Right") else 1
-        x, y, z = middle.get(name) or places[re.sub("Left|Right", "", name)]
+        x, y, z = trunk_offsets.get(name) or limb_offsets[re.sub("Left|Right", "", name)]
         offsets.append((side * x, y, z))
-    ends = {
+    site_offsets = {
         "Head": (0, 18, 0),
         "LeftWrist": (17, 0, 0),
         "RightWrist": (-17, 0, 0),
         "LeftAnkle": (0, -6, 15),
         "RightAnkle": (0, -6, 15),
     }
-    sites = tuple(EndSite(skeleton.index(name), offset) for name, offset in ends.items())
+    sites = tuple(EndSite(skeleton.index(name), offset) for name, offset in site_offsets.items())
     return Skeleton(skeleton.names, skeleton.parents, offsets, end_sites=sites)
 
 
@@ -177,8 +179,8 @@ def read_hierarchy(path):
 
 def distinct_recordings():
     """Return one file per distinct hierarchy of the recordings; none if they are missing."""
-    found = {}
+    paths = {}
     for path in sorted(DATA.glob("*/*.bvh")):
         skeleton = read_hierarchy(path)
-        found.setdefault((skeleton.names, tuple(skeleton.parents)), path)
-    return sorted(found.values())
+        paths.setdefault((skeleton.names, tuple(skeleton.parents)), path)
+    return sorted(paths.values())

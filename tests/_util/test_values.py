@@ -1,4 +1,4 @@
-"""Public values: kept when copied, made of numbers of any make, wrong kinds refused by name."""
+"""Public values: copies, NumPy scalars as arguments, and errors for wrong types."""
 
 import copy
 import json
@@ -21,16 +21,16 @@ def library():
 
 
 def arrays(value):
-    """All arrays in a value, with their way there."""
+    """Yield the arrays in a value, with their attribute paths."""
     if isinstance(value, np.ndarray):
         yield "", value
     elif isinstance(value, tuple):
-        for place, own in enumerate(value):
-            yield from ((f"[{place}]{way}", array) for way, array in arrays(own))
+        for index, item in enumerate(value):
+            yield from ((f"[{index}]{path}", array) for path, array in arrays(item))
     elif is_dataclass(value):
         for field in fields(value):
-            own = getattr(value, field.name)
-            yield from ((f".{field.name}{way}", array) for way, array in arrays(own))
+            item = getattr(value, field.name)
+            yield from ((f".{field.name}{path}", array) for path, array in arrays(item))
 
 
 COPIES = [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
@@ -39,20 +39,20 @@ COPIES = [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(valu
 @pytest.fixture(scope="module")
 def values(library):
     motion = library.clips[0]
-    own = {"Dance": dance(seed=0, strides=1), "Body": mass_model(library.skeleton)}
-    return own | {"Motion": motion, "Skeleton": motion.skeleton, "Segments": library.segments}
+    others = {"Dance": dance(seed=0, strides=1), "Body": mass_model(library.skeleton)}
+    return others | {"Motion": motion, "Skeleton": motion.skeleton, "Segments": library.segments}
 
 
-@pytest.mark.parametrize("copied", COPIES, ids=["copy", "deepcopy", "pickle"])
+@pytest.mark.parametrize("copy_value", COPIES, ids=["copy", "deepcopy", "pickle"])
 @pytest.mark.parametrize("kind", ["Motion", "Skeleton", "Segments", "Body", "Dance"])
-def test_value_copies_have_read_only_arrays(values, kind, copied):
+def test_value_copies_have_read_only_arrays(values, kind, copy_value):
     value = values[kind]
-    before, after = dict(arrays(value)), dict(arrays(copied(value)))
+    before, after = dict(arrays(value)), dict(arrays(copy_value(value)))
     assert before
     assert before.keys() == after.keys()
-    for way, array in after.items():
-        np.testing.assert_array_equal(array, before[way])
-        assert not array.flags.writeable, way
+    for path, array in after.items():
+        np.testing.assert_array_equal(array, before[path])
+        assert not array.flags.writeable, path
 
 
 def test_value_repr_is_short(library):
@@ -72,18 +72,18 @@ NUMBERS = st.sampled_from([np.float64, np.float32, np.float16, np.int64, np.uint
 @given(NUMBERS, st.integers(1, 200))
 def test_config_numpy_scalars_equal_python_numbers(kind, number):
     value = kind(number)
-    given, plain = mg.Config(sigma_scale=value), mg.Config(sigma_scale=value.item())
-    assert given == plain
-    assert json.dumps(given.as_dict()) == json.dumps(plain.as_dict())
-    given, plain = (mg.Sphere((0, 0, 0), own) for own in (value, value.item()))
-    assert repr(given) == repr(plain)
+    given, expected = mg.Config(sigma_scale=value), mg.Config(sigma_scale=value.item())
+    assert given == expected
+    assert json.dumps(given.as_dict()) == json.dumps(expected.as_dict())
+    given, expected = (mg.Sphere((0, 0, 0), radius) for radius in (value, value.item()))
+    assert repr(given) == repr(expected)
 
 
 def test_graft_many_accepts_numpy_integers(library):
-    plain = mg.graft(library, constraints=[mg.KeepOriginal(frames=(5, 9))], seed=7)
-    own = mg.KeepOriginal(frames=(np.int64(5), np.uint8(9)))
-    given = mg.graft(library, constraints=[own], seed=np.uint16(7))
-    assert json.dumps(given.as_dict()) == json.dumps(plain.as_dict())
+    expected = mg.graft(library, constraints=[mg.KeepOriginal(frames=(5, 9))], seed=7)
+    keep = mg.KeepOriginal(frames=(np.int64(5), np.uint8(9)))
+    given = mg.graft(library, constraints=[keep], seed=np.uint16(7))
+    assert json.dumps(given.as_dict()) == json.dumps(expected.as_dict())
     assert len(mg.graft_many(library, count=np.int32(2))) == 2
     assert mg.Config(samples=np.int64(8)) == mg.Config(samples=8)
     reach = mg.Reach("LeftHand", np.zeros(3, np.float32), np.int64(3), weight=np.float32(1))
@@ -100,7 +100,7 @@ def test_config_invalid_value_raises_value_error_naming_field(name, value):
 
 
 @pytest.mark.parametrize(
-    ("call", "given", "told"),
+    ("call", "arguments", "message"),
     [
         (mg.segment, ["a.bvh"], "motion must be a Motion, got str"),
         (mg.kinetic_energy, [None], "motion must be a Motion, got NoneType"),
@@ -115,11 +115,11 @@ def test_config_invalid_value_raises_value_error_naming_field(name, value):
         (mg.MaxStretch, ["a"], "limit must be a number, got 'a'"),
         (mg.Sphere, [(0, 0, 0), "a"], "radius must be a number, got 'a'"),
     ],
-    ids=lambda own: getattr(own, "__name__", ""),
+    ids=lambda argument: getattr(argument, "__name__", ""),
 )
-def test_public_functions_wrong_type_raises_type_error(call, given, told):
-    with pytest.raises(TypeError, match=told):
-        call(*given)
+def test_public_functions_wrong_type_raises_type_error(call, arguments, message):
+    with pytest.raises(TypeError, match=message):
+        call(*arguments)
 
 
 def test_public_functions_invalid_collections_raise_type_error(library):
@@ -174,7 +174,7 @@ def test_linkage_ragged_rows_raise_value_error():
 
 @pytest.mark.parametrize("rate", [1e9, 1e18, 1e300])
 def test_resample_excessive_rate_raises_value_error(library, rate):
-    # A year of motion: what is wanted is beyond what any machine could address.
+    # Two months of motion at this rate exceed any address space.
     motion = replace(library.clips[0], frame_time=3e4)
     with pytest.raises(ValueError, match=r"than memory holds|fewer than 2"):
         motion.resample(rate)

@@ -1,4 +1,4 @@
-"""Laws and tables of what joints are."""
+"""Properties of body parts and sides of joints, and tables of naming schemes."""
 
 import re
 
@@ -26,7 +26,7 @@ LIMBS = {
     "left": ("Left", "L", "l", "_L", ".L"),
     "right": ("Right", "R", "r", "_R", ".R"),
 }
-# `{Side}`, `{S}`, `{s}`, `{_S}` and `{.S}` stand for both sides in turn.
+# `{Side}`, `{S}`, `{s}`, `{_S}` and `{.S}` stand for each side in turn.
 SCHEMES = {
     "motionbuilder": "Hips=pelvis {Spine=trunk > Spine1=trunk {Neck=neck > Head=head"
     " | {Side}Shoulder=clavicle > {Side}Arm=upper_arm > {Side}ForeArm=forearm > {Side}Hand=hand"
@@ -150,7 +150,7 @@ SCHEMES = {
 def both_sides(text):
     """Return a scheme with each branch that stands for both sides written out twice."""
 
-    def one(branch, side):
+    def one_side(branch, side):
         long, capital, small, under, dot = LIMBS[side]
         for mark, word in (
             ("{Side}", long),
@@ -177,7 +177,7 @@ def both_sides(text):
             depth += {"{": 1, "}": -1}.get(plain[stop], 0)
             stop += 1
         branch = text[start:stop]
-        twins = f"{one(branch, 'left')} | {one(branch, 'right')}"
+        twins = f"{one_side(branch, 'left')} | {one_side(branch, 'right')}"
         if plain[start - 1] == ">":
             doubled += text[position : start - 1] + "{" + twins + "}"
         else:
@@ -190,11 +190,11 @@ def scheme(name):
     """Return the skeleton of a scheme with the part and the side of each joint."""
     skeleton, notes = skeleton_from_text(both_sides(SCHEMES[name].replace("| }", "}")))
     sides = []
-    for own in skeleton.names:
-        bare = own.split(":")[-1]
-        told = re.search(r"(Left|Right|left|right)|(?:^|[ _.])([LRlr])(?:[_ .]|$)", bare)
-        told = told or re.match(r"()([lrLR])(?=[A-Z]|hand)", bare)
-        word = (told[1] or told[2]).lower()[0] if told else ""
+    for joint_name in skeleton.names:
+        bare = joint_name.split(":")[-1]
+        mark = re.search(r"(Left|Right|left|right)|(?:^|[ _.])([LRlr])(?:[_ .]|$)", bare)
+        mark = mark or re.match(r"()([lrLR])(?=[A-Z]|hand)", bare)
+        word = (mark[1] or mark[2]).lower()[0] if mark else ""
         sides.append({"l": "left", "r": "right", "": ""}[word])
     return skeleton, [note[0] for note in notes], sides
 
@@ -203,30 +203,30 @@ def scheme(name):
 def test_anatomy_known_naming_schemes_give_expected_parts(name):
     skeleton, parts, _ = scheme(name)
     found = anatomy(skeleton)
-    got = dict(zip(skeleton.names, found.parts, strict=True))
-    assert got == dict(zip(skeleton.names, parts, strict=True))
+    actual = dict(zip(skeleton.names, found.parts, strict=True))
+    assert actual == dict(zip(skeleton.names, parts, strict=True))
     assert found.scheme == "names"
 
 
 @pytest.mark.parametrize("name", sorted(set(SCHEMES) - {"cmu asf"}))
 def test_anatomy_known_naming_schemes_give_expected_sides(name):
     skeleton, _, sides = scheme(name)
-    got = dict(zip(skeleton.names, anatomy(skeleton).sides, strict=True))
-    assert got == dict(zip(skeleton.names, sides, strict=True))
+    actual = dict(zip(skeleton.names, anatomy(skeleton).sides, strict=True))
+    assert actual == dict(zip(skeleton.names, sides, strict=True))
 
 
 def test_anatomy_side_joined_to_word_is_recognised():
     skeleton, _, _ = scheme("cmu asf")
     sides = dict(zip(skeleton.names, anatomy(skeleton).sides, strict=True))
-    told = {name: side for name, side in sides.items() if side}
+    limb_sides = {name: side for name, side in sides.items() if side}
     middle = ["root", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"]
-    assert set(skeleton.names) - set(told) == set(middle)
-    assert all(side[0] == name[0] for name, side in told.items())
+    assert set(skeleton.names) - set(limb_sides) == set(middle)
+    assert all(side[0] == name[0] for name, side in limb_sides.items())
 
 
 @pytest.mark.parametrize("name", SCHEMES)
 @pytest.mark.parametrize(
-    "dress",
+    "decorate",
     [
         lambda name: f"LeftHand:{name.split(':')[-1]}",
         lambda name: f"|Head|{name}",
@@ -235,9 +235,9 @@ def test_anatomy_side_joined_to_word_is_recognised():
     ],
     ids=["namespace", "path", "prefix", "suffix"],
 )
-def test_anatomy_ignores_namespace_prefix_and_suffix(name, dress):
+def test_anatomy_ignores_namespace_prefix_and_suffix(name, decorate):
     skeleton, parts, _ = scheme(name)
-    other = anatomy(with_names(skeleton, lambda _, own: dress(own)))
+    other = anatomy(with_names(skeleton, lambda _, joint_name: decorate(joint_name)))
     assert list(other.parts) == parts
     assert other.sides == anatomy(skeleton).sides
 
@@ -248,7 +248,7 @@ def test_anatomy_ignores_namespace_prefix_and_suffix(name, dress):
 @pytest.mark.parametrize("case", [str.upper, str.lower, str.title])
 def test_anatomy_ignores_case(name, case):
     skeleton, parts, sides = scheme(name)
-    other = anatomy(with_names(skeleton, lambda _, own: case(own)))
+    other = anatomy(with_names(skeleton, lambda _, joint_name: case(joint_name)))
     assert list(other.parts) == parts
     limbs = [joint for joint, part in enumerate(parts) if part in ARM + LEG]
     assert [other.sides[joint] for joint in limbs] == [sides[joint] for joint in limbs]
@@ -260,8 +260,8 @@ def test_anatomy_swapped_names_swap_sides(name):
     swapped = anatomy(
         with_names(
             skeleton,
-            lambda _, own: re.sub(
-                "Left|Right", lambda m: {"Left": "Right", "Right": "Left"}[m[0]], own
+            lambda _, joint_name: re.sub(
+                "Left|Right", lambda m: {"Left": "Right", "Right": "Left"}[m[0]], joint_name
             ),
         )
     )
@@ -281,30 +281,35 @@ def test_anatomy_unknown_names_use_symmetry():
 
 
 def test_anatomy_unknown_names_take_sides_from_foot_direction():
-    nameless = with_names(human(), lambda joint, _: f"j{joint}")
-    mirrored = nameless.with_offsets(nameless.offsets * [-1, 1, 1])
+    unnamed = with_names(human(), lambda joint, _: f"j{joint}")
+    mirrored = unnamed.with_offsets(unnamed.offsets * [-1, 1, 1])
     swap = {"left": "right", "right": "left", "": ""}
-    assert anatomy(mirrored).sides == tuple(swap[side] for side in anatomy(nameless).sides)
+    assert anatomy(mirrored).sides == tuple(swap[side] for side in anatomy(unnamed).sides)
 
 
 @given(st.integers(0, 2), st.integers(0, 2))
 def test_anatomy_unknown_names_ignore_orientation(turns, more):
-    nameless = with_names(human(), lambda joint, _: f"j{joint}")
-    cycled = np.roll(nameless.offsets, turns, axis=1)  # an even permutation is a rotation
-    sites = [type(s)(s.parent, np.roll(s.offset, turns)) for s in nameless.end_sites]
-    turned = Skeleton(nameless.names, nameless.parents, cycled * (1 + more), end_sites=sites)
-    assert anatomy(turned).parts == anatomy(nameless).parts
-    assert anatomy(turned).sides == anatomy(nameless).sides
+    unnamed = with_names(human(), lambda joint, _: f"j{joint}")
+    cycled = np.roll(unnamed.offsets, turns, axis=1)  # an even permutation is a rotation
+    sites = [type(s)(s.parent, np.roll(s.offset, turns)) for s in unnamed.end_sites]
+    turned = Skeleton(unnamed.names, unnamed.parents, cycled * (1 + more), end_sites=sites)
+    assert anatomy(turned).parts == anatomy(unnamed).parts
+    assert anatomy(turned).sides == anatomy(unnamed).sides
 
 
 @pytest.mark.parametrize("mirror", [1, -1])
 def test_anatomy_named_legs_or_arms_complete_the_other_pair(mirror):
-    """Legs of unknown names beside known arms are found by symmetry, and sided by the arms."""
+    """Legs with unknown names are found by symmetry; their sides follow from the named arms."""
     words = {"Hip": "Pata", "Knee": "Jarrete", "Ankle": "Casco"}
     skeleton = with_names(
-        human(), lambda j, own: next((f"{w}{j}" for k, w in words.items() if k in own[4:]), own)
+        human(),
+        lambda j, joint_name: next(
+            (f"{w}{j}" for k, w in words.items() if k in joint_name[4:]), joint_name
+        ),
     )
-    skeleton = with_names(skeleton, lambda _, own: "Pata16" if own == "RightHip" else own)
+    skeleton = with_names(
+        skeleton, lambda _, joint_name: "Pata16" if joint_name == "RightHip" else joint_name
+    )
     found = anatomy(skeleton.with_offsets(skeleton.offsets * [mirror, 1, 1]))
     assert found.parts == anatomy(human()).parts
     assert found.sides == anatomy(human()).sides
@@ -321,10 +326,10 @@ def test_anatomy_unknown_names_long_clavicles_and_roll_joints():
     leg = [(0, 0, 0), (0, -40, 0), (0, 0, 0), (0, -40, 0)]
     arm = [(2, 0, 0), (22, 0, 0), (28, 0, 0), (21, 0, 0)]
     right = [(-x, y, z) for x, y, z in arm]
-    places = [(0, 0, 0), (9, 0, 0), *leg, (-9, 0, 0), *leg, (0, 50, 0), (0, 9, 0), *arm, *right]
-    skeleton = skeleton.with_offsets(places)
-    nameless = with_names(skeleton, lambda joint, _: f"j{joint}")
-    assert anatomy(nameless).parts == anatomy(skeleton).parts
+    offsets = [(0, 0, 0), (9, 0, 0), *leg, (-9, 0, 0), *leg, (0, 50, 0), (0, 9, 0), *arm, *right]
+    skeleton = skeleton.with_offsets(offsets)
+    unnamed = with_names(skeleton, lambda joint, _: f"j{joint}")
+    assert anatomy(unnamed).parts == anatomy(skeleton).parts
 
 
 def test_anatomy_short_mirrored_pairs_are_not_limbs():
@@ -342,9 +347,9 @@ def test_anatomy_short_mirrored_pairs_are_not_limbs():
 
 @given(st.data())
 def test_anatomy_ignores_joint_order(data):
-    nameless = with_names(human(), lambda joint, _: f"j{joint}")
+    unnamed = with_names(human(), lambda joint, _: f"j{joint}")
     named = [scheme(name)[0] for name in ("daz", "mass")]
-    skeleton = data.draw(st.sampled_from([human(), nameless, *named]))
+    skeleton = data.draw(st.sampled_from([human(), unnamed, *named]))
     order = data.draw(orders(skeleton))
     before, after = anatomy(skeleton), anatomy(with_order(skeleton, order))
     assert after.parts == tuple(before.parts[joint] for joint in order)
@@ -386,8 +391,8 @@ def test_anatomy_joints_selects_parts_and_sides():
 
 def test_feature_joints_exclude_fingers_and_toes():
     skeleton, parts, _ = scheme("dfki")
-    kept = feature_joints(skeleton, range(skeleton.n_joints))
-    names = [skeleton.names[joint] for joint in kept]
+    joints = feature_joints(skeleton, range(skeleton.n_joints))
+    names = [skeleton.names[joint] for joint in joints]
     assert not [name for name in names if re.search("toe|index|[eE]nd", name)]
     assert {"head_jnt", "L_hand_jnt", "R_foot_jnt"} <= set(names)
     assert len(parts) > len(names)
@@ -395,11 +400,11 @@ def test_feature_joints_exclude_fingers_and_toes():
 
 def test_feature_joints_exclude_markers_and_face():
     skeleton, _, _ = scheme("mass")
-    kept = feature_joints(skeleton, range(skeleton.n_joints))
-    assert not [skeleton.names[j] for j in kept if skeleton.names[j].endswith("RIGMESH")]
+    joints = feature_joints(skeleton, range(skeleton.n_joints))
+    assert not [skeleton.names[j] for j in joints if skeleton.names[j].endswith("RIGMESH")]
     skeleton, _, _ = scheme("daz")
-    kept = feature_joints(skeleton, range(skeleton.n_joints))
-    assert [skeleton.names[j] for j in kept if anatomy(skeleton).parts[j] == "head"] == ["head"]
+    joints = feature_joints(skeleton, range(skeleton.n_joints))
+    assert [skeleton.names[j] for j in joints if anatomy(skeleton).parts[j] == "head"] == ["head"]
 
 
 def test_feature_joints_of_fingers_alone_keep_them():

@@ -1,4 +1,4 @@
-"""Laws of capsules: known distances, and dense points as the oracle of all others."""
+"""Properties of capsules; the oracle of distances compares dense points on both axes."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ ALL_PAIRS = np.array([(i, j) for i in range(3) for j in range(2)])
 
 
 def bodies(seed, *, flat=False):
-    """Two bodies of three and two capsules in four frames; some of no length, some parallel."""
+    """Return 3 and 2 capsules in four frames; some have zero length, some are parallel."""
     rng = np.random.default_rng(seed)
     ends, others = rng.normal(size=(4, 3, 2, 3)), rng.normal(size=(4, 2, 2, 3))
     ends[0, 0, 1] = ends[0, 0, 0]
@@ -29,22 +29,23 @@ def bodies(seed, *, flat=False):
     return ends, rng.uniform(0, 0.3, 3), others, rng.uniform(0, 0.3, 2)
 
 
-def dense(capsule, n=400):
+def dense_points(capsule, n=400):
     share = np.linspace(0, 1, n)[:, None]
     return capsule[0] * (1 - share) + capsule[1] * share
 
 
-def slow_clearance(ends, radii, others, other_radii, pairs):
-    """Compare points along both axes: never nearer than the axes are."""
+def dense_clearance(ends, radii, others, other_radii, pairs):
+    """Return the distance between points on both axes; at least that of the axes."""
     found = []
     for frame in range(len(ends)):
-        apart = []
+        distances = []
         for i, j in pairs:
             gaps = np.linalg.norm(
-                dense(ends[frame, i])[:, None] - dense(others[frame, j])[None], axis=-1
+                dense_points(ends[frame, i])[:, None] - dense_points(others[frame, j])[None],
+                axis=-1,
             )
-            apart.append(gaps.min() - radii[i] - other_radii[j])
-        found.append(apart)
+            distances.append(gaps.min() - radii[i] - other_radii[j])
+        found.append(distances)
     return np.array(found)
 
 
@@ -53,14 +54,14 @@ def slow_clearance(ends, radii, others, other_radii, pairs):
 def test_clearance_matches_dense_points(seed, flat):
     ends, radii, others, other_radii = bodies(seed, flat=flat)
     distance, which = clearance(ends, radii, others, other_radii)
-    points = slow_clearance(ends, radii, others, other_radii, ALL_PAIRS)
+    points = dense_clearance(ends, radii, others, other_radii, ALL_PAIRS)
     assert (points.min(axis=1) >= distance - 1e-9).all()
     if not flat:
         exact = capsule_distances(ends, radii, others, other_radii).min(axis=(1, 2))
         np.testing.assert_allclose(exact, distance, atol=1e-6)
     np.testing.assert_allclose(points.min(axis=1), distance, atol=0.02)
-    told = [np.flatnonzero((pair == ALL_PAIRS).all(axis=1))[0] for pair in which]
-    assert (points[np.arange(4), told] <= distance + 0.02).all()
+    indices = [np.flatnonzero((pair == ALL_PAIRS).all(axis=1))[0] for pair in which]
+    assert (points[np.arange(4), indices] <= distance + 0.02).all()
 
 
 @settings(max_examples=25, deadline=None)
@@ -77,16 +78,15 @@ def test_clearance_with_distant_pairs_is_bit_identical(seed):
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS, st.sets(st.integers(0, 5)))
-def test_clearance_uses_only_given_pairs(seed, some):
-    """Of the same pair in another frame nothing is left."""
+def test_clearance_uses_only_given_pairs(seed, selected):
     ends, radii, others, other_radii = bodies(seed)
-    pairs = ALL_PAIRS[sorted(some)]
+    pairs = ALL_PAIRS[sorted(selected)]
     distance, which = clearance(ends, radii, others, other_radii, None, pairs)
     exact = capsule_distances(ends, radii, others, other_radii)
     expected = exact[:, pairs[:, 0], pairs[:, 1]]
     np.testing.assert_allclose(distance, expected.min(axis=1, initial=np.inf), atol=1e-6)
-    named = [tuple(pair) for pair in pairs.tolist()] or [(-1, -1)]
-    assert {tuple(pair) for pair in which.tolist()} <= set(named)
+    allowed = [tuple(pair) for pair in pairs.tolist()] or [(-1, -1)]
+    assert {tuple(pair) for pair in which.tolist()} <= set(allowed)
 
 
 @settings(max_examples=25, deadline=None)
@@ -94,22 +94,22 @@ def test_clearance_uses_only_given_pairs(seed, some):
 def test_clearance_is_symmetric_and_rigid_invariant(seed, shift):
     ends, radii, others, other_radii = bodies(seed)
     distance, which = clearance(ends, radii, others, other_radii)
-    back, backwards = clearance(others, other_radii, ends, radii)
-    np.testing.assert_allclose(back, distance, atol=1e-12)
+    swapped, swapped_pairs = clearance(others, other_radii, ends, radii)
+    np.testing.assert_allclose(swapped, distance, atol=1e-12)
     moved, _ = clearance(ends + shift, radii, others + shift, other_radii)
     np.testing.assert_allclose(moved, distance, atol=1e-9)
     ends_flipped, _ = clearance(ends[:, :, ::-1], radii, others, other_radii)
     np.testing.assert_allclose(ends_flipped, distance, atol=1e-9)
-    assert which.shape == backwards.shape == (4, 2)
+    assert which.shape == swapped_pairs.shape == (4, 2)
 
 
 def test_clearance_uses_given_frame_of_others():
     ends, radii, others, other_radii = bodies(3)
-    at = np.array([2, 0, 1, 1])
-    distance, _ = clearance(ends, radii, others, other_radii, at)
-    expected, _ = clearance(ends, radii, others[at], other_radii)
+    frames = np.array([2, 0, 1, 1])
+    distance, _ = clearance(ends, radii, others, other_radii, frames)
+    expected, _ = clearance(ends, radii, others[frames], other_radii)
     np.testing.assert_array_equal(distance, expected)
-    none, which = clearance(ends, radii, others, other_radii, at, np.zeros((0, 2), int))
+    none, which = clearance(ends, radii, others, other_radii, frames, np.zeros((0, 2), int))
     assert np.isinf(none).all()
     assert (which == -1).all()
 
@@ -122,11 +122,11 @@ def test_box_clearance_matches_dense_points(seed, turn, center):
     found = box_clearance(ends, radii, center, half, turn)
     for frame in range(4):
         for i in range(3):
-            points = dense(ends[frame, i]) - center
+            points = dense_points(ends[frame, i]) - center
             local = rotations.rotate(np.tile(rotations.inverse(turn), (len(points), 1)), points)
-            beyond = np.abs(local) - half
-            outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
-            signed = outside + np.minimum(beyond.max(axis=1), 0.0)
+            excess = np.abs(local) - half
+            outside = np.linalg.norm(np.maximum(excess, 0), axis=1)
+            signed = outside + np.minimum(excess.max(axis=1), 0.0)
             expected = signed.min() - radii[i]
             assert expected >= found[frame, i] - 1e-9
             assert expected == pytest.approx(found[frame, i], abs=0.02)
@@ -136,50 +136,50 @@ def test_box_clearance_matches_dense_points(seed, turn, center):
 @given(SEEDS, st.lists(st.integers(0, 4), max_size=4))
 def test_capsule_ends_follow_joint_and_rotated_bone(seed, joints):
     rng = np.random.default_rng(seed)
-    turned, placed = wander(rng, 6, 5), rng.normal(size=(6, 5, 3))
+    quats, positions = wander(rng, 6, 5), rng.normal(size=(6, 5, 3))
     bones, names = rng.normal(size=(len(joints), 3)), ("",) * len(joints)
-    flesh = Capsules(np.array(joints, np.int64), names, names, bones, np.ones(len(joints)))
-    ends = flesh.ends(turned[::2], placed[::2])
+    body = Capsules(np.array(joints, np.int64), names, names, bones, np.ones(len(joints)))
+    ends = body.ends(quats[::2], positions[::2])
     assert ends.shape == (3, len(joints), 2, 3)
-    for at, joint in enumerate(joints):
-        start = placed[::2, joint]
-        stop = start + Rotation.from_quat(turned[::2, joint]).apply(bones[at])
-        np.testing.assert_array_equal(ends[:, at, 0], start)
-        np.testing.assert_allclose(ends[:, at, 1], stop, atol=1e-14)
+    for row, joint in enumerate(joints):
+        start = positions[::2, joint]
+        stop = start + Rotation.from_quat(quats[::2, joint]).apply(bones[row])
+        np.testing.assert_array_equal(ends[:, row, 0], start)
+        np.testing.assert_allclose(ends[:, row, 1], stop, atol=1e-14)
 
 
 def test_capsules_cover_every_bone_of_the_dancer():
     motion = dance(strides=1).motion
-    flesh = capsules(motion.skeleton)
-    turned, placed = motion.world_transforms()
-    ends = flesh.ends(turned, placed)
+    body = capsules(motion.skeleton)
+    quats, positions = motion.world_transforms()
+    ends = body.ends(quats, positions)
     height = mass_model(motion.skeleton).height
-    assert len(flesh) == 18
-    np.testing.assert_array_equal(ends[:, :, 0], placed[:, flesh.joints])
-    names = [motion.skeleton.names[joint] for joint in flesh.joints]
+    assert len(body) == 18
+    np.testing.assert_array_equal(ends[:, :, 0], positions[:, body.joints])
+    names = [motion.skeleton.names[joint] for joint in body.joints]
     elbow, wrist = names.index("LeftForeArm"), motion.skeleton.index("LeftHand")
-    np.testing.assert_allclose(ends[:, elbow, 1], placed[:, wrist], atol=1e-9)
-    assert flesh.radii[elbow] == pytest.approx(RADII["forearm"] * height)
-    thin = capsules(motion.skeleton, {"forearm": 0.01, "head": 0})
-    assert len(thin) == 17
-    assert thin.radii[elbow] < flesh.radii[elbow]
+    np.testing.assert_allclose(ends[:, elbow, 1], positions[:, wrist], atol=1e-9)
+    assert body.radii[elbow] == pytest.approx(RADII["forearm"] * height)
+    thin_body = capsules(motion.skeleton, {"forearm": 0.01, "head": 0})
+    assert len(thin_body) == 17
+    assert thin_body.radii[elbow] < body.radii[elbow]
 
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
 def test_capsules_arbitrary_skeleton_is_valid(seed):
     skeleton = skeletons(np.random.default_rng(seed), 6)
-    flesh = capsules(skeleton)
-    assert (flesh.radii > 0).all()
-    assert len(set(flesh.joints.tolist())) == len(flesh)
+    body = capsules(skeleton)
+    assert (body.radii > 0).all()
+    assert len(set(body.joints.tolist())) == len(body)
 
 
 def test_capsules_hand_covers_fingers():
     names = ["Hips", "LeftUpLeg", "LeftArm", "LeftForeArm", "LeftHand", "LeftHandIndex1"]
     offsets = [[0, 0, 0], [9, -5, 0], [20, 50, 0], [30, 0, 0], [25, 0, 0], [9, 0, 0]]
-    flesh = capsules(Skeleton(names, [-1, 0, 0, 2, 3, 4], offsets))
-    assert "finger" not in flesh.parts
-    np.testing.assert_allclose(flesh.bones[flesh.parts.index("hand")], [9, 0, 0])
+    body = capsules(Skeleton(names, [-1, 0, 0, 2, 3, 4], offsets))
+    assert "finger" not in body.parts
+    np.testing.assert_allclose(body.bones[body.parts.index("hand")], [9, 0, 0])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Laws of finding faults: what is planted is found, and nothing else."""
+"""Properties of `find_faults`: it reports inserted faults, and none in clean motions."""
 
 import csv
 import io
@@ -20,8 +20,8 @@ DATA = Path(__file__).parents[3] / "shared" / "data"
 N_FRAMES = 60
 
 
-def dance(rate=60.0, unit=1.0, phase=0.0):
-    """A figure that sways, steps and swings its arms, as smooth as bodies move."""
+def swaying_figure(rate=60.0, unit=1.0, phase=0.0):
+    """A figure that sways, steps and swings its arms smoothly."""
     names = ("Hips", "Spine", "Head", "Arm", "Hand", "Leg", "Foot")
     parents = np.array([-1, 0, 1, 1, 3, 0, 5])
     up, down = [0.0, 45.0, 0.0], [0.0, -40.0, 0.0]
@@ -38,111 +38,117 @@ def dance(rate=60.0, unit=1.0, phase=0.0):
     values[:, 0] = unit * 40.0 * np.sin(times + phase)
     values[:, 1] = unit * (95.0 + 3.0 * np.sin(3.0 * times + phase))
     values[:, 2] = unit * 20.0 * np.cos(times)
-    return of_values(skeleton, values, 1.0 / rate)
+    return motion_of_values(skeleton, values, 1.0 / rate)
 
 
-def of_values(skeleton, values, frame_time):
-    turned = np.empty((len(values), skeleton.n_joints, 4))
+def motion_of_values(skeleton, values, frame_time):
+    quats = np.empty((len(values), skeleton.n_joints, 4))
     for joint, columns in enumerate(skeleton.channel_columns):
-        turned[:, joint] = rotations.from_euler(np.radians(values[:, columns[-3:]]), "ZXY")
-    placed = np.tile(skeleton.offsets, (len(values), 1, 1))
-    placed[:, 0] = values[:, :3]
-    return mg.Motion(skeleton, frame_time, rotations.continuous_signs(turned), placed, values)
+        quats[:, joint] = rotations.from_euler(np.radians(values[:, columns[-3:]]), "ZXY")
+    positions = np.tile(skeleton.offsets, (len(values), 1, 1))
+    positions[:, 0] = values[:, :3]
+    return mg.Motion(skeleton, frame_time, rotations.continuous_signs(quats), positions, values)
 
 
-def found(motion):
+def fault_list(motion):
     return [(fault.kind, fault.frames, fault.joint) for fault in mg.find_faults(motion)]
 
 
 rates = st.sampled_from([24.0, 30.0, 60.0, 120.0])
 units = st.sampled_from([1.0, 0.01, 0.0254])
 frames = st.integers(12, N_FRAMES - 14)
-dances = st.builds(dance, rates, units, st.floats(0.0, 6.0))
+figures = st.builds(swaying_figure, rates, units, st.floats(0.0, 6.0))
 
 
-@given(dances)
+@given(figures)
 def test_find_faults_smooth_motion_is_empty(motion):
-    assert found(motion) == []
+    assert fault_list(motion) == []
 
 
-@given(dances)
+@given(figures)
 def test_find_faults_leading_rest_pose_is_first_frame(motion):
     values = motion.channel_values.copy()
     values[0] = 0.0
-    assert found(of_values(motion.skeleton, values, motion.frame_time))[:1] == [
+    assert fault_list(motion_of_values(motion.skeleton, values, motion.frame_time))[:1] == [
         ("first_frame", (0, 0), None)
     ]
 
 
-@given(dances, st.floats(2.0, 3.5))
+@given(figures, st.floats(2.0, 3.5))
 def test_find_faults_fast_start_is_not_first_frame(motion, times):
-    placed = motion.positions.copy()
+    positions = motion.positions.copy()
     steps = np.linalg.norm(np.diff(motion.world_positions(), axis=0), axis=-1).mean(axis=-1)
-    placed[0, 0] -= np.sign(placed[1, 0] - placed[0, 0]) * times * np.median(steps) / np.sqrt(3.0)
-    assert found(replace(motion, positions=placed)) == []
-
-
-@given(dances, frames)
-def test_find_faults_small_noise_of_still_figure_is_empty(motion, frame):
-    still = np.zeros(N_FRAMES, dtype=int)
-    placed = motion.positions[still].copy()
-    height = np.ptp(motion.world_positions()[0], axis=0).max()
-    placed[frame:, 0, 0] += height * motion.frame_time
-    waiting = mg.Motion(motion.skeleton, motion.frame_time, motion.rotations[still], placed)
-    assert {kind for kind, *_ in found(waiting)} <= {"frozen"}
-
-
-@given(dances, frames, st.floats(0.3, 9.0))
-def test_find_faults_jump_is_teleport_at_its_frames(motion, frame, way):
-    placed = motion.positions.copy()
-    placed[frame:, 0, 0] += way * np.ptp(motion.world_positions()[0], axis=0).max()
-    leapt = replace(motion, positions=placed)
-    assert found(leapt) == [("teleport", (frame - 1, frame), None)]
-
-
-@given(dances, frames, st.floats(0.3, 9.0))
-def test_find_faults_single_displaced_frame_is_glitch(motion, frame, way):
-    placed = motion.positions.copy()
-    placed[frame, 0, 0] += way * np.ptp(motion.world_positions()[0], axis=0).max()
-    assert found(replace(motion, positions=placed)) == [("glitch", (frame, frame), None)]
-
-
-@given(dances, frames, st.sampled_from([3, 4, 6]), st.floats(50.0, 179.0))
-def test_find_faults_single_rotated_joint_is_glitch(motion, frame, joint, degrees):
-    turned = motion.rotations.copy()
-    turned[frame, joint] = rotations.multiply(
-        turned[frame, joint], rotations.from_axis_angle([1, 1, 0], np.radians(degrees))
+    positions[0, 0] -= (
+        np.sign(positions[1, 0] - positions[0, 0]) * times * np.median(steps) / np.sqrt(3.0)
     )
-    assert ("glitch", (frame, frame), joint) in found(replace(motion, rotations=turned))
+    assert fault_list(replace(motion, positions=positions)) == []
 
 
-@given(dances, frames, st.sampled_from([2, 4, 6]), st.floats(160.0, 178.0))
+@given(figures, frames)
+def test_find_faults_small_noise_of_still_figure_is_empty(motion, frame):
+    repeated_frames = np.zeros(N_FRAMES, dtype=int)
+    positions = motion.positions[repeated_frames].copy()
+    height = np.ptp(motion.world_positions()[0], axis=0).max()
+    positions[frame:, 0, 0] += height * motion.frame_time
+    standing = mg.Motion(
+        motion.skeleton, motion.frame_time, motion.rotations[repeated_frames], positions
+    )
+    assert {kind for kind, *_ in fault_list(standing)} <= {"frozen"}
+
+
+@given(figures, frames, st.floats(0.3, 9.0))
+def test_find_faults_jump_is_teleport_at_its_frames(motion, frame, distance):
+    positions = motion.positions.copy()
+    positions[frame:, 0, 0] += distance * np.ptp(motion.world_positions()[0], axis=0).max()
+    displaced = replace(motion, positions=positions)
+    assert fault_list(displaced) == [("teleport", (frame - 1, frame), None)]
+
+
+@given(figures, frames, st.floats(0.3, 9.0))
+def test_find_faults_single_displaced_frame_is_glitch(motion, frame, distance):
+    positions = motion.positions.copy()
+    positions[frame, 0, 0] += distance * np.ptp(motion.world_positions()[0], axis=0).max()
+    assert fault_list(replace(motion, positions=positions)) == [("glitch", (frame, frame), None)]
+
+
+@given(figures, frames, st.sampled_from([3, 4, 6]), st.floats(50.0, 179.0))
+def test_find_faults_single_rotated_joint_is_glitch(motion, frame, joint, degrees):
+    quats = motion.rotations.copy()
+    quats[frame, joint] = rotations.multiply(
+        quats[frame, joint], rotations.from_axis_angle([1, 1, 0], np.radians(degrees))
+    )
+    assert ("glitch", (frame, frame), joint) in fault_list(replace(motion, rotations=quats))
+
+
+@given(figures, frames, st.sampled_from([2, 4, 6]), st.floats(160.0, 178.0))
 def test_find_faults_large_rotation_step_is_flip(motion, frame, joint, degrees):
-    turned = motion.rotations.copy()
+    quats = motion.rotations.copy()
     flip = rotations.from_axis_angle([1, 0, 0], np.radians(degrees))
-    turned[frame:, joint] = rotations.multiply(turned[frame:, joint], flip)
-    assert ("flip", (frame - 1, frame), joint) in found(replace(motion, rotations=turned))
+    quats[frame:, joint] = rotations.multiply(quats[frame:, joint], flip)
+    assert ("flip", (frame - 1, frame), joint) in fault_list(replace(motion, rotations=quats))
 
 
-@given(dances, frames)
+@given(figures, frames)
 def test_find_faults_identical_frames_are_frozen(motion, frame):
-    still = max(int(np.ceil(0.26 / motion.frame_time)), 4)
-    kept = np.concatenate([np.arange(frame), np.full(still, frame), np.arange(frame, N_FRAMES)])
+    n_repeated = max(int(np.ceil(0.26 / motion.frame_time)), 4)
+    indices = np.concatenate(
+        [np.arange(frame), np.full(n_repeated, frame), np.arange(frame, N_FRAMES)]
+    )
     frozen = replace(
         motion,
-        rotations=motion.rotations[kept],
-        positions=motion.positions[kept],
-        channel_values=motion.channel_values[kept],
+        rotations=motion.rotations[indices],
+        positions=motion.positions[indices],
+        channel_values=motion.channel_values[indices],
     )
-    assert ("frozen", (frame, frame + still), None) in found(frozen)
+    assert ("frozen", (frame, frame + n_repeated), None) in fault_list(frozen)
 
 
-@given(dances, frames, st.sampled_from([0, 3, 6]), st.sampled_from([-360.0, 360.0]))
-def test_find_faults_angle_jump_is_wrap(motion, frame, joint, turn):
+@given(figures, frames, st.sampled_from([0, 3, 6]), st.sampled_from([-360.0, 360.0]))
+def test_find_faults_angle_jump_is_wrap(motion, frame, joint, jump):
     values = motion.channel_values.copy()
-    values[frame:, motion.skeleton.channel_columns[joint][-1]] += turn
-    wrapped = of_values(motion.skeleton, values, motion.frame_time)
-    assert found(wrapped) == [("wrap", (frame - 1, frame), joint)]
+    values[frame:, motion.skeleton.channel_columns[joint][-1]] += jump
+    wrapped = motion_of_values(motion.skeleton, values, motion.frame_time)
+    assert fault_list(wrapped) == [("wrap", (frame - 1, frame), joint)]
 
 
 @pytest.mark.parametrize(
@@ -154,21 +160,21 @@ def test_find_faults_angle_jump_is_wrap(motion, frame, joint, turn):
     ],
 )
 def test_find_faults_implausible_frame_time(frame_time, message):
-    motion = replace(dance(), frame_time=frame_time)
+    motion = replace(swaying_figure(), frame_time=frame_time)
     fault = mg.find_faults(motion)[0]
     assert (fault.kind, fault.frames, fault.message) == ("frame_time", (0, N_FRAMES - 1), message)
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3])
 def test_find_faults_few_frames_are_accepted(n_frames):
-    assert found(dance()[:n_frames]) == []
+    assert fault_list(swaying_figure()[:n_frames]) == []
 
 
 def test_find_faults_figure_without_height_is_accepted():
     skeleton = mg.Skeleton(("point",), np.array([-1]), np.zeros((1, 3)))
-    placed = np.arange(30.0).reshape(10, 1, 3) ** 5
-    still = np.tile(rotations.IDENTITY, (10, 1, 1))
-    assert found(mg.Motion(skeleton, 0.1, still, placed)) == []
+    positions = np.arange(30.0).reshape(10, 1, 3) ** 5
+    identity = np.tile(rotations.IDENTITY, (10, 1, 1))
+    assert fault_list(mg.Motion(skeleton, 0.1, identity, positions)) == []
 
 
 @given(clips())
@@ -180,13 +186,15 @@ def test_find_faults_arbitrary_motion_does_not_fail(clip):
 
 
 def test_find_faults_huge_positions_raise_no_warning():
-    motion = dance()
-    placed = motion.positions.copy()
-    placed[20, 0], placed[21, 0] = 1.7e308, -1.7e308
-    assert {fault.kind for fault in mg.find_faults(replace(motion, positions=placed))} <= {*KINDS}
+    motion = swaying_figure()
+    positions = motion.positions.copy()
+    positions[20, 0], positions[21, 0] = 1.7e308, -1.7e308
+    assert {fault.kind for fault in mg.find_faults(replace(motion, positions=positions))} <= {
+        *KINDS
+    }
 
 
-# Recordings. What the list of files says of first steps was found by other means.
+# Recordings. The column first_jump of the list of files was measured by another program.
 
 
 def recordings(*folders):
@@ -198,24 +206,24 @@ def recordings(*folders):
     return [row for row in rows if not folders or row["file"].startswith(folders)]
 
 
-def named(row):
+def row_id(row):
     return "none" if row is None else row["file"]
 
 
-@pytest.mark.parametrize("row", recordings(), ids=named)
+@pytest.mark.parametrize("row", recordings(), ids=row_id)
 def test_find_faults_recordings_report_known_rest_poses(row):
     if row is None:
         pytest.skip(f"no recordings in {DATA}")
     motion = mg.read_bvh(DATA / row["file"])
     kinds = [fault.kind for fault in mg.find_faults(motion)]
-    stands_out = row["first_jump"] not in ("", "-", "None") and float(row["first_jump"]) > 12.0
-    assert ("first_frame" in kinds) == stands_out
+    is_rest_pose = row["first_jump"] not in ("", "-", "None") and float(row["first_jump"]) > 12.0
+    assert ("first_frame" in kinds) == is_rest_pose
 
 
 CLEAN = ("bandai", "dance_mass", "dance_carousel", "skel_animated", "skel_games", "synthetic_q")
 
 
-@pytest.mark.parametrize("row", recordings(*CLEAN), ids=named)
+@pytest.mark.parametrize("row", recordings(*CLEAN), ids=row_id)
 def test_find_faults_clean_recordings_have_only_wraps(row):
     if row is None:
         pytest.skip(f"no recordings in {DATA}")
@@ -230,7 +238,7 @@ def test_find_faults_concatenated_clips_report_cuts(name):
         pytest.skip(f"no recordings in {DATA}")
     seams = json.loads((folder / "seams.json").read_text())[f"{name}.bvh"]["seams"]
     motion = mg.read_bvh(folder / f"{name}.bvh")
-    leaps = [fault.frames for fault in mg.find_faults(motion) if fault.kind == "teleport"]
+    teleports = [fault.frames for fault in mg.find_faults(motion) if fault.kind == "teleport"]
     for seam in seams[1:]:
         cut = seam["first_frame"]
-        assert any(start < cut <= stop for start, stop in leaps), cut
+        assert any(start < cut <= stop for start, stop in teleports), cut

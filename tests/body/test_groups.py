@@ -1,4 +1,4 @@
-"""Laws of groups of joints, and what the presets make of recordings."""
+"""Properties of joint groups and their TOML files, and the presets on recordings."""
 
 from pathlib import Path
 
@@ -25,11 +25,11 @@ def names_of(skeleton, joints):
     return [skeleton.names[joint] for joint in joints]
 
 
-def small():
+def small_skeleton():
     return skeleton_from_text("Hips {Spine > Head | LeftLeg > LeftFoot | RightLeg}")[0]
 
 
-# What the whole lower group is, by hand; everything else is upper.
+# The lower group of recordings, listed by hand; all other joints are upper.
 LOWER = {
     "bandai_ds1/dataset-1_dance-short_normal_001": "joint_Root Hips UpperLeg_L LowerLeg_L Foot_L"
     " Toes_L UpperLeg_R LowerLeg_R Foot_R Toes_R",
@@ -59,8 +59,8 @@ LOWER = {
     "synthetic_quadruped/quadruped_trot": "Pelvis Tail1 Tail2 Tail3 Femur_L Tibia_L Tarsus_L"
     " HindPaw_L Femur_R Tibia_R Tarsus_R HindPaw_R",
 }
-# The presets that a skeleton has not the parts for.
-LACKING = {
+# Presets that need parts which a skeleton does not have.
+MISSING_PARTS = {
     "skel_pybvh/full_precision_frame_time": {
         "lower_upper": "legs",
         "lower_torso_arms": "legs and arms",
@@ -98,12 +98,12 @@ def test_preset_of_human_has_expected_joints():
         "lower_torso_larm_rarm": [["Chest", "Neck", "Head"], left, right],
         "lower_torso_head_larm_rarm": [["Chest"], ["Neck", "Head"], left, right],
     }
-    for preset, wanted in expected.items():
+    for preset, expected_names in expected.items():
         groups = JointGroups.preset(preset, skeleton)
         found = groups.resolve(skeleton)
         assert "_".join(found) == preset
         assert groups.base == "lower"
-        assert [names_of(skeleton, joints) for joints in list(found.values())[1:]] == wanted
+        assert [names_of(skeleton, joints) for joints in list(found.values())[1:]] == expected_names
 
 
 @given(skeletons(), st.sampled_from(sorted(PRESETS)))
@@ -111,7 +111,7 @@ def test_presets_are_disjoint_and_complete(skeleton, preset):
     try:
         groups = JointGroups.preset(preset, skeleton)
     except ValueError as error:
-        assert "needs" in str(error)  # noqa: PT017 - either is lawful
+        assert "needs" in str(error)  # noqa: PT017 - a result and this error are both valid
         return
     found = groups.resolve(skeleton)
     together = np.concatenate(list(found.values()))
@@ -123,11 +123,11 @@ def test_presets_are_disjoint_and_complete(skeleton, preset):
 
 @given(skeletons(names=st.text(st.characters(), max_size=6)), st.data())
 def test_groups_toml_round_trips(skeleton, data):
-    kept = data.draw(st.lists(st.sampled_from(range(skeleton.n_joints)), min_size=1))
+    indices = data.draw(st.lists(st.sampled_from(range(skeleton.n_joints)), min_size=1))
     text = st.text(st.characters(exclude_categories=["Cs"]), max_size=6)
     groups = JointGroups(
         {
-            data.draw(text): kept,
+            data.draw(text): indices,
             "ü\\ü\x7f\n": [subtree(0), "a", subtree(data.draw(text)), data.draw(text)],
             data.draw(text) + "!": [name for name in skeleton.names if _encodes(name)] or [0],
         },
@@ -148,9 +148,9 @@ def test_groups_toml_file_round_trips(tmp_path):
     path = tmp_path / "groups.toml"
     path.write_text(groups.to_toml(), encoding="utf-8")
     for source in (path, str(path)):
-        again = JointGroups.from_toml(source)
-        assert again == groups
-        for name, joints in again.resolve(skeleton).items():
+        read_groups = JointGroups.from_toml(source)
+        assert read_groups == groups
+        for name, joints in read_groups.resolve(skeleton).items():
             assert joints.tolist() == groups.resolve(skeleton)[name].tolist()
 
 
@@ -187,12 +187,12 @@ def test_groups_accept_names_globs_indices_and_subtrees():
     groups = JointGroups(
         {"feet": ["*Foot", 5], "lower": ["Hips", "LeftLeg"], "upper": [subtree("Sp?ne")]}
     )
-    assert {name: joints.tolist() for name, joints in groups.resolve(small()).items()} == {
+    assert {name: joints.tolist() for name, joints in groups.resolve(small_skeleton()).items()} == {
         "feet": [4, 5],
         "lower": [0, 3],
         "upper": [1, 2],
     }
-    assert groups.resolve(small())["feet"].dtype == np.int64
+    assert groups.resolve(small_skeleton())["feet"].dtype == np.int64
     assert groups.names == ("feet", "lower", "upper")
     assert repr(groups) == (
         "JointGroups(feet: *Foot 5; lower: Hips LeftLeg; upper: subtree('Sp?ne'); base lower)"
@@ -237,7 +237,7 @@ def test_groups_exact_name_precedes_glob():
 )
 def test_resolve_invalid_entry_names_it(groups, message):
     with pytest.raises(ValueError, match=message):
-        JointGroups(groups).resolve(small())
+        JointGroups(groups).resolve(small_skeleton())
 
 
 def test_resolve_duplicate_names_show_index():
@@ -314,18 +314,18 @@ needs_recordings = pytest.mark.skipif(not distinct_recordings(), reason=f"no rec
 @pytest.mark.parametrize("path", distinct_recordings(), ids=clip_name)
 def test_preset_recordings_resolve_or_name_missing_parts(path, preset):
     skeleton = read_hierarchy(path)
-    lacking = LACKING.get(clip_name(path), {}).get(preset)
-    if lacking:
-        message = f"needs {lacking}, found none among the joints"
+    missing = MISSING_PARTS.get(clip_name(path), {}).get(preset)
+    if missing:
+        message = f"needs {missing}, found none among the joints"
         with pytest.raises(ValueError, match=message):
             JointGroups.preset(preset, skeleton)
         return
     found = JointGroups.preset(preset, skeleton).resolve(skeleton)
     assert sum(map(len, found.values())) == skeleton.n_joints
-    known = anatomy(skeleton)
+    body = anatomy(skeleton)
     for side, group in (("left", "larm"), ("right", "rarm")):
         if group in found:
-            assert {known.sides[joint] for joint in found[group]} == {side}
+            assert {body.sides[joint] for joint in found[group]} == {side}
             tops = {int(skeleton.parents[joint]) for joint in found[group]} - {*found[group]}
             assert len(tops) == 1  # an arm hangs on one joint
 

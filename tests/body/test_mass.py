@@ -1,4 +1,4 @@
-"""Laws of masses, inertias and statures."""
+"""Properties of the mass model: masses, moments of inertia, heights and the up axis."""
 
 import math
 
@@ -26,23 +26,23 @@ SEXES = st.sampled_from(["mean", "female", "male"])
 KINDS = ["own", "subtree", "unit"]
 
 
-def nameless(skeleton):
+def remove_names(skeleton):
     return with_names(skeleton, lambda joint, _: f"j{joint}")
 
 
-def scaled(skeleton, factor):
+def scale_skeleton(skeleton, factor):
     sites = [EndSite(s.parent, s.offset * factor) for s in skeleton.end_sites]
     return Skeleton(
         skeleton.names, skeleton.parents, skeleton.offsets * factor, end_sites=tuple(sites)
     )
 
 
-def at_rest(skeleton, axes=(0, 1, 2)):
+def rest_motion(skeleton, axes=(0, 1, 2)):
     """A motion of two frames in the rest pose, in a world whose axes are permuted."""
     offsets = skeleton.offsets[:, axes]
-    still = Skeleton(skeleton.names, skeleton.parents, offsets)
+    permuted = Skeleton(skeleton.names, skeleton.parents, offsets)
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (2, skeleton.n_joints, 1))
-    return Motion(still, 1 / 30, quats, np.tile(offsets, (2, 1, 1)))
+    return Motion(permuted, 1 / 30, quats, np.tile(offsets, (2, 1, 1)))
 
 
 @given(skeletons(), SEXES)
@@ -93,13 +93,13 @@ def test_mass_model_missing_part_adds_to_proximal_part():
 @given(skeletons(), st.floats(1e-3, 1e3))
 def test_mass_model_scale_changes_only_height(skeleton, factor):
     assume(skeleton.offsets[1:].any())
-    small, large = mass_model(skeleton), mass_model(scaled(skeleton, factor))
+    small, large = mass_model(skeleton), mass_model(scale_skeleton(skeleton, factor))
     assume(small.height_from != "nothing")
     assert math.isclose(large.height, factor * small.height, rel_tol=1e-9)
     np.testing.assert_allclose(large.mass, small.mass, rtol=1e-9)
     for kind in KINDS:
         np.testing.assert_allclose(
-            moments_of_inertia(large, scaled(skeleton, factor), kind),
+            moments_of_inertia(large, scale_skeleton(skeleton, factor), kind),
             moments_of_inertia(small, skeleton, kind),
             rtol=1e-7,
             atol=1e-12,
@@ -108,7 +108,7 @@ def test_mass_model_scale_changes_only_height(skeleton, factor):
 
 @given(st.data(), st.booleans())
 def test_mass_model_ignores_joint_order(data, with_names):
-    skeleton = human() if with_names else nameless(human())
+    skeleton = human() if with_names else remove_names(human())
     order = data.draw(orders(skeleton))
     shuffled = with_order(skeleton, order)
     before, after = mass_model(skeleton), mass_model(shuffled)
@@ -126,9 +126,9 @@ def test_mass_model_ignores_joint_order(data, with_names):
 @given(skeletons())
 def test_moments_of_inertia_zero_length_bones_are_zero(skeleton):
     found = mass_model(skeleton)
-    still = ~found.bone.any(axis=1)
-    assert not found.inertia[still].any()
-    assert not moments_of_inertia(found, skeleton, "unit")[still].any()
+    is_zero = ~found.bone.any(axis=1)
+    assert not found.inertia[is_zero].any()
+    assert not moments_of_inertia(found, skeleton, "unit")[is_zero].any()
     assert np.isfinite(found.inertia).all()
     assert (found.inertia >= 0).all()
 
@@ -185,9 +185,9 @@ def test_moments_of_inertia_subtree_matches_point_masses():
                 below.add(other)
         total = 0.0
         for other in below:
-            away = places[other] + found.bone[other] * found.center[other] - places[joint]
-            width = found.gyration[other] * np.linalg.norm(found.bone[other])
-            total += found.mass[other] * (away @ away + width**2)
+            offset = places[other] + found.bone[other] * found.center[other] - places[joint]
+            radius_of_gyration = found.gyration[other] * np.linalg.norm(found.bone[other])
+            total += found.mass[other] * (offset @ offset + radius_of_gyration**2)
         assert moments[joint] == pytest.approx(total / found.height**2, rel=1e-9)
 
 
@@ -278,19 +278,19 @@ def test_mass_model_invalid_options_raise_value_error():
     "skeleton",
     [
         human(),
-        nameless(human()),
+        remove_names(human()),
         Skeleton(["Hips", "Chest", "Head"], [-1, 0, 1], [[0, 0, 0], [1, 30, 0], [5, 20, 3]]),
     ],
     ids=["human", "nameless", "without feet"],
 )
 def test_up_axis_is_direction_from_feet_to_hips(skeleton, axes):
-    assert up_axis(at_rest(skeleton, axes)) == axes.index(1)
+    assert up_axis(rest_motion(skeleton, axes)) == axes.index(1)
 
 
 def test_up_axis_defaults_to_y():
     skeleton, _ = skeleton_from_text("a > b")
-    assert up_axis(at_rest(skeleton)) == 1
-    assert up_axis(at_rest(human().with_offsets(np.zeros((18, 3))))) == 1
+    assert up_axis(rest_motion(skeleton)) == 1
+    assert up_axis(rest_motion(human().with_offsets(np.zeros((18, 3))))) == 1
 
 
 def test_up_axis_in_a_split_uses_the_head():
@@ -298,7 +298,7 @@ def test_up_axis_in_a_split_uses_the_head():
     offsets = skeleton.offsets.copy()
     for name in ("LeftKnee", "LeftAnkle", "RightKnee", "RightAnkle"):
         offsets[skeleton.index(name)] = [0, 0, 40 if name.startswith("Left") else -40]
-    assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
+    assert up_axis(rest_motion(skeleton.with_offsets(offsets))) == 1
 
 
 def test_up_axis_of_animal_ignores_the_head():
@@ -307,14 +307,14 @@ def test_up_axis_of_animal_ignores_the_head():
     )
     leg = [(0, -10, 3), (0, -10, -3), (0, -8, 0)]
     offsets = [(0, 0, 0), *leg, *leg, (0, 2, 50), (0, 10, 30)]
-    assert up_axis(at_rest(skeleton.with_offsets(offsets))) == 1
+    assert up_axis(rest_motion(skeleton.with_offsets(offsets))) == 1
 
 
 def test_up_axis_is_translation_invariant():
-    motion = at_rest(human())
-    moved = np.array(motion.positions)
-    moved[:, 0] += [1e4, -1e3, 5e3]
-    assert up_axis(Motion(motion.skeleton, motion.frame_time, motion.rotations, moved)) == 1
+    motion = rest_motion(human())
+    shifted = np.array(motion.positions)
+    shifted[:, 0] += [1e4, -1e3, 5e3]
+    assert up_axis(Motion(motion.skeleton, motion.frame_time, motion.rotations, shifted)) == 1
 
 
 @pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
@@ -330,5 +330,5 @@ def test_mass_model_recordings_have_plausible_values(path):
         assert found.height_from in ("legs and head", "legs")
         assert [foot.side for foot in found.feet] == ["left", "right"]
         assert 0.002 < found.inertia.sum() < 0.02
-    again = mass_model(nameless(skeleton))
-    assert again.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14
+    without_names = mass_model(remove_names(skeleton))
+    assert without_names.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14

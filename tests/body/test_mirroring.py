@@ -1,4 +1,4 @@
-"""Laws of mirror images: twice mirrored is as before, and what the left did the right does."""
+"""Properties of mirror images of motions and of mirrored libraries."""
 
 import warnings
 from dataclasses import replace
@@ -17,28 +17,28 @@ from tests.hierarchies import distinct_recordings, human, with_names
 from tests.strategies import SEEDS, person, same_rotations
 
 
-def reflected(places, axis):
-    seen = places.copy()
-    seen[..., axis] *= -1
-    return seen
+def reflect(positions, axis):
+    reflected = positions.copy()
+    reflected[..., axis] *= -1
+    return reflected
 
 
 def with_axes(motion, turn):
-    """The motion of a skeleton whose joints have other axes, as tools that align bones give."""
+    """The motion of a skeleton with rotated joint axes, as tools that align bones write."""
     skeleton = motion.skeleton
-    above = turn[np.maximum(skeleton.parents, 0)]
-    above[0] = rotations.IDENTITY
-    back = rotations.inverse(above)
+    parent_turn = turn[np.maximum(skeleton.parents, 0)]
+    parent_turn[0] = rotations.IDENTITY
+    inverse = rotations.inverse(parent_turn)
     sites = tuple(
         replace(site, offset=rotations.rotate(rotations.inverse(turn[site.parent]), site.offset))
         for site in skeleton.end_sites
     )
-    offsets = rotations.rotate(back, skeleton.offsets)
+    offsets = rotations.rotate(inverse, skeleton.offsets)
     return replace(
         motion,
         skeleton=replace(skeleton.with_offsets(offsets), end_sites=sites),
-        rotations=rotations.multiply(rotations.multiply(back, motion.rotations), turn),
-        positions=rotations.rotate(back, motion.positions),
+        rotations=rotations.multiply(rotations.multiply(inverse, motion.rotations), turn),
+        positions=rotations.rotate(inverse, motion.positions),
         channel_values=None,
     )
 
@@ -46,41 +46,42 @@ def with_axes(motion, turn):
 @settings(deadline=None)
 @given(SEEDS)
 def test_mirror_reflects_world_positions(seed):
-    """Every joint is where the mirror shows its partner; and back again."""
+    """Each joint is at the reflected position of its partner; mirroring twice restores all."""
     motion = person(seed, 12)
-    gentle = rotations.exp(0.2 * rotations.log(motion.rotations))  # so that it is known what is up
-    motion = replace(motion, rotations=gentle)
+    # Large rotations would hide the up axis.
+    small_rotations = rotations.exp(0.2 * rotations.log(motion.rotations))
+    motion = replace(motion, rotations=small_rotations)
     image, pair = mirror(motion), partners(motion.skeleton)
     axis = _Reflection.of(motion).axis
-    seen = reflected(motion.world_positions(), axis)
-    np.testing.assert_allclose(image.world_positions()[:, pair], seen, atol=1e-9)
+    expected = reflect(motion.world_positions(), axis)
+    np.testing.assert_allclose(image.world_positions()[:, pair], expected, atol=1e-9)
     assert image.skeleton.names == motion.skeleton.names
-    again = mirror(image)
-    same_rotations(again.rotations, motion.rotations, 1e-12)
-    np.testing.assert_allclose(again.positions, motion.positions, atol=1e-12)
-    np.testing.assert_allclose(again.skeleton.offsets, motion.skeleton.offsets, atol=1e-12)
+    twice_mirrored = mirror(image)
+    same_rotations(twice_mirrored.rotations, motion.rotations, 1e-12)
+    np.testing.assert_allclose(twice_mirrored.positions, motion.positions, atol=1e-12)
+    np.testing.assert_allclose(twice_mirrored.skeleton.offsets, motion.skeleton.offsets, atol=1e-12)
 
 
 @settings(deadline=None, max_examples=30)
 @given(SEEDS)
-@example(485600)  # its image once seemed to face another mirror
+@example(485600)  # a case in which the two mirror planes were different
 def test_mirror_ignores_local_axes(seed):
-    """Quarter turns of every joint's axes: the image is that of the plain figure."""
+    """Quarter turns of the joint axes do not change the image."""
     rng = np.random.default_rng(seed)
     motion = dance(seed=4, strides=1).motion[100:300]
     quarters = rotations.from_euler(rng.integers(0, 4, (motion.n_joints, 3)) * np.pi / 2, "ZYX")
     for joint, children in enumerate(motion.skeleton.children):
-        if not children:  # what nothing hangs on has the axes of what it hangs on
+        if not children:  # a leaf has the axes of its parent
             quarters[joint] = quarters[motion.skeleton.parents[joint]]
     other = with_axes(motion, quarters)
-    image, plain = mirror(other), with_axes(mirror(motion), quarters)
-    same_rotations(image.rotations[:, 1:], plain.rotations[:, 1:], 1e-9)
-    np.testing.assert_allclose(image.positions[:, 1:], plain.positions[:, 1:], atol=1e-9)
-    # The mirror may stand elsewhere: the image then faces somewhere else.
-    turned = [one.world_transforms()[0][:, 0] for one in (image, plain)]
-    apart = rotations.multiply(turned[0], rotations.inverse(turned[1]))
-    same_rotations(apart, np.tile(apart[:1], (len(apart), 1)), 1e-9)
-    same_rotations(apart[0], rotations.twist(apart[0], 1), 1e-9)
+    image, expected_image = mirror(other), with_axes(mirror(motion), quarters)
+    same_rotations(image.rotations[:, 1:], expected_image.rotations[:, 1:], 1e-9)
+    np.testing.assert_allclose(image.positions[:, 1:], expected_image.positions[:, 1:], atol=1e-9)
+    # The mirror plane may be another, so that the image has another heading.
+    root_rotations = [one.world_transforms()[0][:, 0] for one in (image, expected_image)]
+    yaw_offset = rotations.multiply(root_rotations[0], rotations.inverse(root_rotations[1]))
+    same_rotations(yaw_offset, np.tile(yaw_offset[:1], (len(yaw_offset), 1)), 1e-9)
+    same_rotations(yaw_offset[0], rotations.twist(yaw_offset[0], 1), 1e-9)
     same_rotations(mirror(image).rotations, other.rotations, 1e-9)
 
 
@@ -102,8 +103,8 @@ def test_partners_are_on_opposite_sides():
             assert pair[skeleton.parents[joint]] == skeleton.parents[other]
 
 
-# A face and bones without partners, and rest poses that are no mirror images.
-ODD = ("face-poseunits", "rotation_first_root", "backflip")
+# Recordings of a face, with joints that have no partner, or with an asymmetric rest pose.
+ASYMMETRIC = ("face-poseunits", "rotation_first_root", "backflip")
 
 
 @pytest.mark.parametrize("path", distinct_recordings(), ids=lambda path: path.stem[:30])
@@ -111,16 +112,16 @@ def test_mirror_recordings_succeed_or_name_the_joint(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         motion = read_bvh(path, strict=False)[:20]
-    if path.stem in ODD:
+    if path.stem in ASYMMETRIC:
         with pytest.raises(ValueError, match=r"^every joint must have a partner|^bones must be sy"):
             mirror(motion)
         return
     image = mirror(motion)
     pair, height = partners(motion.skeleton), mass_model(motion.skeleton).height
-    places = image.world_positions()[:, pair]
-    lengths = np.linalg.norm(places[:, 1:] - places[:, :1], axis=-1)
-    own = motion.world_positions()
-    expected = np.linalg.norm(own[:, 1:] - own[:, :1], axis=-1)
+    positions = image.world_positions()[:, pair]
+    lengths = np.linalg.norm(positions[:, 1:] - positions[:, :1], axis=-1)
+    world = motion.world_positions()
+    expected = np.linalg.norm(world[:, 1:] - world[:, :1], axis=-1)
     np.testing.assert_allclose(lengths, expected, atol=1e-6 * height)
     # The step from frame to frame is no larger: no joint flips over.
     steps = [
@@ -137,40 +138,40 @@ def motion():
 
 def test_mirrored_library_doubles_segments(motion):
     library = Library.build([motion[:300], motion[300:500]])
-    twice = library.mirrored()
+    doubled = library.mirrored()
     n = len(library.segments)
-    assert len(twice.segments) == 2 * n
-    np.testing.assert_array_equal(twice.segments.start[n:], library.segments.start)
-    assert twice.entries[2].name == f"{library.entries[0].name}_mirrored"
-    same_rotations(twice.clips[3].rotations, mirror(library.clips[1]).rotations)
-    # The image of the image is alike: a segment and it are at the same distances.
+    assert len(doubled.segments) == 2 * n
+    np.testing.assert_array_equal(doubled.segments.start[n:], library.segments.start)
+    assert doubled.entries[2].name == f"{library.entries[0].name}_mirrored"
+    same_rotations(doubled.clips[3].rotations, mirror(library.clips[1]).rotations)
+    # The mirrored library of the images has the same distances between segments.
     image = Library.build([mirror(clip) for clip in library.clips]).mirrored()
     for group in ("lower", "upper"):
-        own, other = (one.embedding[group].points for one in (twice, image))
+        points, other = (one.embedding[group].points for one in (doubled, image))
         other = np.concatenate([other[n:], other[:n]])
-        gaps = [np.linalg.norm(p[:, None] - p[None], axis=-1) for p in (own, other)]
+        gaps = [np.linalg.norm(p[:, None] - p[None], axis=-1) for p in (points, other)]
         np.testing.assert_allclose(*gaps, atol=1e-3)
 
 
 def test_mirrored_library_donors_are_used(motion):
     library = Library.build(motion[:500], mirrored=True)
-    new = graft(library, seed=1)
-    clips = {s.clip for s in new.substitutions}
+    grafted = graft(library, seed=1)
+    clips = {s.clip for s in grafted.substitutions}
     assert any(clip.endswith("_mirrored") for clip in clips)
-    assert new.base is library.clips[0]
-    np.testing.assert_array_equal(new.motion.rotations[:, :7], motion[:500].rotations[:, :7])
-    # A motion and its image, and nothing else: the image lends to itself what it lends to it.
-    back = graft(library, library.entries[1].name, seed=1)
-    assert {s.clip for s in back.substitutions} <= {entry.name for entry in library.entries}
+    assert grafted.base is library.clips[0]
+    np.testing.assert_array_equal(grafted.motion.rotations[:, :7], motion[:500].rotations[:, :7])
+    # A graft on the image takes its donors from the motion and from the image.
+    image_graft = graft(library, library.entries[1].name, seed=1)
+    assert {s.clip for s in image_graft.substitutions} <= {entry.name for entry in library.entries}
 
 
 def test_mirrored_library_saves_and_opens(motion, tmp_path):
     library = Library.build(motion[:200], mirrored=True)
     library.save(tmp_path / "twice.mograft")
-    again = Library.open(tmp_path / "twice.mograft")
-    np.testing.assert_array_equal(again.labels["lower"], library.labels["lower"])
-    np.testing.assert_allclose(again.clips[1].rotations, library.clips[1].rotations, atol=1e-12)
-    assert len(again.mirrored().segments) == 2 * len(library.segments)
+    opened = Library.open(tmp_path / "twice.mograft")
+    np.testing.assert_array_equal(opened.labels["lower"], library.labels["lower"])
+    np.testing.assert_allclose(opened.clips[1].rotations, library.clips[1].rotations, atol=1e-12)
+    assert len(opened.mirrored().segments) == 2 * len(library.segments)
 
 
 def test_mirror_asymmetric_skeleton_raises_value_error():

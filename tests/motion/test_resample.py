@@ -1,4 +1,4 @@
-"""Laws of resampling."""
+"""Properties of resampling and of the curves through frames."""
 
 import numpy as np
 import pytest
@@ -17,75 +17,77 @@ from tests.strategies import (
     wander,
 )
 
-BOTH = pytest.mark.parametrize("way", [resample.slerp, resample.cubic])
+BOTH = pytest.mark.parametrize("curve", [resample.slerp, resample.cubic])
 
 
 def half_turns(quats):
-    """Tell whether a joint turns half way round from one frame to the next."""
+    """Return whether a joint turns by 180 degrees between two frames."""
     return (np.abs(np.sum(quats[1:] * quats[:-1], axis=-1)) < 1e-6).any()
 
 
 @BOTH
 @given(track=rotation_tracks())
-def test_curve_at_frame_times_returns_frames(way, track):
+def test_curve_at_frame_times_returns_frames(curve, track):
     times, quats = track
-    same_rotations(way(times, quats, times), quats)
-    np.testing.assert_array_equal(way(times, quats, times[:1]), quats[:1])
+    same_rotations(curve(times, quats, times), quats)
+    np.testing.assert_array_equal(curve(times, quats, times[:1]), quats[:1])
 
 
 @BOTH
 @given(track=rotation_tracks(), time=st.floats(-1, 9))
-def test_curve_quaternions_have_unit_norm(way, track, time):
-    norms = np.linalg.norm(way(*track, [time]), axis=-1)
+def test_curve_quaternions_have_unit_norm(curve, track, time):
+    norms = np.linalg.norm(curve(*track, [time]), axis=-1)
     np.testing.assert_allclose(norms, 1.0, atol=1e-14)
 
 
 @BOTH
 @given(track=rotation_tracks(), turn=quaternions(()), time=st.floats(0, 8))
-def test_rotated_frames_give_rotated_curve(way, track, turn, time):
+def test_rotated_frames_give_rotated_curve(curve, track, turn, time):
     times, quats = track
-    assume(not half_turns(quats))  # a half turn has no shorter arc: either may be taken
+    assume(not half_turns(quats))  # a half turn has two arcs of equal length
     same_rotations(
-        way(times, rotations.multiply(turn, quats), [time]),
-        rotations.multiply(turn, way(times, quats, [time])),
+        curve(times, rotations.multiply(turn, quats), [time]),
+        rotations.multiply(turn, curve(times, quats, [time])),
         1e-10,
     )
 
 
 @BOTH
 @given(velocity=vectors((2,), size=1.5), time=st.floats(0, 1))
-def test_constant_velocity_motion_is_reproduced(way, velocity, time):
+def test_constant_velocity_motion_is_reproduced(curve, velocity, time):
     times = np.array([0.0, 0.1, 0.4, 0.5, 0.9, 1.0])
     quats = rotations.exp(velocity * times[:, None, None])
-    same_rotations(way(times, quats, [time])[0], rotations.exp(velocity * time), 1e-12)
+    same_rotations(curve(times, quats, [time])[0], rotations.exp(velocity * time), 1e-12)
 
 
 @given(quaternions(()), quaternions(()), st.floats(0, 1))
 def test_slerp_reversed_arguments_give_same_rotation(a, b, t):
     assume(abs(a @ b) > 1e-6)
-    there = resample.slerp([0.0, 1.0], [[a], [b]], [t])
-    back = resample.slerp([0.0, 1.0], [[b], [a]], [1.0 - t])
-    same_rotations(there, back, 1e-12)
+    forward = resample.slerp([0.0, 1.0], [[a], [b]], [t])
+    backward = resample.slerp([0.0, 1.0], [[b], [a]], [1.0 - t])
+    same_rotations(forward, backward, 1e-12)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=8), st.floats(0, 1))
 def test_cubic_about_one_axis_matches_scalar_hermite(angles, share):
     times = np.linspace(0.0, 1.0, len(angles))
     quats = rotations.from_axis_angle([0, 1, 0], angles)[:, None]
-    places = np.zeros((len(angles), 1, 3))
-    places[:, 0, 1] = angles
-    turned = rotations.log(resample.cubic(times, quats, [share]))
-    np.testing.assert_allclose(turned, resample.cubic_positions(times, places, [share]), atol=1e-12)
+    positions = np.zeros((len(angles), 1, 3))
+    positions[:, 0, 1] = angles
+    angles_of_curve = rotations.log(resample.cubic(times, quats, [share]))
+    np.testing.assert_allclose(
+        angles_of_curve, resample.cubic_positions(times, positions, [share]), atol=1e-12
+    )
 
 
 @given(SEEDS, st.integers(3, 9), st.integers(2, 40))
 def test_resample_segments_matches_cubic_of_segment_frames(seed, n_frames, count):
     quats = wander(np.random.default_rng(seed), n_frames + 4, 2)
-    own = quats[2 : 2 + n_frames]
-    whole = resample.resample_segments(quats, [2], [1 + n_frames], [count])
-    at = np.linspace(0, n_frames - 1, count)
-    same_rotations(whole, resample.cubic(np.arange(n_frames), own, at), 1e-12)
-    same_rotations(whole, oracle.resample(own, count), 1e-12)
+    segment = quats[2 : 2 + n_frames]
+    resampled = resample.resample_segments(quats, [2], [1 + n_frames], [count])
+    times = np.linspace(0, n_frames - 1, count)
+    same_rotations(resampled, resample.cubic(np.arange(n_frames), segment, times), 1e-12)
+    same_rotations(resampled, oracle.resample(segment, count), 1e-12)
 
 
 @given(motions(min_frames=6), st.integers(1, 5))
@@ -95,27 +97,31 @@ def test_resample_segments_same_or_multiple_count_keeps_frames(motion, times):
     np.testing.assert_array_equal(same, motion.rotations)
     finer = resample.resample_segments(motion.rotations, [0], [last], [times * last + 1])
     np.testing.assert_array_equal(finer[::times], motion.rotations)
-    back = resample.resample_segments(finer, [0], [times * last], [last + 1])
-    np.testing.assert_array_equal(back, motion.rotations)
-    places = resample.resample_segment_positions(motion.positions, [0], [last], [times * last + 1])
-    np.testing.assert_array_equal(places[::times], motion.positions)
+    backward = resample.resample_segments(finer, [0], [times * last], [last + 1])
+    np.testing.assert_array_equal(backward, motion.rotations)
+    positions = resample.resample_segment_positions(
+        motion.positions, [0], [last], [times * last + 1]
+    )
+    np.testing.assert_array_equal(positions[::times], motion.positions)
 
 
 @given(SEEDS)
 def test_resample_segments_many_equal_one_by_one(seed):
     rng = np.random.default_rng(seed)
-    quats, places = wander(rng, 40, 3), rng.normal(size=(40, 3, 3))
+    quats, positions = wander(rng, 40, 3), rng.normal(size=(40, 3, 3))
     starts = rng.integers(0, 30, 7)
     stops = starts + rng.integers(1, 10, 7)
     counts = rng.integers(0, 15, 7)
-    for track, way in (
+    for track, curve in (
         (quats, resample.resample_segments),
-        (places, resample.resample_segment_positions),
+        (positions, resample.resample_segment_positions),
     ):
         one_by_one = [
-            way(track, [a], [b], [c]) for a, b, c in zip(starts, stops, counts, strict=True)
+            curve(track, [a], [b], [c]) for a, b, c in zip(starts, stops, counts, strict=True)
         ]
-        np.testing.assert_array_equal(way(track, starts, stops, counts), np.concatenate(one_by_one))
+        np.testing.assert_array_equal(
+            curve(track, starts, stops, counts), np.concatenate(one_by_one)
+        )
 
 
 @given(motions(min_frames=4), st.floats(5, 200))
@@ -137,10 +143,10 @@ def test_motion_resample_keeps_duration_and_end_frames(motion, rate):
     ],
 )
 @BOTH
-def test_resample_invalid_frames_raise_value_error(way, times, message):
-    still = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1, 1))
+def test_resample_invalid_frames_raise_value_error(curve, times, message):
+    identity = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1, 1))
     with pytest.raises(ValueError, match=message):
-        way(times, still, [0.0])
+        curve(times, identity, [0.0])
 
 
 @pytest.mark.parametrize(
@@ -153,9 +159,9 @@ def test_resample_invalid_frames_raise_value_error(way, times, message):
     ],
 )
 def test_resample_segments_outside_clip_raise_value_error(bounds, message):
-    still = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1))
+    identity = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1))
     with pytest.raises(ValueError, match=message):
-        resample.resample_segments(still, *bounds)
+        resample.resample_segments(identity, *bounds)
 
 
 @given(quaternions(()), quaternions(()), st.integers(2, 20))

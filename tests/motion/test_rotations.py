@@ -1,4 +1,4 @@
-"""Laws of rotations."""
+"""Properties of quaternions, rotation vectors and Euler angles."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_multiply_and_rotate_match_scipy(a, b, v):
     ),
 )
 def test_multiply_and_rotate_broadcast(seed, shapes):
-    """Views that go backwards or skip rows too."""
+    """The arguments include views with negative strides and broadcast axes."""
     rng = np.random.default_rng(seed)
     a, b, v = (
         rng.normal(size=(*s, n)) for s, n in zip((*shapes, shapes[1]), (4, 4, 3), strict=True)
@@ -51,8 +51,8 @@ def test_multiply_and_rotate_broadcast(seed, shapes):
     a, b = a / np.linalg.norm(a, axis=-1, keepdims=True), b[..., ::-1]
     np.testing.assert_allclose(rotations.multiply(a, b), oracle.multiply(a, b), atol=1e-14)
     pure = np.concatenate([v, np.zeros((*v.shape[:-1], 1))], axis=-1)
-    turned = oracle.multiply(oracle.multiply(a, pure), oracle.inverse(a))[..., :3]
-    np.testing.assert_allclose(rotations.rotate(a, v), turned, atol=1e-14)
+    expected = oracle.multiply(oracle.multiply(a, pure), oracle.inverse(a))[..., :3]
+    np.testing.assert_allclose(rotations.rotate(a, v), expected, atol=1e-14)
     np.testing.assert_array_equal(rotations.inverse(a), oracle.inverse(a))
 
 
@@ -72,16 +72,16 @@ def test_to_euler_matches_scipy_and_round_trips(angles, order):
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3), st.sampled_from((-0.5, 0.5)), st.sampled_from(ORDERS))
-def test_to_euler_gimbal_lock_keeps_rotation_and_first_angle(first, last, side, order):
-    q = rotations.from_euler([[first, side * np.pi, last]], order)
-    angles = rotations.to_euler(q, order, [first + 0.1, side * np.pi, 0.0])
+def test_to_euler_gimbal_lock_keeps_rotation_and_first_angle(first, last, middle, order):
+    q = rotations.from_euler([[first, middle * np.pi, last]], order)
+    angles = rotations.to_euler(q, order, [first + 0.1, middle * np.pi, 0.0])
     same_rotations(rotations.from_euler(angles, order), q, 1e-9)
     np.testing.assert_allclose(angles[0, 0], first + 0.1, atol=1e-9)
 
 
 @given(SEEDS, st.sampled_from(ORDERS))
 def test_to_euler_continuous_rotation_gives_continuous_angles(seed, order):
-    """Away from gimbal lock, where the outer angles may turn fast, no curve jumps."""
+    """Angles do not jump, except near gimbal lock, where the outer angles may change fast."""
     q = wander(np.random.default_rng(seed), 60, 1, speed=0.05)[:, 0]
     angles = rotations.to_euler(q, order)
     free = np.abs(np.cos(angles[:, 1])) > 0.3
@@ -91,9 +91,9 @@ def test_to_euler_continuous_rotation_gives_continuous_angles(seed, order):
 
 @given(vectors((2,), size=1.0), st.sampled_from(("Z", "XY", "YZ", "")))
 def test_to_euler_fewer_axes_round_trips(angles, order):
-    wanted = angles[:, : len(order)]
-    q = rotations.from_euler(wanted, order)
-    np.testing.assert_allclose(rotations.to_euler(q, order), wanted, atol=1e-9)
+    expected = angles[:, : len(order)]
+    q = rotations.from_euler(expected, order)
+    np.testing.assert_allclose(rotations.to_euler(q, order), expected, atol=1e-9)
 
 
 @given(SEEDS)

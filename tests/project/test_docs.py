@@ -1,4 +1,4 @@
-"""Every example of the documentation runs, in the order of its page, and says what it says."""
+"""The examples of the documentation run and print the documented output; pages and links work."""
 
 import contextlib
 import doctest
@@ -27,29 +27,32 @@ pytest.importorskip("matplotlib", reason="the examples draw with matplotlib").us
 
 
 def run_console(text):
-    """Run the commands of a block; compare what they print with what the block says."""
-    said = re.split(r"^\$ ", text, flags=re.MULTILINE)
-    assert not said[0].strip(), "a block must begin with a command"
-    for part in said[1:]:
-        command, _, want = part.partition("\n")
+    """Run the commands of a block; compare their output with that in the block."""
+    commands = re.split(r"^\$ ", text, flags=re.MULTILINE)
+    assert not commands[0].strip(), "a block must begin with a command"
+    for part in commands[1:]:
+        command, _, expected_output = part.partition("\n")
         words = shlex.split(command)
-        assert words[0] == "mograft", f"only mograft is run here, got {words[0]}"
+        assert words[0] == "mograft", f"a console block must run mograft, got {words[0]}"
         out = io.StringIO()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
             assert main(words[1:]) == 0, command
         checker = doctest.OutputChecker()
-        assert checker.check_output(want, out.getvalue(), FLAGS), (command, out.getvalue())
+        assert checker.check_output(expected_output, out.getvalue(), FLAGS), (
+            command,
+            out.getvalue(),
+        )
 
 
 def run_python(text, names, page):
     """Run the examples of a block as doctests that share their names with the page."""
     test = doctest.DocTestParser().get_doctest(text, names, page, page, 0)
-    assert test.examples, "a block of pycon must hold an example"
-    told = io.StringIO()
+    assert test.examples, "a pycon block must contain an example"
+    output = io.StringIO()
     runner = doctest.DocTestRunner(optionflags=FLAGS)
-    failed = runner.run(test, out=told.write, clear_globs=False).failed
+    failed = runner.run(test, out=output.write, clear_globs=False).failed
     names.update(test.globs)
-    assert not failed, told.getvalue()
+    assert not failed, output.getvalue()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
@@ -63,7 +66,7 @@ def test_documentation_examples_run(page, tmp_path, monkeypatch):
         elif language == "pycon":
             run_python(text, names, page.name)
         else:
-            # What cannot run here is marked as sh; the others would look as if they were run.
+            # Blocks that the tests cannot run are marked `sh`.
             assert language not in ("python", "py", "bash", "shell"), (page.name, language)
             assert ">>>" not in text
     with contextlib.suppress(ImportError):
@@ -86,12 +89,12 @@ def test_paper_table_names_existing_code():
     rows = [line for line in text.splitlines() if line.startswith("| ")][1:]
     assert len(rows) > 8
     for name in re.findall(r"`(mograft\.[\w.]+)`", text):
-        found = importlib.import_module("mograft")
+        value = importlib.import_module("mograft")
         for part in name.split(".")[1:]:
-            if not hasattr(found, part):
-                found = importlib.import_module(f"{found.__name__}.{part}")
+            if not hasattr(value, part):
+                value = importlib.import_module(f"{value.__name__}.{part}")
             else:
-                found = getattr(found, part)
+                value = getattr(value, part)
     for row in rows:
         for path in re.findall(r"`(tests/\w+\.py)`", row):
             assert (ROOT / path).exists(), path
@@ -100,20 +103,20 @@ def test_paper_table_names_existing_code():
 def test_documentation_builds_without_warnings(tmp_path):
     for module in ("sphinx", "furo", "myst_parser"):
         pytest.importorskip(module, reason=f"{module} is not installed")
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(tmp_path)],
         capture_output=True,
         text=True,
         cwd=ROOT,
         check=False,
     )
-    assert told.returncode == 0, told.stderr[-3000:]
+    assert process.returncode == 0, process.stderr[-3000:]
     assert (tmp_path / "graft.html").exists()
     for page in set(PAGES) - {ROOT / "README.md"}:
-        # Sphinx has pages of its own, as search, which would take the place of ours.
+        # A page such as search.md would be replaced by a page that Sphinx generates.
         heading = page.read_text(encoding="utf-8").partition("\n")[0]
-        made = tmp_path / page.relative_to(ROOT / "docs").with_suffix(".html")
-        (title,) = re.findall("<h1>(.*?)<a", made.read_text(encoding="utf-8"))
+        built_page = tmp_path / page.relative_to(ROOT / "docs").with_suffix(".html")
+        (title,) = re.findall("<h1>(.*?)<a", built_page.read_text(encoding="utf-8"))
         assert re.sub(r"\W", "", title) == re.sub(r"\W", "", heading), page.name
     commands = (tmp_path / "_made" / "cli.html").read_text(encoding="utf-8")
     for words in ("graft", "lib verify", "config show"):

@@ -1,4 +1,4 @@
-"""The package as it is imported: quick, and with all the names that it promises."""
+"""Imports of the package: no heavy modules for help, and all public names."""
 
 import subprocess
 import sys
@@ -8,9 +8,11 @@ import pytest
 import mograft
 
 
-def run(code):
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return told.stdout.split()
+def run_python(code):
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    return process.stdout.split()
 
 
 @pytest.mark.parametrize("words", ["['--help']", "['--version']", "['graft', '--help']"])
@@ -26,7 +28,7 @@ heavy = {{"numpy", "matplotlib", "webbrowser", "sqlite3", "multiprocessing", "im
 heavy &= set(sys.modules)
 print("heavy", *heavy)
 """
-    assert run(code)[-3:] == ["code", "0", "heavy"]
+    assert run_python(code)[-3:] == ["code", "0", "heavy"]
 
 
 def test_public_names_resolve_and_are_listed_by_dir():
@@ -38,12 +40,12 @@ print(*(name for name in names if getattr(mograft, name) is None))
 import mograft.viewing.page, mograft.analysis.segmentation
 print(mograft.view.__name__, mograft.segment.__name__)
 """
-    assert run(code) == ["view", "segment"]
+    assert run_python(code) == ["view", "segment"]
     assert sorted(set(mograft.__all__)) == sorted(mograft.__all__)
 
 
 def test_type_checking_imports_match_lazy_table():
-    # The imports under TYPE_CHECKING and the table of homes are the same list twice.
+    # The imports under TYPE_CHECKING repeat the lazy table for type checkers.
     import ast
     import inspect
 
@@ -53,11 +55,11 @@ def test_type_checking_imports_match_lazy_table():
         for node in tree.body
         if isinstance(node, ast.If) and not node.orelse and isinstance(node.test, ast.Name)
     )
-    seen = {alias.name: node.module for node in block.body for alias in node.names}
-    fetched = {name: f"mograft.{home}" for name, home in mograft._HOME_OF.items()}
-    fetched |= {name: path.rpartition(".")[0] for name, path in mograft._MODULES.items()}
-    assert seen == fetched
-    assert set(mograft.__all__) <= set(seen) | {"__version__"}
+    imported = {alias.name: node.module for node in block.body for alias in node.names}
+    declared = {name: f"mograft.{home}" for name, home in mograft._HOME_OF.items()}
+    declared |= {name: path.rpartition(".")[0] for name, path in mograft._MODULES.items()}
+    assert imported == declared
+    assert set(mograft.__all__) <= set(imported) | {"__version__"}
 
 
 def test_unknown_attribute_raises_attribute_error():
@@ -77,7 +79,7 @@ def test_closed_output_pipe_ends_without_message(tmp_path):
         text=True,
     )
     process.stdout.close()
-    told = process.stderr.read()
+    message = process.stderr.read()
     process.stderr.close()
     assert process.wait() == 1
-    assert told == ""
+    assert message == ""

@@ -1,4 +1,4 @@
-"""Laws of constraints: what they measure, what a graft does about them, and what it tells."""
+"""Properties of constraints: their errors, the grafts that satisfy them, and violations."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -39,17 +39,17 @@ def poses(motion):
     return mg.Poses.from_motion(motion[:200])
 
 
-def problem_of(library, constraints, groups=("upper",)):
+def build_problem(library, constraints, groups=("upper",)):
     scenario = library.segments.of_clip(0)
     cut = library.segments[scenario]
     return SearchProblem.build(library, library.clips[0], scenario, cut, list(groups), constraints)
 
 
-def donors_of(graft, group="upper"):
+def upper_donors(graft, group="upper"):
     return np.array([s.donor for s in graft.substitutions if s.group == group])
 
 
-# What they measure
+# Errors
 
 
 def dense_depth(poses, center, radius):
@@ -57,8 +57,8 @@ def dense_depth(poses, center, radius):
     share = np.linspace(0, 1, 60)[:, None]
     starts, stops = poses.ends[:, :, 0], poses.ends[:, :, 1]
     points = starts[:, :, None] * (1 - share) + stops[:, :, None] * share
-    apart = np.linalg.norm(points - center, axis=-1).min(axis=2)
-    return (poses.capsules.radii + radius - apart).max(axis=1)
+    distance = np.linalg.norm(points - center, axis=-1).min(axis=2)
+    return (poses.capsules.radii + radius - distance).max(axis=1)
 
 
 @settings(max_examples=25, deadline=None)
@@ -80,47 +80,49 @@ def test_half_space_and_large_box_agree(poses):
     hip = poses.positions[0, 0]
     wall = mg.HalfSpace(tuple(hip), (0, 0, -2.0))
     block = mg.Box(tuple(hip + np.array([0, 0, 5000.0])), (9000, 9000, 5000))
-    ours, _ = mg.Avoid(wall).errors(poses)
-    theirs, _ = mg.Avoid(block).errors(poses)
-    np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-4)
-    turned = mg.Box(
+    wall_error, _ = mg.Avoid(wall).errors(poses)
+    block_error, _ = mg.Avoid(block).errors(poses)
+    np.testing.assert_allclose(wall_error, block_error, rtol=1e-6, atol=1e-4)
+    turned_box = mg.Box(
         tuple(hip + np.array([0, 0, 5000.0])), (5000, 9000, 9000), (0, 0.5**0.5, 0, 0.5**0.5)
     )
-    np.testing.assert_allclose(mg.Avoid(turned).errors(poses)[0], theirs, rtol=1e-6, atol=1e-4)
+    np.testing.assert_allclose(
+        mg.Avoid(turned_box).errors(poses)[0], block_error, rtol=1e-6, atol=1e-4
+    )
 
 
 def test_character_distance_follows_its_motion(motion, poses):
     near = mg.Character(motion[:200], offset=(50.0, 0, 0))
     error, _ = mg.Avoid(near).errors(poses)
-    flesh = poses.capsules
+    body = poses.capsules
     for frame in (0, 77, 199):
-        gaps = []
-        for a in range(len(flesh)):
-            for b in range(len(flesh)):
+        distances = []
+        for a in range(len(body)):
+            for b in range(len(body)):
                 one, other = poses.ends[frame, a], poses.ends[frame, b] + [50.0, 0, 0]
                 s, t = np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 40))
                 points = one[0] + s[..., None] * (one[1] - one[0])
                 others = other[0] + t[..., None] * (other[1] - other[0])
-                apart = np.linalg.norm(points - others, axis=-1).min()
-                gaps.append(apart - flesh.radii[a] - flesh.radii[b])
-        depth = max(-min(gaps), 0) / poses.height
+                distance = np.linalg.norm(points - others, axis=-1).min()
+                distances.append(distance - body.radii[a] - body.radii[b])
+        depth = max(-min(distances), 0) / poses.height
         assert error[frame] * 0.005 == pytest.approx(depth, abs=2e-3)
     late = mg.Avoid(mg.Character(motion[:200], (50.0, 0, 0), delay=1.0)).errors(poses)[0]
     shifted = mg.Poses.from_motion(motion[:200])
     first = mg.Avoid(mg.Character(motion[:1], (50.0, 0, 0))).errors(shifted)[0]
     np.testing.assert_array_equal(late[:30], first[:30])
-    turned = mg.Avoid(mg.Character(motion[:200], yaw=2 * np.pi)).errors(poses)[0]
-    np.testing.assert_allclose(turned, mg.Avoid(mg.Character(motion[:200])).errors(poses)[0])
+    full_turn = mg.Avoid(mg.Character(motion[:200], yaw=2 * np.pi)).errors(poses)[0]
+    np.testing.assert_allclose(full_turn, mg.Avoid(mg.Character(motion[:200])).errors(poses)[0])
 
 
 def test_reach_and_keep_out_measure_joint_positions(poses):
-    place = poses.joint_positions(HAND)[40]
-    aside = tuple(place + np.array([0.06 * poses.height, 0, 0]))
+    position = poses.joint_positions(HAND)[40]
+    aside = tuple(position + np.array([0.06 * poses.height, 0, 0]))
     error, joint = mg.Reach(HAND, aside, 40).errors(poses)
     assert error[40] == pytest.approx(2.0)
     assert error.sum() == error[40]
     assert poses.skeleton.names[joint[40]] == HAND
-    ball = mg.Sphere(tuple(place), 0.02 * poses.height)
+    ball = mg.Sphere(tuple(position), 0.02 * poses.height)
     assert mg.KeepOut(HAND, ball, frames=(40, 40)).errors(poses)[0][40] == pytest.approx(4.0)
     inside = mg.KeepOut(HAND, mg.Sphere(aside, 0.02 * poses.height), inside=True, frames=(40, 40))
     assert inside.errors(poses)[0][40] == pytest.approx(8.0)
@@ -144,39 +146,39 @@ def test_avoid_self_captured_motion_satisfies_it(poses):
     depth = constraint.self_collision_depth(poses)
     captured = mg.AvoidSelf(captured=depth)
     assert captured.errors(poses)[0].max() <= 1e-9
-    # A hand put into the chest is felt.
-    flesh, placed = poses.capsules, poses.positions.copy()
+    # A hand inside the chest is a collision.
+    body, positions = poses.capsules, poses.positions.copy()
     skeleton = poses.skeleton
-    placed[5, skeleton.index(HAND)] = placed[5, skeleton.index("Spine")] + [0, 15.0, 0]
-    bent = poses.with_poses(poses.frames, poses.rotations, placed)
+    positions[5, skeleton.index(HAND)] = positions[5, skeleton.index("Spine")] + [0, 15.0, 0]
+    bent = poses.with_poses(poses.frames, poses.rotations, positions)
     error, joint = captured.errors(bent)
     assert error[5] > 1
     assert skeleton.names[joint[5]] == HAND
-    assert len(flesh) == len(capsules(skeleton))
+    assert len(body) == len(capsules(skeleton))
 
 
-def scattered(poses, rng, frames=8):
+def scatter_limbs(poses, rng, frames=8):
     """Return poses with displaced limbs that are likely to overlap."""
-    rows = rng.choice(len(poses), frames)
-    moved = poses.positions[rows] + rng.normal(size=(frames, poses.skeleton.n_joints, 3)) * 8.0
-    return poses.with_poses(poses.frames[rows], poses.rotations[rows], moved)
+    chosen = rng.choice(len(poses), frames)
+    moved = poses.positions[chosen] + rng.normal(size=(frames, poses.skeleton.n_joints, 3)) * 8.0
+    return poses.with_poses(poses.frames[chosen], poses.rotations[chosen], moved)
 
 
 @settings(max_examples=10, deadline=None)
 @given(SEEDS)
 def test_avoid_self_depth_is_that_of_deepest_pair(poses, seed):
-    some = scattered(poses, np.random.default_rng(seed))
-    flesh = some.capsules
-    parts, sides = np.array(flesh.parts), np.array(flesh.sides)
+    subset = scatter_limbs(poses, np.random.default_rng(seed))
+    body = subset.capsules
+    parts, sides = np.array(body.parts), np.array(body.sides)
     arm, rest = (
         np.isin(parts, names)
         for names in (["hand", "forearm"], ["pelvis", "trunk", "head", "thigh"])
     )
-    kept = arm[:, None] & (rest | (arm & (sides[:, None] != sides)))
-    apart = capsule_distances(some.ends, flesh.radii, some.ends, flesh.radii)
-    deepest = -np.where(kept, apart, np.inf).min(axis=(1, 2)) / some.height
+    tested_pairs = arm[:, None] & (rest | (arm & (sides[:, None] != sides)))
+    distance = capsule_distances(subset.ends, body.radii, subset.ends, body.radii)
+    deepest = -np.where(tested_pairs, distance, np.inf).min(axis=(1, 2)) / subset.height
     constraint = mg.AvoidSelf(captured=0.01)
-    error, _ = constraint.errors(some)
+    error, _ = constraint.errors(subset)
     np.testing.assert_allclose(
         error * constraint.tolerance, np.maximum(deepest - 0.01, 0), atol=1e-6
     )
@@ -186,16 +188,16 @@ def test_avoid_self_depth_is_that_of_deepest_pair(poses, seed):
 @given(SEEDS)
 def test_constraint_errors_are_maximum_over_joints(poses, seed):
     rng = np.random.default_rng(seed)
-    some, mask = scattered(poses, rng), rng.random(poses.skeleton.n_joints) < 0.5
-    place = tuple(rng.normal(size=3) * 30 + np.array([0, 100, 0]))
+    subset, mask = scatter_limbs(poses, rng), rng.random(poses.skeleton.n_joints) < 0.5
+    position = tuple(rng.normal(size=3) * 30 + np.array([0, 100, 0]))
     for constraint in (
-        mg.Avoid(mg.Sphere(place, 40.0)),
-        mg.Avoid(mg.Capsule((0.0, 0.0, 0.0), place, 20.0)),
+        mg.Avoid(mg.Sphere(position, 40.0)),
+        mg.Avoid(mg.Capsule((0.0, 0.0, 0.0), position, 20.0)),
         mg.AvoidSelf(),
     ):
-        whole, _ = constraint.errors(some)
-        parts = [constraint.errors(some, joints) for joints in (mask, ~mask)]
-        np.testing.assert_array_equal(whole, np.maximum(parts[0][0], parts[1][0]))
+        full_error, _ = constraint.errors(subset)
+        parts = [constraint.errors(subset, joints) for joints in (mask, ~mask)]
+        np.testing.assert_array_equal(full_error, np.maximum(parts[0][0], parts[1][0]))
         for joints, (_, blamed) in zip((mask, ~mask), parts, strict=True):
             assert joints[blamed[blamed >= 0]].all()
 
@@ -217,14 +219,14 @@ def test_find_violations_reports_runs_with_worst_frame(poses):
     assert find_violations([replace(low, weight=1.0)], poses) == []
 
 
-# What a graft does about them
+# Grafts with constraints
 
 
 def test_candidate_poses_match_assembled_motion(library):
     """Without seams the candidate poses equal those of the assembled motion."""
-    problem = problem_of(library, [])
-    own = problem.scenario[:6]
-    poses = candidate_poses(problem, "upper", np.arange(6), own)
+    problem = build_problem(library, [])
+    captured_segments = problem.scenario[:6]
+    poses = candidate_poses(problem, "upper", np.arange(6), captured_segments)
     world = library.clips[0].world_positions()
     np.testing.assert_allclose(poses.positions, world[poses.frames], atol=1e-9)
 
@@ -232,7 +234,7 @@ def test_candidate_poses_match_assembled_motion(library):
 def test_candidate_errors_match_single_evaluation(library):
     ball = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 40.0))
     soft = mg.Reach(HAND, (0.0, 150.0, 0.0), 50, weight=2.0)
-    problem = problem_of(library, [ball, soft])
+    problem = build_problem(library, [ball, soft])
     found = candidate_violations(problem, "upper", {})
     joints = problem.driven_joints["upper"]
     for position in (0, 3, 9):
@@ -244,26 +246,29 @@ def test_candidate_errors_match_single_evaluation(library):
 
 
 def test_excess_of_a_range_matches_whole_motion(library):
-    problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
-    row = build_trellis(problem, "upper", {})
+    problem = build_problem(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
+    trellis = build_trellis(problem, "upper", {})
     rng = np.random.default_rng(0)
     for _ in range(5):
-        donors = {"upper": np.array([rng.choice(own) for own in row.candidates])}
-        whole = donor_excess(problem, donors)["upper"]
+        donors = {"upper": np.array([rng.choice(candidates) for candidates in trellis.candidates])}
+        full_error = donor_excess(problem, donors)["upper"]
         first = int(rng.integers(0, len(problem.base_segments) - 4))
-        some = donor_excess(problem, donors, first, first + 3)["upper"]
+        subset = donor_excess(problem, donors, first, first + 3)["upper"]
         begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 2]
-        assert some.min() > 0
-        np.testing.assert_allclose(some, whole[begin : end + 1], atol=1e-9)
+        assert subset.min() > 0
+        np.testing.assert_allclose(subset, full_error[begin : end + 1], atol=1e-9)
 
 
 def test_batch_assembly_matches_single_assembly(library):
-    problem = problem_of(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
-    row = build_trellis(problem, "upper", {})
+    problem = build_problem(library, [mg.KeepOut(HAND, mg.HalfSpace((0, 900, 0), (0, 1, 0)))])
+    trellis = build_trellis(problem, "upper", {})
     rng = np.random.default_rng(1)
-    several = [{"upper": np.array([rng.choice(own) for own in row.candidates])} for _ in range(4)]
-    together = donor_excesses(problem, several, 3, 9)["upper"]
-    for donors, found in zip(several, together, strict=True):
+    donor_sets = [
+        {"upper": np.array([rng.choice(candidates) for candidates in trellis.candidates])}
+        for _ in range(4)
+    ]
+    batch = donor_excesses(problem, donor_sets, 3, 9)["upper"]
+    for donors, found in zip(donor_sets, batch, strict=True):
         np.testing.assert_allclose(found, donor_excess(problem, donors, 3, 9)["upper"], atol=1e-9)
 
 
@@ -273,21 +278,21 @@ def test_donor_constraints_exclude_donors_for_every_choice(library, choice):
     segments = library.segments
     for constraint in (mg.NotFrom("second"), mg.OnlyFrom("second"), mg.MaxStretch(0.0)):
         for graft in mg.graft_many(chosen, count=2, constraints=[constraint]):
-            donors = donors_of(graft)
+            donors = upper_donors(graft)
             other = donors != segments.of_clip(0)
             if isinstance(constraint, mg.MaxStretch):
                 lengths = segments.lengths
                 assert (lengths[donors] == lengths[segments.of_clip(0)]).all()
             else:
-                wanted = 1 if isinstance(constraint, mg.OnlyFrom) else 0
-                assert (segments.clip[donors[other]] == wanted).all()
+                expected_clip = 1 if isinstance(constraint, mg.OnlyFrom) else 0
+                assert (segments.clip[donors[other]] == expected_clip).all()
             assert other.any()
             assert not graft.violations
 
 
 def test_clip_frames_and_base_frames_are_independent(library):
-    only = mg.OnlyFrom("second", clip_frames=(100, 400))
-    graft = mg.graft(library, constraints=[only, mg.KeepOriginal(frames=(200, 500))])
+    including = mg.OnlyFrom("second", clip_frames=(100, 400))
+    graft = mg.graft(library, constraints=[including, mg.KeepOriginal(frames=(200, 500))])
     for s in graft.substitutions:
         if s.start <= 500 and s.stop >= 200:
             assert s.is_own
@@ -295,24 +300,24 @@ def test_clip_frames_and_base_frames_are_independent(library):
             assert s.clip == "second"
             assert 100 <= s.donor_start < s.donor_stop <= 400
     assert sum(not s.is_own for s in graft.substitutions) > 5
-    never = mg.NotFrom("second", clip_frames=(100, 400), frames=(0, 300))
-    graft = mg.graft(library, constraints=[never])
+    excluding = mg.NotFrom("second", clip_frames=(100, 400), frames=(0, 300))
+    graft = mg.graft(library, constraints=[excluding])
     for s in graft.substitutions:
         if s.clip == "second" and s.start <= 300:
             assert s.donor_stop < 100 or s.donor_start > 400
 
 
 def test_not_from_partial_overlap_excludes_donor():
-    own = mg.Segments([0] * 4, [10] * 4)
+    captured = mg.Segments([0] * 4, [10] * 4)
     donors = mg.Segments([10, 15, 25, 31], [20, 30, 35, 40], [1] * 4)
     clips = [SimpleNamespace(name="base", tags=()), SimpleNamespace(name="other", tags=("x", "y"))]
-    never, only = {"clip_frames": (20, 30)}, {"clip_frames": (12, 36)}
-    for constraint in (mg.NotFrom("other", **never), mg.NotFrom(tags="x", **never)):
-        miss = constraint.donor_errors(own, donors, clips)
-        np.testing.assert_array_equal(miss > 1, [True, True, True, False])
-    for constraint in (mg.OnlyFrom("oth*", **only), mg.OnlyFrom(tags={"y"}, **only)):
-        miss = constraint.donor_errors(own, donors, clips)
-        np.testing.assert_array_equal(miss > 1, [True, False, False, True])
+    excluding, including = {"clip_frames": (20, 30)}, {"clip_frames": (12, 36)}
+    for constraint in (mg.NotFrom("other", **excluding), mg.NotFrom(tags="x", **excluding)):
+        error = constraint.donor_errors(captured, donors, clips)
+        np.testing.assert_array_equal(error > 1, [True, True, True, False])
+    for constraint in (mg.OnlyFrom("oth*", **including), mg.OnlyFrom(tags={"y"}, **including)):
+        error = constraint.donor_errors(captured, donors, clips)
+        np.testing.assert_array_equal(error > 1, [True, False, False, True])
 
 
 @given(
@@ -320,26 +325,29 @@ def test_not_from_partial_overlap_excludes_donor():
     st.sets(st.sampled_from("abc")),
     st.sets(st.integers(0, 5)),
 )
-def test_only_from_selects_clips_by_name_or_tag(tags, wanted, named):
-    clips = [SimpleNamespace(name=f"{i}", tags=tuple(own)) for i, own in enumerate(tags)]
-    named = {i for i in named if i < len(clips)}
-    wanted &= set().union(*tags)
-    if not wanted and not named:
+def test_only_from_selects_clips_by_name_or_tag(tags, wanted_tags, wanted_clips):
+    clips = [SimpleNamespace(name=f"{i}", tags=tuple(names)) for i, names in enumerate(tags)]
+    wanted_clips = {i for i in wanted_clips if i < len(clips)}
+    wanted_tags &= set().union(*tags)
+    if not wanted_tags and not wanted_clips:
         return
     n = len(clips)
-    own, donors = mg.Segments([0] * n, [9] * n, [n] * n), mg.Segments([5] * n, [9] * n, range(n))
-    meant = [i in named or bool(wanted & tags[i]) for i in range(n)]
-    names = sorted(map(str, named))
-    never = mg.NotFrom(names, tags=wanted).donor_errors(own, donors, clips)
-    np.testing.assert_array_equal(never > 1, meant)
-    only = mg.OnlyFrom(names, tags=wanted).donor_errors(own, donors, clips)
-    np.testing.assert_array_equal(only > 1, np.logical_not(meant))
+    captured, donors = (
+        mg.Segments([0] * n, [9] * n, [n] * n),
+        mg.Segments([5] * n, [9] * n, range(n)),
+    )
+    is_selected = [i in wanted_clips or bool(wanted_tags & tags[i]) for i in range(n)]
+    names = sorted(map(str, wanted_clips))
+    excluding = mg.NotFrom(names, tags=wanted_tags).donor_errors(captured, donors, clips)
+    np.testing.assert_array_equal(excluding > 1, is_selected)
+    including = mg.OnlyFrom(names, tags=wanted_tags).donor_errors(captured, donors, clips)
+    np.testing.assert_array_equal(including > 1, np.logical_not(is_selected))
 
 
 def test_max_angle_limits_seam_angles(library):
     limit = np.radians(12)
     graft = mg.graft(library, constraints=[mg.MaxAngle(limit)])
-    pool, donors = library.pool("upper"), donors_of(graft)
+    pool, donors = library.pool("upper"), upper_donors(graft)
     assert np.diag(pool.seam_angles(donors[:-1], donors[1:])).max() <= limit
     assert not graft.violations
 
@@ -364,16 +372,16 @@ def reachable_target(problem, rng):
 
 
 def test_reach_reachable_target_is_met(library):
-    problem, rng = problem_of(library, []), np.random.default_rng(5)
-    met = 0
+    problem, rng = build_problem(library, []), np.random.default_rng(5)
+    n_met = 0
     for _ in range(10):
         target, frame = reachable_target(problem, rng)
         graft = mg.graft(library, constraints=[mg.Reach(HAND, target, frame)])
         at = graft.motion.world_positions()[frame, graft.motion.skeleton.index(HAND)]
-        apart = np.linalg.norm(at - target) / problem.base_poses.height
-        assert (apart <= 0.03) == (not graft.violations)
-        met += apart <= 0.03
-    assert met >= 9
+        distance = np.linalg.norm(at - target) / problem.base_poses.height
+        assert (distance <= 0.03) == (not graft.violations)
+        n_met += distance <= 0.03
+    assert n_met >= 9
 
 
 def test_reach_unreachable_target_reports_smallest_violation(library):
@@ -382,23 +390,23 @@ def test_reach_unreachable_target_reports_smallest_violation(library):
     (violation,) = graft.violations
     assert violation.frames == (100, 100)
     assert violation.joint == HAND
-    place = graft.motion.world_positions()[100, graft.motion.skeleton.index(HAND)]
-    apart = np.linalg.norm(place - [0, 9 * height, 0]) / height
-    assert violation.error == pytest.approx(apart / 0.03)
-    assert f"{apart:.3f} heights" in violation.message
+    position = graft.motion.world_positions()[100, graft.motion.skeleton.index(HAND)]
+    distance = np.linalg.norm(position - [0, 9 * height, 0]) / height
+    assert violation.error == pytest.approx(distance / 0.03)
+    assert f"{distance:.3f} heights" in violation.message
     assert violation.message in graft.report()
     assert graft.as_dict()["violations"][0]["worst_frame"] == 100
 
 
-def in_the_way(library):
-    """Return a sphere at the hand position of frame 300, away from the legs."""
-    place = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
-    return mg.Avoid(mg.Sphere(tuple(place + np.array([0.0, 6.0, 0.0])), 6.0), frames=(270, 330))
+def avoid_sphere_at_hand(library):
+    """Return a constraint to avoid a sphere at the hand position of frame 300."""
+    position = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
+    return mg.Avoid(mg.Sphere(tuple(position + np.array([0.0, 6.0, 0.0])), 6.0), frames=(270, 330))
 
 
 def test_repair_changes_only_violating_segments_and_neighbours(library):
     base = library.clips[0]
-    avoid = in_the_way(library)
+    avoid = avoid_sphere_at_hand(library)
     before, _ = avoid.errors(mg.Poses.from_motion(base))
     assert (before > 1).any()
     graft = mg.repair(library, constraints=[avoid])
@@ -418,16 +426,16 @@ def test_repair_changes_only_violating_segments_and_neighbours(library):
     reach = round(library.config.seam_blend * library.rate)
     for at in np.flatnonzero(changed):
         touched[max(segments.start[at] - reach, 0) : segments.stop[at] + reach + 1] = True
-    kept = ~touched
+    untouched = ~touched
     old, new = base.channel_numbers(), graft.motion.channel_numbers()
-    np.testing.assert_array_equal(new[kept], old[kept])
-    np.testing.assert_array_equal(graft.motion.rotations[kept], base.rotations[kept])
+    np.testing.assert_array_equal(new[untouched], old[untouched])
+    np.testing.assert_array_equal(graft.motion.rotations[untouched], base.rotations[untouched])
     legs = library.joints("lower")
     np.testing.assert_array_equal(graft.motion.rotations[:, legs], base.rotations[:, legs])
 
 
 def test_avoid_is_satisfied_for_every_choice(library):
-    avoid = in_the_way(library)
+    avoid = avoid_sphere_at_hand(library)
     for choice in ("viterbi", "sample", "random"):
         chosen = replace(library, config=replace(library.config, choice=choice))
         for graft in mg.graft_many(chosen, count=2, constraints=[avoid]):
@@ -437,14 +445,18 @@ def test_avoid_is_satisfied_for_every_choice(library):
 
 
 def test_repair_search_is_local(library):
-    problem = problem_of(library, [in_the_way(library)])
-    rows = {"upper": build_trellis(problem, "upper", {})}
+    problem = build_problem(library, [avoid_sphere_at_hand(library)])
+    trellises = {"upper": build_trellis(problem, "upper", {})}
     rng = np.random.default_rng(3)
-    raw = {"upper": np.array([rng.choice(own) for own in rows["upper"].candidates])}
-    settled = repair_donors(problem, raw, rows)
+    random_donors = {
+        "upper": np.array([rng.choice(candidates) for candidates in trellises["upper"].candidates])
+    }
+    repaired_donors = repair_donors(problem, random_donors, trellises)
     near = (problem.base_segments.stop >= 270 - 60) & (problem.base_segments.start <= 330 + 60)
-    np.testing.assert_array_equal(settled["upper"][~near], raw["upper"][~near])
-    before, after = (donor_excess(problem, donors)["upper"].sum() for donors in (raw, settled))
+    np.testing.assert_array_equal(repaired_donors["upper"][~near], random_donors["upper"][~near])
+    before, after = (
+        donor_excess(problem, donors)["upper"].sum() for donors in (random_donors, repaired_donors)
+    )
     assert after <= before
 
 
@@ -456,9 +468,9 @@ def test_repair_without_violation_returns_captured_motion(library):
 
 @pytest.mark.parametrize("changes", [{"torso": "world"}, {"alignment": "dtw"}])
 def test_violations_describe_the_finished_motion(library, changes):
-    """Candidates are judged without seams; violations describe the finished motion."""
+    """Errors of candidates leave out the seams; violations include them."""
     other = replace(library, config=replace(library.config, **changes))
-    avoid = in_the_way(library)
+    avoid = avoid_sphere_at_hand(library)
     worst = []
     for graft in (mg.repair(other, constraints=[avoid]), mg.graft(other, constraints=[avoid])):
         after, _ = avoid.errors(mg.Poses.from_motion(graft.motion))
@@ -478,49 +490,49 @@ def test_soft_constraints_lower_error_without_violation(library):
     target = (60.0, 170.0, 30.0)
     soft = mg.Reach(HAND, target, 300, weight=5.0)
 
-    def apart(graft):
+    def distance(graft):
         motion = graft.motion
-        place = motion.world_positions()[300, motion.skeleton.index(HAND)]
-        return np.linalg.norm(place - target)
+        position = motion.world_positions()[300, motion.skeleton.index(HAND)]
+        return np.linalg.norm(position - target)
 
     pulled = mg.graft(library, constraints=[soft])
     assert not pulled.violations
-    assert apart(pulled) <= apart(mg.graft(library))
+    assert distance(pulled) <= distance(mg.graft(library))
 
 
 def test_custom_function_receives_every_pose(library):
     def low(poses):
         return np.where(poses.joint_positions(HAND)[:, 1] > 140.0, 3.0, 0.0)
 
-    own = mg.Custom(low, name="hands down", joint=HAND, frames=(250, 350))
-    graft = mg.graft(library, constraints=[own])
+    constraint = mg.Custom(low, name="hands down", joint=HAND, frames=(250, 350))
+    graft = mg.graft(library, constraints=[constraint])
     world = graft.motion.world_positions()[250:351, graft.motion.skeleton.index(HAND), 1]
     assert (world.max() <= 140.0) == (not graft.violations)
-    bad = mg.Custom(lambda _: np.zeros(3), name="short")
+    wrong_shape = mg.Custom(lambda _: np.zeros(3), name="short")
     with pytest.raises(ValueError, match="the result of short must have shape"):
-        mg.graft(library, constraints=[bad])
+        mg.graft(library, constraints=[wrong_shape])
 
 
 def test_errors_of_joints_below_a_group_belong_to_it(motion):
     library = mg.Library.build(motion, "lower_torso_larm_rarm")
     names = library.groups.names
-    problem = problem_of(library, [], groups=[names[1]])
+    problem = build_problem(library, [], groups=[names[1]])
     hand = motion.skeleton.index(HAND)
     assert problem.driven_joints[names[1]][hand]
-    problem = problem_of(library, [], groups=names[1:])
+    problem = build_problem(library, [], groups=names[1:])
     owners = [name for name, joints in problem.driven_joints.items() if joints[hand]]
     assert len(owners) == 1
     assert hand in library.joints(owners[0])
 
 
 def test_candidates_refused_names_constraint_and_amount(library):
-    place = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
-    reach = mg.Reach(HAND, tuple(place), 300)
+    position = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
+    reach = mg.Reach(HAND, tuple(position), 300)
     segment = int((library.segments.stop[library.segments.of_clip(0)] < 300).sum())
     free = library.candidates(segment, "upper")
     judged = library.candidates(segment, "upper", [reach, mg.NotFrom("second")])
     assert judged.allowed[0].segment == segment
-    problem = problem_of(library, [reach])
+    problem = build_problem(library, [reach])
     for candidate in (*judged.allowed, *judged.refused):
         poses = candidate_poses(
             problem, "upper", np.array([segment]), np.array([candidate.segment])
@@ -536,7 +548,7 @@ def test_candidates_refused_names_constraint_and_amount(library):
 def test_report_lists_every_substitution(library):
     graft = mg.graft(library)
     lines = graft.report(each=True).splitlines()
-    pool, donors = library.pool("upper"), donors_of(graft)
+    pool, donors = library.pool("upper"), upper_donors(graft)
     model = cost_model(library.config, pool)
     for at, s in enumerate(graft.substitutions):
         expected = pool.unary_costs(np.array([s.segment]), np.array([s.donor]), model)[0]
@@ -544,13 +556,13 @@ def test_report_lists_every_substitution(library):
         if at:
             gap = pool.seam_angles(donors[at - 1 : at], donors[at : at + 1])[0, 0]
             assert s.gap_before == graft.substitutions[at - 1].gap_after == gap
-        taken = f"{s.clip} {s.donor_start}-{s.donor_stop}"
-        told = f"    {s.start}-{s.stop} from {taken}: cost {s.cost:.2f}"
-        assert any(line.startswith(told) for line in lines) == (not s.is_own)
+        source = f"{s.clip} {s.donor_start}-{s.donor_stop}"
+        line_start = f"    {s.start}-{s.stop} from {source}: cost {s.cost:.2f}"
+        assert any(line.startswith(line_start) for line in lines) == (not s.is_own)
     assert len(graft.report().splitlines()) < len(lines)
 
 
-# What they refuse
+# Invalid arguments
 
 
 @pytest.mark.parametrize(
