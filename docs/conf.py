@@ -20,7 +20,7 @@ from mograft import cli, plot
 from mograft.cli.parser import build_parsers
 from mograft.dancer import dance
 from mograft.scenario import walk
-from mograft.synthesis.stream import joined
+from mograft.synthesis.stream import join_pieces
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "benches"))
@@ -86,7 +86,7 @@ def stream_dance(library: mg.Library) -> mg.Motion:
         stream.push(base[frame : frame + 10])
         pieces += stream.pieces()
     stream.close()
-    return joined(pieces + stream.pieces())
+    return join_pieces(pieces + stream.pieces())
 
 
 def make_command_line() -> None:

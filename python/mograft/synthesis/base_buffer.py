@@ -1,0 +1,106 @@
+"""`BaseBuffer`: the frames of a growing base motion that are still needed."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.analysis.segmentation import kinetic_energy
+from mograft.config import Config
+from mograft.motion.motion import Motion
+
+__all__ = ["BOUNDARY_MARGIN", "BaseBuffer"]
+
+BOUNDARY_MARGIN = 2
+"""Frames kept on both sides of a segment: the velocities at its boundaries depend on them."""
+
+
+class BaseBuffer:
+    """The latest frames of a base motion that grows at its end.
+
+    Frame numbers count from the first pushed frame, whether or not it is still held.
+
+    Parameters
+    ----------
+    frames : Motion
+        The first frames.
+    """
+
+    def __init__(self, frames: Motion) -> None:
+        self.first_frame = frames[:1]
+        self._tracks = _tracks(frames)
+        self._n_discarded = 0
+        self._first_needed = 0
+        self._n_energies = 0
+
+    def __len__(self) -> int:
+        """Return the number of frames that are held."""
+        return len(self._tracks["rotations"])
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames that have been pushed."""
+        return self._n_discarded + len(self)
+
+    def push(self, frames: Motion) -> None:
+        """Append frames, and drop frames that are no longer needed."""
+        n_unneeded, new = self._first_needed - self._n_discarded, _tracks(frames)
+        # Channel values are kept only if all frames have them.
+        names = [name for name in self._tracks if name in new]
+        self._tracks = {
+            name: np.concatenate([self._tracks[name][n_unneeded:], new[name]]) for name in names
+        }
+        self._n_discarded += n_unneeded
+
+    def discard_before(self, frame: int) -> None:
+        """Mark the frames before `frame` as no longer needed; the next push drops them."""
+        self._first_needed = max(self._first_needed, min(frame, self._n_energies - 1))
+
+    def motion(self, start: int, stop: int) -> Motion:
+        """Return the frames from `start` to before `stop`."""
+        rows = slice(start - self._n_discarded, stop - self._n_discarded)
+        values = self._tracks.get("channel_values")
+        return replace(
+            self.first_frame,
+            rotations=self._tracks["rotations"][rows],
+            positions=self._tracks["positions"][rows],
+            channel_values=None if values is None else values[rows],
+        )
+
+    def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
+        """Return the frames of a segment with up to `BOUNDARY_MARGIN` frames on both sides.
+
+        Parameters
+        ----------
+        start, stop : int
+            First and last frame of the segment.
+
+        Returns
+        -------
+        motion : Motion
+            The frames.
+        offset : int
+            Index in them of the segment's first frame.
+        """
+        first = max(start - BOUNDARY_MARGIN, self._n_discarded)
+        return self.motion(first, min(stop + BOUNDARY_MARGIN + 1, self.n_frames)), start - first
+
+    def next_energies(self, config: Config) -> FloatArray:
+        """Return the kinetic energies of all frames that the calls before did not finish.
+
+        The energy of the last frame is final only if no frame follows; the next call returns it
+        again.
+        """
+        first = max(self._n_energies - 1, 0)
+        window = self.motion(first, self.n_frames)
+        energies = kinetic_energy(window, omega=config.omega, inertia=config.inertia)
+        new = energies[self._n_energies - first :]
+        self._n_energies = self.n_frames - 1
+        return new
+
+
+def _tracks(frames: Motion) -> dict[str, FloatArray]:
+    tracks = {"rotations": frames.rotations, "positions": frames.positions}
+    if frames.channel_values is not None:
+        tracks["channel_values"] = frames.channel_values
+    return tracks

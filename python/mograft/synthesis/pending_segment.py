@@ -1,0 +1,116 @@
+"""`PendingSegment`: a base segment that a stream has not committed yet, and its candidates."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.motion.motion import Motion
+from mograft.search.boundary_states import BoundaryStates
+from mograft.search.constraints import Constraint
+from mograft.search.costs import CostModel
+from mograft.synthesis.donor_frames import frames_with_neighbours
+from mograft.synthesis.placed_donors import SampledDonors
+
+__all__ = ["GroupCandidates", "PendingSegment"]
+
+
+@dataclass(eq=False)
+class GroupCandidates:
+    """The candidates of a pending segment for one group.
+
+    Attributes
+    ----------
+    boundary : BoundaryStates
+        Their boundary states.
+    costs : ndarray, shape (n_candidates,)
+        Their costs without seams, constraint costs included.
+    sampled : SampledDonors or None
+        All candidates, resampled; None if no pose constraint applies.
+    """
+
+    boundary: BoundaryStates
+    costs: FloatArray
+    sampled: SampledDonors | None = None
+    _seam_costs: FloatArray | None = field(default=None, init=False, repr=False)
+
+    def seam_costs_to(self, following: "GroupCandidates", model: CostModel) -> FloatArray:
+        """Return the seam costs to the next segment's candidates, computed once."""
+        if self._seam_costs is None:
+            self._seam_costs = model.seam_costs(self.boundary, following.boundary)
+        return self._seam_costs
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PendingSegment:
+    """A base segment that is not committed yet.
+
+    Attributes
+    ----------
+    base : Motion
+        Its frames with those beside them, as `BaseBuffer.motion_with_margin` returns them.
+    offset : int
+        Index in `base` of the segment's first frame.
+    segment : Segments
+        The segment in frames of the stream; its clip follows the library's clips.
+    donors : ndarray of int, shape (n_candidates,)
+        The candidates as segments of the library; the last is -1, the base segment itself.
+    unary_costs : ndarray, shape (n_candidates,)
+        Their costs without seams and constraints.
+    origin_costs : ndarray, shape (n_candidates,)
+        Their costs of soft constraints on the origin.
+    groups : dict of str to GroupCandidates
+        For every grafted group the candidates.
+    pose_constraints : tuple of Constraint
+        The constraints on poses that apply in the segment.
+    """
+
+    base: Motion
+    offset: int
+    segment: Segments
+    donors: IntArray
+    unary_costs: FloatArray
+    origin_costs: FloatArray
+    groups: dict[str, GroupCandidates] = field(default_factory=dict)
+    pose_constraints: tuple[Constraint, ...] = ()
+
+    @property
+    def start(self) -> int:
+        """First frame."""
+        return int(self.segment.start[0])
+
+    @property
+    def stop(self) -> int:
+        """Last frame."""
+        return int(self.segment.stop[0])
+
+    @property
+    def length(self) -> int:
+        """Length in intervals."""
+        return self.stop - self.start
+
+    @property
+    def frames(self) -> IntArray:
+        """All frames."""
+        return np.arange(self.start, self.stop + 1)
+
+    @property
+    def rows(self) -> slice:
+        """The segment's frames as rows of `base`."""
+        return slice(self.offset, self.offset + self.length + 1)
+
+    @property
+    def rotations(self) -> FloatArray:
+        """Rotations of the base in the segment's frames."""
+        return self.base.rotations[self.rows]
+
+    @property
+    def rotations_with_neighbours(self) -> FloatArray:
+        """Rotations of the base as `frames_with_neighbours` returns them."""
+        return frames_with_neighbours(self.base.rotations, self.offset, self.offset + self.length)
+
+    @property
+    def costs(self) -> FloatArray:
+        """Costs of the candidates without seams and pose constraints."""
+        return self.unary_costs + self.origin_costs

@@ -1,0 +1,202 @@
+"""Donors resampled to a base segment, with the seam to the committed motion closed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import PieceTimes, SeamBoundaries
+from mograft.blend.value_spaces import ROTATIONS
+from mograft.config import Config
+from mograft.motion.resample import cubic
+from mograft.search.boundary_states import BoundaryStates
+
+__all__ = [
+    "VELOCITY_STEP",
+    "CommittedEnd",
+    "PlacedDonors",
+    "SampledDonors",
+    "place_donors",
+    "sample_donors",
+]
+
+VELOCITY_STEP = 0.01
+"""Spacing, in frames, of the values that measure the velocity at the end of a segment."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledDonors:
+    """n donors resampled to the length of a base segment, without seam treatment.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n, n_frames + 2, n_joints, 4)
+        Rotations in the frames of the base segment, then 1 and 2 `VELOCITY_STEP` before the
+        last frame.
+    start_velocity, end_velocity : ndarray, shape (n, n_joints, 3)
+        Angular velocities in the first and last frame, in radians per second.
+    """
+
+    values: FloatArray
+    start_velocity: FloatArray
+    end_velocity: FloatArray
+
+    @property
+    def frames(self) -> FloatArray:
+        """Rotations in the frames of the base segment, shape (n, n_frames, n_joints, 4)."""
+        return self.values[:, :-2]
+
+    def select(self, index: int) -> "SampledDonors":
+        """Return one of the donors."""
+        row = slice(index, index + 1)
+        return SampledDonors(self.values[row], self.start_velocity[row], self.end_velocity[row])
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedDonors:
+    """n donors in a base segment, after seam treatment.
+
+    Attributes
+    ----------
+    sampled : SampledDonors
+        The donors before seam treatment.
+    values : ndarray, shape of `sampled.values`
+        Their rotations after it.
+    rate : float
+        Frames per second.
+    """
+
+    sampled: SampledDonors
+    values: FloatArray
+    rate: float
+
+    @property
+    def frames(self) -> FloatArray:
+        """Rotations in the frames of the base segment, shape (n, n_frames, n_joints, 4)."""
+        return self.values[:, :-2]
+
+    @property
+    def end_pose(self) -> FloatArray:
+        """Rotations in the last frame, shape (n, n_joints, 4)."""
+        return self.values[:, -3]
+
+    @property
+    def end_velocity(self) -> FloatArray:
+        """Angular velocities in the last frame, in radians per second, shape (n, n_joints, 3).
+
+        Joints that the seam treatment does not change there have the velocity of the donor.
+        """
+        last, untreated = self.values[:, -3:], self.sampled.values[:, -3:]
+        one_step, two_steps = ROTATIONS.delta(last[:, 0], np.moveaxis(last[:, 1:], 1, 0))
+        velocity = (0.5 * two_steps - 2.0 * one_step) * (self.rate / VELOCITY_STEP)
+        is_unchanged = (last == untreated).all(axis=(1, 3))
+        return np.where(is_unchanged[..., None], self.sampled.end_velocity, velocity)
+
+    def select(self, index: int) -> "PlacedDonors":
+        """Return one of the donors."""
+        return PlacedDonors(self.sampled.select(index), self.values[index : index + 1], self.rate)
+
+
+@dataclass(frozen=True, eq=False)
+class CommittedEnd:
+    """The end of the committed motion of one group.
+
+    Attributes
+    ----------
+    pose : ndarray, shape (n_joints, 4)
+        Rotations in the last frame.
+    velocity : ndarray, shape (n_joints, 3)
+        Angular velocities there, in radians per second.
+    boundary : BoundaryStates
+        Boundary states of the last donor before seam treatment, for seam costs.
+    """
+
+    pose: FloatArray
+    velocity: FloatArray
+    boundary: BoundaryStates
+
+
+def sample_donors(
+    tracks: Sequence[FloatArray], joints: IntArray, length: int, rate: float
+) -> SampledDonors:
+    """Resample donors to the length of a base segment.
+
+    Parameters
+    ----------
+    tracks : sequence of ndarray, each of shape (n_frames + 2, n_joints, 4)
+        The donors, each as `frames_with_neighbours` returns it.
+    joints : ndarray of int
+        The joints of the group.
+    length : int
+        Length of the base segment in intervals.
+    rate : float
+        Frames per second.
+
+    Returns
+    -------
+    SampledDonors
+        The donors.
+    """
+    counts = np.array([len(track) for track in tracks])
+    starts, lengths = np.cumsum(counts) - counts + 1, counts - 3
+    track = np.concatenate(tracks).take(joints, axis=1)
+    # Multiplying before dividing makes integral results exact.
+    times = starts[:, None] + _sample_frames(length) * lengths[:, None] / length
+    values = cubic(np.arange(len(track)), track, times.ravel())
+    ends = np.stack([starts, starts + lengths])
+    before, after = ROTATIONS.delta(track[[ends - 1, ends]], track[[ends, ends + 1]])
+    speed_factor = (rate * lengths / length)[:, None, None]
+    start_velocity, end_velocity = 0.5 * (before + after) * speed_factor
+    shape = (len(tracks), length + 3, -1, 4)
+    return SampledDonors(values.reshape(shape), start_velocity, end_velocity)
+
+
+def place_donors(
+    sampled: SampledDonors, previous: CommittedEnd | None, rate: float, config: Config
+) -> PlacedDonors:
+    """Close the seam between the committed motion and each donor.
+
+    Parameters
+    ----------
+    sampled : SampledDonors
+        The n donors.
+    previous : CommittedEnd or None
+        The end of the committed motion; None for the first segment, which has no seam.
+    rate : float
+        Frames per second.
+    config : Config
+        Gives `seam` and `seam_blend`. "inertial" replaces seam treatments that are not causal.
+
+    Returns
+    -------
+    PlacedDonors
+        The donors.
+    """
+    raw = sampled.values
+    if previous is None:
+        return PlacedDonors(sampled, raw, rate)
+    treatment = SEAM_TREATMENTS.get(config.seam)
+    if not treatment.is_causal:
+        treatment = SEAM_TREATMENTS.get("inertial")
+    n, n_times = raw.shape[:2]
+    pieces = np.repeat(np.arange(1, n + 1), n_times)
+    # The blend may outlast a short segment: the next one starts from the treated end.
+    durations = np.full(n + 1, np.inf)
+    times = PieceTimes(pieces, np.tile(_sample_frames(n_times - 3) / rate, n), durations)
+    boundaries = SeamBoundaries(
+        np.broadcast_to(previous.pose, (n, *previous.pose.shape)),
+        raw[:, 0],
+        np.broadcast_to(previous.velocity, sampled.start_velocity.shape),
+        sampled.start_velocity,
+    )
+    flat = raw.reshape(-1, *raw.shape[2:])
+    values = treatment.close(ROTATIONS, flat, times, boundaries, config.seam_blend)
+    return PlacedDonors(sampled, values.reshape(raw.shape), rate)
+
+
+def _sample_frames(length: int) -> FloatArray:
+    """Return the sampled times of a base segment of some intervals, in frames from its start."""
+    before_end = [length - VELOCITY_STEP, length - 2 * VELOCITY_STEP]
+    return np.append(np.arange(length + 1), before_end)

@@ -1,0 +1,110 @@
+"""Checks of a stream's arguments: configuration, grafted groups, constraints, frames."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mograft.analysis.segmentation import Segments
+from mograft.body.contacts import find_legs
+from mograft.body.world_poses import Poses
+from mograft.config import Config
+from mograft.library.library import Library
+from mograft.library.spec import rates_match
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.search.constraints import Clip, Constraint
+from mograft.synthesis.search_problem import check_constraints
+
+__all__ = [
+    "check_stream_config",
+    "check_stream_constraints",
+    "check_stream_frames",
+    "check_stream_groups",
+]
+
+
+def check_stream_config(config: Config) -> None:
+    """Raise ValueError for settings that a stream does not support."""
+    for name, supported in (("torso", "pelvis"), ("alignment", "uniform")):
+        value = getattr(config, name)
+        if value != supported:
+            raise ValueError(f"config.{name} must be {supported!r} in a stream, got {value!r}")
+
+
+def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
+    """Raise ValueError for groups that hold single channels, the root or joints of legs."""
+    names = library.skeleton.names
+    single_channels = library.groups.divided_channels(library.skeleton)
+    for group in groups:
+        if single_channels[group]:
+            joints = ", ".join(names[joint] for joint in single_channels[group])
+            raise ValueError(
+                f"swap must name groups of whole joints in a stream, got {group!r}, "
+                f"which holds single channels of {joints}"
+            )
+    legs = find_legs(library.skeleton)
+    kept = {library.root, *(joint for leg in legs for joint in (leg.hip, leg.knee, leg.ankle))}
+    for group in groups:
+        if not kept.isdisjoint(library.joints(group).tolist()):
+            raise ValueError(
+                "swap must name groups without root and legs in a stream, which keeps those of "
+                f"the base; got {group!r}"
+            )
+
+
+def check_stream_constraints(
+    constraints: Sequence[Constraint], skeleton: Skeleton, clips: Sequence[Clip]
+) -> None:
+    """Check the types of constraints, and the joints and clips that they name.
+
+    Raises
+    ------
+    TypeError
+        If an item is not a constraint.
+    ValueError
+        If a constraint names a joint or clip that does not exist.
+    """
+    identity = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
+    rest = Motion(skeleton, 1.0, identity, skeleton.offsets[None])
+    check_constraints(constraints, Poses.from_motion(rest))
+    no_segments = Segments(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    for constraint in constraints:
+        constraint.donor_errors(no_segments, no_segments, clips)
+
+
+def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | None) -> None:
+    """Check that frames continue a base motion.
+
+    Parameters
+    ----------
+    frames : Motion
+        The frames.
+    library : Library
+        The library.
+    skeleton : Skeleton or None
+        The skeleton of the frames before; None for the first frames.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        If the first frames do not have the library's hierarchy.
+    ValueError
+        If later frames have another skeleton, or the frame rate is not the library's.
+    """
+    if skeleton is None:
+        library.skeleton.check_same_hierarchy(frames.skeleton, frames.name or "the base")
+    elif not _is_same_skeleton(frames.skeleton, skeleton):
+        raise ValueError(
+            "frames must all have the same skeleton, got joint names or offsets that differ from "
+            "those of the first frames"
+        )
+    if not rates_match(frames.rate, library.rate):
+        raise ValueError(
+            f"frames must have the library's rate of {library.rate:.6g} frames/s, "
+            f"got {frames.rate:.6g}: resample the base first"
+        )
+
+
+def _is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
+    return a is b or (a.names == b.names and np.array_equal(a.offsets, b.offsets))

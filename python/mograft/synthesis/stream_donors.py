@@ -1,0 +1,94 @@
+"""The inputs of a stream's donor search: the donors of each group, and constraints with costs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mograft._util.arrays import IntArray
+from mograft.body.anatomy import feature_joints
+from mograft.config import Config
+from mograft.library.library import Library
+from mograft.search.candidates import SegmentPool
+from mograft.search.constraints import Clip, Constraint
+from mograft.search.costs import CostModel, limit_config
+from mograft.search.donor_choice import cost_model
+from mograft.synthesis.donor_frames import DonorFrames
+
+__all__ = ["StreamDonors", "StreamRules"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StreamDonors:
+    """The library of a stream, by grafted group. Made by `StreamDonors.build`.
+
+    Attributes
+    ----------
+    library : Library
+        The library.
+    clips : tuple of Clip
+        Names and tags of its clips, and of the base motion as the last one.
+    joints : mapping of str to ndarray of int
+        The joints of each grafted group, parents before children.
+    compared_joints : mapping of str to ndarray of int
+        Those whose rotations are compared at seams.
+    pools : mapping of str to SegmentPool
+        The segments.
+    frames : DonorFrames
+        The rotations of the segments.
+    """
+
+    library: Library
+    clips: tuple[Clip, ...]
+    joints: Mapping[str, IntArray]
+    compared_joints: Mapping[str, IntArray]
+    pools: Mapping[str, SegmentPool]
+    frames: DonorFrames
+
+    @classmethod
+    def build(cls, library: Library, groups: Sequence[str]) -> "StreamDonors":
+        """Return the donors of some groups."""
+        joints = {group: library.joints(group) for group in groups}
+        return cls(
+            library=library,
+            clips=(*library.entries, _BaseClip()),
+            joints=joints,
+            compared_joints={
+                group: feature_joints(library.skeleton, members)
+                for group, members in joints.items()
+            },
+            pools={group: library.pool(group) for group in groups},
+            frames=DonorFrames(library),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class StreamRules:
+    """The constraints of a stream and the costs under them. Made by `StreamRules.build`.
+
+    Attributes
+    ----------
+    constraints : tuple of Constraint
+        The constraints.
+    config : Config
+        The library's configuration, limited by the constraints.
+    models : mapping of str to CostModel
+        The cost model of each grafted group.
+    """
+
+    constraints: tuple[Constraint, ...]
+    config: Config
+    models: Mapping[str, CostModel]
+
+    @classmethod
+    def build(cls, donors: StreamDonors, constraints: Sequence[Constraint]) -> "StreamRules":
+        """Return the rules that constraints make for some donors."""
+        config = limit_config(donors.library.config, constraints)
+        models = {group: cost_model(config, pool) for group, pool in donors.pools.items()}
+        return cls(tuple(constraints), config, models)
+
+
+@dataclass(frozen=True)
+class _BaseClip:
+    """Name and tags of the base motion, for constraints on the origin."""
+
+    name: str = "the base"
+    tags: tuple[str, ...] = ()

@@ -1,0 +1,306 @@
+"""The donor search of a stream: candidates of pending segments, and the choice for the first.
+
+In the segment that is committed next, pose constraints are evaluated after seam treatment. In
+later segments, whose seams are not known yet, they are evaluated on the resampled donors.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.segmentation import Segments
+from mograft.body.mass import mass_model
+from mograft.body.world_poses import Poses
+from mograft.library.ingest import boundary_states
+from mograft.motion.motion import Motion
+from mograft.search.boundary_states import BoundaryStates
+from mograft.search.constraints import Constraint
+from mograft.search.costs import (
+    ConstraintViolations,
+    CostModel,
+    length_fits,
+    origin_violations,
+    pose_violations,
+)
+from mograft.search.donor_choice import DONOR_CHOICES
+from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
+from mograft.search.viterbi import Trellis
+from mograft.synthesis.base_buffer import BaseBuffer
+from mograft.synthesis.base_clusters import BaseClusters
+from mograft.synthesis.pending_segment import GroupCandidates, PendingSegment
+from mograft.synthesis.placed_donors import (
+    CommittedEnd,
+    PlacedDonors,
+    SampledDonors,
+    place_donors,
+    sample_donors,
+)
+from mograft.synthesis.stream_body import StreamBody
+from mograft.synthesis.stream_donors import StreamDonors, StreamRules
+
+__all__ = ["ChosenDonors", "StreamSearch"]
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenDonors:
+    """The choice for one segment.
+
+    Attributes
+    ----------
+    candidates : dict of str to int
+        For every grafted group the index of the chosen candidate.
+    placed : dict of str to PlacedDonors
+        For every grafted group the chosen donor, after seam treatment.
+    poses : Poses or None
+        World poses with all chosen donors; None if no pose constraint applies.
+    """
+
+    candidates: dict[str, int]
+    placed: dict[str, PlacedDonors]
+    poses: Poses | None
+
+
+class StreamSearch:
+    """The search for the donors of one base motion.
+
+    Parameters
+    ----------
+    donors : StreamDonors
+        The source of the donors.
+    frame : Motion
+        A single frame of the base motion.
+    """
+
+    def __init__(self, donors: StreamDonors, frame: Motion) -> None:
+        library = donors.library
+        self._donors, self._library = donors, library
+        self._body = StreamBody(frame, donors.joints, library.up)
+        self._clusters = BaseClusters.build(library, mass_model(frame.skeleton).height)
+
+    def list_candidates(
+        self,
+        base: BaseBuffer,
+        start: int,
+        stop: int,
+        rules: StreamRules,
+        *,
+        has_previous: bool,
+    ) -> PendingSegment:
+        """Return a base segment with the candidates that satisfy cluster, length and origin limits.
+
+        Parameters
+        ----------
+        base : BaseBuffer
+            The base motion.
+        start, stop : int
+            First and last frame of the segment.
+        rules : StreamRules
+            The constraints and costs.
+        has_previous : bool
+            Whether a segment is committed already, so that the first frame is too.
+        """
+        motion, offset = base.motion_with_margin(start, stop)
+        excerpt = _single_segment(offset, offset + stop - start, 0)
+        segment = _single_segment(start, stop, len(self._library.entries))
+        members, distances = self._clusters.find_members(motion, excerpt)
+        is_kept = self._library.is_donor[members] & length_fits(
+            segment.lengths,
+            self._library.segments[members].lengths,
+            self._library.rate,
+            rules.config,
+        )
+        members, distances = members[is_kept], distances[is_kept]
+        origin = self._origin_violations(segment, members, rules)
+        members, distances = members[origin.is_feasible], distances[origin.is_feasible]
+        # The base segment is the last candidate: distance 0, no origin costs, always feasible.
+        lengths = np.append(self._library.segments[members].lengths, segment.lengths)
+        origin_costs = np.append(origin.soft[origin.is_feasible], 0.0)
+        is_base = np.arange(len(lengths)) == len(members)
+        # Unary costs do not depend on seam scales, the only difference between the groups' models.
+        model = next(iter(rules.models.values()))
+        unary_costs = model.unary(segment.lengths, lengths, np.append(distances, 0.0), is_base)
+        kept = model.keep_cheapest(unary_costs + origin_costs, is_base)
+        pending = PendingSegment(
+            base=motion,
+            offset=offset,
+            segment=segment,
+            donors=np.append(members, -1)[kept],
+            unary_costs=unary_costs[kept],
+            origin_costs=origin_costs[kept],
+        )
+        pending = replace(pending, pose_constraints=self._pose_constraints(pending, rules))
+        ends = boundary_states(motion, excerpt)
+        for group in self._donors.joints:
+            candidates = self._group_candidates(pending, group, ends, has_previous=has_previous)
+            pending.groups[group] = candidates
+        return pending
+
+    def choose_donors(
+        self,
+        segments: Sequence[PendingSegment],
+        ends: Mapping[str, CommittedEnd],
+        rules: StreamRules,
+        rng: np.random.Generator,
+    ) -> ChosenDonors:
+        """Choose a donor sequence for pending segments, and return its first donors.
+
+        Parameters
+        ----------
+        segments : sequence of PendingSegment
+            Successive segments, at least one.
+        ends : mapping of str to CommittedEnd
+            For every grafted group the end of the committed motion; empty if there is none.
+        rules : StreamRules
+            The constraints and costs.
+        rng : numpy.random.Generator
+            Source of randomness.
+
+        Returns
+        -------
+        ChosenDonors
+            The donors of the first segment. Groups are chosen one after the other: pose
+            constraints on a group are evaluated with the donors of the groups before it.
+        """
+        segment, rate = segments[0], self._library.rate
+        choice = DONOR_CHOICES.get(rules.config.choice)
+        candidates: dict[str, int] = {}
+        placed: dict[str, PlacedDonors] = {}
+        context = segment.rotations.copy()
+        for group, joints in self._donors.joints.items():
+            end, sampled = ends.get(group), segment.groups[group].sampled
+            costs, all_placed = segment.costs, None
+            if sampled is not None:
+                all_placed = place_donors(sampled, end, rate, rules.config)
+                costs = costs + self.pose_costs(
+                    segment, group, all_placed.frames, context, has_previous=end is not None
+                )
+            trellis = _trellis(segments, group, costs, end, rules.models[group])
+            index = int(choice.choose_path(trellis, rules.config, rng)[0])
+            if all_placed is None:
+                sampled = self._sample(segment, group, segment.donors[index : index + 1])
+                placed[group] = place_donors(sampled, end, rate, rules.config)
+            else:
+                placed[group] = all_placed.select(index)
+            candidates[group] = index
+            context[:, joints] = placed[group].frames[0]
+        poses = self._body.poses(segment, context) if segment.pose_constraints else None
+        return ChosenDonors(candidates, placed, poses)
+
+    def pose_costs(
+        self,
+        segment: PendingSegment,
+        group: str,
+        rotations: FloatArray,
+        context: FloatArray,
+        *,
+        has_previous: bool,
+    ) -> FloatArray:
+        """Return the costs of pose constraints for candidates of a group.
+
+        Parameters
+        ----------
+        segment : PendingSegment
+            The segment.
+        group : str
+            The grafted group.
+        rotations : ndarray, shape (n_candidates, n_frames, n_group_joints, 4)
+            Rotations of the group's joints.
+        context : ndarray, shape (n_frames, n_joints, 4)
+            Rotations of the other joints.
+        has_previous : bool
+            Whether the first frame is committed already and does not count.
+
+        Returns
+        -------
+        ndarray, shape (n_candidates,)
+            The costs.
+        """
+        n, first = len(rotations), 1 if has_previous else 0
+        local = np.tile(context, (n, 1, 1))
+        local[:, self._donors.joints[group]] = rotations.reshape(-1, *rotations.shape[2:])
+        amounts = pose_violations(
+            segment.pose_constraints,
+            self._body.poses(segment, local),
+            self._body.driven_joints[group],
+            lambda errors: errors.reshape(n, -1)[:, first:].max(axis=1),
+        )
+        return ConstraintViolations.from_amounts(segment.pose_constraints, amounts, n).costs()
+
+    def _origin_violations(
+        self, segment: Segments, members: IntArray, rules: StreamRules
+    ) -> ConstraintViolations:
+        repeated = segment[np.zeros(len(members), np.int64)]
+        donors = self._library.segments[members]
+        amounts = origin_violations(
+            rules.constraints, repeated, donors, repeated, self._donors.clips
+        )
+        return ConstraintViolations.from_amounts(rules.constraints, amounts, len(members))
+
+    def _pose_constraints(
+        self, segment: PendingSegment, rules: StreamRules
+    ) -> tuple[Constraint, ...]:
+        """Return the pose constraints of a segment, with its captured self-collision depth."""
+        constraints = [
+            constraint
+            for constraint in rules.constraints
+            if type(constraint).errors is not Constraint.errors
+            and constraint.applies(segment.frames).any()
+        ]
+        if any(isinstance(constraint, AvoidSelf) for constraint in constraints):
+            captured = self._body.poses(segment, segment.rotations)
+            constraints = with_captured_depth(constraints, captured)
+        return tuple(constraints)
+
+    def _group_candidates(
+        self,
+        segment: PendingSegment,
+        group: str,
+        ends: Mapping[str, FloatArray],
+        *,
+        has_previous: bool,
+    ) -> GroupCandidates:
+        """Return the candidates of a group, given the boundary states of the base segment."""
+        joints = self._donors.compared_joints[group]
+        base = BoundaryStates(**{name: states[:, joints] for name, states in ends.items()})
+        donors = self._donors.pools[group].boundary[segment.donors[:-1]]
+        boundary = BoundaryStates.concatenate([donors, base])
+        if not segment.pose_constraints:
+            return GroupCandidates(boundary, segment.costs)
+        sampled = self._sample(segment, group, segment.donors)
+        pose_costs = self.pose_costs(
+            segment, group, sampled.frames, segment.rotations, has_previous=has_previous
+        )
+        return GroupCandidates(boundary, segment.costs + pose_costs, sampled)
+
+    def _sample(self, segment: PendingSegment, group: str, donors: IntArray) -> SampledDonors:
+        tracks = [
+            segment.rotations_with_neighbours if donor < 0 else self._donors.frames.rotations(donor)
+            for donor in donors.tolist()
+        ]
+        joints = self._donors.joints[group]
+        return sample_donors(tracks, joints, segment.length, self._library.rate)
+
+
+def _trellis(
+    segments: Sequence[PendingSegment],
+    group: str,
+    first_costs: FloatArray,
+    end: CommittedEnd | None,
+    model: CostModel,
+) -> Trellis:
+    """Return the costs of a group's candidates in all segments, given those in the first."""
+    candidates = [segment.groups[group] for segment in segments]
+    if end is not None:
+        first_costs = first_costs + model.seam_costs(end.boundary, candidates[0].boundary)[0]
+    pairs = pairwise(candidates)
+    return Trellis(
+        (first_costs, *(following.costs for following in candidates[1:])),
+        tuple(before.seam_costs_to(after, model) for before, after in pairs),
+    )
+
+
+def _single_segment(start: int, stop: int, clip: int) -> Segments:
+    return Segments(np.array([start]), np.array([stop]), np.array([clip]))
