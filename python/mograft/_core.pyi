@@ -15,7 +15,6 @@ __all__ = [
     "cubic",
     "cubic_positions",
     "cut",
-    "cut_tuned",
     "eigen",
     "exp",
     "features",
@@ -25,9 +24,7 @@ __all__ = [
     "hermite",
     "kinetic_energy",
     "linkage",
-    "linkage_by_chain",
     "linkage_condensed",
-    "linkage_tuned",
     "log",
     "moments",
     "multiply",
@@ -136,17 +133,4 @@ def cut(
     memory: int,
     progress: Callable[[float], object] | None,
 ) -> IntArray: ...
-def linkage_tuned(
-    points: FloatArray, threads: int, level: int, degree: float, finish: int, crowd: int
-) -> FloatArray: ...
-def cut_tuned(
-    points: FloatArray,
-    max_diameter: float,
-    threads: int,
-    level: int,
-    degree: float,
-    finish: int,
-    crowd: int,
-) -> IntArray: ...
-def linkage_by_chain(points: FloatArray) -> FloatArray: ...
 def eigen(matrix: FloatArray, wanted: int) -> tuple[FloatArray, FloatArray]: ...
