@@ -131,7 +131,7 @@ impl Matrix {
         let outdated = rows
             .filter(|(_, is_outdated)| **is_outdated)
             .map(|(row, _)| row);
-        for_each_row(workers, width, outdated.collect(), |row: &mut &mut Row| {
+        for_each_row(workers, width, outdated.collect(), |row| {
             row.apply(log);
             row.find_nearest(workers);
         })
@@ -212,7 +212,7 @@ impl Matrix {
             i += 1;
             is_active[i - 1]
         });
-        for_each_row(workers, width, self.rows.iter_mut().collect(), |row: &mut &mut Row| {
+        for_each_row(workers, width, self.rows.iter_mut().collect(), |row| {
             row.apply(log);
             for (new, &old) in columns.iter().enumerate() {
                 row.distances[new] = row.distances[old as usize];

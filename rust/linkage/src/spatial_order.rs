@@ -21,7 +21,7 @@ const BLOCKS_PER_JOB: usize = 64;
 
 /// Clusters in spatial order.
 pub(crate) struct SpatialOrder {
-    /// The clusters; those that are near in space are near in memory.
+    /// The clusters: neighbours in space are neighbours in memory.
     pub clusters: Clusters,
     /// If density is uneven, the clusters by density, the densest first.
     pub by_density: Option<Vec<u32>>,

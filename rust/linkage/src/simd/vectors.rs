@@ -147,7 +147,7 @@ pub(super) mod x86 {
         fn store(self, lanes: &mut F32Lanes) {
             let start = lanes.as_mut_ptr();
             // SAFETY: the caller is compiled for AVX2, which includes AVX. Both stores write 8 of
-            // the 16 f32 at `start`, which are borrowed mutably, and need no alignment.
+            // the 16 f32 at `start`, exclusively by `&mut`, and need no alignment.
             unsafe {
                 _mm256_storeu_ps(start, self.0);
                 _mm256_storeu_ps(start.add(8), self.1);
@@ -209,7 +209,7 @@ pub(super) mod x86 {
         #[inline(always)]
         fn store(self, lanes: &mut F32Lanes) {
             // SAFETY: the caller is compiled for AVX-512 F. The store writes the 16 f32 of
-            // `lanes`, which are borrowed mutably, and needs no alignment.
+            // `lanes`, exclusively by `&mut`, and needs no alignment.
             unsafe { _mm512_storeu_ps(lanes.as_mut_ptr(), self.0) }
         }
         #[inline(always)]

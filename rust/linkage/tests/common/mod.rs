@@ -1,5 +1,6 @@
 //! Oracles for complete linkage, and clouds of points that are hard in different ways.
-#![allow(dead_code, reason = "every test binary uses a part of this module")]
+
+use std::collections::HashMap;
 
 use mograft_linkage::{Level, Options, Tuning, linkage_condensed};
 use proptest::prelude::*;
@@ -65,11 +66,13 @@ pub fn linkage_by_greedy_search(points: &[f64], dim: usize) -> Vec<[f64; 4]> {
         let height = times_power_of_two(squares[low][high].sqrt(), exponent);
         rows.push([a.min(b) as f64, a.max(b) as f64, height, (size_a + size_b) as f64]);
         clusters[low] = Some((n + rows.len() - 1, size_a + size_b));
-        for other in 0..n {
-            let larger = squares[low][other].max(squares[high][other]);
-            squares[low][other] = larger;
-            squares[other][low] = larger;
+        let larger: Vec<f64> = (squares[low].iter().zip(&squares[high]))
+            .map(|(a, b)| a.max(*b))
+            .collect();
+        for (row, &squared) in squares.iter_mut().zip(&larger) {
+            row[low] = squared;
         }
+        squares[low] = larger;
     }
     rows
 }
@@ -99,14 +102,11 @@ pub fn labels_of_tree(tree: &[[f64; 4]], diameter: f64) -> Vec<i64> {
         tops[row[0] as usize] = tops[n + i];
         tops[row[1] as usize] = tops[n + i];
     }
-    let mut known = Vec::new();
+    let mut numbers = HashMap::new();
     let mut labels = Vec::new();
     for top in &tops[..n] {
-        let label = known.iter().position(|other| other == top);
-        labels.push(label.unwrap_or(known.len()) as i64);
-        if label.is_none() {
-            known.push(*top);
-        }
+        let next = i64::try_from(numbers.len()).unwrap();
+        labels.push(*numbers.entry(top).or_insert(next));
     }
     labels
 }
@@ -176,7 +176,9 @@ pub fn cloud(kind: usize, n: usize, dim: usize, noise: &mut Noise) -> Vec<f64> {
         6 => {
             for point in points.chunks_mut(dim) {
                 let size = 10_f64.powf(-12.0 * noise.uniform());
-                point.iter_mut().for_each(|x| *x *= size);
+                for x in point {
+                    *x *= size;
+                }
             }
         }
         // A single point far away, and numbers near the ends of the range of f64.
