@@ -71,8 +71,8 @@ def to_euler(
 def hermite(
     start: FloatArray,
     end: FloatArray,
-    leaving: FloatArray,
-    reaching: FloatArray,
+    start_velocity: FloatArray,
+    end_velocity: FloatArray,
     t: FloatArray,
 ) -> FloatArray: ...
 def slerp(frame_times: FloatArray, rotations: FloatArray, times: FloatArray) -> FloatArray: ...
@@ -91,14 +91,14 @@ def world(
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def capsule_ends(
-    turned: FloatArray, placed: FloatArray, joints: IntArray, bones: FloatArray
+    rotations: FloatArray, positions: FloatArray, joints: IntArray, bones: FloatArray
 ) -> FloatArray: ...
 def clearance(
     ends: FloatArray,
     radii: FloatArray,
     others: FloatArray,
     other_radii: FloatArray,
-    at: IntArray,
+    other_frames: IntArray,
     pairs: tuple[IntArray, IntArray],
 ) -> tuple[FloatArray, IntArray]: ...
 def box_clearance(

@@ -66,7 +66,7 @@ fn into_tree(py: Python<'_>, rows: Vec<[f64; 4]>) -> Array<'_> {
     into_array(py, rows.into_flattened(), &shape)
 }
 
-/// See `mograft.linkage`.
+/// See [`kernel::linkage`].
 #[pyfunction]
 pub fn linkage<'py>(
     py: Python<'py>,
@@ -83,7 +83,7 @@ pub fn linkage<'py>(
     into_tree(py, rows)
 }
 
-/// See `mograft.linkage_condensed`.
+/// See [`kernel::linkage_condensed`].
 #[pyfunction]
 pub fn linkage_condensed<'py>(
     py: Python<'py>,
@@ -100,7 +100,7 @@ pub fn linkage_condensed<'py>(
     into_tree(py, rows)
 }
 
-/// See `mograft.cut`.
+/// See [`kernel::cut`].
 #[pyfunction]
 pub fn cut<'py>(
     py: Python<'py>,

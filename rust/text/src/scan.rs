@@ -56,44 +56,47 @@ fn is_complete(text: &[u8], length: usize, is_last: bool) -> bool {
 /// Whether the whole of `text` may be the beginning of a number, or a number.
 #[cold]
 fn is_prefix_of_number(text: &[u8]) -> bool {
-    let skip_digits = |at: usize| {
-        let digits = text[at..].iter().take_while(|byte| byte.is_ascii_digit());
-        at + digits.count()
+    let skip_digits = |position: usize| {
+        let digits = text[position..]
+            .iter()
+            .take_while(|byte| byte.is_ascii_digit());
+        position + digits.count()
     };
-    let skip_sign = |at: usize| at + usize::from(matches!(text.get(at), Some(b'+' | b'-')));
+    let skip_sign =
+        |position: usize| position + usize::from(matches!(text.get(position), Some(b'+' | b'-')));
     let start = skip_sign(0);
-    let mut at = skip_digits(start);
-    let mut n_digits = at - start;
-    if text.get(at) == Some(&b'.') {
-        let end = skip_digits(at + 1);
-        n_digits += end - at - 1;
-        at = end;
+    let mut position = skip_digits(start);
+    let mut n_digits = position - start;
+    if text.get(position) == Some(&b'.') {
+        let end = skip_digits(position + 1);
+        n_digits += end - position - 1;
+        position = end;
     }
-    if n_digits > 0 && matches!(text.get(at), Some(b'e' | b'E')) {
-        at = skip_digits(skip_sign(at + 1));
+    if n_digits > 0 && matches!(text.get(position), Some(b'e' | b'E')) {
+        position = skip_digits(skip_sign(position + 1));
     }
-    at == text.len()
+    position == text.len()
 }
 
 fn is_white_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
-/// Return the end of the white space at `at`, and append its line ends to `line_ends`.
+/// Return the end of the white space at `position`, and append its line ends to `line_ends`.
 ///
 /// Unless `is_last`, a CR at the very end is not skipped, because an LF may follow.
 fn skip_white_space(
     text: &[u8],
-    mut at: usize,
+    mut position: usize,
     is_last: bool,
     n_values: usize,
     line_ends: &mut Vec<usize>,
 ) -> usize {
-    while let Some(&byte) = text.get(at) {
+    while let Some(&byte) = text.get(position) {
         if !is_white_space(byte) {
             break;
         }
-        let is_line_end = match (byte, text.get(at + 1)) {
+        let is_line_end = match (byte, text.get(position + 1)) {
             (b'\n', _) => true,
             (b'\r', None) if !is_last => break,
             // Of CR LF, the LF ends the line.
@@ -103,9 +106,9 @@ fn skip_white_space(
         if is_line_end {
             line_ends.push(n_values);
         }
-        at += 1;
+        position += 1;
     }
-    at
+    position
 }
 
 #[cfg(test)]
