@@ -48,10 +48,7 @@ impl Row {
     /// Find the nearest cluster; of equal distances the first.
     fn find_nearest(&mut self, workers: &Workers<'_>) {
         let smallest = simd::minimum(workers.isa, &self.distances);
-        let column = self
-            .distances
-            .iter()
-            .position(|&distance| distance == smallest);
+        let column = simd::first_position(workers.isa, &self.distances, smallest);
         self.nearest = match column {
             Some(column) if smallest < f64::INFINITY => (column as u32, smallest),
             _ => (NONE, f64::INFINITY),
@@ -83,10 +80,10 @@ pub(crate) fn merge_on_matrix(
         if merged.is_empty() {
             return Ok(pairs);
         }
+        matrix.merge_rows(workers, &merged)?;
         for &(kept, removed, distance) in &merged {
             pairs.push((matrix.numbers[kept], matrix.numbers[removed], distance));
         }
-        matrix.merge_rows(workers, &merged)?;
         workers.set_fraction(pairs.len() as f64 / total);
         let n_active = matrix
             .is_active

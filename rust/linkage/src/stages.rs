@@ -15,7 +15,7 @@ use crate::options::Tuning;
 use crate::parallel::Workers;
 use crate::plateau::merge_plateau;
 use crate::points::Points;
-use crate::simd::{self, Aligned, LANES};
+use crate::simd::{self, Aligned, F64Lanes, LANES};
 use crate::spatial_order::{SpatialOrder, sort_spatially};
 use crate::threshold::choose_threshold;
 use crate::tree::Merge;
@@ -165,6 +165,9 @@ fn merge_remaining(
     Ok(())
 }
 
+/// Variances of points.
+const ZEROS: F64Lanes = Aligned([0.0; LANES]);
+
 /// The matrix of squared distances of single points; infinity beyond `max_squared`.
 fn rows_of_points(
     workers: &Workers<'_>,
@@ -189,8 +192,7 @@ fn rows_of_points(
                 let centre = clusters.centre(cluster);
                 row.reserve_exact(m.next_multiple_of(LANES));
                 for block in columns.chunks_exact(centre.len()) {
-                    let zeros = Aligned([0.0; LANES]);
-                    let squares = simd::squared_bounds(workers.isa, centre, 0.0, block, &zeros);
+                    let squares = simd::squared_bounds(workers.isa, centre, 0.0, block, &ZEROS);
                     row.extend(squares.map(cut));
                 }
                 row.truncate(m);

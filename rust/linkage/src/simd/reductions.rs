@@ -116,6 +116,26 @@ fn minimum_body<V: F32x16>(row: &[f64]) -> f64 {
 }
 
 dispatch! {
+    /// Index of the first element of `row` that equals `value`.
+    first_position = first_position_body(row: &[f64], value: f64) -> Option<usize>
+}
+
+#[inline(always)]
+#[allow(clippy::needless_bitwise_bool, reason = "a branch per element would prevent vectorization")]
+fn first_position_body<V: F32x16>(row: &[f64], value: f64) -> Option<usize> {
+    let (blocks, rest) = row.as_chunks::<32>();
+    for (i, block) in blocks.iter().enumerate() {
+        let has_value = block.iter().fold(false, |has, &x| has | (x == value));
+        if has_value {
+            let position = block.iter().position(|&x| x == value);
+            return position.map(|position| i * block.len() + position);
+        }
+    }
+    let position = rest.iter().position(|&x| x == value);
+    position.map(|position| row.len() - rest.len() + position)
+}
+
+dispatch! {
     /// Replace each element of `row` by the larger of it and that of `other`.
     maximize = maximize_body(row: &mut [f64], other: &[f64])
 }

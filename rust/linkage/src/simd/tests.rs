@@ -47,6 +47,10 @@ fn f64_kernels_on_every_set_equal_scalar_bits() {
         for isa in instruction_sets() {
             assert_eq!(squared_bounds(isa, &point, 0.5, &block, &variances).to_vec(), expected);
             assert_eq!(minimum(isa, &row), row.iter().copied().fold(f64::INFINITY, f64::min));
+            for value in row.iter().copied().chain([f64::NAN, 1e9]) {
+                let expected = row.iter().position(|&x| x == value);
+                assert_eq!(first_position(isa, &row, value), expected);
+            }
             let mut larger = row.clone();
             maximize(isa, &mut larger, &expected);
             let pairs = row.iter().zip(&expected).map(|(a, b)| a.max(*b));
