@@ -9,7 +9,7 @@ peers   SciPy and fastcluster, up to the 30,000 points for which they need 7 GB
 large   50,000 to 500,000 points, the tree and the cut at the standard deviation; growth
 real    the segments of a real motion database, the tree and its cuts at both sigmas
 hard    what is hard, each in a way of its own, at 100,000 points
-plain   the plain chain over all n(n-1)/2 distances, where nothing can be saved
+chain   the nearest-neighbour chain over all n(n - 1)/2 distances, on inputs that allow no saving
 stop    how long after Ctrl-C the call ends
 counts  instructions, by Valgrind: what a change of the code alone moves
 
@@ -100,6 +100,13 @@ def run_fastcluster(points):
     return fastcluster.linkage(points, "complete")
 
 
+def run_chain(points):
+    """Run the nearest-neighbour chain on one thread, distances included."""
+    from scipy.spatial.distance import pdist
+
+    return mg.linkage_condensed(pdist(points), threads=1, memory_limit=0)
+
+
 def measure(who, kind, n, runs, diameter=None):
     """Return the seconds of runs in this process, and the memory that they took."""
     points = make(kind, n)[:n]
@@ -111,13 +118,13 @@ def measure(who, kind, n, runs, diameter=None):
         "mograft": lambda: mg.linkage(points),
         "cut": lambda: mg.cut(points, diameter),
         "one thread": lambda: mg.linkage(points, threads=1, memory_limit=0),
-        "plain": lambda: _core.linkage_by_chain(points),
+        "chain": lambda: run_chain(points),
         "SciPy": lambda: run_scipy(points),
         "fastcluster": lambda: run_fastcluster(points),
     }[who]
-    if who in ("SciPy", "fastcluster"):
-        call_once = {"SciPy": run_scipy, "fastcluster": run_fastcluster}[who]
-        call_once(points[:10])  # imports are not what is measured
+    if who in ("SciPy", "fastcluster", "chain"):
+        call_once = {"SciPy": run_scipy, "fastcluster": run_fastcluster, "chain": run_chain}[who]
+        call_once(points[:10])  # the import of SciPy is not measured
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     walls, cpus = [], []
     for _ in range(runs):
@@ -235,13 +242,13 @@ def hard(_, child):
     return rows
 
 
-def plain(_, child):
+def chain(_, child):
     rows = []
     for kind in ("300 axes", "binary", "lattice", "tails", "clump", "scale-free"):
-        own, chain = (child(who, kind, 10_000, runs=1) for who in ("one thread", "plain"))
-        show(own)
-        show(chain, f"{chain['wall'] / own['wall']:.2f} times")
-        rows += [own, chain]
+        pair = [child(who, kind, 10_000, runs=1) for who in ("one thread", "chain")]
+        show(pair[0])
+        show(pair[1], f"{pair[1]['wall'] / pair[0]['wall']:.2f} times")
+        rows += pair
     return rows
 
 
@@ -292,7 +299,7 @@ def machine():
     )
 
 
-PARTS = {part.__name__: part for part in (peers, large, real, hard, plain, stop, counts)}
+PARTS = {part.__name__: part for part in (peers, large, real, hard, chain, stop, counts)}
 KINDS = ("white", "mixture", "walk")
 
 

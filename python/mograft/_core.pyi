@@ -15,7 +15,6 @@ __all__ = [
     "cubic",
     "cubic_positions",
     "cut",
-    "cut_tuned",
     "exp",
     "features",
     "format_rows",
@@ -24,9 +23,7 @@ __all__ = [
     "hermite",
     "kinetic_energy",
     "linkage",
-    "linkage_by_chain",
     "linkage_condensed",
-    "linkage_tuned",
     "log",
     "moments",
     "multiply",
@@ -73,8 +70,8 @@ def to_euler(
 def hermite(
     start: FloatArray,
     end: FloatArray,
-    leaving: FloatArray,
-    reaching: FloatArray,
+    start_velocity: FloatArray,
+    end_velocity: FloatArray,
     t: FloatArray,
 ) -> FloatArray: ...
 def slerp(frame_times: FloatArray, rotations: FloatArray, times: FloatArray) -> FloatArray: ...
@@ -93,14 +90,14 @@ def world(
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def capsule_ends(
-    turned: FloatArray, placed: FloatArray, joints: IntArray, bones: FloatArray
+    rotations: FloatArray, positions: FloatArray, joints: IntArray, bones: FloatArray
 ) -> FloatArray: ...
 def clearance(
     ends: FloatArray,
     radii: FloatArray,
     others: FloatArray,
     other_radii: FloatArray,
-    at: IntArray,
+    other_frames: IntArray,
     pairs: tuple[IntArray, IntArray],
 ) -> tuple[FloatArray, IntArray]: ...
 def box_clearance(
@@ -135,16 +132,3 @@ def cut(
     memory: int,
     progress: Callable[[float], object] | None,
 ) -> IntArray: ...
-def linkage_tuned(
-    points: FloatArray, threads: int, level: int, degree: float, finish: int, crowd: int
-) -> FloatArray: ...
-def cut_tuned(
-    points: FloatArray,
-    max_diameter: float,
-    threads: int,
-    level: int,
-    degree: float,
-    finish: int,
-    crowd: int,
-) -> IntArray: ...
-def linkage_by_chain(points: FloatArray) -> FloatArray: ...

@@ -17,7 +17,6 @@ from sklearn.cluster import AgglomerativeClustering
 from sklearn.utils.estimator_checks import check_estimator
 
 import mograft as mg
-from mograft import _core  # noqa: TID251 - the tuning parameters are not public
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "embedding_bandai_60k.npy"
 
@@ -74,16 +73,10 @@ def greedy(points):
     return np.array(rows).reshape(-1, 4)
 
 
-@st.composite
-def tunings(draw):
-    """Parameters that affect the run time only."""
-    return {
-        "threads": draw(st.integers(1, 3)),
-        "level": draw(st.integers(0, 2)),
-        "degree": draw(st.sampled_from([0.5, 2.0, 8.0, 24.0])),
-        "finish": draw(st.sampled_from([0, 2, 7, 30])),
-        "crowd": draw(st.sampled_from([0, 50, 1 << 20])),
-    }
+RESOURCES = st.fixed_dictionaries(
+    {"threads": st.integers(1, 3), "memory_limit": st.sampled_from([0, None])}
+)
+"""Arguments that change the running time only. rust/linkage/tests vary the tuning parameters."""
 
 
 def by_first_appearance(labels):
@@ -103,27 +96,24 @@ def scattered(draw, max_points=200):
     return points
 
 
-@given(clouds(max_points=12), tunings())
-def test_linkage_equals_greedy_search(points, tuning):
-    expected = greedy(points)
-    np.testing.assert_array_equal(mg.linkage(points), expected)
-    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), expected)
+@given(clouds(max_points=12), RESOURCES)
+def test_linkage_equals_greedy_search(points, resources):
+    np.testing.assert_array_equal(mg.linkage(points, **resources), greedy(points))
 
 
 @settings(max_examples=300)
-@given(clouds(max_points=100), tunings())
-def test_linkage_tuning_parameters_do_not_change_tree(points, tuning):
-    tree = _core.linkage_tuned(points, **tuning)
-    np.testing.assert_array_equal(tree, _core.linkage_by_chain(points))
+@given(clouds(max_points=100), RESOURCES)
+def test_linkage_any_threads_and_memory_limit_gives_one_valid_tree(points, resources):
+    tree = mg.linkage(points, **resources)
+    np.testing.assert_array_equal(tree, mg.linkage(points))
     assert hierarchy.is_valid_linkage(tree)
     assert hierarchy.is_monotonic(tree)
 
 
-@given(scattered(), tunings())
-def test_linkage_distinct_distances_equals_scipy(points, tuning):
+@given(scattered(), RESOURCES)
+def test_linkage_distinct_distances_equals_scipy(points, resources):
     expected = hierarchy.complete(pdist(points))
-    np.testing.assert_array_equal(mg.linkage(points), expected)
-    np.testing.assert_array_equal(_core.linkage_tuned(points, **tuning), expected)
+    np.testing.assert_array_equal(mg.linkage(points, **resources), expected)
 
 
 @given(scattered(max_points=60), st.integers(1, 10))
@@ -134,25 +124,23 @@ def test_complete_linkage_n_clusters_equals_scipy(points, k):
     np.testing.assert_array_equal(labels, by_first_appearance(expected))
 
 
-@given(scattered(max_points=60), tunings(), st.floats(0, 1))
-def test_cut_between_heights_equals_scipy(points, tuning, quantile):
+@given(scattered(max_points=60), RESOURCES, st.floats(0, 1))
+def test_cut_between_heights_equals_scipy(points, resources, quantile):
     tree = hierarchy.complete(pdist(points))
     heights = np.concatenate([[0.0], tree[:, 2]])
     low = int(quantile * (len(heights) - 2))
     diameter = heights[low : low + 2].mean()
     expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-    np.testing.assert_array_equal(mg.cut(points, diameter), expected)
-    np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), expected)
+    np.testing.assert_array_equal(mg.cut(points, diameter, **resources), expected)
 
 
-@given(clouds(kinds=["lattice", "single precision"]), tunings(), st.floats(0, 1))
-def test_cut_at_and_next_to_height_equals_fcluster_of_tree(points, tuning, quantile):
+@given(clouds(kinds=["lattice", "single precision"]), RESOURCES, st.floats(0, 1))
+def test_cut_at_and_next_to_height_equals_fcluster_of_tree(points, resources, quantile):
     tree = mg.linkage(points)
     height = np.quantile(tree[:, 2], quantile)
     for diameter in (height, np.nextafter(height, 0), np.nextafter(height, np.inf)):
         expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-        np.testing.assert_array_equal(mg.cut(points, diameter), expected)
-        np.testing.assert_array_equal(_core.cut_tuned(points, diameter, **tuning), expected)
+        np.testing.assert_array_equal(mg.cut(points, diameter, **resources), expected)
 
 
 @given(clouds(kinds=["lattice", "single precision"]), st.floats(0, 1))
@@ -253,28 +241,24 @@ def difficult_clouds(n):
     yield "far off", white + 1e8
 
 
-def check_tunings_agree(n):
+def assert_resources_do_not_matter(n):
     for name, points in difficult_clouds(n):
         tree = mg.linkage(points)
         diameter = np.quantile(tree[:, 2], 0.9)
         labels = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
         np.testing.assert_array_equal(mg.cut(points, diameter), labels, name)
-        for threads, level, degree, finish, crowd in [
-            (1, 0, 16.0, 256, 1 << 20),
-            (2, 1, 6.0, 2, 1 << 20),
-            (3, 2, 40.0, 1000, 1 << 10),
-        ]:
-            other = _core.linkage_tuned(points, threads, level, degree, finish, crowd)
+        for threads in (1, 2, 3):
+            other = mg.linkage(points, threads=threads, memory_limit=0)
             np.testing.assert_array_equal(other, tree, name)
 
 
-def test_linkage_2500_difficult_points_tunings_agree():
-    check_tunings_agree(2_500)
+def test_linkage_2500_points_does_not_depend_on_resources():
+    assert_resources_do_not_matter(2_500)
 
 
 @pytest.mark.thorough
-def test_linkage_100000_difficult_points_tunings_agree():
-    check_tunings_agree(100_000)
+def test_linkage_100000_points_does_not_depend_on_resources():
+    assert_resources_do_not_matter(100_000)
 
 
 @pytest.mark.thorough
@@ -345,9 +329,11 @@ def test_cut_negative_or_nan_diameter_raises_value_error(diameter):
 
 
 def test_linkage_condensed_invalid_distances_raises_value_error():
-    with pytest.raises(ValueError, match=r"distances must be n\(n-1\)/2 in number, got 4"):
+    with pytest.raises(ValueError, match=r"`distances` must have n\(n - 1\)/2 elements.*, got 4"):
         mg.linkage_condensed(np.ones(4))
-    with pytest.raises(ValueError, match=r"distances must be finite and not negative.* at \[1\]"):
+    with pytest.raises(
+        ValueError, match=r"`distances` must be finite and not negative, got -1 at \[1\]"
+    ):
         mg.linkage_condensed([1.0, -1.0, 1.0])
 
 

@@ -1,17 +1,16 @@
-//! How fast the links turn, and with what kinetic energy.
+//! Angular velocities of the links, and their kinetic energy.
 
 use glam::{DQuat, DVec3};
 
-use crate::Error;
-use crate::error::{check_len, check_parents};
+use crate::error::{Error, check_len, check_parents};
 use crate::rotation::log;
 
-/// In which frame a link's angular velocity is taken.
+/// The reference of a link's angular velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Omega {
-    /// Relative to the world: what a link's inertia feels.
+    /// The world: the velocity that determines the physical energy.
     World,
-    /// Relative to the parent: the speed of the joint alone.
+    /// The parent: the speed of the joint alone.
     Local,
 }
 
@@ -19,14 +18,15 @@ pub enum Omega {
 ///
 /// `rotations` are local and frame-major; `inertia` is one moment per joint and
 /// `frame_time` is in seconds. The velocity from one frame to the next is the rotation
-/// vector between them over `frame_time`; a frame has the mean of the two beside it, the
-/// end frames the one they have. Neither root translation nor a constant turn of the
-/// world changes it. Takes O(frames × joints) time; NaN stays in the frames it touches.
+/// vector between them divided by `frame_time`. A frame has the mean of the two adjacent
+/// velocities, an end frame the only one. Neither translation of the root nor a constant
+/// rotation of the world changes the energy. Takes O(frames × joints) time; NaN in a frame
+/// affects that frame and the two beside it.
 ///
 /// # Errors
 ///
-/// If there are fewer than two frames, if the lengths do not fit, or if a parent does not
-/// stand before its child.
+/// If there are fewer than two frames, if the lengths do not match, or if a parent does not
+/// precede its child.
 pub fn kinetic_energy(
     parents: &[i64],
     rotations: &[DQuat],
@@ -43,28 +43,32 @@ pub fn kinetic_energy(
         return Err(Error::TooFewFrames { needed: 2, given: n_frames });
     }
 
-    let pose = |frame: usize, turned: &mut Vec<DQuat>| {
-        turned.clear();
+    let set_pose = |frame: usize, pose: &mut Vec<DQuat>| {
+        pose.clear();
         for (joint, &parent) in parents.iter().enumerate() {
             let local = rotations[frame * n_joints + joint];
-            let is_free = parent < 0 || omega == Omega::Local;
-            turned.push(if is_free { local } else { turned[parent as usize] * local });
+            let is_local = parent < 0 || omega == Omega::Local;
+            pose.push(if is_local { local } else { pose[parent as usize] * local });
         }
     };
-    let weighted = |velocity: DVec3, inertia: f64| 0.5 * inertia * velocity.length_squared();
+    let link_energy = |velocity: DVec3, inertia: f64| 0.5 * inertia * velocity.length_squared();
 
     let mut energy = Vec::with_capacity(n_frames);
     let (mut before, mut after) = (Vec::new(), Vec::new());
     let (mut earlier, mut later) = (vec![DVec3::ZERO; n_joints], vec![DVec3::ZERO; n_joints]);
-    pose(0, &mut before);
+    set_pose(0, &mut before);
     for frame in 1..n_frames {
-        pose(frame, &mut after);
+        set_pose(frame, &mut after);
         for joint in 0..n_joints {
             later[joint] = log(after[joint] * before[joint].inverse()) / frame_time;
         }
         let previous = if frame == 1 { &later } else { &earlier };
         let joints = previous.iter().zip(&later).zip(inertia);
-        energy.push(joints.map(|((a, b), &i)| weighted(0.5 * (a + b), i)).sum());
+        energy.push(
+            joints
+                .map(|((a, b), &i)| link_energy(0.5 * (a + b), i))
+                .sum(),
+        );
         std::mem::swap(&mut before, &mut after);
         std::mem::swap(&mut earlier, &mut later);
     }
@@ -72,7 +76,7 @@ pub fn kinetic_energy(
         earlier
             .iter()
             .zip(inertia)
-            .map(|(&v, &i)| weighted(v, i))
+            .map(|(&v, &i)| link_energy(v, i))
             .sum(),
     );
     Ok(energy)
@@ -83,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_link_that_turns_steadily_has_half_i_omega_squared() {
+    fn kinetic_energy_of_constant_rotation_is_half_i_omega_squared() {
         let rotations: Vec<_> = (0..5)
             .flat_map(|f| [DQuat::from_rotation_y(0.1 * f64::from(f)), DQuat::IDENTITY])
             .collect();
@@ -97,9 +101,9 @@ mod tests {
     }
 
     #[test]
-    fn a_single_frame_is_refused() {
-        let refusal =
+    fn kinetic_energy_of_single_frame_returns_error() {
+        let error =
             kinetic_energy(&[-1], &[DQuat::IDENTITY], &[1.0], 1.0, Omega::World).unwrap_err();
-        assert_eq!(refusal, Error::TooFewFrames { needed: 2, given: 1 });
+        assert_eq!(error, Error::TooFewFrames { needed: 2, given: 1 });
     }
 }

@@ -1,51 +1,51 @@
-//! What a kernel refuses to compute.
+//! The errors of the kernels.
 
 use std::fmt;
 
-/// A kernel's refusal of its input.
+/// Why a kernel refused its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Error {
-    /// Fewer frames than the method needs.
+    /// Fewer frames than the method requires.
     TooFewFrames {
-        /// Frames needed.
+        /// Smallest count of frames.
         needed: usize,
-        /// Frames given.
+        /// Count of frames.
         given: usize,
     },
     /// Frame times that do not strictly increase.
     TimesNotIncreasing,
-    /// A buffer of another length than its frames and joints call for.
+    /// A buffer whose length does not match its frames and joints.
     LengthMismatch {
-        /// Length called for.
+        /// Length that matches.
         expected: usize,
-        /// Length given.
+        /// Length of the buffer.
         given: usize,
     },
-    /// A joint whose parent does not stand before it.
-    ParentNotBefore {
+    /// A joint whose parent does not precede it.
+    ParentNotFirst {
         /// The joint.
         joint: usize,
     },
-    /// A joint that a pose does not have.
-    NoSuchJoint {
+    /// A joint index that is too large.
+    InvalidJoint {
         /// The joint.
         joint: usize,
     },
-    /// A channel that belongs to no axis, no column or no joint.
-    BadChannel,
-    /// A segment that does not lie within the clip, or has no interval.
-    BadSegment {
-        /// The segment's place in the list.
+    /// A channel whose axis, column or joint does not exist.
+    InvalidChannel,
+    /// A segment outside the clip, or of a single frame.
+    InvalidSegment {
+        /// Index of the segment.
         segment: usize,
     },
-    /// A pair of capsules of which one is not there.
-    BadPair {
-        /// The pair's place in the list.
+    /// A pair with a capsule index that is too large.
+    InvalidPair {
+        /// Index of the pair.
         pair: usize,
     },
-    /// More frames are wanted than memory holds.
-    NoRoom,
+    /// A result that does not fit in memory.
+    OutOfMemory,
 }
 
 impl std::error::Error for Error {}
@@ -54,40 +54,42 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::TooFewFrames { needed, given } => {
-                write!(f, "at least {needed} frames are needed, got {given}")
+                write!(f, "at least {needed} frames are required, got {given}")
             }
-            Self::NoRoom => write!(f, "more frames are wanted than memory holds"),
-            Self::TimesNotIncreasing => write!(f, "frame times must strictly increase"),
+            Self::OutOfMemory => {
+                write!(f, "`counts` must not add up to more frames than memory holds")
+            }
+            Self::TimesNotIncreasing => write!(f, "`frame_times` must strictly increase"),
             Self::LengthMismatch { expected, given } => {
                 write!(f, "expected {expected} values, got {given}")
             }
-            Self::ParentNotBefore { joint } => {
-                write!(f, "the parent of joint {joint} must stand before it")
+            Self::ParentNotFirst { joint } => {
+                write!(f, "the parent of joint {joint} must precede it")
             }
-            Self::NoSuchJoint { joint } => write!(f, "there is no joint {joint}"),
-            Self::BadChannel => write!(f, "a channel must have an axis, a column and a joint"),
-            Self::BadSegment { segment } => {
+            Self::InvalidJoint { joint } => {
+                write!(f, "`joints` must be indices of joints, got {joint}")
+            }
+            Self::InvalidChannel => {
+                write!(f, "every channel must have an axis, a column and a joint that exist")
+            }
+            Self::InvalidSegment { segment } => {
                 write!(f, "segment {segment} must lie within the clip and span at least 1 interval")
             }
-            Self::BadPair { pair } => write!(f, "pair {pair} must name capsules that are there"),
+            Self::InvalidPair { pair } => write!(f, "pair {pair} must be indices of capsules"),
         }
     }
 }
 
-/// Check that a buffer has the length that its frames and joints call for.
+/// Check that a buffer has the length that matches its frames and joints.
 pub(crate) fn check_len(given: usize, expected: usize) -> Result<(), Error> {
     if given == expected { Ok(()) } else { Err(Error::LengthMismatch { expected, given }) }
 }
 
-/// Check that every parent is negative or stands before its joint.
+/// Check that every parent is negative or precedes its joint.
 pub(crate) fn check_parents(parents: &[i64]) -> Result<(), Error> {
-    let stands_before = |(joint, &parent): (usize, &i64)| parent < 0 || (parent as usize) < joint;
-    match parents
-        .iter()
-        .enumerate()
-        .find(|&joint| !stands_before(joint))
-    {
-        Some((joint, _)) => Err(Error::ParentNotBefore { joint }),
+    let precedes = |(joint, &parent): (usize, &i64)| parent < 0 || (parent as usize) < joint;
+    match parents.iter().enumerate().find(|&joint| !precedes(joint)) {
+        Some((joint, _)) => Err(Error::ParentNotFirst { joint }),
         None => Ok(()),
     }
 }

@@ -1,18 +1,20 @@
-//! Kernels of motion: functions on slices, free of Python.
+//! Kernels of motion: functions on slices, independent of Python.
 //!
-//! Motion is frame-major: joint `j` of frame `f` stands at `f * n_joints + j`. Rotations
+//! Motion is frame-major: joint `j` of frame `f` has index `f * n_joints + j`. Rotations
 //! are unit quaternions, xyzw; a joint's rotation and translation are local, relative to
-//! its parent. Parents stand before their children, and the root's parent is negative.
+//! its parent. Parents precede their children, and the parent of the root is negative. Lengths and
+//! times may have any unit; angles are in radians. Unless stated otherwise, NaN in an input gives
+//! NaN in the outputs that depend on it.
 //!
-//! | module | what it computes |
+//! | module | contents |
 //! |---|---|
 //! | [`rotation`] | exponential, logarithm, angle, Euler angles |
-//! | [`resample`] | motion between its frames: along the arc, or smoothly |
-//! | [`forward`] | where the joints are in the world |
-//! | [`energy`] | how fast the links turn, and with what energy |
-//! | [`sample`] | sampled segments as vectors to compare |
-//! | [`pose`] | how far poses are apart |
-//! | [`capsule`] | how far bodies are apart |
+//! | [`resample`] | motion between frames: spherical linear, or a C1 cubic |
+//! | [`forward`] | world rotations and positions |
+//! | [`energy`] | angular velocities and kinetic energy |
+//! | [`sample`] | feature vectors of sampled segments |
+//! | [`pose`] | distances between poses |
+//! | [`capsule`] | distances between capsules, and from boxes |
 
 pub mod capsule;
 pub mod energy;

@@ -1,30 +1,29 @@
-//! How far poses are apart.
+//! Distances between poses.
 
 use glam::{DQuat, DVec3};
 
-use crate::Error;
-use crate::error::check_len;
+use crate::error::{Error, check_len};
 use crate::rotation::angle;
 
-/// Mean joint angle between every one of `ends` and every one of `starts`, in radians.
+/// Mean angle over the joints between each of `ends` and each of `starts`, in radians.
 ///
 /// Both are poses of `n_joints` rotations, one after the other; the result is row-major,
-/// one row per end. Takes O(ends × starts) time; NaN stays in its row or column.
+/// one row per end. Takes O(ends × starts × joints) time; NaN affects its row or column only.
 ///
 /// # Errors
 ///
-/// If a buffer is no whole number of poses.
+/// If a buffer is not a whole number of poses.
 pub fn pose_gaps(ends: &[DQuat], starts: &[DQuat], n_joints: usize) -> Result<Vec<f64>, Error> {
     mean_gaps(ends, starts, n_joints, angle)
 }
 
-/// Mean joint difference of velocities between every one of `ends` and every one of `starts`.
+/// Mean difference of joint velocities between each of `ends` and each of `starts`.
 ///
-/// As [`pose_gaps`], of `n_joints` vectors each: the mean length of their differences.
+/// As [`pose_gaps`], for `n_joints` vectors per pose: the mean length of their differences.
 ///
 /// # Errors
 ///
-/// If a buffer is no whole number of poses.
+/// If a buffer is not a whole number of poses.
 pub fn velocity_gaps(ends: &[DVec3], starts: &[DVec3], n_joints: usize) -> Result<Vec<f64>, Error> {
     mean_gaps(ends, starts, n_joints, DVec3::distance)
 }
@@ -53,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gaps_are_mean_angles() {
+    fn pose_gaps_are_mean_angles() {
         let turn = DQuat::from_rotation_x;
         let ends = [turn(0.0), turn(0.0), turn(1.0), turn(1.0)];
         let gaps = pose_gaps(&ends, &[turn(0.5), turn(-0.5)], 2).unwrap();

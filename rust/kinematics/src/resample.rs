@@ -1,59 +1,70 @@
 //! Motion at times between its frames.
 //!
-//! Two ways: [`slerp`] turns at constant speed along the shorter arc from frame to frame;
-//! [`cubic`] is smooth (C1), by the cubic Hermite curve on the sphere of Kim, Kim and Shin
-//! (SIGGRAPH 1995), with tangents from the parabola through three neighbouring frames.
-//! [`segments`] does the latter for many segments of a clip at once.
+//! Two methods: [`slerp`] rotates at constant speed along the shorter arc between frames;
+//! [`cubic`] has continuous velocity. It is the cubic Hermite curve on the sphere of Kim, Kim and
+//! Shin (SIGGRAPH 1995), with tangents from the parabola through three neighbouring frames.
+//! [`segments`] applies the cubic to many segments of a clip at once.
 
 use glam::{DQuat, DVec3};
 
-use crate::Error;
-use crate::error::check_len;
+use crate::error::{Error, check_len};
 use crate::rotation::{self, exp, log};
 
-/// A point of a curve between two frames that has a cubic through it.
+/// A frame of one joint: a type that has a cubic between two values.
 trait Knot: Copy {
-    /// The way to the next frame, as a vector.
-    fn way_to(self, next: Self) -> DVec3;
-    /// The cubic that leaves `self` by `leaving` and reaches `next` by `reaching`.
-    fn cubic(self, next: Self, leaving: DVec3, reaching: DVec3, t: f64) -> Self;
+    /// The difference to the next frame, as a vector.
+    fn difference_to(self, next: Self) -> DVec3;
+    /// The cubic at `t` that starts at `self` with velocity `start_velocity` and ends at `next`
+    /// with `end_velocity`.
+    fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self;
 }
 
 impl Knot for DQuat {
-    fn way_to(self, next: Self) -> DVec3 {
+    fn difference_to(self, next: Self) -> DVec3 {
         log(self.inverse() * next)
     }
 
-    fn cubic(self, next: Self, leaving: DVec3, reaching: DVec3, t: f64) -> Self {
-        hermite(self, next, leaving, reaching, t)
+    fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self {
+        hermite(self, next, start_velocity, end_velocity, t)
     }
 }
 
 impl Knot for DVec3 {
-    fn way_to(self, next: Self) -> DVec3 {
+    fn difference_to(self, next: Self) -> DVec3 {
         next - self
     }
 
-    fn cubic(self, next: Self, leaving: DVec3, reaching: DVec3, t: f64) -> Self {
+    fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self {
         let s = 1.0 - t;
-        // Hermite's basis, written so that t = 0 and t = 1 give the frames themselves.
-        self * (s * s * (1.0 + 2.0 * t)) + next * (t * t * (1.0 + 2.0 * s)) + leaving * (t * s * s)
-            - reaching * (t * t * s)
+        // The Hermite basis in a form that is exact at t = 0 and t = 1.
+        self * (s * s * (1.0 + 2.0 * t))
+            + next * (t * t * (1.0 + 2.0 * s))
+            + start_velocity * (t * s * s)
+            - end_velocity * (t * t * s)
     }
 }
 
 /// The cubic on the sphere from `start` to `end` at `t`, 0 to 1.
 ///
-/// `leaving` and `reaching` are the angular velocities at the two ends in the body's own
-/// frame, as rotation vectors per unit of `t`; both are met exactly, as are the ends.
-pub fn hermite(start: DQuat, end: DQuat, leaving: DVec3, reaching: DVec3, t: f64) -> DQuat {
+/// `start_velocity` and `end_velocity` are angular velocities in the frame of the body, as
+/// rotation vectors per unit of `t`. The curve has exactly these velocities and ends. NaN gives
+/// NaN, except that the ends are returned for `t` of 0 and 1. Source: Kim, Kim and Shin, *A general
+/// construction scheme for unit quaternion curves with simple high order derivatives*, SIGGRAPH
+/// 1995.
+pub fn hermite(
+    start: DQuat,
+    end: DQuat,
+    start_velocity: DVec3,
+    end_velocity: DVec3,
+    t: f64,
+) -> DQuat {
     if t == 0.0 {
         return start;
     }
     if t == 1.0 {
         return end;
     }
-    let (first, last) = (leaving / 3.0, reaching / 3.0);
+    let (first, last) = (start_velocity / 3.0, end_velocity / 3.0);
     let middle = log(exp(-first) * start.inverse() * end * exp(-last));
     let s = 1.0 - t;
     start
@@ -64,8 +75,8 @@ pub fn hermite(start: DQuat, end: DQuat, leaving: DVec3, reaching: DVec3, t: f64
 
 /// Rotations at `times`, by spherical linear interpolation between frames.
 ///
-/// `rotations` is frame-major, `n_joints` wide; the result is laid out alike. A time
-/// outside the frames takes the nearest end frame; a NaN time gives NaN. Takes
+/// `rotations` is frame-major, `n_joints` wide, and so is the result. A time outside the
+/// frames gives the nearest end frame; a NaN time gives NaN. Takes
 /// O(`times.len()` × (`n_joints` + log `frame_times.len()`)) time.
 ///
 /// # Errors
@@ -90,10 +101,11 @@ pub fn slerp(
     Ok(resampled)
 }
 
-/// Rotations at `times`, by a curve through all frames without jumps in velocity.
+/// Rotations at `times`, by a curve through all frames with continuous velocity.
 ///
-/// Arguments, layout and ends as for [`slerp`]. Constant velocity is reproduced,
-/// and turning the world turns the curve; reversing time changes it a little.
+/// Arguments, layout, times outside the frames, NaN and complexity are as for [`slerp`]. Constant
+/// velocity is reproduced; a rotation of the world rotates the curve; a reversal of time changes
+/// the curve slightly.
 ///
 /// # Errors
 ///
@@ -107,7 +119,7 @@ pub fn cubic(
     cubic_knots(frame_times, rotations, n_joints, times)
 }
 
-/// Positions at `times`, by the cubic of [`cubic`] for vectors.
+/// Positions at `times`, by the cubic Hermite curve with the tangents of [`cubic`].
 ///
 /// # Errors
 ///
@@ -128,30 +140,31 @@ fn cubic_knots<K: Knot>(
     times: &[f64],
 ) -> Result<Vec<K>, Error> {
     check_frames(frame_times, knots.len(), n_joints)?;
-    let gap = |f: usize| frame_times[f + 1] - frame_times[f];
+    let interval = |f: usize| frame_times[f + 1] - frame_times[f];
     let mut resampled = Vec::with_capacity(times.len() * n_joints);
     for &time in times {
         let (f, t) = locate(frame_times, time);
-        resampled.extend(Span::new(knots, n_joints, 0, frame_times.len() - 1, &gap).at(f, t));
+        resampled.extend(Span::new(knots, n_joints, 0, frame_times.len() - 1, &interval).at(f, t));
     }
     Ok(resampled)
 }
 
-/// A stretch of frames whose curve looks at no frame outside it.
+/// A range of frames whose curve depends on these frames only.
 struct Span<'a, K, G> {
     knots: &'a [K],
     n_joints: usize,
     first: usize,
     last: usize,
-    gap: &'a G,
+    /// The time from a frame to the next.
+    interval: &'a G,
 }
 
 impl<'a, K: Knot, G: Fn(usize) -> f64> Span<'a, K, G> {
-    fn new(knots: &'a [K], n_joints: usize, first: usize, last: usize, gap: &'a G) -> Self {
-        Self { knots, n_joints, first, last, gap }
+    fn new(knots: &'a [K], n_joints: usize, first: usize, last: usize, interval: &'a G) -> Self {
+        Self { knots, n_joints, first, last, interval }
     }
 
-    /// All joints, `t` of the way from frame `f` to the next.
+    /// All joints at `t`, 0 to 1, between frame `f` and the next.
     fn at(&self, f: usize, t: f64) -> impl Iterator<Item = K> {
         (0..self.n_joints).map(move |joint| {
             if t == 0.0 {
@@ -160,9 +173,9 @@ impl<'a, K: Knot, G: Fn(usize) -> f64> Span<'a, K, G> {
             if t == 1.0 {
                 return self.knot(f + 1, joint);
             }
-            let (leaving, reaching) = self.tangents(f, joint);
+            let (start_velocity, end_velocity) = self.tangents(f, joint);
             self.knot(f, joint)
-                .cubic(self.knot(f + 1, joint), leaving, reaching, t)
+                .cubic(self.knot(f + 1, joint), start_velocity, end_velocity, t)
         })
     }
 
@@ -172,46 +185,49 @@ impl<'a, K: Knot, G: Fn(usize) -> f64> Span<'a, K, G> {
 
     /// The velocities at both ends of the interval from frame `f`, per interval.
     ///
-    /// Each is that of the parabola through three frames: those around the frame, or at
-    /// an end the three nearest. With two frames in all the velocity is constant.
+    /// Each is that of the parabola through three frames: the frame and both neighbours, or at
+    /// an end the three nearest. With only two frames the velocity is constant.
     fn tangents(&self, f: usize, joint: usize) -> (DVec3, DVec3) {
-        let way = |f: usize| self.knot(f, joint).way_to(self.knot(f + 1, joint));
-        let here = way(f);
-        let gap = (self.gap)(f);
-        let speed = here / gap;
-        let before = (f > self.first).then(|| (way(f - 1) / (self.gap)(f - 1), (self.gap)(f - 1)));
-        let after =
-            (f + 1 < self.last).then(|| (way(f + 1) / (self.gap)(f + 1), (self.gap)(f + 1)));
-        // Slopes of the chord before and after a knot, weighted by the other's length.
-        let through = |earlier: (DVec3, f64), later: (DVec3, f64)| {
+        let difference = |f: usize| self.knot(f, joint).difference_to(self.knot(f + 1, joint));
+        let interval = (self.interval)(f);
+        let speed = difference(f) / interval;
+        let chord = |f: usize| (difference(f) / (self.interval)(f), (self.interval)(f));
+        let before = (f > self.first).then(|| chord(f - 1));
+        let after = (f + 1 < self.last).then(|| chord(f + 1));
+        // At a frame between two chords: their slopes, each weighted by the length of the other.
+        let inner = |earlier: (DVec3, f64), later: (DVec3, f64)| {
             (earlier.0 * later.1 + later.0 * earlier.1) / (earlier.1 + later.1)
         };
-        let beyond = |next: (DVec3, f64)| speed + (speed - next.0) * (gap / (gap + next.1));
-        let leaving = match (before, after) {
-            (Some(before), _) => through(before, (speed, gap)),
-            (None, Some(after)) => beyond(after),
+        // At an end: the slope of the parabola extrapolated from this chord and the next.
+        let outer =
+            |next: (DVec3, f64)| speed + (speed - next.0) * (interval / (interval + next.1));
+        let start_velocity = match (before, after) {
+            (Some(before), _) => inner(before, (speed, interval)),
+            (None, Some(after)) => outer(after),
             (None, None) => speed,
         };
-        let reaching = match (before, after) {
-            (_, Some(after)) => through((speed, gap), after),
-            (Some(before), None) => beyond(before),
+        let end_velocity = match (before, after) {
+            (_, Some(after)) => inner((speed, interval), after),
+            (Some(before), None) => outer(before),
             (None, None) => speed,
         };
-        (leaving * gap, reaching * gap)
+        (start_velocity * interval, end_velocity * interval)
     }
 }
 
-/// Many segments of a clip, each resampled to a number of frames of its own.
+/// Many segments of a clip, each resampled to a given count of frames.
 ///
 /// Segment `i` runs from frame `starts[i]` to `stops[i]`, both included, and becomes
-/// `counts[i]` frames evenly spread over it, appended one segment after the other. The
-/// curve is that of [`cubic`] and looks at no frame outside the segment. A sample that
-/// falls on a frame is that frame bit for bit; as many frames as before are the segment
-/// itself. A single frame wanted is the segment's first.
+/// `counts[i]` evenly spaced frames; segments follow each other in the result. The curve is
+/// that of [`cubic`] and depends on the frames of the segment only. A sample that coincides with a
+/// frame is that frame, bit for bit: a segment resampled to its own count is unchanged. A count of
+/// 1 gives the first frame. NaN affects the samples of the two intervals on either side. Takes
+/// O(joints × Σ counts) time.
 ///
 /// # Errors
 ///
-/// If the buffers do not fit, or a segment leaves the clip or spans no interval.
+/// If the lengths do not match, a segment leaves the clip or spans no interval, or the result does
+/// not fit in memory.
 pub fn segments(
     rotations: &[DQuat],
     n_joints: usize,
@@ -222,7 +238,7 @@ pub fn segments(
     segment_knots(rotations, n_joints, starts, stops, counts)
 }
 
-/// As [`segments`], for positions.
+/// Positions of many segments of a clip, as [`segments`] for rotations.
 ///
 /// # Errors
 ///
@@ -248,25 +264,29 @@ fn segment_knots<K: Knot>(
     check_len(knots.len(), n_frames * n_joints)?;
     check_len(stops.len(), starts.len())?;
     check_len(counts.len(), starts.len())?;
-    let is_good = |(&start, &stop): (&usize, &usize)| start < stop && stop < n_frames;
-    if let Some(segment) = starts.iter().zip(stops).position(|bounds| !is_good(bounds)) {
-        return Err(Error::BadSegment { segment });
+    let is_valid = |(&start, &stop): (&usize, &usize)| start < stop && stop < n_frames;
+    if let Some(segment) = starts
+        .iter()
+        .zip(stops)
+        .position(|bounds| !is_valid(bounds))
+    {
+        return Err(Error::InvalidSegment { segment });
     }
 
-    // What is wanted is the caller's word: a failed allocation would end the process.
-    let wanted = counts
+    // `counts` are not bounded by the input, and a failed allocation would abort the process.
+    let n_samples = counts
         .iter()
         .try_fold(0_usize, |sum, &count| sum.checked_add(count));
-    let size = wanted.and_then(|frames| frames.checked_mul(n_joints));
+    let size = n_samples.and_then(|frames| frames.checked_mul(n_joints));
     let mut resampled = Vec::new();
     if size.is_none_or(|size| resampled.try_reserve_exact(size).is_err()) {
-        return Err(Error::NoRoom);
+        return Err(Error::OutOfMemory);
     }
     for ((&start, &stop), &count) in starts.iter().zip(stops).zip(counts) {
         let span = Span::new(knots, n_joints, start, stop, &|_| 1.0);
         let (length, steps) = (stop - start, count.saturating_sub(1).max(1));
         for sample in 0..count {
-            // In whole numbers, so that a sample on a frame is seen to be on it.
+            // Integer arithmetic finds exactly whether a sample coincides with a frame.
             let (whole, rest) = (sample * length / steps, sample * length % steps);
             resampled.extend(span.at(start + whole, rest as f64 / steps as f64));
         }
@@ -274,21 +294,21 @@ fn segment_knots<K: Knot>(
     Ok(resampled)
 }
 
-/// Check that `len` values make up frames of `n_joints` at increasing times.
+/// Check that `len` values are frames of `n_joints` joints at strictly increasing times.
 fn check_frames(frame_times: &[f64], len: usize, n_joints: usize) -> Result<(), Error> {
     let given = frame_times.len();
     if given < 2 {
         return Err(Error::TooFewFrames { needed: 2, given });
     }
     check_len(len, given * n_joints)?;
-    // Asked as "is less", so that a NaN, which is less than nothing, is refused too.
+    // `<` is false for NaN, which is therefore refused.
     if !frame_times.is_sorted_by(|a, b| a < b) {
         return Err(Error::TimesNotIncreasing);
     }
     Ok(())
 }
 
-/// The frame before `time` that has a successor, and how far towards it, 0 to 1.
+/// The last frame at or before `time` that has a successor, and the fraction of the interval.
 fn locate(frame_times: &[f64], time: f64) -> (usize, f64) {
     let last = frame_times.len() - 1;
     let after = frame_times.partition_point(|&t| t <= time).clamp(1, last);
@@ -300,7 +320,7 @@ fn locate(frame_times: &[f64], time: f64) -> (usize, f64) {
 mod tests {
     use super::*;
 
-    fn wander(n_frames: usize) -> Vec<DQuat> {
+    fn random_walk(n_frames: usize) -> Vec<DQuat> {
         (0..n_frames)
             .map(|f| {
                 let f = f as f64;
@@ -310,22 +330,23 @@ mod tests {
     }
 
     #[test]
-    fn hermite_meets_its_ends_and_their_velocities() {
+    fn hermite_has_given_ends_and_velocities() {
         let (start, end) = (exp(DVec3::new(0.2, -1.0, 0.4)), exp(DVec3::new(-0.5, 0.3, 1.2)));
-        let (leaving, reaching) = (DVec3::new(1.0, 0.4, -0.7), DVec3::new(-0.2, 0.9, 0.5));
-        let curve = |t| hermite(start, end, leaving, reaching, t);
+        let (start_velocity, end_velocity) =
+            (DVec3::new(1.0, 0.4, -0.7), DVec3::new(-0.2, 0.9, 0.5));
+        let curve = |t| hermite(start, end, start_velocity, end_velocity, t);
         let step = 1e-6;
 
         assert_eq!((curve(0.0), curve(1.0)), (start, end));
         let at_start = log(start.inverse() * curve(step)) / step;
         let at_end = log(curve(1.0 - step).inverse() * end) / step;
-        assert!(at_start.abs_diff_eq(leaving, 1e-5), "{at_start}");
-        assert!(at_end.abs_diff_eq(reaching, 1e-5), "{at_end}");
+        assert!(at_start.abs_diff_eq(start_velocity, 1e-5), "{at_start}");
+        assert!(at_end.abs_diff_eq(end_velocity, 1e-5), "{at_end}");
     }
 
     #[test]
-    fn cubic_has_no_jump_in_velocity_at_a_frame() {
-        let frames = wander(9);
+    fn cubic_velocity_is_continuous_at_frames() {
+        let frames = random_walk(9);
         let times: Vec<_> = [0.0, 1.0, 1.5, 2.7, 3.0, 4.0, 4.1, 6.0, 7.0].into();
         let step = 1e-6;
         for frame in 1..8 {
@@ -338,38 +359,38 @@ mod tests {
     }
 
     #[test]
-    fn as_many_frames_as_before_are_the_segment_itself() {
-        let frames = wander(30);
+    fn segments_of_same_count_are_unchanged() {
+        let frames = random_walk(30);
         let resampled = segments(&frames, 1, &[3, 10], &[10, 29], &[8, 20]).unwrap();
         assert_eq!(resampled[..8], frames[3..=10]);
         assert_eq!(resampled[8..], frames[10..=29]);
     }
 
     #[test]
-    fn a_segment_outside_the_clip_is_refused() {
-        let frames = wander(5);
-        let refusal = |start, stop| segments(&frames, 1, &[start], &[stop], &[3]).unwrap_err();
-        assert_eq!(refusal(2, 5), Error::BadSegment { segment: 0 });
-        assert_eq!(refusal(2, 2), Error::BadSegment { segment: 0 });
+    fn segments_outside_clip_return_error() {
+        let frames = random_walk(5);
+        let error = |start, stop| segments(&frames, 1, &[start], &[stop], &[3]).unwrap_err();
+        assert_eq!(error(2, 5), Error::InvalidSegment { segment: 0 });
+        assert_eq!(error(2, 2), Error::InvalidSegment { segment: 0 });
     }
 
     #[test]
-    fn more_frames_than_memory_holds_are_refused() {
-        let frames = wander(5);
-        let refusal = |counts: &[usize]| {
+    fn segments_of_more_frames_than_memory_return_error() {
+        let frames = random_walk(5);
+        let error = |counts: &[usize]| {
             segments(&frames, 1, &[0, 0][..counts.len()], &[4, 4][..counts.len()], counts)
         };
         for counts in [&[usize::MAX >> 6][..], &[usize::MAX][..], &[usize::MAX, 2][..]] {
-            assert_eq!(refusal(counts).unwrap_err(), Error::NoRoom);
+            assert_eq!(error(counts).unwrap_err(), Error::OutOfMemory);
         }
     }
 
     #[test]
-    fn frames_that_are_no_motion_are_refused() {
-        let refusal = |times: &[f64]| slerp(times, &[DQuat::IDENTITY; 3], 1, &[]).unwrap_err();
-        assert_eq!(refusal(&[0.0]), Error::TooFewFrames { needed: 2, given: 1 });
-        assert_eq!(refusal(&[0.0, 1.0]), Error::LengthMismatch { expected: 2, given: 3 });
-        assert_eq!(refusal(&[0.0, 1.0, 1.0]), Error::TimesNotIncreasing);
-        assert_eq!(refusal(&[0.0, 1.0, f64::NAN]), Error::TimesNotIncreasing);
+    fn slerp_of_invalid_frames_returns_error() {
+        let error = |times: &[f64]| slerp(times, &[DQuat::IDENTITY; 3], 1, &[]).unwrap_err();
+        assert_eq!(error(&[0.0]), Error::TooFewFrames { needed: 2, given: 1 });
+        assert_eq!(error(&[0.0, 1.0]), Error::LengthMismatch { expected: 2, given: 3 });
+        assert_eq!(error(&[0.0, 1.0, 1.0]), Error::TimesNotIncreasing);
+        assert_eq!(error(&[0.0, 1.0, f64::NAN]), Error::TimesNotIncreasing);
     }
 }

@@ -1,7 +1,8 @@
-//! The algebra of rotations that glam leaves out, exact near 0 and near a half turn.
+//! Rotation algebra beyond glam's, accurate near 0 and near a half turn.
 //!
-//! `glam`'s `to_scaled_axis` takes the longer way round when w < 0 and returns 0 below
-//! 1e-8, and its `angle_between` goes through `acos`, which is blind near 0; hence these.
+//! `glam`'s `to_scaled_axis` takes the longer arc if w < 0 and returns 0 below 1e-8; its
+//! `angle_between` uses `acos`, which loses half of the digits near 0. All functions take O(1) time
+//! per rotation, and NaN gives NaN.
 
 use std::f64::consts::{FRAC_2_PI, PI, TAU};
 
@@ -9,14 +10,14 @@ use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
 
-/// Below this length a vector part is its own sine.
-const TINY: f64 = 1e-8;
+/// Below this angle, the sine equals the angle in f64.
+const SMALL_ANGLE: f64 = 1e-8;
 
 /// The rotation by `v.length()` radians about `v`.
 pub fn exp(v: DVec3) -> DQuat {
     let angle = v.length();
-    if angle < TINY {
-        // To first order, then made unit again: sin(x)/x differs from 1 by x²/6 < 1e-16.
+    if angle < SMALL_ANGLE {
+        // To first order, then normalized: sin(x)/x differs from 1 by x²/6 < 1e-16.
         return DQuat::from_xyzw(0.5 * v.x, 0.5 * v.y, 0.5 * v.z, 1.0).normalize();
     }
     let (sin, cos) = (0.5 * angle).sin_cos();
@@ -26,12 +27,12 @@ pub fn exp(v: DVec3) -> DQuat {
 
 /// The shortest rotation vector of `q`, of length 0 to π.
 ///
-/// A half turn has two; the one whose first nonzero component is positive is taken.
+/// Of the two vectors of a half turn, the one whose first nonzero component is positive.
 pub fn log(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let xyz = q.xyz();
     let sin = xyz.length();
-    if sin < TINY {
+    if sin < SMALL_ANGLE {
         return 2.0 * xyz;
     }
     let v = xyz * (2.0 * sin.atan2(q.w) / sin);
@@ -39,21 +40,22 @@ pub fn log(q: DQuat) -> DVec3 {
     if q.w == 0.0 && first < 0.0 { -v } else { v }
 }
 
-/// `v` turned by the unit quaternion `q`: v + 2w u×v + 2u×(u×v), fewer steps than glam's.
+/// `v` rotated by the unit quaternion `q`: v + 2w u×v + 2u×(u×v), with fewer operations than
+/// glam's `q * v`.
 pub fn rotate(q: DQuat, v: DVec3) -> DVec3 {
-    let sideways = 2.0 * q.xyz().cross(v);
-    v + q.w * sideways + q.xyz().cross(sideways)
+    let cross = 2.0 * q.xyz().cross(v);
+    v + q.w * cross + q.xyz().cross(cross)
 }
 
 /// The angle between two rotations, 0 to π.
 pub fn angle(a: DQuat, b: DQuat) -> f64 {
-    let between = a.inverse() * b;
-    2.0 * between.xyz().length().atan2(between.w.abs())
+    let relative = a.inverse() * b;
+    2.0 * relative.xyz().length().atan2(relative.w.abs())
 }
 
 /// Spherical linear interpolation along the shorter arc; exactly `a` at 0 and ±`b` at 1.
 ///
-/// Which way a half turn goes is decided by [`log`].
+/// For a half turn, [`log`] determines the direction.
 pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     if t == 0.0 {
         a
@@ -64,10 +66,10 @@ pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     }
 }
 
-/// Rotations about one axis after the other, each about the axes already turned.
+/// Intrinsic Euler angles to rotations: each about an axis of the frame already rotated.
 ///
-/// `angles` holds `axes.len()` angles in radians per rotation; axis 0, 1, 2 is x, y, z.
-/// An empty order gives the identity `n` times.
+/// `angles` holds `axes.len()` angles in radians for each of `n` rotations; axis 0, 1, 2 is x, y,
+/// z. Without axes the result is the identity `n` times.
 pub fn from_euler(angles: &[f64], axes: &[usize], n: usize) -> Vec<DQuat> {
     (0..n)
         .map(|i| {
@@ -81,16 +83,16 @@ pub fn from_euler(angles: &[f64], axes: &[usize], n: usize) -> Vec<DQuat> {
         .collect()
 }
 
-/// Rotations out of the channels of successive frames, for [`from_euler`] joint by joint.
+/// Rotations from the channels of successive frames, as [`from_euler`] for every joint.
 ///
-/// A frame has `n_channels` values, and `radians` is the size of their unit. Joint `j` turns
-/// about the axes `turns[starts[j]..starts[j + 1]]`, one after the other, each with the
-/// column of its angle. Of `q` and `-q` the one nearer to the frame before is taken; in the
-/// first frame, that with w ≥ 0.
+/// A frame has `n_channels` values in units of `radians`. The rotation of joint `j` has the
+/// channels `turns[starts[j]..starts[j + 1]]`, each an axis and the column of its angle. Of `q` and
+/// `-q` the one nearer to the previous frame is returned; in the first frame, the one with w ≥ 0.
+/// Takes O(frames × channels) time.
 ///
 /// # Errors
 ///
-/// If `values` are no whole frames, or a joint's turns, an axis or a column do not exist.
+/// If `values` are not whole frames, or the channels of a joint, an axis or a column do not exist.
 pub fn from_channels(
     values: &[f64],
     n_channels: usize,
@@ -101,10 +103,10 @@ pub fn from_channels(
     let n_frames = values.len() / n_channels.max(1);
     check_len(values.len(), n_frames * n_channels)?;
     let n_joints = starts.len().saturating_sub(1);
-    let known = |&(axis, column): &(usize, usize)| axis < 3 && column < n_channels;
-    let ordered = starts.is_sorted() && starts.last().is_none_or(|&end| end <= turns.len());
-    if !ordered || !turns.iter().all(known) {
-        return Err(Error::BadChannel);
+    let exists = |&(axis, column): &(usize, usize)| axis < 3 && column < n_channels;
+    let is_ordered = starts.is_sorted() && starts.last().is_none_or(|&end| end <= turns.len());
+    if !is_ordered || !turns.iter().all(exists) {
+        return Err(Error::InvalidChannel);
     }
     let mut rotations: Vec<DQuat> = Vec::with_capacity(n_frames * n_joints);
     for frame in values.chunks_exact(n_channels.max(1)) {
@@ -114,21 +116,21 @@ pub fn from_channels(
                 turn(&mut q, axis, frame[column] * radians);
             }
             let q = DQuat::from_array(q);
-            let here = rotations.len();
-            let near = here
+            let previous = rotations
+                .len()
                 .checked_sub(n_joints)
-                .map_or(DQuat::IDENTITY, |before| rotations[before]);
-            rotations.push(if q.dot(near) < 0.0 { -q } else { q });
+                .map_or(DQuat::IDENTITY, |i| rotations[i]);
+            rotations.push(if q.dot(previous) < 0.0 { -q } else { q });
         }
     }
     Ok(rotations)
 }
 
-/// Multiply `q` from the right by the turn about a coordinate axis.
+/// Multiply `q` from the right by the rotation about coordinate axis `i`.
 fn turn(q: &mut [f64; 4], i: usize, angle: f64) {
     let (sin, cos) = sin_cos(0.5 * angle);
     let [x, y, z, w] = *q;
-    // Named for a turn about x; the others follow by going round x, y, z.
+    // Named for a rotation about x; the other axes are cyclic permutations.
     let (j, k) = ((i + 1) % 3, (i + 2) % 3);
     let v = [x, y, z];
     q[i] = v[i] * cos + w * sin;
@@ -137,22 +139,22 @@ fn turn(q: &mut [f64; 4], i: usize, angle: f64) {
     q[3] = w * cos - v[i] * sin;
 }
 
-/// Sine and cosine to 2e-16, several times as fast as one after the other.
+/// Sine and cosine with an error of at most 2.3e-16, several times faster than `f64::sin_cos`.
 ///
-/// Reduction to an eighth turn in three steps that are exact up to a million quarter turns,
-/// then the polynomials of fdlibm's `__kernel_sin` and `__kernel_cos` (Sun Microsystems
+/// The argument is reduced to an eighth turn in three steps, which are exact up to 1e6; the
+/// polynomials are those of fdlibm's `__kernel_sin` and `__kernel_cos` (Sun Microsystems
 /// 1993).
 fn sin_cos(x: f64) -> (f64, f64) {
     /// π/2 in parts of 33 bits, and the rest.
     const QUARTER: [f64; 3] =
         [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
-    /// Added to a number, it leaves the nearest whole one in the lowest bits.
-    const WHOLE: f64 = 6_755_399_441_055_744.0;
+    /// Adding 1.5 · 2^52 rounds a number to an integer, which is then in the lowest bits.
+    const ROUNDING: f64 = 6_755_399_441_055_744.0;
     if x.abs() > 1e6 || x.is_nan() {
         return x.sin_cos();
     }
-    let shifted = x * FRAC_2_PI + WHOLE;
-    let quarters = shifted - WHOLE;
+    let shifted = x * FRAC_2_PI + ROUNDING;
+    let quarters = shifted - ROUNDING;
     let r = ((x - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];
     let z = r * r;
     let sin = -1.984_126_982_985_795e-4
@@ -164,26 +166,27 @@ fn sin_cos(x: f64) -> (f64, f64) {
             + z * (2.087_572_321_298_175e-9 - z * 1.135_964_755_778_819_5e-11));
     let cos = 4.166_666_666_666_66e-2 + z * (-1.388_888_888_887_411e-3 + z * cos);
     let cos = 1.0 - (0.5 * z - z * z * cos);
-    // Signs and places by quadrant, without a branch to guess wrong.
+    // The quadrant determines the signs and whether sine and cosine are exchanged. Bit operations,
+    // because a branch would often be mispredicted.
     let quadrant = shifted.to_bits();
-    let swapped = 0_u64.wrapping_sub(quadrant & 1);
+    let exchange_mask = 0_u64.wrapping_sub(quadrant & 1);
     let (sin, cos) = (sin.to_bits(), cos.to_bits());
-    let crossed = (sin ^ cos) & swapped;
+    let exchange = (sin ^ cos) & exchange_mask;
     let sign = |quadrant: u64| (quadrant & 2) << 62;
     (
-        f64::from_bits(sin ^ crossed ^ sign(quadrant)),
-        f64::from_bits(cos ^ crossed ^ sign(quadrant.wrapping_add(1))),
+        f64::from_bits(sin ^ exchange ^ sign(quadrant)),
+        f64::from_bits(cos ^ exchange ^ sign(quadrant.wrapping_add(1))),
     )
 }
 
-/// Euler angles of successive rotations, each as near to the one before as can be.
+/// Euler angles of successive rotations, each triple as near as possible to the previous one.
 ///
-/// `axes` are three different axes, the angles are in radians. Of all triples that give a
-/// rotation the one nearest to the previous frame's (the first: to `near`) is taken, so
-/// the curves have no jump by a full turn; in gimbal lock the first angle stays as it was.
+/// `axes` are three different axes; the angles are in radians. Of all triples of a rotation the
+/// nearest to that of the previous frame (for the first frame, to `near`) is returned, so that the
+/// curves do not jump by full turns. In gimbal lock the first angle keeps its previous value.
 ///
-/// Half sums and half differences of the outer angles are found from the quaternion
-/// itself, which loses nothing near the lock: Bernardes and Viollet, PLoS ONE 17(11), 2022.
+/// Half sums and half differences of the outer angles come directly from the quaternion, which is
+/// accurate near gimbal lock. Source: Bernardes and Viollet, PLoS ONE 17(11), 2022.
 pub fn to_euler(rotations: &[DQuat], axes: [usize; 3], near: [f64; 3]) -> Vec<[f64; 3]> {
     let mut near = near;
     rotations
@@ -207,9 +210,9 @@ fn nearest_euler(q: DQuat, [i, j, k]: [usize; 3], near: [f64; 3]) -> [f64; 3] {
     let middle = 2.0 * high.atan2(low) - 0.5 * PI;
     let (difference, sum) = (2.0 * b.atan2(a), 2.0 * d.atan2(c));
 
-    let (first, last) = if low < TINY {
+    let (first, last) = if low < SMALL_ANGLE {
         (near[0], sum - near[0])
-    } else if high < TINY {
+    } else if high < SMALL_ANGLE {
         (near[0], near[0] - difference)
     } else {
         (0.5 * (sum + difference), 0.5 * (sum - difference))
@@ -229,8 +232,8 @@ fn nearest_euler(q: DQuat, [i, j, k]: [usize; 3], near: [f64; 3]) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    fn spread() -> impl Iterator<Item = DQuat> {
-        // A lattice of directions and lengths, some beyond a half turn, and the poles.
+    fn lattice() -> impl Iterator<Item = DQuat> {
+        // Directions and lengths, some beyond a half turn, and the poles.
         let grid = [-2.9, -1.0, -1e-5, 0.0, 1e-9, 0.7, 1.6];
         grid.into_iter().flat_map(move |x| {
             grid.into_iter()
@@ -239,8 +242,8 @@ mod tests {
     }
 
     #[test]
-    fn log_undoes_exp_along_the_shorter_way() {
-        for q in spread() {
+    fn log_of_exp_is_shortest_rotation_vector() {
+        for q in lattice() {
             let v = log(q);
             assert!(v.length() <= PI + 1e-15);
             let back = exp(v);
@@ -250,16 +253,16 @@ mod tests {
     }
 
     #[test]
-    fn a_half_turn_has_one_logarithm() {
+    fn log_of_half_turn_does_not_depend_on_sign() {
         let q = DQuat::from_xyzw(0.0, -0.6, 0.8, 0.0);
         assert_eq!(log(q), log(-q));
         assert!(log(q).y > 0.0);
     }
 
     #[test]
-    fn euler_angles_give_their_rotation_back_in_every_order() {
+    fn to_euler_every_order_round_trips() {
         for axes in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
-            for q in spread() {
+            for q in lattice() {
                 for near in [[0.0; 3], [3.0, -2.0, 8.0]] {
                     let angles = to_euler(&[q], axes, near)[0];
                     let back = from_euler(&angles, &axes, 1)[0];
@@ -270,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn sine_and_cosine_are_those_of_the_standard_library() {
+    fn sin_cos_is_within_stated_error_of_standard_library() {
         let steps = (-400_000..400_000).map(|n| f64::from(n) * 1.234_567e-4);
         let quarters = (-9..9).map(|n| f64::from(n) * 0.5 * PI);
         let far = [0.0, -0.0, 1e-300, 999_999.5, -999_999.5, 1e6 + 0.5, -1e9, 1e22, 1e300];
@@ -282,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_turn_each_joint_and_never_change_sign() {
+    fn from_channels_equals_from_euler_with_continuous_sign() {
         // Two joints: Z of column 0 and X of column 3, then Y of column 1; column 2 is no turn.
         let (starts, turns) = ([0, 2, 3], [(2, 0), (0, 3), (1, 1)]);
         let values: Vec<f64> = (0..400).map(|n| f64::from(n * n % 97) * 7.0).collect();
@@ -301,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_that_do_not_exist_are_refused() {
+    fn from_channels_of_missing_channel_returns_error() {
         let refused = |values: &[f64], starts: &[usize], turns: &[(usize, usize)]| {
             from_channels(values, 2, starts, turns, 1.0).err()
         };
@@ -311,12 +314,12 @@ mod tests {
         for (starts, turns) in
             [([0, 2], [(2, 1)]), ([1, 0], [(2, 1)]), ([0, 1], [(3, 1)]), ([0, 1], [(2, 2)])]
         {
-            assert_eq!(refused(&[0.0; 4], &starts, &turns), Some(Error::BadChannel));
+            assert_eq!(refused(&[0.0; 4], &starts, &turns), Some(Error::InvalidChannel));
         }
     }
 
     #[test]
-    fn gimbal_lock_keeps_the_first_angle_and_the_rotation() {
+    fn to_euler_in_gimbal_lock_keeps_first_angle_and_rotation() {
         for middle in [0.5 * PI, -0.5 * PI] {
             for axes in [[2, 0, 1], [0, 1, 2]] {
                 let q = from_euler(&[0.3, middle, 1.1], &axes, 1)[0];
@@ -328,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn euler_angles_follow_the_previous_frame_through_full_turns() {
+    fn to_euler_of_several_full_turns_is_continuous() {
         let turns: Vec<_> = (0..100)
             .map(|f| [0.2 * f64::from(f), 0.4, -0.15 * f64::from(f)])
             .collect();

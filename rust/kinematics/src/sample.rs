@@ -1,23 +1,22 @@
-//! Sampled segments, and the vectors that compare them.
+//! Sampled segments, and the feature vectors that compare them.
 
 use std::thread;
 
 use glam::DQuat;
 
-use crate::Error;
-use crate::error::check_len;
+use crate::error::{Error, check_len};
 use crate::rotation::log;
 
-/// Segments that a thread is begun for: fewer are done sooner without it.
-const SHARE: usize = 64;
+/// Smallest count of segments that gets a thread of its own.
+const MIN_ROWS_PER_THREAD: usize = 64;
 
 /// Segments of equal length, a row of numbers each, in single or double precision.
 ///
-/// A row begins with `n_samples` poses of `n_joints` rotations, xyzw, which need not be quite
-/// unit; what else is known of the segment stands behind them.
+/// A row begins with `n_samples` poses of `n_joints` rotations, xyzw, which may deviate from unit
+/// length by rounding; other features of the segment follow them.
 #[derive(Clone, Copy, Debug)]
 pub struct Rows<'a, T> {
-    /// One row after the other.
+    /// The rows, one after the other.
     pub numbers: &'a [T],
     /// Numbers per row.
     pub width: usize,
@@ -29,51 +28,53 @@ pub struct Rows<'a, T> {
 
 impl<T> Rows<'_, T> {
     fn check(&self) -> Result<(), Error> {
-        let (poses, n) = (self.poses(), self.numbers.len() / self.width.max(1));
-        check_len(self.width, self.width.max(poses))?;
+        let (pose_width, n) = (self.pose_width(), self.numbers.len() / self.width.max(1));
+        check_len(self.width, self.width.max(pose_width))?;
         check_len(self.numbers.len(), n * self.width)
     }
 
-    /// Numbers of a row that are rotations.
-    fn poses(&self) -> usize {
+    /// Count of the numbers of a row that are rotations.
+    fn pose_width(&self) -> usize {
         4 * self.n_samples * self.n_joints
     }
 }
 
-/// Each joint's Σ q qᵀ over all poses, 16 numbers per joint.
+/// For each joint the sum of q qᵀ over all poses, a 4 × 4 matrix in 16 numbers.
 ///
-/// Added pose by pose, in the order of rows. NaN stays in its joint.
+/// Poses are added in the order of rows. Takes O(n) time for n numbers; NaN affects its joint
+/// only.
 ///
 /// # Errors
 ///
-/// If the numbers are no whole rows, or rows are shorter than their poses.
+/// If the numbers are not whole rows, or rows are shorter than their poses.
 pub fn moments<T: Copy + Into<f64>>(rows: Rows<T>) -> Result<Vec<f64>, Error> {
     rows.check()?;
-    let mut summed = vec![[[0.0; 4]; 4]; rows.n_joints];
+    let mut sums = vec![[[0.0; 4]; 4]; rows.n_joints];
     for row in rows.numbers.chunks_exact(rows.width.max(1)) {
-        let (quats, _) = row[..rows.poses()].as_chunks::<4>();
-        for (quat, sum) in quats.iter().zip((0..rows.n_joints).cycle()) {
+        let (quats, _) = row[..rows.pose_width()].as_chunks::<4>();
+        for (quat, joint) in quats.iter().zip((0..rows.n_joints).cycle()) {
             let q = quat.map(Into::into);
-            for (own, sums) in q.iter().zip(&mut summed[sum]) {
-                for (other, sum) in q.iter().zip(sums) {
-                    *sum += own * other;
+            for (a, row_sums) in q.iter().zip(&mut sums[joint]) {
+                for (b, sum) in q.iter().zip(row_sums) {
+                    *sum += a * b;
                 }
             }
         }
     }
-    Ok(summed.into_flattened().into_flattened())
+    Ok(sums.into_flattened().into_flattened())
 }
 
 /// Feature vectors of some joints, one per row: rotation vectors, then the last `n_rest` numbers.
 ///
-/// For each of `joints`, for each sample, the shortest rotation vector (as [`log`]) that leads
-/// from the joint's reference to its rotation, in the reference's frame. Shared out among
-/// `threads` by rows; NaN stays in its vector.
+/// For each of `joints`, for each sample, the shortest rotation vector (as [`log`]) from the
+/// joint's reference to its rotation, in the frame of the reference. Rows are shared out among
+/// `threads`; the result does not depend on their count. NaN affects its vector only. Takes
+/// O(rows × joints × samples) time.
 ///
 /// # Errors
 ///
-/// If the numbers are no whole rows, rows are shorter than their poses and `n_rest`, a joint
-/// does not exist, or references are not one per joint.
+/// If the numbers are not whole rows, rows are shorter than their poses and `n_rest`, a joint
+/// does not exist, or there is not one reference per joint.
 pub fn features<T: Copy + Into<f64> + Sync>(
     rows: Rows<T>,
     joints: &[usize],
@@ -82,26 +83,27 @@ pub fn features<T: Copy + Into<f64> + Sync>(
     threads: usize,
 ) -> Result<Vec<f64>, Error> {
     rows.check()?;
-    check_len(rows.width, rows.width.max(rows.poses() + n_rest))?;
+    check_len(rows.width, rows.width.max(rows.pose_width() + n_rest))?;
     check_len(references.len(), joints.len())?;
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= rows.n_joints) {
-        return Err(Error::NoSuchJoint { joint });
+        return Err(Error::InvalidJoint { joint });
     }
-    let inverse: Vec<DQuat> = references.iter().map(|r| r.conjugate()).collect();
-    let wide = 3 * rows.n_samples * joints.len() + n_rest;
+    let inverses: Vec<DQuat> = references.iter().map(|r| r.conjugate()).collect();
+    let width = 3 * rows.n_samples * joints.len() + n_rest;
     let n = rows.numbers.len() / rows.width.max(1);
-    let mut found = vec![0.0; n * wide];
-    let fill = |found: &mut [f64], numbers: &[T]| {
-        let own = numbers.chunks_exact(rows.width.max(1));
-        for (vector, row) in found.chunks_exact_mut(wide.max(1)).zip(own) {
-            let (turned, rest) = vector.split_at_mut(wide - n_rest);
-            let (quats, _) = row[..rows.poses()].as_chunks::<4>();
-            let each = joints.iter().zip(&inverse);
-            let each = each.flat_map(|(&joint, back)| {
+    let mut vectors = vec![0.0; n * width];
+    let fill = |vectors: &mut [f64], numbers: &[T]| {
+        let numbers = numbers.chunks_exact(rows.width.max(1));
+        for (vector, row) in vectors.chunks_exact_mut(width.max(1)).zip(numbers) {
+            let (rotation_vectors, rest) = vector.split_at_mut(width - n_rest);
+            let (quats, _) = row[..rows.pose_width()].as_chunks::<4>();
+            let tracks = joints.iter().zip(&inverses);
+            let relative = tracks.flat_map(|(&joint, inverse)| {
                 let track = quats[joint..].iter().step_by(rows.n_joints);
-                track.map(move |q| *back * DQuat::from_array(q.map(Into::into)))
+                track.map(move |q| *inverse * DQuat::from_array(q.map(Into::into)))
             });
-            for (vector, q) in turned.as_chunks_mut::<3>().0.iter_mut().zip(each) {
+            let targets = rotation_vectors.as_chunks_mut::<3>().0.iter_mut();
+            for (vector, q) in targets.zip(relative) {
                 *vector = log(q.normalize()).to_array();
             }
             for (to, &from) in rest.iter_mut().zip(&row[rows.width - n_rest..]) {
@@ -109,19 +111,19 @@ pub fn features<T: Copy + Into<f64> + Sync>(
             }
         }
     };
-    let share = n.div_ceil(threads.max(1)).max(SHARE);
+    let rows_per_thread = n.div_ceil(threads.max(1)).max(MIN_ROWS_PER_THREAD);
     thread::scope(|scope| {
-        let parts = found.chunks_mut((share * wide).max(1));
-        let mut parts = parts.zip(rows.numbers.chunks((share * rows.width).max(1)));
-        let own = parts.next();
-        for (found, numbers) in parts {
-            scope.spawn(move || fill(found, numbers));
+        let parts = vectors.chunks_mut((rows_per_thread * width).max(1));
+        let mut parts = parts.zip(rows.numbers.chunks((rows_per_thread * rows.width).max(1)));
+        let first = parts.next();
+        for (vectors, numbers) in parts {
+            scope.spawn(move || fill(vectors, numbers));
         }
-        if let Some((found, numbers)) = own {
-            fill(found, numbers);
+        if let Some((vectors, numbers)) = first {
+            fill(vectors, numbers);
         }
     });
-    Ok(found)
+    Ok(vectors)
 }
 
 #[cfg(test)]
@@ -130,7 +132,7 @@ mod tests {
     use crate::rotation::exp;
     use glam::DVec3;
 
-    /// Three numbers behind the poses of each of `n` rows, whose rotations are all different.
+    /// `n` rows of different rotations, each row with three more numbers, and their width.
     fn numbers(n: usize, n_samples: usize, n_joints: usize) -> (Vec<f64>, usize) {
         let width = 4 * n_samples * n_joints + 3;
         let mut numbers: Vec<f64> = (0..n * width).map(|i| i as f64).collect();
@@ -144,8 +146,8 @@ mod tests {
     }
 
     #[test]
-    fn features_are_those_of_each_row_joint_and_sample_by_itself_on_any_number_of_threads() {
-        let (n, n_samples, n_joints) = (3 * SHARE + 5, 3, 4);
+    fn features_on_any_thread_count_equal_scalar_formula() {
+        let (n, n_samples, n_joints) = (3 * MIN_ROWS_PER_THREAD + 5, 3, 4);
         let (numbers, width) = numbers(n, n_samples, n_joints);
         let rows = Rows { numbers: &numbers, width, n_samples, n_joints };
         let joints = [3, 0];
@@ -169,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_added_pose_by_pose() {
+    fn moments_equal_sums_in_pose_order() {
         let (n, n_samples, n_joints) = (9, 3, 2);
         let (numbers, width) = numbers(n, n_samples, n_joints);
         let rows = Rows { numbers: &numbers, width, n_samples, n_joints };
@@ -187,33 +189,36 @@ mod tests {
     }
 
     #[test]
-    fn single_precision_is_taken_as_it_is() {
+    fn features_and_moments_of_f32_equal_those_of_same_numbers_in_f64() {
         let (numbers, width) = numbers(2, 2, 2);
         let single: Vec<f32> = numbers.iter().map(|&x| x as f32).collect();
         let double: Vec<f64> = single.iter().copied().map(f64::from).collect();
         let (n_samples, n_joints) = (2, 2);
-        let ours = Rows { numbers: &single[..], width, n_samples, n_joints };
-        let theirs = Rows { numbers: &double[..], width, n_samples, n_joints };
-        assert_eq!(moments(ours), moments(theirs));
-        let from = [DQuat::IDENTITY];
-        assert_eq!(features(ours, &[1], &from, 3, 1), features(theirs, &[1], &from, 3, 1));
+        let f32_rows = Rows { numbers: &single[..], width, n_samples, n_joints };
+        let f64_rows = Rows { numbers: &double[..], width, n_samples, n_joints };
+        assert_eq!(moments(f32_rows), moments(f64_rows));
+        let references = [DQuat::IDENTITY];
+        assert_eq!(
+            features(f32_rows, &[1], &references, 3, 1),
+            features(f64_rows, &[1], &references, 3, 1)
+        );
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
+    fn features_and_moments_of_mismatched_input_return_error() {
         let (numbers, width) = numbers(2, 2, 2);
         let rows = Rows { numbers: &numbers[..], width, n_samples: 2, n_joints: 2 };
-        let from = [DQuat::IDENTITY];
-        assert!(features(rows, &[0], &from, 4, 1).is_err());
+        let references = [DQuat::IDENTITY];
+        assert!(features(rows, &[0], &references, 4, 1).is_err());
         assert!(features(rows, &[0], &[], 0, 1).is_err());
-        assert_eq!(features(rows, &[2], &from, 0, 1), Err(Error::NoSuchJoint { joint: 2 }));
+        assert_eq!(features(rows, &[2], &references, 0, 1), Err(Error::InvalidJoint { joint: 2 }));
         for bad in [
             Rows { numbers: &numbers[1..], ..rows },
             Rows { width: 15, ..rows },
             Rows { n_samples: 3, ..rows },
         ] {
             assert!(moments(bad).is_err());
-            assert!(features(bad, &[0], &from, 0, 1).is_err());
+            assert!(features(bad, &[0], &references, 0, 1).is_err());
         }
         let none = Rows { numbers: &numbers[..0], width: 0, n_samples: 0, n_joints: 0 };
         assert_eq!(moments(none), Ok(vec![]));

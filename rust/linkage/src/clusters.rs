@@ -1,97 +1,94 @@
-//! Clusters with a ball around each, which tells from afar how far apart two of them are.
+//! Clusters, each with a ball that bounds its distances to others from below.
 //!
-//! A ball is a centre, a spread and a radius. The centre c is some average Σ wᵢ pᵢ of the
-//! members, with weights that are not negative and add up to one; the spread is the variance
-//! V = Σ wᵢ |pᵢ − c|² under these weights. For clusters A and C the average over members of
-//! both is
+//! A ball is a centre, a variance and a radius. The centre c is a weighted mean Σ wᵢ pᵢ of the
+//! members, with weights that are not negative and add up to one; the variance is
+//! V = Σ wᵢ |pᵢ − c|² under the same weights. For clusters A and C the mean over all pairs of
+//! members is
 //!
 //! > Σ wᵢ vⱼ |aᵢ − cⱼ|² = |c_A − c_C|² + V_A + V_C
 //!
-//! and no average exceeds the largest: their distance, that of the farthest pair, is at least
-//! the root of this. Any weights give a true bound. Those that make it sharp put the centre
-//! where the smallest ball around the members has it: the variance is then at its largest, the
-//! squared radius of that ball. A few steps of Frank and Wolfe's method towards that maximum
-//! get near enough (Bădoiu and Clarkson 2003).
+//! A maximum is at least a mean, so the squared distance of the two clusters, which is that of
+//! the farthest pair, is at least this *bound*. The bound holds for any weights. It is sharpest
+//! if the centre is that of the smallest enclosing ball: then the variance has its maximum, the
+//! squared radius of that ball. A few steps of the Frank-Wolfe method towards this maximum are
+//! precise enough (Bădoiu and Clarkson 2003).
 
 use std::cmp::Reverse;
+use std::ops::Range;
 
-use crate::Error;
-use crate::parallel::Crew;
+use crate::error::Error;
+use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
+use crate::simd::{Aligned, F64Lanes, LANES};
 
-/// Steps towards the smallest ball that a new cluster's ball takes.
-const STEPS: u16 = 8;
+/// Frank-Wolfe steps for the ball of a new cluster.
+const FRANK_WOLFE_STEPS: u16 = 8;
 
-/// A ball whose squared radius exceeds its spread by no more than this is small enough.
-const NEAR_ENOUGH: f64 = 1.03;
+/// Ratio of squared radius to variance at which the steps end early.
+const MAX_RADIUS_RATIO: f64 = 1.03;
 
-/// A centre that has been moved this often is computed anew.
-const MOST_STEPS: u16 = 1000;
+/// Count of updates after which a centre is computed anew, because rounding errors add up.
+const MAX_UPDATES: u16 = 1000;
 
-/// How far a centre may be from the average that it stands for, in parts of its size.
+/// Upper bound of the rounding error of a centre, as a fraction of the size of its coordinates.
 ///
-/// Each of its moves, at most [`MOST_STEPS`] and a few, rounds by two units of 2^-53 at most.
-const DRIFT: f64 = 1.0 / (1_u64 << 41) as f64;
+/// Each of at most [`MAX_UPDATES`] and a few updates rounds by at most two units of 2^-53.
+const CENTRE_ERROR: f64 = 1.0 / (1_u64 << 41) as f64;
 
-/// Members of clusters of this size stand in order of their distance from the centre.
-pub(crate) const SORTED_FROM: usize = 64;
+/// Clusters of at least this size have their members sorted, the farthest from the centre first.
+pub(crate) const SORTED_SIZE: usize = 64;
 
-/// Clusters to be handled together: how many one job takes.
-const PER_JOB: usize = 256;
+/// Clusters that one job handles.
+const CLUSTERS_PER_JOB: usize = 256;
 
-/// The clusters that there are at some time.
+/// A partition of the points into clusters.
 pub(crate) struct Clusters {
     dim: usize,
-    /// The smallest index, as given, of each cluster's points.
-    pub reps: Vec<u32>,
+    /// For each cluster, the smallest index of its points in the input.
+    pub representatives: Vec<u32>,
+    /// For each cluster, the index of its first member; then the count of points.
     starts: Vec<u32>,
+    /// Rows of the points of one cluster after the other.
     members: Vec<u32>,
+    /// Centres of the balls, row-major.
     centres: Vec<f64>,
-    /// Variance of the members under some weights, about the centre.
-    pub spreads: Vec<f64>,
+    /// Variance of the members under the weights of the centre.
+    pub variances: Vec<f64>,
     /// Squared distance of the farthest member from the centre.
-    pub radii: Vec<f64>,
-    steps: Vec<u16>,
+    pub squared_radii: Vec<f64>,
+    /// How often each centre was updated since it was a point.
+    update_counts: Vec<u16>,
 }
 
 impl Clusters {
-    /// Every point a cluster of its own.
-    pub fn singles(points: &Points) -> Self {
+    /// The partition in which every point is a cluster.
+    pub fn from_points(points: &Points) -> Self {
         let n = points.len();
         Self {
             dim: points.dim,
-            reps: points.given_at.clone(),
+            representatives: points.input_indices.clone(),
             starts: (0..=n as u32).collect(),
             members: (0..n as u32).collect(),
             centres: points.rows.clone(),
-            spreads: vec![0.0; n],
-            radii: vec![0.0; n],
-            steps: vec![0; n],
+            variances: vec![0.0; n],
+            squared_radii: vec![0.0; n],
+            update_counts: vec![0; n],
         }
     }
 
-    /// How many there are.
+    /// Count of clusters.
     pub fn len(&self) -> usize {
-        self.reps.len()
+        self.representatives.len()
     }
 
-    /// The rows of a cluster's points; of [`SORTED_FROM`] or more, the farthest out first.
+    /// Rows of a cluster's points; from [`SORTED_SIZE`] on, the farthest from the centre first.
     pub fn members(&self, cluster: usize) -> &[u32] {
         &self.members[self.starts[cluster] as usize..self.starts[cluster + 1] as usize]
     }
 
-    /// The centre of a cluster's ball.
+    /// Centre of a cluster's ball.
     pub fn centre(&self, cluster: usize) -> &[f64] {
         &self.centres[cluster * self.dim..][..self.dim]
-    }
-
-    /// What rounding may have added to the distance from a cluster that its ball vouches for.
-    ///
-    /// A centre that is off by δ changes its distance by δ and the spread, a sum over members
-    /// no farther than D from it, by 2 δ D: together less than 4 δ in D.
-    pub fn drift(&self, cluster: usize) -> f64 {
-        let size = |centre: &[f64]| centre.iter().map(|x| x * x).sum::<f64>().sqrt();
-        4.0 * DRIFT * (size(self.centre(cluster)) + self.radii[cluster].sqrt())
     }
 
     /// All centres, row-major.
@@ -99,8 +96,38 @@ impl Clusters {
         &self.centres
     }
 
-    /// The same clusters, the `i`-th being what was the `order[i]`-th.
-    pub fn rearranged(&self, order: &[u32]) -> Self {
+    /// How much rounding may have added to the root of a bound, as far as this cluster is
+    /// concerned.
+    ///
+    /// An error δ of the centre changes its distance by δ, and the variance, a mean over members
+    /// no farther than D from it, by 2 δ D: together less than 4 δ in D.
+    pub fn bound_error(&self, cluster: usize) -> f64 {
+        let norm = |centre: &[f64]| centre.iter().map(|x| x * x).sum::<f64>().sqrt();
+        4.0 * CENTRE_ERROR * (norm(self.centre(cluster)) + self.squared_radii[cluster].sqrt())
+    }
+
+    /// Copy the centres of up to sixteen clusters side by side: one element per axis.
+    ///
+    /// `variances` receives their variances, infinity for lanes without a cluster.
+    pub fn copy_to_lanes(
+        &self,
+        clusters: Range<usize>,
+        centres: &mut Vec<F64Lanes>,
+        variances: &mut F64Lanes,
+    ) {
+        *variances = Aligned([f64::INFINITY; LANES]);
+        centres.clear();
+        centres.resize(self.dim, Aligned([0.0; LANES]));
+        for (lane, cluster) in clusters.enumerate() {
+            variances[lane] = self.variances[cluster];
+            for (lanes, &x) in centres.iter_mut().zip(self.centre(cluster)) {
+                lanes[lane] = x;
+            }
+        }
+    }
+
+    /// The same clusters in another order: cluster `i` is `order[i]` of these.
+    pub fn reorder(&self, order: &[u32]) -> Self {
         let mut starts = Vec::with_capacity(order.len() + 1);
         let mut members = Vec::with_capacity(self.members.len());
         let mut centres = Vec::with_capacity(self.centres.len());
@@ -112,117 +139,139 @@ impl Clusters {
         }
         Self {
             dim: self.dim,
-            reps: pick(&self.reps, order),
+            representatives: select(&self.representatives, order),
             starts,
             members,
             centres,
-            spreads: pick(&self.spreads, order),
-            radii: pick(&self.radii, order),
-            steps: pick(&self.steps, order),
+            variances: select(&self.variances, order),
+            squared_radii: select(&self.squared_radii, order),
+            update_counts: select(&self.update_counts, order),
         }
     }
 
-    /// What becomes of the clusters when each is united with all of the same root.
+    /// Unite the clusters that have the same root.
     ///
-    /// `roots[i]` is the cluster that `i` has gone into, itself if it has swallowed others or
-    /// none. Takes O(n) time for `n` points.
-    pub fn united(&self, crew: &Crew<'_>, points: &Points, roots: &[u32]) -> Result<Self, Error> {
-        let (dim, m) = (self.dim, self.len());
-        let mut number = vec![u32::MAX; m];
+    /// `roots[i]` is the cluster that `i` was merged into; a root has itself. Takes O(n) time for
+    /// n points.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Stopped`] if the progress callback requests a stop.
+    pub fn unite(
+        &self,
+        workers: &Workers<'_>,
+        points: &Points,
+        roots: &[u32],
+    ) -> Result<Self, Error> {
+        let dim = self.dim;
+        let (targets, mut unions) = self.allocate_unions(roots);
+        let mut next_members = unions.starts.clone();
+        for (cluster, &union) in targets.iter().enumerate() {
+            let (union, members) = (union as usize, self.members(cluster));
+            let start = next_members[union] as usize;
+            unions.members[start..start + members.len()].copy_from_slice(members);
+            let is_first = start == unions.starts[union] as usize;
+            next_members[union] += members.len() as u32;
+            let representative = &mut unions.representatives[union];
+            *representative = (*representative).min(self.representatives[cluster]);
+            if is_first {
+                unions.centres[union * dim..][..dim].copy_from_slice(self.centre(cluster));
+                unions.variances[union] = self.variances[cluster];
+                unions.squared_radii[union] = self.squared_radii[cluster];
+                unions.update_counts[union] = self.update_counts[cluster];
+            } else {
+                unions.add_part(union, self, cluster);
+            }
+        }
+        unions.refine_balls(workers, points)?;
+        Ok(unions)
+    }
+
+    /// The union of each cluster, and unions whose members and balls are still to be set.
+    fn allocate_unions(&self, roots: &[u32]) -> (Vec<u32>, Self) {
+        let mut numbers = vec![u32::MAX; self.len()];
         let mut count = 0;
-        for cluster in (0..m).filter(|&cluster| roots[cluster] as usize == cluster) {
-            number[cluster] = count;
+        for cluster in (0..self.len()).filter(|&cluster| roots[cluster] as usize == cluster) {
+            numbers[cluster] = count;
             count += 1;
         }
-        let union = |cluster: usize| number[roots[cluster] as usize] as usize;
-        let mut starts = vec![0; count as usize + 1];
-        for cluster in 0..m {
-            starts[union(cluster) + 1] += self.members(cluster).len() as u32;
+        let targets: Vec<u32> = roots.iter().map(|&root| numbers[root as usize]).collect();
+        let count = count as usize;
+        let mut starts = vec![0; count + 1];
+        for (cluster, &union) in targets.iter().enumerate() {
+            starts[union as usize + 1] += self.members(cluster).len() as u32;
         }
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }
-
-        let mut places = starts.clone();
-        let mut unions = Self {
-            dim,
-            reps: vec![u32::MAX; count as usize],
+        let unions = Self {
+            dim: self.dim,
+            representatives: vec![u32::MAX; count],
             starts,
             members: vec![0; self.members.len()],
-            centres: vec![0.0; count as usize * dim],
-            spreads: vec![0.0; count as usize],
-            radii: vec![f64::NAN; count as usize],
-            steps: vec![0; count as usize],
+            centres: vec![0.0; count * self.dim],
+            variances: vec![0.0; count],
+            squared_radii: vec![f64::NAN; count],
+            update_counts: vec![0; count],
         };
-        for cluster in 0..m {
-            let (union, members) = (union(cluster), self.members(cluster));
-            let place = places[union] as usize;
-            unions.members[place..place + members.len()].copy_from_slice(members);
-            let is_first = place == unions.starts[union] as usize;
-            places[union] += members.len() as u32;
-            unions.reps[union] = unions.reps[union].min(self.reps[cluster]);
-            if is_first {
-                unions.centres[union * dim..][..dim].copy_from_slice(self.centre(cluster));
-                unions.spreads[union] = self.spreads[cluster];
-                unions.radii[union] = self.radii[cluster];
-                unions.steps[union] = self.steps[cluster];
-            } else {
-                unions.take_in(union, self, cluster);
-            }
-        }
-        unions.refine(crew, points)?;
-        Ok(unions)
+        (targets, unions)
     }
 
-    /// Average a union's centre with that of one more part, for the largest variance.
-    fn take_in(&mut self, union: usize, parts: &Self, part: usize) {
+    /// Move the centre of a union towards that of one more part, so that the variance is largest.
+    ///
+    /// Sets the radius to NaN, which [`Self::refine_balls`] replaces.
+    fn add_part(&mut self, union: usize, parts: &Self, part: usize) {
         let centre = &mut self.centres[union * self.dim..][..self.dim];
-        let apart = squared_distance(centre, parts.centre(part));
-        let (here, there) = (self.spreads[union], parts.spreads[part]);
-        if apart > 0.0 {
-            let weight = ((apart + there - here) / (2.0 * apart)).clamp(0.0, 1.0);
+        let squared = squared_distance(centre, parts.centre(part));
+        let (variance, part_variance) = (self.variances[union], parts.variances[part]);
+        if squared > 0.0 {
+            let weight = ((squared + part_variance - variance) / (2.0 * squared)).clamp(0.0, 1.0);
             move_towards(centre, parts.centre(part), weight);
             let rest = 1.0 - weight;
-            self.spreads[union] = rest * here + weight * there + rest * weight * apart;
+            self.variances[union] =
+                rest * variance + weight * part_variance + rest * weight * squared;
         }
-        let steps = self.steps[union].max(parts.steps[part]);
-        self.steps[union] = steps.saturating_add(1);
-        self.radii[union] = f64::NAN;
+        let count = self.update_counts[union].max(parts.update_counts[part]);
+        self.update_counts[union] = count.saturating_add(1);
+        self.squared_radii[union] = f64::NAN;
     }
 
-    /// Shrink the balls of new clusters, those without a radius, and sort their members.
-    fn refine(&mut self, crew: &Crew<'_>, points: &Points) -> Result<(), Error> {
+    /// Shrink the balls without a radius, those of new clusters, and sort their members.
+    fn refine_balls(&mut self, workers: &Workers<'_>, points: &Points) -> Result<(), Error> {
         let (dim, starts) = (self.dim, &self.starts);
         let mut rest = self.members.as_mut_slice();
-        let mut members = Vec::with_capacity(starts.len().div_ceil(PER_JOB));
-        for ends in starts.windows(2).collect::<Vec<_>>().chunks(PER_JOB) {
-            let (own, others) = rest.split_at_mut((ends[ends.len() - 1][1] - ends[0][0]) as usize);
-            members.push(own);
-            rest = others;
+        let mut members = Vec::with_capacity(starts.len().div_ceil(CLUSTERS_PER_JOB));
+        for bounds in starts
+            .windows(2)
+            .collect::<Vec<_>>()
+            .chunks(CLUSTERS_PER_JOB)
+        {
+            let length = bounds[bounds.len() - 1][1] - bounds[0][0];
+            let (job_members, later) = rest.split_at_mut(length as usize);
+            members.push(job_members);
+            rest = later;
         }
+        let radii = self.squared_radii.chunks_mut(CLUSTERS_PER_JOB);
         let balls = self
             .centres
-            .chunks_mut(dim * PER_JOB)
-            .zip(self.spreads.chunks_mut(PER_JOB))
-            .zip(
-                self.radii
-                    .chunks_mut(PER_JOB)
-                    .zip(self.steps.chunks_mut(PER_JOB)),
-            );
-        crew.each(
+            .chunks_mut(dim * CLUSTERS_PER_JOB)
+            .zip(self.variances.chunks_mut(CLUSTERS_PER_JOB))
+            .zip(radii.zip(self.update_counts.chunks_mut(CLUSTERS_PER_JOB)));
+        workers.run(
             members.into_iter().zip(balls).enumerate(),
             || (),
-            |(), (job, (mut members, ((centres, spreads), (radii, steps))))| {
-                let states = spreads.iter_mut().zip(radii).zip(steps);
-                for (i, (centre, ((spread, radius), steps))) in
-                    centres.chunks_mut(dim).zip(states).enumerate()
+            |(), (job, (mut members, ((centres, variances), (radii, update_counts))))| {
+                let numbers = variances.iter_mut().zip(radii).zip(update_counts);
+                for (i, (centre, ((variance, squared_radius), update_count))) in
+                    centres.chunks_mut(dim).zip(numbers).enumerate()
                 {
-                    let cluster = job * PER_JOB + i;
+                    let cluster = job * CLUSTERS_PER_JOB + i;
                     let size = (starts[cluster + 1] - starts[cluster]) as usize;
-                    let (own, others) = members.split_at_mut(size);
-                    members = others;
-                    if radius.is_nan() {
-                        Ball { centre, spread, radius, steps }.refine(points, own);
+                    let (cluster_members, later) = members.split_at_mut(size);
+                    members = later;
+                    if squared_radius.is_nan() {
+                        let ball = Ball { centre, variance, squared_radius, update_count };
+                        ball.refine(points, cluster_members);
                     }
                 }
             },
@@ -231,45 +280,45 @@ impl Clusters {
     }
 }
 
-/// One cluster's ball, to be changed.
+/// The ball of one cluster.
 struct Ball<'a> {
     centre: &'a mut [f64],
-    spread: &'a mut f64,
-    radius: &'a mut f64,
-    steps: &'a mut u16,
+    variance: &'a mut f64,
+    squared_radius: &'a mut f64,
+    update_count: &'a mut u16,
 }
 
 impl Ball<'_> {
-    /// Shrink the ball; if members are many, sort them, the farthest from its centre first.
+    /// Shrink the ball, set its radius, and sort the members if they are at least [`SORTED_SIZE`].
     fn refine(self, points: &Points, members: &mut [u32]) {
-        let Self { centre, spread, radius, steps } = self;
-        if *steps > MOST_STEPS {
-            // Start again from a point, which is its own average without any rounding.
+        let Self { centre, variance, squared_radius, update_count } = self;
+        if *update_count > MAX_UPDATES {
+            // A point is its own mean without rounding error.
             centre.copy_from_slice(points.row(members[0]));
-            (*spread, *steps) = (0.0, 0);
+            (*variance, *update_count) = (0.0, 0);
         }
-        for step in 0..=STEPS {
+        for step in 0..=FRANK_WOLFE_STEPS {
             let mut farthest = (members[0], -1.0);
             for &member in &*members {
-                let apart = squared_distance(points.row(member), centre);
-                if apart > farthest.1 {
-                    farthest = (member, apart);
+                let squared = squared_distance(points.row(member), centre);
+                if squared > farthest.1 {
+                    farthest = (member, squared);
                 }
             }
-            let (member, apart) = farthest;
-            *radius = apart;
-            if step == STEPS || apart <= *spread * NEAR_ENOUGH {
+            let (member, squared) = farthest;
+            *squared_radius = squared;
+            if step == FRANK_WOLFE_STEPS || squared <= *variance * MAX_RADIUS_RATIO {
                 break;
             }
-            // The variance, a parabola in the weight, is largest here.
-            let weight = ((apart - *spread) / (2.0 * apart)).clamp(0.0, 1.0);
+            // The variance is a parabola in the weight; this is its maximum.
+            let weight = ((squared - *variance) / (2.0 * squared)).clamp(0.0, 1.0);
             move_towards(centre, points.row(member), weight);
-            *spread = (1.0 - weight) * (*spread + weight * apart);
-            *steps += 1;
+            *variance = (1.0 - weight) * (*variance + weight * squared);
+            *update_count += 1;
         }
-        if members.len() >= SORTED_FROM {
+        if members.len() >= SORTED_SIZE {
             members.sort_by_cached_key(|&member| {
-                // The bits of floats that are not negative rise with them.
+                // Floats that are not negative have the order of their bits.
                 Reverse(squared_distance(points.row(member), centre).to_bits())
             });
         }
@@ -282,6 +331,6 @@ fn move_towards(centre: &mut [f64], target: &[f64], weight: f64) {
     }
 }
 
-fn pick<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
-    order.iter().map(|&i| values[i as usize]).collect()
+fn select<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {
+    indices.iter().map(|&i| values[i as usize]).collect()
 }

@@ -1,170 +1,267 @@
-//! Merging on the full matrix, at the speed at which memory is read.
+//! Merging on the full matrix, at the speed of reading memory.
 //!
-//! Complete linkage takes the larger of two distances, and does so in every row on its own: a
-//! row can catch up with any number of merges when it is next looked at, by raising the column
-//! of the one part to that of the other. So no column is ever written across rows, all that is
-//! read is consecutive, and rows can be shared out among threads. All pairs that are nearest
-//! to each other merge in one round; on the way down to one cluster there are some fifty
-//! rounds, in which a row is looked at four or five times.
+//! Complete linkage takes the larger of two distances, independently in every row. So a row may
+//! postpone any number of merges until it is needed: for each it then raises the column of the
+//! remaining cluster to that of the merged one. No column is written across rows, all reads are
+//! consecutive, and rows are shared out among threads. In each round all pairs merge that are each
+//! other's nearest; there are about fifty rounds, and a row is read in four or five of them.
 
-use crate::Error;
-use crate::parallel::Crew;
+use crate::error::Error;
+use crate::parallel::Workers;
 use crate::simd;
 
-/// No column.
+/// Marks a missing column.
 const NONE: u32 = u32::MAX;
 
-/// Columns are moved together when so many are left, in parts of four, and no fewer than this.
-const COMPACT_FROM: usize = 64;
+/// Smallest matrix whose rows and columns are removed, once a quarter of its clusters has merged.
+const MIN_COMPACTED_SIZE: usize = 64;
 
-/// Fewer distances than this are not worth a thread.
-const SHARE: usize = 1 << 14;
+/// Fewest distances that one job handles.
+const DISTANCES_PER_JOB: usize = 1 << 14;
 
-/// A cluster's distances to all others.
+/// The distances of a cluster to all others.
 struct Row {
-    /// By column; infinity where no merge is wanted, or possible.
+    /// By column; infinity for the cluster itself, merged clusters and pairs that may not merge.
     distances: Vec<f64>,
-    /// How many entries of the log it has caught up with.
-    caught_up: usize,
-    /// The nearest, by column, and how far it is.
+    /// Count of merges of the log that the row has applied.
+    n_applied: usize,
+    /// Column and distance of the nearest cluster.
     nearest: (u32, f64),
 }
 
 impl Row {
-    /// Take part in the merges that it has missed.
-    fn catch_up(&mut self, log: &[(u32, u32)]) {
-        for &(kept, gone) in &log[self.caught_up..] {
-            let distance = self.distances[gone as usize];
-            let own = &mut self.distances[kept as usize];
-            *own = if distance > *own { distance } else { *own };
-            self.distances[gone as usize] = f64::INFINITY;
+    fn new(distances: Vec<f64>) -> Self {
+        Self { distances, n_applied: 0, nearest: (NONE, f64::INFINITY) }
+    }
+
+    /// Apply the merges of the log that the row has postponed.
+    fn apply(&mut self, log: &[(u32, u32)]) {
+        for &(kept, removed) in &log[self.n_applied..] {
+            let distance = self.distances[removed as usize];
+            let kept = &mut self.distances[kept as usize];
+            *kept = if distance > *kept { distance } else { *kept };
+            self.distances[removed as usize] = f64::INFINITY;
         }
-        self.caught_up = log.len();
+        self.n_applied = log.len();
+    }
+
+    /// Find the nearest cluster; of equal distances the first.
+    fn find_nearest(&mut self, workers: &Workers<'_>) {
+        let smallest = simd::minimum(workers.isa, &self.distances);
+        let column = simd::first_position(workers.isa, &self.distances, smallest);
+        self.nearest = match column {
+            Some(column) if smallest < f64::INFINITY => (column as u32, smallest),
+            _ => (NONE, f64::INFINITY),
+        };
     }
 }
 
-/// Merge whatever is at a finite distance, given a row of distances for each cluster.
+/// Merge all pairs at a finite distance, given one row of distances per cluster.
 ///
-/// Rows are as long as they are many and infinite on the diagonal. Clusters must be sorted by
-/// representative: of equal distances the first in the row is nearest. Returns rows and
-/// distances, parts before unions, the smaller row, which stays, first. Takes O(m²) memory and
-/// little more than that time.
-pub(crate) fn merge(crew: &Crew<'_>, rows: Vec<Vec<f64>>) -> Result<Vec<(u32, u32, f64)>, Error> {
+/// Rows are as long as there are rows, infinite on the diagonal, and not NaN. Clusters must be
+/// sorted by representative: of equal distances in a row the first is nearest. Returns pairs of
+/// rows with their distances; every pair stands behind those of its parts, and the smaller row,
+/// which the union keeps, is first. Takes O(m²) memory and little more than O(m²) time for m
+/// clusters.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn merge_on_matrix(
+    workers: &Workers<'_>,
+    rows: Vec<Vec<f64>>,
+) -> Result<Vec<(u32, u32, f64)>, Error> {
     let total = rows.len().max(1) as f64;
-    let start = |distances| Row { distances, caught_up: 0, nearest: (NONE, f64::INFINITY) };
-    let mut rows: Vec<Row> = rows.into_iter().map(start).collect();
-    // Rows move when columns do; their first numbers are those to be told.
-    let mut numbers: Vec<u32> = (0..rows.len() as u32).collect();
-    let mut is_left = vec![true; rows.len()];
-    let mut must_look = vec![true; rows.len()];
-    let mut log: Vec<(u32, u32)> = Vec::new();
+    let mut matrix = Matrix::new(rows);
     let mut pairs = Vec::new();
     loop {
-        let width = rows.len();
-        // Look for the nearest.
-        let looking: Vec<&mut Row> = rows
-            .iter_mut()
-            .zip(&must_look)
-            .filter(|(_, must)| **must)
-            .map(|(row, _)| row)
-            .collect();
-        in_parallel(crew, width, looking, |row| {
-            row.catch_up(&log);
-            let least = simd::least(crew.isa, &row.distances);
-            let place = row.distances.iter().position(|&distance| distance == least);
-            row.nearest = match place {
-                Some(place) if least < f64::INFINITY => (place as u32, least),
-                _ => (NONE, f64::INFINITY),
-            };
-        })?;
-
-        // Merge those that are nearest to each other.
-        let mut merged = Vec::new();
-        for (i, row) in rows.iter().enumerate().filter(|&(i, _)| is_left[i]) {
-            let (other, distance) = row.nearest;
-            if other != NONE && i < other as usize && rows[other as usize].nearest.0 as usize == i {
-                merged.push((i, other as usize, distance));
-            }
-        }
+        matrix.update_nearest(workers)?;
+        let merged = matrix.reciprocal_pairs();
         if merged.is_empty() {
             return Ok(pairs);
         }
-        let mut others: Vec<Row> = Vec::with_capacity(merged.len());
-        for &(_, gone, _) in &merged {
-            let empty = start(Vec::new());
-            others.push(std::mem::replace(&mut rows[gone], empty));
+        matrix.merge_rows(workers, &merged)?;
+        for &(kept, removed, distance) in &merged {
+            pairs.push((matrix.numbers[kept], matrix.numbers[removed], distance));
         }
-        let mut is_kept = vec![false; rows.len()];
-        for &(kept, _, _) in &merged {
-            is_kept[kept] = true;
-        }
-        let kept = rows
-            .iter_mut()
-            .zip(&is_kept)
-            .filter(|(_, is_kept)| **is_kept);
-        let unions: Vec<_> = kept.map(|(row, _)| row).zip(others).collect();
-        in_parallel(crew, width, unions, |(row, other)| {
-            row.catch_up(&log);
-            other.catch_up(&log);
-            simd::raise(crew.isa, &mut row.distances, &other.distances);
-            other.distances = Vec::new();
-        })?;
-        let mut is_touched = is_kept;
-        for &(kept, gone, distance) in &merged {
-            is_left[gone] = false;
-            is_touched[gone] = true;
-            log.push((kept as u32, gone as u32));
-            pairs.push((numbers[kept], numbers[gone], distance));
-        }
-        crew.report(pairs.len() as f64 / total);
-
-        // Those whose nearest has merged must look again; those without one never need to.
-        for i in 0..rows.len() {
-            let nearest = rows[i].nearest.0;
-            is_left[i] &= nearest != NONE;
-            must_look[i] = is_left[i] && (is_touched[i] || is_touched[nearest as usize]);
-        }
-        let left = is_left.iter().filter(|is_left| **is_left).count();
-        if left * 4 <= rows.len() * 3 && rows.len() > COMPACT_FROM {
-            compact(crew, &mut rows, &is_left, &log)?;
-            log.clear();
-            numbers = pick(&numbers, &is_left);
-            must_look = pick(&must_look, &is_left);
-            is_left = vec![true; left];
+        workers.set_fraction(pairs.len() as f64 / total);
+        let n_active = matrix
+            .is_active
+            .iter()
+            .filter(|is_active| **is_active)
+            .count();
+        if n_active * 4 <= matrix.rows.len() * 3 && matrix.rows.len() > MIN_COMPACTED_SIZE {
+            matrix.compact(workers)?;
         }
     }
 }
 
-/// Columns that are read together when a condensed matrix is turned: a line of the cache.
-const BAND: usize = 8;
+/// The matrix of the clusters that remain, and the merges that its rows have postponed.
+struct Matrix {
+    rows: Vec<Row>,
+    /// For each row, its index in the matrix given.
+    numbers: Vec<u32>,
+    /// Which rows may still merge.
+    is_active: Vec<bool>,
+    /// Which rows must find their nearest cluster again.
+    is_outdated: Vec<bool>,
+    /// Merges as (remaining column, removed column).
+    log: Vec<(u32, u32)>,
+}
 
-/// The full matrix, infinite on the diagonal, of a condensed one.
+impl Matrix {
+    fn new(rows: Vec<Vec<f64>>) -> Self {
+        let n = rows.len();
+        Self {
+            rows: rows.into_iter().map(Row::new).collect(),
+            numbers: (0..n as u32).collect(),
+            is_active: vec![true; n],
+            is_outdated: vec![true; n],
+            log: Vec::new(),
+        }
+    }
+
+    /// Find the nearest cluster of the outdated rows.
+    fn update_nearest(&mut self, workers: &Workers<'_>) -> Result<(), Error> {
+        let (width, log) = (self.rows.len(), &self.log);
+        let rows = self.rows.iter_mut().zip(&self.is_outdated);
+        let outdated = rows
+            .filter(|(_, is_outdated)| **is_outdated)
+            .map(|(row, _)| row);
+        for_each_row(workers, width, outdated.collect(), |row| {
+            row.apply(log);
+            row.find_nearest(workers);
+        })
+    }
+
+    /// Pairs of rows that are each other's nearest, the smaller first, in order.
+    fn reciprocal_pairs(&self) -> Vec<(usize, usize, f64)> {
+        let mut pairs = Vec::new();
+        for (i, row) in self
+            .rows
+            .iter()
+            .enumerate()
+            .filter(|&(i, _)| self.is_active[i])
+        {
+            let (other, distance) = row.nearest;
+            if other == NONE || i >= other as usize {
+                continue;
+            }
+            if self.rows[other as usize].nearest.0 as usize == i {
+                pairs.push((i, other as usize, distance));
+            }
+        }
+        pairs
+    }
+
+    /// Merge pairs of rows; update which rows are active and outdated.
+    fn merge_rows(
+        &mut self,
+        workers: &Workers<'_>,
+        merged: &[(usize, usize, f64)],
+    ) -> Result<(), Error> {
+        let (width, log) = (self.rows.len(), &self.log);
+        let mut removed_rows: Vec<Row> = Vec::with_capacity(merged.len());
+        let mut is_kept = vec![false; width];
+        for &(kept, removed, _) in merged {
+            let empty = Row::new(Vec::new());
+            removed_rows.push(std::mem::replace(&mut self.rows[removed], empty));
+            is_kept[kept] = true;
+        }
+        let rows = self.rows.iter_mut().zip(&is_kept);
+        let kept_rows = rows.filter(|(_, is_kept)| **is_kept).map(|(row, _)| row);
+        let unions: Vec<_> = kept_rows.zip(removed_rows).collect();
+        for_each_row(workers, width, unions, |(row, removed)| {
+            row.apply(log);
+            removed.apply(log);
+            simd::maximize(workers.isa, &mut row.distances, &removed.distances);
+            removed.distances = Vec::new();
+        })?;
+        let mut has_merged = is_kept;
+        for &(kept, removed, _) in merged {
+            self.is_active[removed] = false;
+            has_merged[removed] = true;
+            self.log.push((kept as u32, removed as u32));
+        }
+        // A row without a nearest cluster never gets one.
+        for i in 0..width {
+            let nearest = self.rows[i].nearest.0;
+            self.is_active[i] &= nearest != NONE;
+            self.is_outdated[i] =
+                self.is_active[i] && (has_merged[i] || has_merged[nearest as usize]);
+        }
+        Ok(())
+    }
+
+    /// Remove the rows and columns of inactive clusters, and clear the log.
+    fn compact(&mut self, workers: &Workers<'_>) -> Result<(), Error> {
+        let (is_active, log) = (&self.is_active, &self.log);
+        let width = self.rows.len();
+        let columns: Vec<u32> = (0..width as u32)
+            .filter(|&column| is_active[column as usize])
+            .collect();
+        let mut new_columns = vec![NONE; width];
+        for (new, &old) in columns.iter().enumerate() {
+            new_columns[old as usize] = new as u32;
+        }
+        let mut i = 0;
+        self.rows.retain(|_| {
+            i += 1;
+            is_active[i - 1]
+        });
+        for_each_row(workers, width, self.rows.iter_mut().collect(), |row| {
+            row.apply(log);
+            for (new, &old) in columns.iter().enumerate() {
+                row.distances[new] = row.distances[old as usize];
+            }
+            row.distances.truncate(columns.len());
+            row.n_applied = 0;
+            // If the nearest cluster was removed, the row is outdated and this is not read.
+            row.nearest.0 = new_columns[row.nearest.0 as usize];
+        })?;
+        self.log.clear();
+        self.numbers = select(&self.numbers, &self.is_active);
+        self.is_outdated = select(&self.is_outdated, &self.is_active);
+        self.is_active = vec![true; columns.len()];
+        Ok(())
+    }
+}
+
+/// Rows that are read together from a condensed matrix: the f64 of a cache line.
+const ROWS_PER_BAND: usize = 8;
+
+/// The full matrix, infinite on the diagonal, of a condensed one of `n` clusters.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn rows_of_condensed(
-    crew: &Crew<'_>,
+    workers: &Workers<'_>,
     n: usize,
     distances: &[f64],
 ) -> Result<Vec<Vec<f64>>, Error> {
     // Row a of the upper triangle, from column a + 1 on.
     let upper = |a: usize| &distances[a * (2 * n - a - 1) / 2..][..n - a - 1];
     let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
-    crew.each(
-        rows.chunks_mut(BAND).enumerate(),
+    workers.run(
+        rows.chunks_mut(ROWS_PER_BAND).enumerate(),
         || (),
         |(), (band, rows)| {
-            let first = band * BAND;
+            let first = band * ROWS_PER_BAND;
             for row in &mut *rows {
                 *row = vec![f64::INFINITY; n];
             }
             for b in 0..(first + rows.len()).min(n) {
-                // What stands below the diagonal stands in a column of the upper triangle.
+                // Elements below the diagonal are those of a column of the upper triangle. The
+                // sum turns -0 into 0.
                 for (i, row) in rows.iter_mut().enumerate().filter(|&(i, _)| b < first + i) {
                     row[b] = upper(b)[first + i - b - 1] + 0.0;
                 }
             }
             for (i, row) in rows.iter_mut().enumerate() {
                 let a = first + i;
-                for (own, distance) in row[a + 1..].iter_mut().zip(upper(a)) {
-                    *own = distance + 0.0;
+                for (element, distance) in row[a + 1..].iter_mut().zip(upper(a)) {
+                    *element = distance + 0.0;
                 }
             }
         },
@@ -172,57 +269,30 @@ pub(crate) fn rows_of_condensed(
     Ok(rows)
 }
 
-/// Drop the rows and columns of clusters that are gone.
-fn compact(
-    crew: &Crew<'_>,
-    rows: &mut Vec<Row>,
-    is_left: &[bool],
-    log: &[(u32, u32)],
-) -> Result<(), Error> {
-    let columns: Vec<u32> = (0..rows.len() as u32)
-        .filter(|&i| is_left[i as usize])
-        .collect();
-    let mut places = vec![NONE; rows.len()];
-    for (place, &column) in columns.iter().enumerate() {
-        places[column as usize] = place as u32;
-    }
-    let mut i = 0;
-    rows.retain(|_| {
-        i += 1;
-        is_left[i - 1]
-    });
-    in_parallel(crew, is_left.len(), rows.iter_mut().collect(), |row| {
-        row.catch_up(log);
-        for (place, &column) in columns.iter().enumerate() {
-            row.distances[place] = row.distances[column as usize];
-        }
-        row.distances.truncate(columns.len());
-        row.caught_up = 0;
-        // Who had a nearest that is gone looks again before this is read.
-        row.nearest.0 = places[row.nearest.0 as usize];
-    })
-}
-
-/// Do something with each row, `width` long, sharing them out if that is worth it.
-fn in_parallel<T: Send>(
-    crew: &Crew<'_>,
+/// Run `work` for each row, `width` long, on several threads if there is enough work.
+fn for_each_row<T: Send>(
+    workers: &Workers<'_>,
     width: usize,
     mut rows: Vec<T>,
     work: impl Fn(&mut T) + Sync,
 ) -> Result<(), Error> {
-    let per_job = rows
+    let rows_per_job = rows
         .len()
-        .div_ceil(8 * crew.threads())
-        .max(SHARE.div_ceil(width.max(1)));
-    crew.each(rows.chunks_mut(per_job), || (), |(), rows| rows.iter_mut().for_each(&work))?;
+        .div_ceil(8 * workers.n_threads())
+        .max(DISTANCES_PER_JOB.div_ceil(width.max(1)));
+    workers.run(
+        rows.chunks_mut(rows_per_job),
+        || (),
+        |(), rows| rows.iter_mut().for_each(&work),
+    )?;
     Ok(())
 }
 
-fn pick<T: Copy>(values: &[T], is_left: &[bool]) -> Vec<T> {
+fn select<T: Copy>(values: &[T], is_selected: &[bool]) -> Vec<T> {
     values
         .iter()
-        .zip(is_left)
-        .filter(|(_, is_left)| **is_left)
+        .zip(is_selected)
+        .filter(|(_, is_selected)| **is_selected)
         .map(|(&value, _)| value)
         .collect()
 }

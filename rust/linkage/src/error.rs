@@ -1,45 +1,52 @@
-//! What the crate refuses to cluster.
+//! The errors of this crate.
 
 use std::fmt;
 
-/// A refusal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Why an input was refused, or a call ended early.
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
-    /// Points without coordinates, or a buffer that holds no whole number of them.
-    NoPoints {
+    /// Points without coordinates, or a buffer that is not a whole number of points.
+    InvalidShape {
         /// Length of the buffer.
         len: usize,
-        /// Coordinates of one point.
+        /// Coordinates per point.
         dim: usize,
     },
-    /// More points than a tree can number.
+    /// More points than cluster numbers.
     TooManyPoints {
-        /// Points given.
+        /// Count of points.
         given: usize,
-        /// The most that will do.
-        most: usize,
+        /// Largest count supported.
+        max: usize,
     },
-    /// A coordinate that is infinite or not a number.
-    NotFinite {
+    /// A coordinate that is infinite or NaN.
+    InvalidCoordinate {
         /// Row of the point.
         point: usize,
-        /// Which of its coordinates.
+        /// Index of the coordinate.
         axis: usize,
+        /// The coordinate.
+        value: f64,
     },
-    /// A distance that is negative, infinite or not a number.
-    BadDistance {
-        /// Its place in the condensed matrix.
+    /// A distance that is negative, infinite or NaN.
+    InvalidDistance {
+        /// Index in the condensed matrix.
         index: usize,
+        /// The distance.
+        value: f64,
     },
-    /// A condensed matrix whose length is no n(n-1)/2.
-    NotCondensed {
-        /// Length given.
+    /// A condensed matrix whose length is not n(n - 1)/2 for any n.
+    InvalidLength {
+        /// The length.
         len: usize,
     },
-    /// A diameter that is negative or not a number.
-    BadDiameter,
-    /// The caller asked to stop.
+    /// A diameter that is negative or NaN.
+    InvalidDiameter {
+        /// The diameter.
+        value: f64,
+    },
+    /// The progress callback requested a stop.
     Stopped,
 }
 
@@ -48,23 +55,28 @@ impl std::error::Error for Error {}
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::NoPoints { len, dim } => {
-                write!(f, "points must have at least 1 coordinate each, got {len} for {dim} axes")
+            Self::InvalidShape { len, dim } => {
+                write!(
+                    f,
+                    "`points` must be rows of at least 1 coordinate, got {len} values for {dim} axes"
+                )
             }
-            Self::TooManyPoints { given, most } => {
-                write!(f, "at most {most} points can be clustered, got {given}")
+            Self::TooManyPoints { given, max } => {
+                write!(f, "`points` must have at most {max} rows, got {given}")
             }
-            Self::NotFinite { point, axis } => {
-                write!(f, "points must be finite, got another value at [{point}, {axis}]")
+            Self::InvalidCoordinate { point, axis, value } => {
+                write!(f, "`points` must be finite, got {value} at [{point}, {axis}]")
             }
-            Self::BadDistance { index } => {
-                write!(f, "distances must be finite and not negative, got another at [{index}]")
+            Self::InvalidDistance { index, value } => {
+                write!(f, "`distances` must be finite and not negative, got {value} at [{index}]")
             }
-            Self::NotCondensed { len } => {
-                write!(f, "distances must be n(n-1)/2 in number, got {len}")
+            Self::InvalidLength { len } => {
+                write!(f, "`distances` must have n(n - 1)/2 elements for some n, got {len}")
             }
-            Self::BadDiameter => write!(f, "max_diameter must be 0 or more"),
-            Self::Stopped => write!(f, "stopped by the caller"),
+            Self::InvalidDiameter { value } => {
+                write!(f, "`max_diameter` must be 0 or more, got {value}")
+            }
+            Self::Stopped => write!(f, "stopped by the progress callback"),
         }
     }
 }

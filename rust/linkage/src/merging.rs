@@ -1,173 +1,228 @@
-//! Merging on a sparse graph, to exhaustion, without measuring anything anew.
+//! Merging on a sparse graph until no edge is left, without measuring any distance again.
 //!
-//! The graph holds every pair of clusters within a limit and its squared distance. Clusters
-//! that are each other's nearest merge, all such pairs in one round; the union's neighbours are
-//! the common neighbours of its parts, at the larger of the two distances. Whether they are
-//! common is a matter of counting: two unions are neighbours if each pair of their parts is an
-//! edge, |A| |C| edges in all. (A pair of parts that is no edge is beyond the limit, and so are
-//! then the unions.)
+//! The graph holds every pair of clusters within a limit and its squared distance. In each round
+//! all pairs of clusters merge that are each other's nearest. The neighbours of a union are the
+//! common neighbours of its parts, at the larger of the two distances. Common neighbours are found
+//! by counting: unions A and C are neighbours if each pair of their parts is an edge, |A| |C|
+//! edges in all. (If a pair of parts is not an edge, it is beyond the limit, and so are A and C.)
 //!
-//! A list of neighbours is put in order only when its owner must choose again: when it has
-//! merged, or its nearest has. Another's merger takes nothing nearer to it.
+//! A cluster selects its nearest neighbour again only if it has merged, or that neighbour has. The
+//! merge of two other clusters brings neither of them nearer.
 
-use crate::Error;
-use crate::graph::Edge;
-use crate::parallel::Crew;
+use crate::error::Error;
+use crate::neighbours::Edge;
+use crate::parallel::Workers;
 
-/// No cluster.
+/// Marks a missing cluster.
 const NONE: u32 = u32::MAX;
 
-/// Lists to be put in order together: how many one job takes.
-const PER_JOB: usize = 256;
+/// Clusters for which one job selects the nearest neighbour.
+const CLUSTERS_PER_JOB: usize = 256;
 
-/// A neighbour.
+/// An entry of a cluster's list of neighbours.
 #[derive(Clone, Copy)]
 struct Neighbour {
-    /// The cluster, or one that has gone into it.
+    /// The neighbour, or a cluster that was merged into it.
     cluster: u32,
-    /// Pairs of parts within the limit that are known by this entry.
-    pairs: u32,
+    /// Count of pairs of parts within the limit that this entry stands for.
+    n_pairs: u32,
     /// The largest of their squared distances.
     squared: f64,
 }
 
-/// What merging has come to.
-pub(crate) struct Merged {
-    /// Pairs of clusters, and squared distances, parts before unions.
+/// The result of merging clusters up to a limit.
+pub(crate) struct MergedClusters {
+    /// Pairs of clusters and their squared distances; every pair stands behind those of its parts.
     pub pairs: Vec<(u32, u32, f64)>,
-    /// The cluster that each has gone into, itself for those that are left.
+    /// For each cluster, the one that it was merged into; itself if it remains.
     pub roots: Vec<u32>,
 }
 
-/// Merge as long as two clusters are within the limit of the graph and nearest to each other.
+/// Merge all clusters that the edges within a limit determine.
 ///
-/// `reps` are the clusters' representatives: of equal distances the smallest goes first. Takes
-/// O(e log m) time for e edges unless lists stay long through many rounds, and 32 bytes an edge.
-pub(crate) fn merge(crew: &Crew<'_>, reps: &[u32], edges: Vec<Edge>) -> Result<Merged, Error> {
-    let m = reps.len();
-    let mut lists = lists_of(m, edges);
-    let mut roots: Vec<u32> = (0..m as u32).collect();
-    let mut sizes = vec![1_u32; m];
-    let mut nearest = vec![(NONE, f64::INFINITY); m];
-    let mut pairs = Vec::new();
-    // Who must choose: at first all that have a neighbour.
-    let mut choosing: Vec<Choice> = (0..m as u32)
-        .zip(&mut lists)
+/// `representatives` are those of the clusters: of equal distances the smallest goes first. Takes
+/// O(e log m) time for e edges of m clusters, unless lists stay long through many rounds, and
+/// 32 bytes per edge.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn merge_on_graph(
+    workers: &Workers<'_>,
+    representatives: &[u32],
+    edges: Vec<Edge>,
+) -> Result<MergedClusters, Error> {
+    let m = representatives.len();
+    let mut state = State::new(m, edges);
+    let mut selections: Vec<Selection> = (0..m as u32)
+        .zip(&mut state.lists)
         .filter(|(_, list)| !list.is_empty())
-        .map(|(cluster, list)| Choice::new(cluster, std::mem::take(list)))
+        .map(|(cluster, list)| Selection::new(cluster, std::mem::take(list)))
         .collect();
-    let mut waiting: Vec<u32> = choosing.iter().map(|choice| choice.cluster).collect();
-    let mut touched = vec![false; m];
-    while !choosing.is_empty() {
-        crew.each(
-            choosing.chunks_mut(PER_JOB),
+    // Clusters that may still merge.
+    let mut active: Vec<u32> = selections
+        .iter()
+        .map(|selection| selection.cluster)
+        .collect();
+    let mut pairs = Vec::new();
+    while !selections.is_empty() {
+        workers.run(
+            selections.chunks_mut(CLUSTERS_PER_JOB),
             || (vec![NONE; m], Vec::new()),
-            |(places, room), choices| {
-                for choice in choices {
-                    choice.choose(reps, &roots, &sizes, places, room);
+            |(positions, buffer), chunk| {
+                for selection in chunk {
+                    selection.select_nearest(representatives, &state, positions, buffer);
                 }
             },
         )?;
-        for choice in &mut choosing {
-            nearest[choice.cluster as usize] = choice.nearest;
-            lists[choice.cluster as usize] = std::mem::take(&mut choice.list);
+        for selection in &mut selections {
+            state.nearest[selection.cluster as usize] = selection.nearest;
+            state.lists[selection.cluster as usize] = std::mem::take(&mut selection.list);
         }
-
-        let mut merged = Vec::new();
-        for choice in &choosing {
-            let (own, (other, squared)) = (choice.cluster, choice.nearest);
-            if other != NONE && nearest[other as usize].0 == own {
-                merged.push(if reps[own as usize] < reps[other as usize] {
-                    (own, other, squared)
-                } else {
-                    (other, own, squared)
-                });
-            }
-        }
-        // Where both had to choose, both have found the pair.
-        merged.sort_unstable_by_key(|&(low, high, _)| (low, high));
-        merged.dedup_by_key(|&mut (low, high, _)| (low, high));
-        for &(low, high, _) in &merged {
-            roots[high as usize] = low;
-            sizes[low as usize] += sizes[high as usize];
-            touched[low as usize] = true;
-            touched[high as usize] = true;
-        }
-        for i in 0..m {
-            roots[i] = roots[roots[i] as usize];
-        }
-
-        waiting.retain(|&i| roots[i as usize] == i && nearest[i as usize].0 != NONE);
-        choosing.clear();
-        for &cluster in &waiting {
-            if touched[cluster as usize] || touched[nearest[cluster as usize].0 as usize] {
-                let list = std::mem::take(&mut lists[cluster as usize]);
-                choosing.push(Choice::new(cluster, list));
-            }
-        }
-        for &(low, high, _) in &merged {
-            touched[low as usize] = false;
-            touched[high as usize] = false;
-            let more = std::mem::take(&mut lists[high as usize]);
-            if let Ok(place) = choosing.binary_search_by_key(&low, |choice| choice.cluster) {
-                choosing[place].more = more;
-            }
-        }
+        let merged = reciprocal_pairs(representatives, &state.nearest, &selections);
+        state.apply(&merged);
+        let State { roots, nearest, .. } = &state;
+        active.retain(|&i| roots[i as usize] == i && nearest[i as usize].0 != NONE);
+        state.next_selections(&active, &merged, &mut selections);
         pairs.extend(merged);
     }
-    Ok(Merged { pairs, roots })
+    Ok(MergedClusters { pairs, roots: state.roots })
 }
 
-/// A cluster that is to choose its nearest neighbour.
-struct Choice {
+/// Pairs of clusters that are each other's nearest: the smaller representative first, sorted.
+fn reciprocal_pairs(
+    representatives: &[u32],
+    nearest: &[(u32, f64)],
+    selections: &[Selection],
+) -> Vec<(u32, u32, f64)> {
+    let mut pairs = Vec::new();
+    for selection in selections {
+        let (cluster, (other, squared)) = (selection.cluster, selection.nearest);
+        if other != NONE && nearest[other as usize].0 == cluster {
+            let is_ordered = representatives[cluster as usize] < representatives[other as usize];
+            let (low, high) = if is_ordered { (cluster, other) } else { (other, cluster) };
+            pairs.push((low, high, squared));
+        }
+    }
+    // If both clusters selected in this round, the pair was found twice.
+    pairs.sort_unstable_by_key(|&(low, high, _)| (low, high));
+    pairs.dedup_by_key(|&mut (low, high, _)| (low, high));
+    pairs
+}
+
+/// The state of all clusters between rounds.
+struct State {
+    lists: Vec<Vec<Neighbour>>,
+    roots: Vec<u32>,
+    /// Counts of the clusters that were merged into each.
+    sizes: Vec<u32>,
+    /// The nearest neighbour of each cluster and its squared distance.
+    nearest: Vec<(u32, f64)>,
+    /// Which clusters have merged in this round.
+    has_merged: Vec<bool>,
+}
+
+impl State {
+    fn new(m: usize, edges: Vec<Edge>) -> Self {
+        Self {
+            lists: adjacency_lists(m, edges),
+            roots: (0..m as u32).collect(),
+            sizes: vec![1; m],
+            nearest: vec![(NONE, f64::INFINITY); m],
+            has_merged: vec![false; m],
+        }
+    }
+
+    /// Merge pairs of clusters.
+    fn apply(&mut self, merged: &[(u32, u32, f64)]) {
+        for &(low, high, _) in merged {
+            self.roots[high as usize] = low;
+            self.sizes[low as usize] += self.sizes[high as usize];
+            self.has_merged[low as usize] = true;
+            self.has_merged[high as usize] = true;
+        }
+        for i in 0..self.roots.len() {
+            self.roots[i] = self.roots[self.roots[i] as usize];
+        }
+    }
+
+    /// The clusters that must select again: those that have merged, or whose nearest has.
+    fn next_selections(
+        &mut self,
+        active: &[u32],
+        merged: &[(u32, u32, f64)],
+        selections: &mut Vec<Selection>,
+    ) {
+        selections.clear();
+        for &cluster in active {
+            let nearest = self.nearest[cluster as usize].0;
+            if self.has_merged[cluster as usize] || self.has_merged[nearest as usize] {
+                let list = std::mem::take(&mut self.lists[cluster as usize]);
+                selections.push(Selection::new(cluster, list));
+            }
+        }
+        for &(low, high, _) in merged {
+            self.has_merged[low as usize] = false;
+            self.has_merged[high as usize] = false;
+            let list = std::mem::take(&mut self.lists[high as usize]);
+            let position = selections.binary_search_by_key(&low, |selection| selection.cluster);
+            if let Ok(position) = position {
+                selections[position].merged_list = list;
+            }
+        }
+    }
+}
+
+/// A cluster that must select its nearest neighbour.
+struct Selection {
     cluster: u32,
     list: Vec<Neighbour>,
-    /// The list of the cluster that it has just swallowed.
-    more: Vec<Neighbour>,
+    /// The list of the cluster that was merged into it in the last round.
+    merged_list: Vec<Neighbour>,
     nearest: (u32, f64),
 }
 
-impl Choice {
+impl Selection {
     fn new(cluster: u32, list: Vec<Neighbour>) -> Self {
-        Self { cluster, list, more: Vec::new(), nearest: (NONE, f64::INFINITY) }
+        Self { cluster, list, merged_list: Vec::new(), nearest: (NONE, f64::INFINITY) }
     }
 
-    /// Put the list in order and find the nearest.
+    /// Combine the lists and find the nearest neighbour.
     ///
-    /// `places` is a table of NONE for each cluster, and is left so.
-    fn choose(
+    /// `positions` holds [`NONE`] for every cluster, before and after the call.
+    fn select_nearest(
         &mut self,
-        reps: &[u32],
-        roots: &[u32],
-        sizes: &[u32],
-        places: &mut [u32],
-        room: &mut Vec<Neighbour>,
+        representatives: &[u32],
+        state: &State,
+        positions: &mut [u32],
+        buffer: &mut Vec<Neighbour>,
     ) {
-        room.clear();
-        for neighbour in self.list.iter().chain(&self.more) {
-            let cluster = roots[neighbour.cluster as usize];
+        buffer.clear();
+        for neighbour in self.list.iter().chain(&self.merged_list) {
+            let cluster = state.roots[neighbour.cluster as usize];
             if cluster == self.cluster {
                 continue;
             }
-            let place = &mut places[cluster as usize];
-            if *place == NONE {
-                *place = room.len() as u32;
-                room.push(Neighbour { cluster, ..*neighbour });
+            let position = &mut positions[cluster as usize];
+            if *position == NONE {
+                *position = buffer.len() as u32;
+                buffer.push(Neighbour { cluster, ..*neighbour });
             } else {
-                let known = &mut room[*place as usize];
-                known.pairs += neighbour.pairs;
+                let known = &mut buffer[*position as usize];
+                known.n_pairs += neighbour.n_pairs;
                 known.squared = known.squared.max(neighbour.squared);
             }
         }
         self.list.clear();
-        self.more = Vec::new();
-        let own = u64::from(sizes[self.cluster as usize]);
+        self.merged_list = Vec::new();
+        let size = u64::from(state.sizes[self.cluster as usize]);
         let mut best = (f64::INFINITY, NONE);
-        for neighbour in &*room {
-            places[neighbour.cluster as usize] = NONE;
-            if u64::from(neighbour.pairs) == own * u64::from(sizes[neighbour.cluster as usize]) {
+        for neighbour in &*buffer {
+            positions[neighbour.cluster as usize] = NONE;
+            let other_size = u64::from(state.sizes[neighbour.cluster as usize]);
+            if u64::from(neighbour.n_pairs) == size * other_size {
                 self.list.push(*neighbour);
-                let key = (neighbour.squared, reps[neighbour.cluster as usize]);
+                let key = (neighbour.squared, representatives[neighbour.cluster as usize]);
                 if key < best {
                     best = key;
                     self.nearest = (neighbour.cluster, neighbour.squared);
@@ -177,8 +232,8 @@ impl Choice {
     }
 }
 
-/// The neighbours of each cluster.
-fn lists_of(m: usize, edges: Vec<Edge>) -> Vec<Vec<Neighbour>> {
+/// The list of neighbours of each of `m` clusters.
+fn adjacency_lists(m: usize, edges: Vec<Edge>) -> Vec<Vec<Neighbour>> {
     let mut degrees = vec![0; m];
     for edge in &edges {
         degrees[edge.a as usize] += 1;
@@ -186,8 +241,8 @@ fn lists_of(m: usize, edges: Vec<Edge>) -> Vec<Vec<Neighbour>> {
     }
     let mut lists: Vec<Vec<Neighbour>> = degrees.into_iter().map(Vec::with_capacity).collect();
     for Edge { a, b, squared } in edges {
-        lists[a as usize].push(Neighbour { cluster: b, pairs: 1, squared });
-        lists[b as usize].push(Neighbour { cluster: a, pairs: 1, squared });
+        lists[a as usize].push(Neighbour { cluster: b, n_pairs: 1, squared });
+        lists[b as usize].push(Neighbour { cluster: a, n_pairs: 1, squared });
     }
     lists
 }

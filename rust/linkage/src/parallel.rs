@@ -1,100 +1,104 @@
-//! Work shared out among threads, and the caller's wish to stop.
+//! Scoped threads that share out jobs, and the progress callback.
 //!
-//! Threads live as long as one piece of work. A pool that outlived it would be lost to a
-//! forked child, which waits for it for ever.
+//! Threads live as long as one call of [`Workers::run`]. A pool that lived longer would not
+//! survive a fork: the forked child would wait for threads that do not exist in it.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread;
 
-use crate::Error;
+use crate::error::Error;
 use crate::simd::Isa;
 
-/// Told now and then how much is done, from 0 to 1; answers whether to go on.
-pub type Watch<'a> = &'a (dyn Fn(f64) -> bool + Sync);
+/// A callback that receives the fraction done, 0 to 1, and returns whether to continue.
+///
+/// It is called on the caller's thread only.
+pub type Progress<'a> = &'a (dyn Fn(f64) -> bool + Sync);
 
-/// Those who do the work.
-pub(crate) struct Crew<'a> {
-    threads: usize,
-    watch: Option<Watch<'a>>,
-    done: AtomicU64,
-    stopped: AtomicBool,
-    /// What their processor can do.
+/// The threads of a call, their instruction set, and the state of the progress callback.
+pub(crate) struct Workers<'a> {
+    n_threads: usize,
+    progress: Option<Progress<'a>>,
+    /// Bits of the fraction done.
+    fraction: AtomicU64,
+    is_stopped: AtomicBool,
+    /// The instruction set to use.
     pub isa: Isa,
 }
 
-impl<'a> Crew<'a> {
-    /// At least one thread, the caller's own.
-    pub fn new(threads: usize, isa: Isa, watch: Option<Watch<'a>>) -> Self {
-        let (done, stopped) = (AtomicU64::new(0), AtomicBool::new(false));
-        Self { threads: threads.max(1), watch, done, stopped, isa }
+impl<'a> Workers<'a> {
+    /// `n_threads` threads, at least one, of which the first is the caller's.
+    pub fn new(n_threads: usize, isa: Isa, progress: Option<Progress<'a>>) -> Self {
+        let (fraction, is_stopped) = (AtomicU64::new(0), AtomicBool::new(false));
+        Self { n_threads: n_threads.max(1), progress, fraction, is_stopped, isa }
     }
 
-    /// How many they are.
-    pub fn threads(&self) -> usize {
-        self.threads
+    /// Count of threads.
+    pub fn n_threads(&self) -> usize {
+        self.n_threads
     }
 
-    /// Note how much of everything is done.
-    pub fn report(&self, fraction: f64) {
-        self.done.store(fraction.to_bits(), Relaxed);
+    /// Set the fraction done, for the next call of the callback.
+    pub fn set_fraction(&self, fraction: f64) {
+        self.fraction.store(fraction.to_bits(), Relaxed);
     }
 
-    /// Ask the caller whether to go on. Only the caller's own thread may ask.
+    /// Call the progress callback. Only the caller's thread may do so.
     ///
     /// # Errors
     ///
-    /// If not.
-    pub fn ask(&self) -> Result<(), Error> {
-        let fraction = f64::from_bits(self.done.load(Relaxed));
-        if self.watch.is_some_and(|goes_on| !goes_on(fraction)) {
-            self.stopped.store(true, Relaxed);
+    /// [`Error::Stopped`] if the callback requests a stop, or has done so before.
+    pub fn check_progress(&self) -> Result<(), Error> {
+        let fraction = f64::from_bits(self.fraction.load(Relaxed));
+        if self.progress.is_some_and(|continues| !continues(fraction)) {
+            self.is_stopped.store(true, Relaxed);
         }
-        if self.stopped.load(Relaxed) { Err(Error::Stopped) } else { Ok(()) }
+        if self.is_stopped.load(Relaxed) { Err(Error::Stopped) } else { Ok(()) }
     }
 
-    /// Do every job, each on whichever thread is free, and return what each thread gathered.
+    /// Run every job on whichever thread is free; return the state of every thread.
     ///
-    /// A job must touch nothing that another one writes, or write it so that order does not
-    /// matter: the outcome may not depend on who does what. Jobs should take some ten
-    /// microseconds at least, and no more than a tenth of a second.
+    /// `init` makes the state of a thread, which `work` updates. A job must not write what
+    /// another one accesses, or must write it so that the order of jobs does not matter: results
+    /// may not depend on the assignment of jobs to threads. A job should take between 10 µs and
+    /// 0.1 s, because the progress callback is called between jobs. A panic in a job is passed on.
     ///
     /// # Errors
     ///
-    /// If the caller wants to stop.
-    pub fn each<Job: Send, Gathered: Send>(
+    /// [`Error::Stopped`] if the progress callback requests a stop.
+    pub fn run<Job: Send, State: Send>(
         &self,
         jobs: impl ExactSizeIterator<Item = Job> + Send,
-        gather: impl Fn() -> Gathered + Sync,
-        work: impl Fn(&mut Gathered, Job) + Sync,
-    ) -> Result<Vec<Gathered>, Error> {
-        let helpers = self.threads.min(jobs.len()).saturating_sub(1);
+        init: impl Fn() -> State + Sync,
+        work: impl Fn(&mut State, Job) + Sync,
+    ) -> Result<Vec<State>, Error> {
+        let n_helpers = self.n_threads.min(jobs.len()).saturating_sub(1);
         let jobs = Mutex::new(jobs);
-        // A job lost to a panic elsewhere is lost with everything: the panic is passed on.
-        let next = || jobs.lock().ok().and_then(|mut jobs| jobs.next());
+        // The lock is poisoned only if the iterator panics; that panic is passed on below.
+        let next_job = || jobs.lock().ok().and_then(|mut jobs| jobs.next());
         let help = || {
-            let mut gathered = gather();
-            while !self.stopped.load(Relaxed) {
-                let Some(job) = next() else { break };
-                work(&mut gathered, job);
+            let mut state = init();
+            while !self.is_stopped.load(Relaxed) {
+                let Some(job) = next_job() else { break };
+                work(&mut state, job);
             }
-            gathered
+            state
         };
         thread::scope(|scope| {
-            let helpers: Vec<_> = (0..helpers).map(|_| scope.spawn(help)).collect();
-            let mut own = gather();
-            while self.ask().is_ok() {
-                let Some(job) = next() else { break };
-                work(&mut own, job);
+            let helpers: Vec<_> = (0..n_helpers).map(|_| scope.spawn(help)).collect();
+            let mut state = init();
+            while self.check_progress().is_ok() {
+                let Some(job) = next_job() else { break };
+                work(&mut state, job);
             }
-            let mut all = vec![own];
+            let mut states = vec![state];
             for helper in helpers {
                 match helper.join() {
-                    Ok(gathered) => all.push(gathered),
+                    Ok(state) => states.push(state),
                     Err(panic) => std::panic::resume_unwind(panic),
                 }
             }
-            if self.stopped.load(Relaxed) { Err(Error::Stopped) } else { Ok(all) }
+            if self.is_stopped.load(Relaxed) { Err(Error::Stopped) } else { Ok(states) }
         })
     }
 }

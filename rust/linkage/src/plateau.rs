@@ -1,107 +1,129 @@
-//! Merging where very many pairs are equally far apart, and none is nearer.
+//! Merging if very many pairs have the same distance and none is nearer.
 //!
-//! On lattices of many axes a single distance may have more pairs than memory. No limit divides
-//! them, but their order does: equal distances go by the lower index, then by the higher. So
-//! the cluster of the lowest index takes in its neighbours on the plateau, the lowest first, as
-//! long as they are neighbours of all it has taken; then the next cluster that is left does.
-//! One row of neighbours is needed at a time, and none is kept.
+//! On lattices of many axes more pairs may have the smallest distance, the *plateau*, than memory
+//! holds edges. No limit separates them, but their order does: of equal distances the lower
+//! representative goes first, then the higher. So the cluster of lowest representative absorbs its
+//! neighbours on the plateau, the lowest first, as long as they are neighbours of all that it has
+//! absorbed; then the lowest remaining cluster does. One row of neighbours is computed at a time,
+//! and none is stored.
 
-use crate::Error;
 use crate::clusters::Clusters;
-use crate::distance::{Gauge, Limit, Scratch};
-use crate::graph::transpose;
-use crate::merging::Merged;
-use crate::parallel::Crew;
-use crate::simd::{self, Aligned, LANES, Wide};
+use crate::distance::{ClusterDistances, Limit, Scratch};
+use crate::error::Error;
+use crate::merging::MergedClusters;
+use crate::parallel::Workers;
+use crate::simd::{self, Aligned, F64Lanes, LANES};
 
-/// Merge all that are at the squared distance `level`, the least that there is.
+/// Merge all pairs at the squared distance `squared`, which is the smallest of all pairs.
 ///
-/// Takes O(m² d) time at worst, and O(m d) memory, for m clusters.
-pub(crate) fn merge(
-    crew: &Crew<'_>,
+/// Takes O(m² d) time at worst and O(m d) memory for m clusters in d dimensions.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn merge_plateau(
+    workers: &Workers<'_>,
     clusters: &Clusters,
-    gauge: &Gauge<'_>,
-    level: f64,
-) -> Result<Merged, Error> {
+    distances: &ClusterDistances<'_>,
+    squared: f64,
+) -> Result<MergedClusters, Error> {
     let m = clusters.len();
-    let mut by_rep: Vec<u32> = (0..m as u32).collect();
-    by_rep.sort_unstable_by_key(|&cluster| clusters.reps[cluster as usize]);
-    let mut rows = Rows::new(crew, clusters, gauge, level);
-    let mut merged = Merged { pairs: Vec::new(), roots: (0..m as u32).collect() };
-    let mut is_left = vec![true; m];
-    for &low in &by_rep {
-        if !std::mem::take(&mut is_left[low as usize]) {
+    let mut order: Vec<u32> = (0..m as u32).collect();
+    order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
+    let mut search = PlateauSearch::new(workers, clusters, distances, squared);
+    let mut merged = MergedClusters { pairs: Vec::new(), roots: (0..m as u32).collect() };
+    let mut is_active = vec![true; m];
+    for &low in &order {
+        if !std::mem::take(&mut is_active[low as usize]) {
             continue;
         }
-        let mut near = rows.neighbours(low, &is_left)?;
-        while let Some(&high) = near.first() {
-            merged.pairs.push((low, high, level));
+        let mut neighbours = search.neighbours(low, &is_active)?;
+        while let Some(&high) = neighbours.first() {
+            merged.pairs.push((low, high, squared));
             merged.roots[high as usize] = low;
-            is_left[high as usize] = false;
-            let others = rows.neighbours(high, &is_left)?;
-            let rep = |cluster: &u32| clusters.reps[*cluster as usize];
-            near.retain(|cluster| others.binary_search_by_key(&rep(cluster), rep).is_ok());
+            is_active[high as usize] = false;
+            let others = search.neighbours(high, &is_active)?;
+            let representative = |cluster: &u32| clusters.representatives[*cluster as usize];
+            neighbours.retain(|cluster| {
+                others
+                    .binary_search_by_key(&representative(cluster), representative)
+                    .is_ok()
+            });
         }
     }
     Ok(merged)
 }
 
-/// What finds the neighbours of a cluster.
-struct Rows<'a> {
-    crew: &'a Crew<'a>,
+/// Finds the neighbours of a cluster on the plateau.
+struct PlateauSearch<'a> {
+    workers: &'a Workers<'a>,
     clusters: &'a Clusters,
-    gauge: &'a Gauge<'a>,
-    level: Limit,
+    distances: &'a ClusterDistances<'a>,
+    limit: Limit,
     /// The largest squared bound that a pair on the plateau can have.
-    limit: f64,
-    /// Centres of all clusters, and their spreads, sixteen side by side.
-    centres: Vec<Wide>,
-    spreads: Vec<Wide>,
+    max_bound: f64,
+    /// Centres and variances of all clusters, sixteen side by side.
+    centres: Vec<F64Lanes>,
+    variances: Vec<F64Lanes>,
     scratch: Scratch,
 }
 
-impl<'a> Rows<'a> {
-    fn new(crew: &'a Crew<'a>, clusters: &'a Clusters, gauge: &'a Gauge<'a>, level: f64) -> Self {
+impl<'a> PlateauSearch<'a> {
+    fn new(
+        workers: &'a Workers<'a>,
+        clusters: &'a Clusters,
+        distances: &'a ClusterDistances<'a>,
+        squared: f64,
+    ) -> Self {
         let m = clusters.len();
-        let (mut centres, mut spreads) = (Vec::new(), Vec::new());
+        let (mut centres, mut variances) = (Vec::new(), Vec::new());
         let mut block = Vec::new();
         for first in (0..m).step_by(LANES) {
-            let mut some = Aligned([0.0; LANES]);
-            transpose(clusters, first..m.min(first + LANES), &mut block, &mut some);
+            let mut block_variances = Aligned([0.0; LANES]);
+            clusters.copy_to_lanes(first..m.min(first + LANES), &mut block, &mut block_variances);
             centres.extend_from_slice(&block);
-            spreads.push(some);
+            variances.push(block_variances);
         }
-        let drift = (0..m)
-            .map(|cluster| clusters.drift(cluster))
+        let bound_error = (0..m)
+            .map(|cluster| clusters.bound_error(cluster))
             .fold(0.0, f64::max);
-        let level = Limit::of(level);
-        let most = level.root + 2.0 * drift;
-        let limit = most * most * (1.0 + 1e-9);
-        Self { crew, clusters, gauge, level, limit, centres, spreads, scratch: Scratch::default() }
+        let limit = Limit::from_squared(squared);
+        let root = limit.root + 2.0 * bound_error;
+        Self {
+            workers,
+            clusters,
+            distances,
+            limit,
+            max_bound: root * root * (1.0 + 1e-9),
+            centres,
+            variances,
+            scratch: Scratch::default(),
+        }
     }
 
-    /// The clusters left that are no farther than the plateau, by representative.
-    fn neighbours(&mut self, own: u32, is_left: &[bool]) -> Result<Vec<u32>, Error> {
-        self.crew.ask()?;
-        let cluster = own as usize;
-        let (centre, spread) = (self.clusters.centre(cluster), self.clusters.spreads[cluster]);
-        let mut near = Vec::new();
+    /// The active clusters on the plateau of a cluster, sorted by representative.
+    fn neighbours(&mut self, cluster: u32, is_active: &[bool]) -> Result<Vec<u32>, Error> {
+        self.workers.check_progress()?;
+        let cluster = cluster as usize;
+        let (centre, variance) = (self.clusters.centre(cluster), self.clusters.variances[cluster]);
+        let isa = self.workers.isa;
+        let mut neighbours = Vec::new();
         for (block, centres) in self.centres.chunks_exact(centre.len()).enumerate() {
-            let bounds = simd::bounds(self.crew.isa, centre, spread, centres, &self.spreads[block]);
+            let bounds =
+                simd::squared_bounds(isa, centre, variance, centres, &self.variances[block]);
             for (other, &bound) in (block * LANES..).zip(bounds.iter()) {
-                if bound <= self.limit
-                    && other != cluster
-                    && is_left[other]
-                    && self
-                        .gauge
-                        .within(cluster, other, self.level, &mut self.scratch)
-                        .is_some()
-                {
-                    near.push(other as u32);
+                if bound > self.max_bound || other == cluster || !is_active[other] {
+                    continue;
+                }
+                let squared =
+                    self.distances
+                        .squared_within(cluster, other, self.limit, &mut self.scratch);
+                if squared.is_some() {
+                    neighbours.push(other as u32);
                 }
             }
         }
-        near.sort_unstable_by_key(|&other| self.clusters.reps[other as usize]);
-        Ok(near)
+        neighbours.sort_unstable_by_key(|&other| self.clusters.representatives[other as usize]);
+        Ok(neighbours)
     }
 }

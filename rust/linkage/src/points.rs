@@ -1,98 +1,103 @@
-//! Points made ready: scaled, each place once, and in an order that follows space.
+//! The points to cluster: scaled, without duplicates, in spatial order.
 
-use crate::order;
-use crate::parallel::Crew;
+use crate::halving::sort_by_halving;
+use crate::parallel::Workers;
 use crate::tree::Merge;
 
-/// The binary exponent to which the largest coordinate is scaled.
+/// Binary exponent of the largest scaled coordinate.
 ///
-/// Squares then stay far from overflow in f32 too, and those of distances down to 2^-90 of
-/// the largest coordinate stay clear of underflow there.
-const EXPONENT: i32 = 40;
+/// Squares then cannot overflow in f32, and squares of distances down to 2^-90 of the largest
+/// coordinate cannot underflow there.
+const MAX_EXPONENT: i32 = 40;
 
-/// Scaled coordinates below this, 2^-399, count as zero.
+/// Scaled coordinates below this, 2^-399, become zero.
 ///
-/// So two different points differ by at least 2^-451 along some axis: their squared
-/// distance, 2^-902 or more, is not zero.
-const TINY: f64 = f64::from_bits((1023 - 399) << 52);
+/// Two different points then differ by at least 2^-451 along some axis: their squared distance is
+/// at least 2^-902, which is not zero.
+const MIN_COORDINATE: f64 = f64::from_bits((1023 - 399) << 52);
 
-/// Different points, scaled by a power of two, which changes no digit.
+/// Distinct points, scaled by a power of two, which changes no digit.
 pub(crate) struct Points {
-    /// Coordinates of one point.
+    /// Coordinates per point.
     pub dim: usize,
-    /// Row-major.
+    /// Scaled coordinates, row-major.
     pub rows: Vec<f64>,
-    /// The smallest index at which each point was given.
-    pub given_at: Vec<u32>,
-    /// The merges, all at height 0, of points that were given again with the first of each.
-    pub repeats: Vec<Merge>,
-    /// A scaled distance times two to this power is a given distance.
-    unit: i32,
+    /// For each row, the smallest index of that point in the input.
+    pub input_indices: Vec<u32>,
+    /// Merges at height 0 of every repeated point with its first occurrence, by input index.
+    pub duplicate_merges: Vec<Merge>,
+    /// Binary exponent of the factor from scaled to given distances.
+    scale_exponent: i32,
 }
 
 impl Points {
-    /// Take finite points, row-major, `dim` wide.
-    pub fn new(given: &[f64], dim: usize) -> Self {
-        let largest = given.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-        let unit = if largest == 0.0 { 0 } else { exponent(largest) - EXPONENT };
-        let clean = |&x: &f64| {
-            let x = times_power_of_two(x, -unit);
-            // The sum turns -0 into 0: bits that differ are coordinates that differ.
-            if x.abs() < TINY { 0.0 } else { x + 0.0 }
+    /// Scale finite points, row-major, `dim` wide, and remove duplicates.
+    ///
+    /// Takes O(n log n) time for n points.
+    pub fn new(input: &[f64], dim: usize) -> Self {
+        let largest = input
+            .iter()
+            .fold(0.0, |largest: f64, x| largest.max(x.abs()));
+        let scale_exponent = if largest == 0.0 { 0 } else { exponent(largest) - MAX_EXPONENT };
+        let scale = |&x: &f64| {
+            let x = scale_by_power_of_two(x, -scale_exponent);
+            // The sum turns -0 into 0, so that equal coordinates have equal bits.
+            if x.abs() < MIN_COORDINATE { 0.0 } else { x + 0.0 }
         };
-        let mut rows: Vec<f64> = given.iter().map(clean).collect();
-        let (given_at, repeats) = first_of_each(&rows, dim);
-        if !repeats.is_empty() {
-            for (row, &point) in given_at.iter().enumerate() {
+        let mut rows: Vec<f64> = input.iter().map(scale).collect();
+        let (input_indices, duplicate_merges) = find_duplicates(&rows, dim);
+        if !duplicate_merges.is_empty() {
+            for (row, &point) in input_indices.iter().enumerate() {
                 rows.copy_within(point as usize * dim..(point as usize + 1) * dim, row * dim);
             }
-            rows.truncate(given_at.len() * dim);
+            rows.truncate(input_indices.len() * dim);
             rows.shrink_to_fit();
         }
-        Self { dim, rows, given_at, repeats, unit }
+        Self { dim, rows, input_indices, duplicate_merges, scale_exponent }
     }
 
-    /// The same points, neighbours in space stored near to each other.
-    pub fn in_spatial_order(self, crew: &Crew<'_>) -> Self {
+    /// The same points, with rows that are near in space near in memory.
+    pub fn sort_spatially(self, workers: &Workers<'_>) -> Self {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
-        order::by_halves(crew, &self.rows, self.dim, &mut order);
+        sort_by_halving(workers.n_threads(), &self.rows, self.dim, &mut order);
         let mut rows = Vec::with_capacity(self.rows.len());
         for &row in &order {
             rows.extend_from_slice(self.row(row));
         }
-        let given_at = order
+        let input_indices = order
             .iter()
-            .map(|&row| self.given_at[row as usize])
+            .map(|&row| self.input_indices[row as usize])
             .collect();
-        Self { rows, given_at, ..self }
+        Self { rows, input_indices, ..self }
     }
 
-    /// How many there are.
+    /// Count of distinct points.
     pub fn len(&self) -> usize {
-        self.given_at.len()
+        self.input_indices.len()
     }
 
-    /// The coordinates of a point.
+    /// Scaled coordinates of a point.
     pub fn row(&self, row: u32) -> &[f64] {
         &self.rows[row as usize * self.dim..][..self.dim]
     }
 
-    /// The distance, as given, of points whose scaled squared distance this is.
-    pub fn distance(&self, squared: f64) -> f64 {
-        times_power_of_two(squared.sqrt(), self.unit)
+    /// The distance, in the unit of the input, that has a given scaled square.
+    pub fn distance_from_squared(&self, squared: f64) -> f64 {
+        scale_by_power_of_two(squared.sqrt(), self.scale_exponent)
     }
 
-    /// The largest scaled squared distance of points that are no farther apart than this.
+    /// The largest scaled square whose distance is at most `distance`.
     ///
-    /// To the last bit: a squared distance is at most this where [`Self::distance`] of it is
-    /// at most `distance`.
-    pub fn squared(&self, distance: f64) -> f64 {
-        let is_within = |squared: f64| self.distance(squared) <= distance;
-        let scaled = times_power_of_two(distance, -self.unit);
+    /// Exact to the last bit: a square is at most the result if and only if
+    /// [`Self::distance_from_squared`] of it is at most `distance`. Infinite distances give
+    /// infinity.
+    pub fn max_squared(&self, distance: f64) -> f64 {
+        let is_within = |squared: f64| self.distance_from_squared(squared) <= distance;
+        let scaled = scale_by_power_of_two(distance, -self.scale_exponent);
         if is_within(f64::MAX) || !(scaled * scaled).is_finite() {
             return f64::INFINITY;
         }
-        // The root is off by a few units in the last place; bisect among the bits.
+        // The square of the distance is off by a few units in the last place; bisect its bits.
         let mut low = ((scaled * (1.0 - 1e-9)) * scaled).to_bits();
         if !is_within(f64::from_bits(low)) {
             low = 0;
@@ -115,7 +120,7 @@ impl Points {
     }
 }
 
-/// The squared distance that decides: coordinates added in order, nothing fused.
+/// The squared distance that determines results: axes added in order, nothing fused.
 pub(crate) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
     let mut sum = 0.0;
     for (x, y) in a.iter().zip(b) {
@@ -124,54 +129,52 @@ pub(crate) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
     sum
 }
 
-/// The exponent of the largest power of two that is no larger; of subnormals, the normal's.
+/// The binary exponent of `x`; -1023 for subnormal numbers and 0.
 fn exponent(x: f64) -> i32 {
     ((x.to_bits() >> 52) as i32 & 0x7ff) - 1023
 }
 
-fn times_power_of_two(x: f64, power: i32) -> f64 {
-    // From its bits, because `powi` need not be exact to the last.
+/// `x` times 2^`power`.
+fn scale_by_power_of_two(x: f64, power: i32) -> f64 {
+    // From bits, because `powi` need not be exact.
     let power_of_two = |power: i32| f64::from_bits(((1023 + power) as u64) << 52);
-    // In two steps, because one power alone may be out of range.
+    // In two steps, because one factor alone may be out of range.
     x * power_of_two(power / 2) * power_of_two(power - power / 2)
 }
 
-/// Find points that are given more than once: the first of each, and the others' merges.
-fn first_of_each(rows: &[f64], dim: usize) -> (Vec<u32>, Vec<Merge>) {
+/// The first occurrence of every point, and the merges of the others with it.
+fn find_duplicates(rows: &[f64], dim: usize) -> (Vec<u32>, Vec<Merge>) {
     let row = |point: u32| &rows[point as usize * dim..][..dim];
-    let mut hashed: Vec<(u64, u32)> = rows
+    let mut hashes: Vec<(u64, u32)> = rows
         .chunks_exact(dim)
         .zip(0..)
         .map(|(row, point)| (hash(row), point))
         .collect();
-    hashed.sort_unstable();
-    let mut repeats = Vec::new();
-    for same_hash in hashed
+    hashes.sort_unstable();
+    let mut merges = Vec::new();
+    for same_hash in hashes
         .chunk_by_mut(|a, b| a.0 == b.0)
         .filter(|chunk| chunk.len() > 1)
     {
-        // Equal points have equal hashes, and others may too: sort them out.
+        // Different points may have the same hash; sort to make equal points adjacent.
         let bits = |point: u32| row(point).iter().map(|x| x.to_bits());
         same_hash.sort_unstable_by(|a, b| bits(a.1).cmp(bits(b.1)).then(a.1.cmp(&b.1)));
         for same in same_hash.chunk_by(|a, b| row(a.1) == row(b.1)) {
-            repeats.extend(
+            let first = same[0].1;
+            merges.extend(
                 same[1..]
                     .iter()
-                    .map(|again| Merge::new(same[0].1, again.1, 0.0)),
+                    .map(|&(_, point)| Merge::new(first, point, 0.0)),
             );
         }
     }
-    let mut is_first = vec![true; hashed.len()];
-    for merge in &repeats {
+    let mut is_first = vec![true; hashes.len()];
+    for merge in &merges {
         is_first[merge.high as usize] = false;
     }
-    repeats.sort_unstable_by_key(|merge| merge.high);
-    (
-        (0..hashed.len() as u32)
-            .filter(|&point| is_first[point as usize])
-            .collect(),
-        repeats,
-    )
+    merges.sort_unstable_by_key(|merge| merge.high);
+    let points = 0..hashes.len() as u32;
+    (points.filter(|&point| is_first[point as usize]).collect(), merges)
 }
 
 fn hash(row: &[f64]) -> u64 {
@@ -186,33 +189,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scaling_changes_no_digit_and_goes_back() {
+    fn distance_from_squared_of_scaled_points_is_exact() {
         for size in [1e-310, 1e-200, 3.0, 1e200, 1.7e308] {
             let points = Points::new(&[0.0, size, size / 3.0], 1);
             let squared = squared_distance(points.row(0), points.row(1));
-            assert_eq!(points.distance(squared), size);
+            assert_eq!(points.distance_from_squared(squared), size);
         }
     }
 
     #[test]
-    fn a_limit_lets_through_what_is_no_farther_and_nothing_else() {
+    fn max_squared_is_largest_square_within_distance() {
         for largest in [1e-150, 1.0, 1e150] {
             let points = Points::new(&[0.0, largest], 1);
             for distance in [0.0, largest / 7.0, largest * 0.1, largest] {
-                let limit = points.squared(distance);
-                assert!(points.distance(limit) <= distance);
-                assert!(points.distance(limit.next_up()) > distance);
+                let limit = points.max_squared(distance);
+                assert!(points.distance_from_squared(limit) <= distance);
+                assert!(points.distance_from_squared(limit.next_up()) > distance);
             }
-            assert_eq!(points.squared(f64::INFINITY), f64::INFINITY);
+            assert_eq!(points.max_squared(f64::INFINITY), f64::INFINITY);
         }
     }
 
     #[test]
-    fn repeats_merge_with_the_first() {
+    fn new_repeated_points_merge_with_first_occurrence() {
         let points = Points::new(&[1.0, 0.0, -0.0, 2.0, 1.0, 0.0], 1);
-        assert_eq!(points.given_at, [0, 1, 3]);
-        let wanted = [Merge::new(1, 2, 0.0), Merge::new(0, 4, 0.0), Merge::new(1, 5, 0.0)];
-        assert_eq!(points.repeats, wanted);
+        assert_eq!(points.input_indices, [0, 1, 3]);
+        let expected = [Merge::new(1, 2, 0.0), Merge::new(0, 4, 0.0), Merge::new(1, 5, 0.0)];
+        assert_eq!(points.duplicate_merges, expected);
         assert!(points.row(2)[0] > points.row(0)[0] && points.rows.len() == 3);
     }
 }

@@ -1,203 +1,229 @@
 //! The stages of exact complete linkage in linear memory.
 //!
-//! See the crate's essay for why this is right; here is only what is done in which order.
+//! A stage sorts the clusters spatially, chooses a threshold, finds all pairs within it, merges on
+//! their graph and computes the balls of the unions. The crate's documentation proves that the
+//! result does not depend on the thresholds.
 
+use crate::blocks::Blocks;
 use crate::clusters::Clusters;
-use crate::distance::{Gauge, Limit, Scratch};
-use crate::graph::{Blocks, Edge, Graph, transpose};
-use crate::parallel::Crew;
+use crate::dense::merge_on_matrix;
+use crate::distance::{ClusterDistances, Limit, Scratch};
+use crate::error::Error;
+use crate::merging::merge_on_graph;
+use crate::neighbours::{Edge, Edges, edges_within};
+use crate::options::Tuning;
+use crate::parallel::Workers;
+use crate::plateau::merge_plateau;
 use crate::points::Points;
-use crate::simd::{self, Aligned, LANES};
+use crate::simd::{self, Aligned, F64Lanes, LANES};
+use crate::spatial_order::{SpatialOrder, sort_spatially};
+use crate::threshold::choose_threshold;
 use crate::tree::Merge;
-use crate::{Error, Tuning, dense, limit, merging, order, plateau};
 
-/// A stage that merges no more than this part of the clusters looks for more next time.
-const POOR: usize = 8;
+/// If a stage merges less than one in this many clusters, the next one seeks more neighbours.
+const MIN_MERGED_DIVISOR: usize = 8;
 
-/// The most neighbours that a stage looks for where it gets few of them.
-const MOST_NEIGHBOURS: f64 = 256.0;
+/// Largest degree if stages find few of the edges expected.
+const MAX_DEGREE_SPARSE: f64 = 256.0;
 
-/// The most where it gets what it looks for, and yet they merge little: all is crowded in one
-/// place, and elsewhere there is nothing within the limit.
-const MANY_NEIGHBOURS: f64 = 12.0;
+/// Largest degree if stages find the edges expected and still merge few clusters: then a dense
+/// region has all the edges, and other clusters have none.
+const MAX_DEGREE_DENSE: f64 = 12.0;
 
-/// Where space is uneven, the part of the neighbours that is looked for. All are those of a few
-/// clusters packed together, each of which has very many.
-const CROWDED: f64 = 0.25;
+/// Factor of the degree if density is uneven: then a few dense clusters have very many neighbours.
+const UNEVEN_DEGREE_FACTOR: f64 = 0.25;
 
-/// Fewer edges than this part of those looked for are few.
-const THIN: f64 = 0.125;
+/// Fraction of the edges expected below which a stage counts as sparse.
+const SPARSE_FRACTION: f64 = 0.125;
 
-/// Edges that a stage may have for each neighbour wanted, before it is content with less.
-const CROWD: f64 = 4.0;
+/// Multiple of the edges expected above which a stage lowers its threshold.
+const MAX_EDGE_FACTOR: f64 = 4.0;
 
-/// All merges of different points no higher than a squared distance, parts before unions.
-pub(crate) fn merges(
-    crew: &Crew<'_>,
+/// All merges of distinct points up to a squared distance, every merge behind those of its parts.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn merge_in_stages(
+    workers: &Workers<'_>,
     points: &Points,
-    most: f64,
+    max_squared: f64,
     tuning: &Tuning,
 ) -> Result<Vec<Merge>, Error> {
     let n = points.len();
     let mut merges = Vec::with_capacity(n);
-    let mut clusters = Clusters::singles(points);
+    let mut clusters = Clusters::from_points(points);
     let mut degree = tuning.degree;
-    while clusters.len() > tuning.finish.max(1) {
+    while clusters.len() > tuning.dense_size.max(1) {
         let m = clusters.len();
-        let by_gap;
-        (clusters, by_gap) = order::in_spatial_order(crew, &clusters)?;
-        let gauge = Gauge::new(crew, points, &clusters)?;
-        let wanted = if by_gap.is_some() { CROWDED * degree } else { degree };
-        let limit = limit::choose(crew, &clusters, &gauge, wanted, by_gap.as_deref())?.min(most);
-        let near = near_ones(crew, &clusters, &gauge, limit, degree, tuning.crowd)?;
-        let (merged, limit, is_thin) = match near {
-            Near::Edges(edges, limit) => {
-                drop(gauge);
-                let is_thin = (edges.len() as f64) < THIN * wanted * m as f64;
-                (merging::merge(crew, &clusters.reps, edges)?, limit, is_thin)
+        let by_density;
+        SpatialOrder { clusters, by_density } = sort_spatially(workers, &clusters)?;
+        let by_density = by_density.as_deref();
+        let distances = ClusterDistances::new(workers, points, &clusters)?;
+        let wanted = if by_density.is_some() { UNEVEN_DEGREE_FACTOR * degree } else { degree };
+        let threshold = choose_threshold(workers, &clusters, &distances, wanted, by_density)?;
+        let max_edges = (MAX_EDGE_FACTOR * degree * m as f64) as usize + tuning.spare_edges;
+        let blocks = Blocks::new(&clusters);
+        let found =
+            find_edges(workers, &blocks, &distances, threshold.min(max_squared), max_edges)?;
+        drop(blocks);
+        let (merged, threshold, is_sparse) = match found {
+            Found::Edges(edges, threshold) => {
+                drop(distances);
+                let is_sparse = (edges.len() as f64) < SPARSE_FRACTION * wanted * m as f64;
+                let merged = merge_on_graph(workers, &clusters.representatives, edges)?;
+                (merged, threshold, is_sparse)
             }
-            Near::Plateau(level) => (plateau::merge(crew, &clusters, &gauge, level)?, level, false),
+            Found::Plateau(squared) => {
+                (merge_plateau(workers, &clusters, &distances, squared)?, squared, false)
+            }
         };
-        merges.extend(merged.pairs.iter().map(|&(a, b, squared)| {
-            Merge::new(clusters.reps[a as usize], clusters.reps[b as usize], squared)
-        }));
-        crew.report(merges.len() as f64 / n as f64);
-        if limit >= most {
+        let representative = |cluster: u32| clusters.representatives[cluster as usize];
+        merges.extend(
+            merged
+                .pairs
+                .iter()
+                .map(|&(a, b, squared)| Merge::new(representative(a), representative(b), squared)),
+        );
+        workers.set_fraction(merges.len() as f64 / n as f64);
+        if threshold >= max_squared {
             return Ok(merges);
         }
-        debug_assert!(!merged.pairs.is_empty(), "the limit is no less than some pair's distance");
-        if merged.pairs.len() * POOR < m {
-            let most = if is_thin { MOST_NEIGHBOURS } else { MANY_NEIGHBOURS };
-            degree = (degree * 1.5).min(most).max(degree);
+        debug_assert!(!merged.pairs.is_empty(), "some pair is within the threshold");
+        if merged.pairs.len() * MIN_MERGED_DIVISOR < m {
+            let max_degree = if is_sparse { MAX_DEGREE_SPARSE } else { MAX_DEGREE_DENSE };
+            degree = (degree * 1.5).min(max_degree).max(degree);
         }
-        clusters = clusters.united(crew, points, &merged.roots)?;
+        clusters = clusters.unite(workers, points, &merged.roots)?;
     }
-    finish(crew, points, &clusters, most, &mut merges)?;
+    merge_remaining(workers, points, &clusters, max_squared, &mut merges)?;
     Ok(merges)
 }
 
-/// What a stage finds.
-enum Near {
-    /// All pairs within a squared distance.
+/// The result of a search for edges.
+enum Found {
+    /// All pairs within a squared distance, and that distance.
     Edges(Vec<Edge>, f64),
-    /// The least squared distance; too many pairs have it.
+    /// The smallest squared distance; too many pairs have it.
     Plateau(f64),
 }
 
-/// All edges within a limit, or within a smaller one if they are too many.
-fn near_ones(
-    crew: &Crew<'_>,
-    clusters: &Clusters,
-    gauge: &Gauge<'_>,
+/// All pairs within a squared distance, or within a smaller one if there are too many.
+fn find_edges(
+    workers: &Workers<'_>,
+    blocks: &Blocks<'_>,
+    distances: &ClusterDistances<'_>,
     mut limit: f64,
-    degree: f64,
-    spare: usize,
-) -> Result<Near, Error> {
-    let blocks = Blocks::new(clusters);
-    let crowd = (CROWD * degree * clusters.len() as f64) as usize + spare;
-    let mut level = None;
+    max_edges: usize,
+) -> Result<Found, Error> {
+    let mut plateau = None;
     loop {
-        let edges = match blocks.pairs_within(crew, gauge, limit, crowd)? {
-            Graph::Whole(edges) => {
-                let nothing_below = level.filter(|_| edges.is_empty());
-                return Ok(nothing_below.map_or(Near::Edges(edges, limit), Near::Plateau));
+        let edges = match edges_within(workers, blocks, distances, limit, max_edges)? {
+            Edges::Complete(edges) => {
+                let plateau = plateau.filter(|_| edges.is_empty());
+                return Ok(plateau.map_or(Found::Edges(edges, limit), Found::Plateau));
             }
-            Graph::Crowded(edges) => edges,
+            Edges::Truncated(edges) => edges,
         };
         let mut squares: Vec<f64> = edges.iter().map(|edge| edge.squared).collect();
         drop(edges);
         let quarter = squares.len() / 4;
         let (nearer, &mut quarter, _) = squares.select_nth_unstable_by(quarter, f64::total_cmp);
-        let less = nearer.iter().copied().filter(|&squared| squared < limit);
+        let below = nearer.iter().copied().filter(|&squared| squared < limit);
         if quarter < limit {
             limit = quarter;
-        } else if let Some(less) = less.reduce(f64::max) {
-            limit = less;
+        } else if let Some(largest) = below.reduce(f64::max) {
+            limit = largest;
         } else {
-            // All that were found are equally far. Is anything nearer?
-            level = Some(limit);
+            // All pairs found have the same distance. The next search is for smaller ones.
+            plateau = Some(limit);
             limit = limit.next_down();
         }
     }
 }
 
-/// Merge what is left on the full matrix.
-fn finish(
-    crew: &Crew<'_>,
+/// Merge the remaining clusters on the full matrix.
+fn merge_remaining(
+    workers: &Workers<'_>,
     points: &Points,
     clusters: &Clusters,
-    most: f64,
+    max_squared: f64,
     merges: &mut Vec<Merge>,
 ) -> Result<(), Error> {
     let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
-    order.sort_unstable_by_key(|&cluster| clusters.reps[cluster as usize]);
-    let clusters = clusters.rearranged(&order);
+    order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
+    let clusters = clusters.reorder(&order);
     let rows = if clusters.len() == points.len() {
-        rows_of_points(crew, &clusters, most)?
+        rows_of_points(workers, &clusters, max_squared)?
     } else {
-        rows_of_clusters(crew, points, &clusters, most)?
+        rows_of_clusters(workers, points, &clusters, max_squared)?
     };
-    for (a, b, squared) in dense::merge(crew, rows)? {
-        let [a, b] = [a, b].map(|cluster| clusters.reps[cluster as usize]);
+    for (a, b, squared) in merge_on_matrix(workers, rows)? {
+        let [a, b] = [a, b].map(|cluster| clusters.representatives[cluster as usize]);
         merges.push(Merge::new(a, b, squared));
     }
     Ok(())
 }
 
-/// The matrix of squared distances of single points; infinity for those beyond the limit.
-fn rows_of_points(crew: &Crew<'_>, clusters: &Clusters, most: f64) -> Result<Vec<Vec<f64>>, Error> {
+/// Variances of points.
+const ZEROS: F64Lanes = Aligned([0.0; LANES]);
+
+/// The matrix of squared distances of single points; infinity beyond `max_squared`.
+fn rows_of_points(
+    workers: &Workers<'_>,
+    clusters: &Clusters,
+    max_squared: f64,
+) -> Result<Vec<Vec<f64>>, Error> {
     let m = clusters.len();
-    let (mut columns, mut block, mut none) = (Vec::new(), Vec::new(), Aligned([0.0; LANES]));
+    let (mut columns, mut block) = (Vec::new(), Vec::new());
+    let mut variances = Aligned([0.0; LANES]);
     for first in (0..m).step_by(LANES) {
-        transpose(clusters, first..m.min(first + LANES), &mut block, &mut none);
+        clusters.copy_to_lanes(first..m.min(first + LANES), &mut block, &mut variances);
         columns.extend_from_slice(&block);
     }
+    let cut = |squared: f64| if squared <= max_squared { squared } else { f64::INFINITY };
     let mut rows = vec![Vec::new(); m];
-    crew.each(
+    workers.run(
         rows.chunks_mut(LANES).enumerate(),
         || (),
         |(), (band, rows)| {
             for (i, row) in rows.iter_mut().enumerate() {
-                let own = band * LANES + i;
-                let centre = clusters.centre(own);
+                let cluster = band * LANES + i;
+                let centre = clusters.centre(cluster);
                 row.reserve_exact(m.next_multiple_of(LANES));
                 for block in columns.chunks_exact(centre.len()) {
-                    let squares =
-                        simd::bounds(crew.isa, centre, 0.0, block, &Aligned([0.0; LANES]));
-                    row.extend(squares.map(
-                        |squared| {
-                            if squared <= most { squared } else { f64::INFINITY }
-                        },
-                    ));
+                    let squares = simd::squared_bounds(workers.isa, centre, 0.0, block, &ZEROS);
+                    row.extend(squares.map(cut));
                 }
                 row.truncate(m);
-                row[own] = f64::INFINITY;
+                row[cluster] = f64::INFINITY;
             }
         },
     )?;
     Ok(rows)
 }
 
-/// The matrix of squared distances of clusters; infinity for those beyond the limit.
+/// The matrix of squared distances of clusters; infinity beyond `max_squared`.
 fn rows_of_clusters(
-    crew: &Crew<'_>,
+    workers: &Workers<'_>,
     points: &Points,
     clusters: &Clusters,
-    most: f64,
+    max_squared: f64,
 ) -> Result<Vec<Vec<f64>>, Error> {
-    let gauge = Gauge::new(crew, points, clusters)?;
+    let distances = ClusterDistances::new(workers, points, clusters)?;
+    let limit = Limit::from_squared(max_squared);
     let m = clusters.len();
     let mut rows = vec![vec![f64::INFINITY; m]; m];
-    crew.each(rows.iter_mut().enumerate(), Scratch::default, |scratch, (a, row)| {
+    workers.run(rows.iter_mut().enumerate(), Scratch::default, |scratch, (a, row)| {
         for (b, squared) in row.iter_mut().enumerate().skip(a + 1) {
-            *squared = gauge
-                .within(a, b, Limit::of(most), scratch)
+            *squared = distances
+                .squared_within(a, b, limit, scratch)
                 .unwrap_or(f64::INFINITY);
         }
     })?;
     for a in 0..m {
-        let (before, own) = rows.split_at_mut(a);
-        for (row, squared) in before.iter().zip(&mut own[0]) {
+        let (rows_before, rows_from) = rows.split_at_mut(a);
+        for (row, squared) in rows_before.iter().zip(&mut rows_from[0]) {
             *squared = row[a];
         }
     }

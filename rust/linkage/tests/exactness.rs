@@ -1,209 +1,216 @@
-//! The linear-memory tree is that of the plain chain, bit for bit, whatever is tuned.
+//! The tree is that of the oracles, bit for bit, for all values of the tuning parameters.
 
-use mograft_linkage::linkage_condensed;
-use mograft_linkage::{Error, Level, Options, Tuning, cut, linkage, linkage_by_chain};
+mod common;
 
-/// A small generator of reproducible noise (Marsaglia 2003).
-struct Noise(u64);
+use common::{
+    N_KINDS, Noise, cloud, labels_of_tree, linkage_by_chain, linkage_by_greedy_search,
+    small_clouds, tunings,
+};
+use mograft_linkage::{Error, Level, Options, Tuning, cut, linkage, linkage_condensed};
+use proptest::prelude::*;
+use proptest::test_runner::FileFailurePersistence;
 
-impl Noise {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Roughly normal.
-    fn bell(&mut self) -> f64 {
-        (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
-    }
+fn config(cases: u32) -> ProptestConfig {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/exactness.proptest-regressions");
+    let persistence = FileFailurePersistence::Direct(path);
+    ProptestConfig { failure_persistence: Some(Box::new(persistence)), cases, ..Default::default() }
 }
 
-/// Clouds that are each hard in a way of its own.
-fn cloud(kind: usize, n: usize, dim: usize, noise: &mut Noise) -> Vec<f64> {
-    let mut points: Vec<f64> = (0..n * dim).map(|_| noise.bell()).collect();
-    match kind {
-        // Scattered without ties.
-        0 => {}
-        // Lattices: distances take few values.
-        1 => points.iter_mut().for_each(|x| *x = x.round()),
-        2 => points.iter_mut().for_each(|x| *x = f64::from(*x > 0.0)),
-        // Each place many times.
-        3 => {
-            let places = n.div_ceil(4);
-            for point in places..n {
-                points.copy_within((point % places) * dim..(point % places + 1) * dim, point * dim);
-            }
-        }
-        // Within a hair of each other, far from the origin.
-        4 => points.iter_mut().for_each(|x| *x = 7.0 + 1e-9 * *x),
-        // Half of the points in a clump.
-        5 => points[..n / 2 * dim].iter_mut().for_each(|x| *x *= 1e-9),
-        // Radii of all sizes.
-        6 => {
-            for point in points.chunks_mut(dim) {
-                let size = 10_f64.powf(-12.0 * noise.unit());
-                for x in point {
-                    *x *= size;
-                }
-            }
-        }
-        // A single one far off, and numbers near the ends of the range.
-        7 => points[dim - 1] = 1e12,
-        8 => points.iter_mut().for_each(|x| *x *= 1e305),
-        _ => points.iter_mut().for_each(|x| *x *= 1e-290),
-    }
-    points
+/// `Options` has no `Debug` of its own, because of the callback.
+fn describe(options: &Options<'_>) -> String {
+    format!("threads {}, {:?}", options.threads, options.tuning)
 }
 
-const KINDS: usize = 10;
+proptest! {
+    #![proptest_config(config(256))]
 
-fn tuned(noise: &mut Noise) -> Options<'static> {
-    let levels = [Level::Baseline, Level::Avx2, Level::Avx512];
-    let tuning = Tuning {
-        level: levels[noise.below(3)],
-        degree: [0.5, 2.0, 8.0, 24.0][noise.below(4)],
-        finish: [0, 2, 9, 40][noise.below(4)],
-        crowd: [0, 100, 1 << 20][noise.below(3)],
-    };
-    Options { threads: 1 + noise.below(3), memory: 0, watch: None, tuning }
+    #[test]
+    fn linkage_any_tuning_equals_greedy_search(
+        (points, dim) in small_clouds(12),
+        threads in 1..=3_usize,
+        tuning in tunings(),
+    ) {
+        let expected = linkage_by_greedy_search(&points, dim);
+        prop_assert_eq!(&linkage_by_chain(&points, dim), &expected);
+        let options = Options { threads, ..Options::default() };
+        prop_assert_eq!(&linkage(&points, dim, &options).unwrap(), &expected);
+        let tuned = Options { max_matrix_bytes: 0, tuning, ..options };
+        prop_assert_eq!(&linkage(&points, dim, &tuned).unwrap(), &expected);
+    }
+
+    #[test]
+    fn linkage_any_tuning_equals_chain(
+        (points, dim) in small_clouds(100),
+        threads in 1..=3_usize,
+        tuning in tunings(),
+    ) {
+        let expected = linkage_by_chain(&points, dim);
+        let options = Options { threads, max_matrix_bytes: 0, tuning, ..Options::default() };
+        prop_assert_eq!(linkage(&points, dim, &options).unwrap(), expected);
+    }
+
+    #[test]
+    fn cut_any_tuning_equals_cut_of_tree(
+        (points, dim) in small_clouds(40),
+        threads in 1..=3_usize,
+        tuning in tunings(),
+        row in any::<prop::sample::Index>(),
+    ) {
+        let tree = linkage_by_chain(&points, dim);
+        let height = tree[row.index(tree.len())][2];
+        let options = Options { threads, max_matrix_bytes: 0, tuning, ..Options::default() };
+        for diameter in [height, height.next_down().max(0.0), height.next_up()] {
+            let labels = cut(&points, dim, diameter, &options).unwrap();
+            prop_assert_eq!(labels, labels_of_tree(&tree, diameter));
+        }
+    }
 }
 
 #[test]
-fn the_tree_is_that_of_the_chain() {
+fn linkage_hard_small_clouds_equals_chain() {
     let mut noise = Noise(0x1234_5678_9abc_def1);
     for round in 0..400 {
         let (n, dim) = (2 + noise.below(150), 1 + noise.below(12));
-        let points = cloud(round % KINDS, n, dim, &mut noise);
-        let wanted = linkage_by_chain(&points, dim).unwrap();
+        let points = cloud(round % N_KINDS, n, dim, &mut noise);
+        let expected = linkage_by_chain(&points, dim);
         for _ in 0..3 {
-            let options = tuned(&mut noise);
+            let options = noise.tuned_options();
             let tree = linkage(&points, dim, &options).unwrap();
-            assert!(
-                tree == wanted,
-                "kind {}, n {n}, dim {dim}, {:?}",
-                round % KINDS,
-                options.tuning
-            );
+            let kind = round % N_KINDS;
+            assert!(tree == expected, "kind {kind}, n {n}, dim {dim}, {}", describe(&options));
         }
     }
 }
 
 #[test]
-fn large_clusters_are_measured_exactly() {
-    // Few clusters of many points: what the sweeps and the thinning are for.
+fn linkage_few_large_clusters_equals_chain() {
+    // Clusters of many points need the sweeps and the selection of candidates.
     let mut noise = Noise(0xfeed_5678_9abc_0001);
     for round in 0..12 {
         let dim = 1 + noise.below(6);
-        let mut points = cloud(round % KINDS, 900, dim, &mut noise);
+        let kind = round % N_KINDS;
+        let mut points = cloud(kind, 900, dim, &mut noise);
         for (i, point) in points.chunks_mut(dim).enumerate() {
-            point[0] += if round % KINDS < 3 { (i % 5) as f64 * 4.0 } else { 0.0 };
+            point[0] += if kind < 3 { (i % 5) as f64 * 4.0 } else { 0.0 };
         }
-        let wanted = linkage_by_chain(&points, dim).unwrap();
-        let options = tuned(&mut noise);
+        let expected = linkage_by_chain(&points, dim);
+        let options = noise.tuned_options();
         let tree = linkage(&points, dim, &options).unwrap();
-        assert!(tree == wanted, "kind {}, dim {dim}, {:?}", round % KINDS, options.tuning);
+        assert!(tree == expected, "kind {kind}, dim {dim}, {}", describe(&options));
+    }
+}
+
+/// Compare three tunings with the tree by default, and the cut with that of the tree.
+fn assert_tunings_agree(n: usize) {
+    let tuning =
+        |level, degree, dense_size, spare_edges| Tuning { level, degree, dense_size, spare_edges };
+    let tunings = [
+        (1, tuning(Level::Baseline, 16.0, 256, 1 << 20)),
+        (2, tuning(Level::Avx2, 6.0, 2, 1 << 20)),
+        (3, tuning(Level::Avx512, 40.0, 1000, 1 << 10)),
+    ];
+    let mut noise = Noise(0x0123_4567_89ab_cdef);
+    for kind in 0..N_KINDS {
+        // Binary points in few dimensions are few places; ten dimensions keep 1,024.
+        let points = cloud(kind, n, 10, &mut noise);
+        let expected = linkage(&points, 10, &Options::default()).unwrap();
+        if n <= 5_000 {
+            assert!(expected == linkage_by_chain(&points, 10), "kind {kind}");
+        }
+        for (threads, tuning) in tunings {
+            let options = Options { threads, max_matrix_bytes: 0, tuning, ..Options::default() };
+            let tree = linkage(&points, 10, &options).unwrap();
+            assert!(tree == expected, "kind {kind}, {}", describe(&options));
+        }
+        let diameter = expected[n * 9 / 10][2];
+        let options = Options { threads: 2, max_matrix_bytes: 0, ..Options::default() };
+        let labels = cut(&points, 10, diameter, &options).unwrap();
+        assert!(labels == labels_of_tree(&expected, diameter), "kind {kind}");
     }
 }
 
 #[test]
-fn the_cut_is_that_of_the_tree() {
+fn linkage_2500_points_is_same_for_all_tunings() {
+    assert_tunings_agree(2_500);
+}
+
+#[test]
+#[ignore = "takes minutes: cargo test --release -p mograft-linkage -- --ignored"]
+fn linkage_100000_points_is_same_for_all_tunings() {
+    assert_tunings_agree(100_000);
+}
+
+#[test]
+fn cut_hard_small_clouds_equals_cut_of_tree() {
     let mut noise = Noise(0x0bad_cafe_1234_5678);
     for round in 0..200 {
         let (n, dim) = (2 + noise.below(120), 1 + noise.below(5));
-        let points = cloud(round % KINDS, n, dim, &mut noise);
-        let tree = linkage_by_chain(&points, dim).unwrap();
+        let kind = round % N_KINDS;
+        let points = cloud(kind, n, dim, &mut noise);
+        let tree = linkage_by_chain(&points, dim);
         let height = tree[noise.below(n - 1)][2];
         for diameter in [height, height.next_down().max(0.0), height.next_up(), 0.0] {
-            let labels = cut(&points, dim, diameter, &tuned(&mut noise)).unwrap();
-            assert_eq!(labels, labels_of(&tree, diameter), "kind {}, {diameter}", round % KINDS);
+            let labels = cut(&points, dim, diameter, &noise.tuned_options()).unwrap();
+            assert_eq!(labels, labels_of_tree(&tree, diameter), "kind {kind}, {diameter}");
         }
     }
-}
-
-/// Follow each point up to the last merge that is no higher.
-fn labels_of(tree: &[[f64; 4]], diameter: f64) -> Vec<i64> {
-    let n = tree.len() + 1;
-    let mut top: Vec<usize> = (0..2 * n - 1).collect();
-    for (i, row) in tree
-        .iter()
-        .enumerate()
-        .rev()
-        .filter(|(_, row)| row[2] <= diameter)
-    {
-        top[row[0] as usize] = top[n + i];
-        top[row[1] as usize] = top[n + i];
-    }
-    let mut seen = Vec::new();
-    let mut labels = Vec::new();
-    for cluster in &top[..n] {
-        if !seen.contains(cluster) {
-            seen.push(*cluster);
-        }
-        labels.extend(
-            (0..)
-                .zip(&seen)
-                .find(|(_, other)| *other == cluster)
-                .map(|(i, _)| i),
-        );
-    }
-    labels
 }
 
 #[test]
-fn a_plateau_waits_for_pairs_that_are_nearer() {
-    // A grid whose edges are too many, all of one length, and one shorter pair far behind it.
+fn linkage_plateau_after_nearer_pair_equals_chain() {
+    // A grid whose edges are too many and of one length, and one shorter pair far away from it.
     let mut points: Vec<f64> = (0..1000)
         .flat_map(|i| [i % 10, i / 10 % 10, i / 100].map(f64::from))
         .collect();
     points.extend([1e3, 0.0, 0.0, 1e3 + 0.5, 0.0, 0.0]);
-    let tuning = Tuning { degree: 0.5, finish: 2, crowd: 0, ..Tuning::default() };
-    let tree = linkage(&points, 3, &Options { memory: 0, tuning, ..Options::default() }).unwrap();
-    assert!(tree == linkage_by_chain(&points, 3).unwrap());
+    let tuning = Tuning { degree: 0.5, dense_size: 2, spare_edges: 0, ..Tuning::default() };
+    let options = Options { max_matrix_bytes: 0, tuning, ..Options::default() };
+    assert!(linkage(&points, 3, &options).unwrap() == linkage_by_chain(&points, 3));
 }
 
 #[test]
-fn a_condensed_matrix_grows_the_same_tree_on_the_matrix_and_by_the_chain() {
+fn linkage_condensed_on_matrix_equals_chain() {
     let mut noise = Noise(0x7777_5678_0000_1111);
     for round in 0..60 {
         let n = 1 + noise.below(200);
-        // Distances without any geometry, at first with many ties.
-        let steps = if round % 2 == 0 { 8.0 } else { 1e9 };
+        // Distances without geometry; every second matrix has many ties.
+        let n_steps = if round % 2 == 0 { 8.0 } else { 1e9 };
         let distances: Vec<f64> = (0..n * (n - 1) / 2)
-            .map(|_| (noise.unit() * steps).round())
+            .map(|_| (noise.uniform() * n_steps).round())
             .collect();
         let options = Options { threads: 1 + noise.below(2), ..Options::default() };
-        let by_chain = linkage_condensed(&distances, &Options { memory: 0, ..options }).unwrap();
-        assert!(linkage_condensed(&distances, &options).unwrap() == by_chain);
+        let by_chain = Options { max_matrix_bytes: 0, ..options };
+        let expected = linkage_condensed(&distances, &by_chain).unwrap();
+        assert!(linkage_condensed(&distances, &options).unwrap() == expected);
     }
 }
 
 #[test]
-fn what_cannot_be_clustered_is_refused() {
+fn invalid_input_returns_error() {
     let options = Options::default();
-    let refusal = |points: &[f64], dim| linkage(points, dim, &options).unwrap_err();
-    assert_eq!(refusal(&[0.0; 5], 2), Error::NoPoints { len: 5, dim: 2 });
-    assert_eq!(refusal(&[], 0), Error::NoPoints { len: 0, dim: 0 });
-    assert_eq!(refusal(&[0.0, 1.0, f64::NAN], 1), Error::NotFinite { point: 2, axis: 0 });
-    assert_eq!(cut(&[0.0], 1, f64::NAN, &options), Err(Error::BadDiameter));
-    assert_eq!(linkage_condensed(&[1.0; 2], &options), Err(Error::NotCondensed { len: 2 }));
-    assert_eq!(linkage_condensed(&[-1.0], &options), Err(Error::BadDistance { index: 0 }));
+    let error = |points: &[f64], dim| linkage(points, dim, &options).unwrap_err();
+    assert_eq!(error(&[0.0; 5], 2), Error::InvalidShape { len: 5, dim: 2 });
+    assert_eq!(error(&[], 0), Error::InvalidShape { len: 0, dim: 0 });
+    assert_eq!(
+        error(&[0.0, 1.0, f64::INFINITY], 1),
+        Error::InvalidCoordinate { point: 2, axis: 0, value: f64::INFINITY }
+    );
+    let nan = error(&[0.0, 1.0, f64::NAN, 0.0], 2).to_string();
+    assert_eq!(nan, "`points` must be finite, got NaN at [1, 0]");
+    assert_eq!(cut(&[0.0], 1, -1.0, &options), Err(Error::InvalidDiameter { value: -1.0 }));
+    assert!(cut(&[0.0], 1, f64::NAN, &options).is_err());
+    assert_eq!(linkage_condensed(&[1.0; 2], &options), Err(Error::InvalidLength { len: 2 }));
+    assert_eq!(
+        linkage_condensed(&[-1.0], &options),
+        Err(Error::InvalidDistance { index: 0, value: -1.0 })
+    );
 }
 
 #[test]
-fn the_caller_can_stop_it() {
+fn progress_callback_returning_false_stops_linkage() {
     let mut noise = Noise(0x5555_4444_3333_2222);
     let points = cloud(0, 3000, 3, &mut noise);
     let stop = |_: f64| false;
-    let options = Options { memory: 0, watch: Some(&stop), ..Options::default() };
+    let options = Options { max_matrix_bytes: 0, progress: Some(&stop), ..Options::default() };
     assert_eq!(linkage(&points, 3, &options), Err(Error::Stopped));
 }

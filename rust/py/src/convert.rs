@@ -1,4 +1,4 @@
-//! NumPy arrays to glam values and back.
+//! Conversions between NumPy arrays and glam types.
 
 use std::fmt::Display;
 
@@ -14,16 +14,16 @@ use pyo3::prelude::*;
 /// A C-contiguous array of f64, of any shape.
 pub type Floats<'py> = PyReadonlyArrayDyn<'py, f64>;
 
-/// An array handed to Python.
+/// An array returned to Python.
 pub type Array<'py> = PyResult<Bound<'py, PyArrayDyn<f64>>>;
 
-/// Rows of sampled segments, C-contiguous, in the precision that they are kept in.
+/// Rows of sampled segments, C-contiguous, in the precision in which they are stored.
 #[derive(FromPyObject)]
 pub enum Rows<'py> {
-    /// As libraries keep them.
-    Single(PyReadonlyArray2<'py, f32>),
+    /// As libraries store them.
+    F32(PyReadonlyArray2<'py, f32>),
     /// As they are computed.
-    Double(PyReadonlyArray2<'py, f64>),
+    F64(PyReadonlyArray2<'py, f64>),
 }
 
 /// View an array `(n, width)` as sampled segments.
@@ -36,50 +36,50 @@ pub fn as_rows<'a, T: Element>(
 
 /// View an array `(..., 4)` as quaternions, scalar last.
 pub fn as_quats<'a>(array: &'a Floats<'_>) -> PyResult<&'a [DQuat]> {
-    check_last(array, 4)?;
+    check_last_axis(array, 4)?;
     Ok(bytemuck::cast_slice(array.as_slice()?))
 }
 
 /// View an array `(..., 3)` as vectors.
 pub fn as_vecs<'a>(array: &'a Floats<'_>) -> PyResult<&'a [DVec3]> {
-    check_last(array, 3)?;
+    check_last_axis(array, 3)?;
     Ok(bytemuck::cast_slice(array.as_slice()?))
 }
 
-fn check_last(array: &Floats<'_>, wanted: usize) -> PyResult<()> {
+fn check_last_axis(array: &Floats<'_>, expected: usize) -> PyResult<()> {
     match array.shape() {
-        [.., last] if *last == wanted => Ok(()),
+        [.., last] if *last == expected => Ok(()),
         shape => {
-            Err(PyValueError::new_err(format!("expected shape (..., {wanted}), got {shape:?}")))
+            Err(PyValueError::new_err(format!("expected shape (..., {expected}), got {shape:?}")))
         }
     }
 }
 
-/// The shape of an array with its last axis replaced.
-pub fn with_last(array: &Floats<'_>, last: &[usize]) -> Vec<usize> {
+/// The shape of an array with its last axis replaced by `last`.
+pub fn shape_with_last(array: &Floats<'_>, last: &[usize]) -> Vec<usize> {
     let shape = array.shape();
     [&shape[..shape.len() - 1], last].concat()
 }
 
-/// Hand a list over to NumPy in the given shape.
+/// Convert a vector to an array of the given shape, without a copy.
 pub fn into_array<'py>(py: Python<'py>, flat: Vec<f64>, shape: &[usize]) -> Array<'py> {
     flat.into_pyarray(py).reshape(shape)
 }
 
-/// Hand quaternions over to NumPy as `(*shape, 4)`.
+/// Convert quaternions to an array `(*shape, 4)`.
 pub fn from_quats<'py>(py: Python<'py>, quats: Vec<DQuat>, shape: &[usize]) -> Array<'py> {
-    // Collected in place.
+    // `collect` reuses the allocation.
     let numbers: Vec<_> = quats.into_iter().map(|q| q.to_array()).collect();
     into_array(py, numbers.into_flattened(), &[shape, &[4]].concat())
 }
 
-/// Hand vectors over to NumPy as `(*shape, 3)`.
+/// Convert vectors to an array `(*shape, 3)`.
 pub fn from_vecs<'py>(py: Python<'py>, vecs: Vec<DVec3>, shape: &[usize]) -> Array<'py> {
     let numbers: Vec<_> = vecs.into_iter().map(|v| v.to_array()).collect();
     into_array(py, numbers.into_flattened(), &[shape, &[3]].concat())
 }
 
-/// The Python exception for a kernel's refusal.
+/// The Python exception for an error of a kernel.
 pub fn value_error(error: impl Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }

@@ -1,4 +1,4 @@
-//! Bindings of `mograft-kinematics`. Each function bears its kernel's name.
+//! Bindings of `mograft-kinematics`. Every function has its kernel's name.
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
@@ -9,62 +9,62 @@ use pyo3::prelude::*;
 
 use crate::convert::{
     Array, Floats, Rows, as_quats, as_rows, as_vecs, from_quats, from_vecs, into_array,
-    value_error, with_last,
+    shape_with_last, value_error,
 };
 
 type Indices<'py> = PyReadonlyArray1<'py, i64>;
 
-/// See `mograft.rotations.exp`.
+/// See [`rotation::exp`].
 #[pyfunction]
 pub fn exp<'py>(py: Python<'py>, vectors: Floats<'py>) -> Array<'py> {
     let slice = as_vecs(&vectors)?;
     let quats: Vec<DQuat> = py.detach(|| slice.iter().map(|&v| rotation::exp(v)).collect());
-    from_quats(py, quats, &with_last(&vectors, &[]))
+    from_quats(py, quats, &shape_with_last(&vectors, &[]))
 }
 
-/// See `mograft.rotations.log`.
+/// See [`rotation::log`].
 #[pyfunction]
 pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
     let slice = as_quats(&rotations)?;
     let vectors: Vec<DVec3> = py.detach(|| slice.iter().map(|&q| rotation::log(q)).collect());
-    from_vecs(py, vectors, &with_last(&rotations, &[]))
+    from_vecs(py, vectors, &shape_with_last(&rotations, &[]))
 }
 
-/// See `mograft.rotations.multiply`.
+/// Products of pairs of quaternions.
 #[pyfunction]
 pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
     let products = py.detach(|| pairs.map(|(&a, &b)| a.mul_quat(b)).collect());
-    from_quats(py, products, &with_last(&a, &[]))
+    from_quats(py, products, &shape_with_last(&a, &[]))
 }
 
-/// See `mograft.rotations.rotate`.
+/// See [`rotation::rotate`].
 #[pyfunction]
 pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&rotations)?.iter().zip(as_vecs(&vectors)?);
-    let turned: Vec<DVec3> = py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
-    from_vecs(py, turned, &with_last(&vectors, &[]))
+    let rotated: Vec<DVec3> = py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
+    from_vecs(py, rotated, &shape_with_last(&vectors, &[]))
 }
 
-/// See `mograft.rotations.angle`.
+/// See [`rotation::angle`].
 #[pyfunction]
 pub fn angle<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
     let angles = py.detach(|| pairs.map(|(&a, &b)| rotation::angle(a, b)).collect());
-    into_array(py, angles, &with_last(&a, &[]))
+    into_array(py, angles, &shape_with_last(&a, &[]))
 }
 
-/// See `mograft.rotations.from_euler`.
+/// See [`rotation::from_euler`].
 #[pyfunction]
 pub fn from_euler<'py>(py: Python<'py>, angles: Floats<'py>, axes: Vec<usize>) -> Array<'py> {
-    let shape = with_last(&angles, &[]);
+    let shape = shape_with_last(&angles, &[]);
     let n = shape.iter().product();
     let slice = angles.as_slice()?;
     let quats = py.detach(|| rotation::from_euler(slice, &axes, n));
     from_quats(py, quats, &shape)
 }
 
-/// See `mograft.bvh`.
+/// See [`rotation::from_channels`].
 #[pyfunction]
 pub fn from_channels<'py>(
     py: Python<'py>,
@@ -74,7 +74,7 @@ pub fn from_channels<'py>(
     radians: f64,
 ) -> Array<'py> {
     let &[n_frames, n_channels] = values.shape() else {
-        return Err(PyValueError::new_err("expected shape (n_frames, n_channels)"));
+        return Err(PyValueError::new_err("`values` must have shape (n_frames, n_channels)"));
     };
     let n_joints = starts.len().saturating_sub(1);
     let slice = values.as_slice()?;
@@ -84,7 +84,7 @@ pub fn from_channels<'py>(
     from_quats(py, quats, &[n_frames, n_joints])
 }
 
-/// See `mograft.rotations.to_euler`.
+/// See [`rotation::to_euler`].
 #[pyfunction]
 pub fn to_euler<'py>(
     py: Python<'py>,
@@ -96,31 +96,35 @@ pub fn to_euler<'py>(
     let angles = py
         .detach(|| rotation::to_euler(slice, axes, near))
         .into_flattened();
-    into_array(py, angles, &with_last(&rotations, &[3]))
+    into_array(py, angles, &shape_with_last(&rotations, &[3]))
 }
 
-/// See `mograft.rotations.hermite`.
+/// See [`resample::hermite`].
 #[pyfunction]
 pub fn hermite<'py>(
     py: Python<'py>,
     start: Floats<'py>,
     end: Floats<'py>,
-    leaving: Floats<'py>,
-    reaching: Floats<'py>,
+    start_velocity: Floats<'py>,
+    end_velocity: Floats<'py>,
     t: Floats<'py>,
 ) -> Array<'py> {
     let (from, to) = (as_quats(&start)?, as_quats(&end)?);
-    let (leaving, reaching) = (as_vecs(&leaving)?, as_vecs(&reaching)?);
+    let (start_velocity, end_velocity) = (as_vecs(&start_velocity)?, as_vecs(&end_velocity)?);
     let t = t.as_slice()?;
     let quats: Vec<DQuat> = py.detach(|| {
-        let ends = from.iter().zip(to).zip(leaving.iter().zip(reaching)).zip(t);
+        let ends = from
+            .iter()
+            .zip(to)
+            .zip(start_velocity.iter().zip(end_velocity))
+            .zip(t);
         ends.map(|(((&a, &b), (&u, &v)), &t)| resample::hermite(a, b, u, v, t))
             .collect()
     });
-    from_quats(py, quats, &with_last(&start, &[]))
+    from_quats(py, quats, &shape_with_last(&start, &[]))
 }
 
-/// See `mograft.Motion.world_positions`.
+/// See [`forward::world`].
 #[pyfunction]
 pub fn world<'py>(
     py: Python<'py>,
@@ -130,14 +134,17 @@ pub fn world<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let (quats, vecs) = (as_quats(&rotations)?, as_vecs(&positions)?);
     let parents = parents.as_slice()?;
-    let (turned, placed) = py
+    let (world_rotations, world_positions) = py
         .detach(|| forward::world(parents, quats, vecs))
         .map_err(value_error)?;
-    let shape = with_last(&rotations, &[]);
-    Ok((from_quats(py, turned, &shape)?.into_any(), from_vecs(py, placed, &shape)?.into_any()))
+    let shape = shape_with_last(&rotations, &[]);
+    Ok((
+        from_quats(py, world_rotations, &shape)?.into_any(),
+        from_vecs(py, world_positions, &shape)?.into_any(),
+    ))
 }
 
-/// See `mograft.kinetic_energy`.
+/// See [`energy::kinetic_energy`].
 #[pyfunction]
 pub fn kinetic_energy<'py>(
     py: Python<'py>,
@@ -150,7 +157,7 @@ pub fn kinetic_energy<'py>(
     let omega = match omega {
         "world" => Omega::World,
         "local" => Omega::Local,
-        _ => return Err(PyValueError::new_err("omega must be 'world' or 'local'")),
+        _ => return Err(PyValueError::new_err("`omega` must be 'world' or 'local'")),
     };
     let (parents, quats) = (parents.as_slice()?, as_quats(&rotations)?);
     let inertia = inertia.as_slice()?;
@@ -161,11 +168,12 @@ pub fn kinetic_energy<'py>(
     into_array(py, energy, &[n_frames])
 }
 
-type AtTimes<K> = fn(&[f64], &[K], usize, &[f64]) -> Result<Vec<K>, Error>;
+/// [`resample::slerp`] or [`resample::cubic`].
+type ResampleKernel<K> = fn(&[f64], &[K], usize, &[f64]) -> Result<Vec<K>, Error>;
 
-fn rotations_at<'py>(
+fn resample_rotations<'py>(
     py: Python<'py>,
-    kernel: AtTimes<DQuat>,
+    kernel: ResampleKernel<DQuat>,
     frame_times: &Floats<'py>,
     rotations: &Floats<'py>,
     times: &Floats<'py>,
@@ -179,7 +187,7 @@ fn rotations_at<'py>(
     from_quats(py, resampled, &[times.len(), n_joints])
 }
 
-/// See `mograft.resample.slerp`.
+/// See [`resample::slerp`].
 #[pyfunction]
 pub fn slerp<'py>(
     py: Python<'py>,
@@ -187,10 +195,10 @@ pub fn slerp<'py>(
     rotations: Floats<'py>,
     times: Floats<'py>,
 ) -> Array<'py> {
-    rotations_at(py, resample::slerp, &frame_times, &rotations, &times)
+    resample_rotations(py, resample::slerp, &frame_times, &rotations, &times)
 }
 
-/// See `mograft.resample.cubic`.
+/// See [`resample::cubic`].
 #[pyfunction]
 pub fn cubic<'py>(
     py: Python<'py>,
@@ -198,10 +206,10 @@ pub fn cubic<'py>(
     rotations: Floats<'py>,
     times: Floats<'py>,
 ) -> Array<'py> {
-    rotations_at(py, resample::cubic, &frame_times, &rotations, &times)
+    resample_rotations(py, resample::cubic, &frame_times, &rotations, &times)
 }
 
-/// See `mograft.resample.cubic_positions`.
+/// See [`resample::cubic_positions`].
 #[pyfunction]
 pub fn cubic_positions<'py>(
     py: Python<'py>,
@@ -223,7 +231,7 @@ fn as_usizes(indices: &Indices<'_>) -> PyResult<Vec<usize>> {
     indices.as_slice()?.iter().map(as_usize).collect()
 }
 
-/// See `mograft.resample.segments`.
+/// See [`resample::segments`].
 #[pyfunction]
 pub fn segments<'py>(
     py: Python<'py>,
@@ -241,7 +249,7 @@ pub fn segments<'py>(
     from_quats(py, resampled, &[counts.iter().sum(), n_joints])
 }
 
-/// See `mograft.resample.segments_positions`.
+/// See [`resample::segments_positions`].
 #[pyfunction]
 pub fn segments_positions<'py>(
     py: Python<'py>,
@@ -259,23 +267,23 @@ pub fn segments_positions<'py>(
     from_vecs(py, resampled, &[counts.iter().sum(), n_joints])
 }
 
-/// See `mograft.embedding.moments`.
+/// See [`sample::moments`].
 #[pyfunction]
 pub fn moments<'py>(py: Python<'py>, rows: Rows<'py>, shape: (usize, usize)) -> Array<'py> {
-    let summed = match &rows {
-        Rows::Single(own) => {
-            let rows = as_rows(own, shape)?;
+    let sums = match &rows {
+        Rows::F32(array) => {
+            let rows = as_rows(array, shape)?;
             py.detach(|| sample::moments(rows))
         }
-        Rows::Double(own) => {
-            let rows = as_rows(own, shape)?;
+        Rows::F64(array) => {
+            let rows = as_rows(array, shape)?;
             py.detach(|| sample::moments(rows))
         }
     };
-    into_array(py, summed.map_err(value_error)?, &[shape.1, 4, 4])
+    into_array(py, sums.map_err(value_error)?, &[shape.1, 4, 4])
 }
 
-/// See `mograft.embedding.features`.
+/// See [`sample::features`].
 #[pyfunction]
 pub fn features<'py>(
     py: Python<'py>,
@@ -286,22 +294,28 @@ pub fn features<'py>(
     n_rest: usize,
     threads: usize,
 ) -> Array<'py> {
-    let (joints, from) = (as_usizes(&joints)?, as_quats(&references)?);
+    let (joints, references) = (as_usizes(&joints)?, as_quats(&references)?);
     let (n, vectors) = match &rows {
-        Rows::Single(own) => {
-            let rows = as_rows(own, shape)?;
-            (own.shape()[0], py.detach(|| sample::features(rows, &joints, from, n_rest, threads)))
+        Rows::F32(array) => {
+            let rows = as_rows(array, shape)?;
+            (
+                array.shape()[0],
+                py.detach(|| sample::features(rows, &joints, references, n_rest, threads)),
+            )
         }
-        Rows::Double(own) => {
-            let rows = as_rows(own, shape)?;
-            (own.shape()[0], py.detach(|| sample::features(rows, &joints, from, n_rest, threads)))
+        Rows::F64(array) => {
+            let rows = as_rows(array, shape)?;
+            (
+                array.shape()[0],
+                py.detach(|| sample::features(rows, &joints, references, n_rest, threads)),
+            )
         }
     };
-    let wide = 3 * shape.0 * joints.len() + n_rest;
-    into_array(py, vectors.map_err(value_error)?, &[n, wide])
+    let width = 3 * shape.0 * joints.len() + n_rest;
+    into_array(py, vectors.map_err(value_error)?, &[n, width])
 }
 
-/// See `mograft.substitution.pose_gaps`.
+/// See [`pose::pose_gaps`].
 #[pyfunction]
 pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -> Array<'py> {
     let n_joints = ends.shape()[1];
@@ -313,7 +327,7 @@ pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -
     into_array(py, gaps, &shape)
 }
 
-/// See `mograft.substitution.velocity_gaps`.
+/// See [`pose::velocity_gaps`].
 #[pyfunction]
 pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -> Array<'py> {
     let n_joints = ends.shape()[1];
@@ -325,19 +339,19 @@ pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py
     into_array(py, gaps, &shape)
 }
 
-/// See `mograft.capsules.Capsules.ends`.
+/// See [`capsule::capsule_ends`].
 #[pyfunction]
 pub fn capsule_ends<'py>(
     py: Python<'py>,
-    turned: Floats<'py>,
-    placed: Floats<'py>,
+    rotations: Floats<'py>,
+    positions: Floats<'py>,
     joints: Indices<'py>,
     bones: Floats<'py>,
 ) -> Array<'py> {
-    let &[n_frames, n_joints, _] = turned.shape() else {
-        return Err(PyValueError::new_err("expected shape (n_frames, n_joints, 4)"));
+    let &[n_frames, n_joints, _] = rotations.shape() else {
+        return Err(PyValueError::new_err("`rotations` must have shape (n_frames, n_joints, 4)"));
     };
-    let (quats, vecs) = (as_quats(&turned)?, as_vecs(&placed)?);
+    let (quats, vecs) = (as_quats(&rotations)?, as_vecs(&positions)?);
     let (joints, bones) = (as_usizes(&joints)?, as_vecs(&bones)?);
     let ends = py
         .detach(|| capsule::capsule_ends(quats, vecs, n_joints, &joints, bones))
@@ -345,7 +359,7 @@ pub fn capsule_ends<'py>(
     from_vecs(py, ends, &[n_frames, joints.len(), 2])
 }
 
-/// See `mograft.capsules.clearance`.
+/// See [`capsule::clearance`]. The pair is returned as its two capsules, -1 without pairs.
 #[pyfunction]
 pub fn clearance<'py>(
     py: Python<'py>,
@@ -353,31 +367,33 @@ pub fn clearance<'py>(
     radii: Floats<'py>,
     others: Floats<'py>,
     other_radii: Floats<'py>,
-    at: Indices<'py>,
+    other_frames: Indices<'py>,
     pairs: (Indices<'py>, Indices<'py>),
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let (own, far) = (as_vecs(&ends)?, as_vecs(&others)?);
-    let (radii, other_radii, at) = (radii.as_slice()?, other_radii.as_slice()?, as_usizes(&at)?);
+    let (ends, others) = (as_vecs(&ends)?, as_vecs(&others)?);
+    let (radii, other_radii) = (radii.as_slice()?, other_radii.as_slice()?);
+    let other_frames = as_usizes(&other_frames)?;
     let (left, right) = pairs;
     let pairs: Vec<_> = as_usizes(&left)?
         .into_iter()
         .zip(as_usizes(&right)?)
         .collect();
-    let (distances, which) = py
-        .detach(|| capsule::clearance(own, radii, far, other_radii, &at, &pairs))
+    let (distances, nearest) = py
+        .detach(|| capsule::clearance(ends, radii, others, other_radii, &other_frames, &pairs))
         .map_err(value_error)?;
     let n_frames = distances.len();
     let (left, right) = (left.as_slice()?, right.as_slice()?);
-    let named = |index| usize::try_from(index).map_or([-1, -1], |at| [left[at], right[at]]);
-    let which: Vec<[i64; 2]> = which.into_iter().map(named).collect();
-    let which = which.into_flattened().into_pyarray(py);
+    // Without pairs the index is -1, and so are both capsules.
+    let capsules = |index| usize::try_from(index).map_or([-1, -1], |i| [left[i], right[i]]);
+    let nearest: Vec<[i64; 2]> = nearest.into_iter().map(capsules).collect();
+    let nearest = nearest.into_flattened().into_pyarray(py);
     Ok((
         into_array(py, distances, &[n_frames])?.into_any(),
-        which.reshape([n_frames, 2])?.into_any(),
+        nearest.reshape([n_frames, 2])?.into_any(),
     ))
 }
 
-/// See `mograft.capsules.box_clearance`.
+/// See [`capsule::box_clearance`].
 #[pyfunction]
 pub fn box_clearance<'py>(
     py: Python<'py>,
@@ -387,10 +403,10 @@ pub fn box_clearance<'py>(
     half: [f64; 3],
     rotation: [f64; 4],
 ) -> Array<'py> {
-    let (own, widths) = (as_vecs(&ends)?, radii.as_slice()?);
-    let (center, half, turn) = (center.into(), half.into(), DQuat::from_array(rotation));
+    let (end_points, radii) = (as_vecs(&ends)?, radii.as_slice()?);
+    let (center, half, rotation) = (center.into(), half.into(), DQuat::from_array(rotation));
     let distances = py
-        .detach(|| capsule::box_clearance(own, widths, center, half, turn))
+        .detach(|| capsule::box_clearance(end_points, radii, center, half, rotation))
         .map_err(value_error)?;
     into_array(py, distances, &ends.shape()[..2])
 }

@@ -1,4 +1,4 @@
-//! Python bindings of mograft's crates: convert, let go of the GIL, convert back.
+//! Python bindings of mograft's crates: convert arguments, release the GIL, convert results.
 //!
 //! | Python | Rust |
 //! |---|---|
@@ -7,9 +7,9 @@
 //! | C-contiguous float64 or int64 array | `&[f64]` or `&[i64]`, no copy |
 //! | C-contiguous float32 or float64 array of sampled segments | `Rows<f32>` or `Rows<f64>`, no copy |
 //! | `bytes` | `&[u8]`, no copy |
-//! | a kernel's refusal | `ValueError` |
+//! | an error of a kernel | `ValueError` |
 //!
-//! Arrays must not be written by another thread while a call runs.
+//! Another thread must not write an array while a call reads it.
 #![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
 
 mod convert;
@@ -17,10 +17,10 @@ mod kinematics;
 mod linkage;
 mod text;
 
-/// Compiled kernels of mograft. Private: call the package's own functions instead.
+/// Compiled kernels of mograft. Private: call the functions of the package instead.
 #[pyo3::pymodule]
 mod _core {
-    /// `"debug"` or `"release"`: benchmarks refuse to time a debug build.
+    /// `"debug"` or `"release"`: benchmarks refuse to measure a debug build.
     #[pymodule_export]
     const BUILD_PROFILE: &str = if cfg!(debug_assertions) { "debug" } else { "release" };
 
@@ -35,9 +35,7 @@ mod _core {
     };
 
     #[pymodule_export]
-    use crate::linkage::{
-        cut, cut_tuned, linkage, linkage_by_chain, linkage_condensed, linkage_tuned,
-    };
+    use crate::linkage::{cut, linkage, linkage_condensed};
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};

@@ -1,4 +1,4 @@
-//! Bindings of `mograft-text`. Each function bears its kernel's name.
+//! Bindings of `mograft-text`. Every function has its kernel's name.
 
 use numpy::{IntoPyArray as _, PyArray1, PyReadwriteArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyIndexError;
@@ -7,11 +7,11 @@ use pyo3::types::PyBytes;
 
 use crate::convert::{Floats, value_error};
 
-/// See `mograft.bvh`: numbers written, bytes read, numbers before each line end, and whether
-/// a bad token follows.
-type Scanned<'py> = (usize, usize, Bound<'py, PyArray1<i64>>, bool);
+/// The fields of `mograft_text::Scan`: count of numbers written, count of bytes read, count of
+/// numbers before every line end, and whether a bad token follows.
+type ScanTuple<'py> = (usize, usize, Bound<'py, PyArray1<i64>>, bool);
 
-/// Read numbers of `text` from byte `start` on into `out`.
+/// Parse the numbers of `text` from byte `start` on into `out`.
 #[pyfunction]
 #[pyo3(signature = (text, start, out, *, last))]
 pub fn scan_numbers<'py>(
@@ -20,17 +20,20 @@ pub fn scan_numbers<'py>(
     start: usize,
     mut out: PyReadwriteArray1<'py, f64>,
     last: bool,
-) -> PyResult<Scanned<'py>> {
-    let text = text.get(start..);
-    let text = text.ok_or_else(|| PyIndexError::new_err("start lies beyond the text"))?;
+) -> PyResult<ScanTuple<'py>> {
+    let n_bytes = text.len();
+    let Some(text) = text.get(start..) else {
+        let message = format!("`start` must be between 0 and {n_bytes}, got {start}");
+        return Err(PyIndexError::new_err(message));
+    };
     let slots = out.as_slice_mut()?;
     let scan = py.detach(|| mograft_text::scan_numbers(text, last, slots));
     let line_ends: Result<Vec<_>, _> = scan.line_ends.into_iter().map(i64::try_from).collect();
     let line_ends = line_ends.map_err(value_error)?.into_pyarray(py);
-    Ok((scan.values, scan.bytes, line_ends, scan.bad))
+    Ok((scan.n_values, scan.n_bytes, line_ends, scan.has_bad_token))
 }
 
-/// Write rows of numbers, one line each.
+/// Format an array `(..., n_columns)` as text, one line per row.
 #[pyfunction]
 pub fn format_rows<'py>(py: Python<'py>, values: Floats<'py>) -> PyResult<Bound<'py, PyBytes>> {
     let slice = values.as_slice()?;

@@ -1,9 +1,12 @@
 //! Blocks of numbers: text to f64 and back.
 //!
-//! | module | what it does |
+//! | module | purpose |
 //! |---|---|
-//! | [`scan`] | reads numbers parted by white space, and says where the first bad one stands |
-//! | [`format`] | writes rows of numbers, each in the fewest digits that give it back |
+//! | [`scan`] | parses numbers separated by white space and locates the first malformed token |
+//! | [`format`](mod@format) | writes rows of numbers, each in the fewest digits that give it back |
+//!
+//! Digits are converted by `fast-float2` and `zmij`; this crate adds the grammar of BVH's motion
+//! block: white space, line ends, text that arrives in pieces, and the choice of notation.
 
 pub mod format;
 pub mod scan;

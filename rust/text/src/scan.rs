@@ -1,170 +1,147 @@
-//! Numbers out of text, exactly rounded.
+//! Text to numbers, correctly rounded.
 
-/// How far a scan came.
+/// The result of a scan.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Scan {
-    /// Numbers written.
-    pub values: usize,
-    /// Bytes read: whole numbers and the white space around them.
-    pub bytes: usize,
-    /// For each line end that was read, how many of the numbers stand before it.
+    /// Count of numbers written.
+    pub n_values: usize,
+    /// Count of bytes read: whole numbers and the white space around them.
+    pub n_bytes: usize,
+    /// For each line end that was read, the count of numbers before it.
     pub line_ends: Vec<usize>,
-    /// Whether what stands at `bytes` begins no number.
-    pub bad: bool,
+    /// Whether the token that starts at `n_bytes` is malformed.
+    pub has_bad_token: bool,
 }
 
-/// Powers of ten that an f64 holds exactly.
-const TENS: [f64; 23] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
-    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
-];
-
-/// Read the numbers of `text` into `out`, until either ends or a token is no number.
+/// Parse the numbers of `text` into `out` until the text ends, `out` is full or a token is bad.
 ///
 /// White space is that of ASCII; LF, CR and CR LF end a line. A number is a decimal with an
-/// optional sign, fraction and exponent and at least one digit; it is rounded to the nearest
-/// f64. NaN, infinity and what overflows to it are bad tokens.
+/// optional sign, fraction and exponent and at least one digit in the mantissa; it is rounded to
+/// the nearest f64, ties to even. NaN, infinity and numbers that overflow are bad tokens.
 ///
-/// With `last` false more text will follow: a number or CR at the very end, which may go on
-/// there, is left unread.
-pub fn scan_numbers(text: &[u8], last: bool, out: &mut [f64]) -> Scan {
+/// `is_last` is false if more text will follow: then a number or CR at the very end, which may
+/// continue there, is left unread. Takes O(`text.len()`) time and no memory but `line_ends`.
+pub fn scan_numbers(text: &[u8], is_last: bool, out: &mut [f64]) -> Scan {
     let mut scan = Scan::default();
     loop {
-        scan.bytes = skip_white(text, scan.bytes, last, scan.values, &mut scan.line_ends);
-        let rest = &text[scan.bytes..];
-        let ahead = rest.first().copied();
-        let (Some(first), Some(slot)) = (ahead, out.get_mut(scan.values)) else {
+        scan.n_bytes =
+            skip_white_space(text, scan.n_bytes, is_last, scan.n_values, &mut scan.line_ends);
+        let rest = &text[scan.n_bytes..];
+        let (Some(&first), Some(slot)) = (rest.first(), out.get_mut(scan.n_values)) else {
             return scan;
         };
         if first == b'\r' {
             return scan;
         }
-        let (length, value) = number(rest);
-        match rest.get(length) {
-            None if !last => return scan,
-            Some(byte) if !is_white(*byte) => scan.bad = true,
-            _ => {}
-        }
-        match value {
-            Some(value) if !scan.bad => *slot = value,
+        match fast_float2::parse_partial::<f64, _>(rest) {
+            Ok((value, length)) if value.is_finite() && is_complete(rest, length, is_last) => {
+                *slot = value;
+                scan.n_values += 1;
+                scan.n_bytes += length;
+            }
             _ => {
-                scan.bad = true;
+                scan.has_bad_token = is_last || !is_prefix_of_number(rest);
                 return scan;
             }
         }
-        scan.values += 1;
-        scan.bytes += length;
     }
 }
 
-fn is_white(byte: u8) -> bool {
+/// Whether the number that ends at `length` is certain to end there.
+fn is_complete(text: &[u8], length: usize, is_last: bool) -> bool {
+    text.get(length)
+        .map_or(is_last, |&byte| is_white_space(byte))
+}
+
+/// Whether the whole of `text` may be the beginning of a number, or a number.
+#[cold]
+fn is_prefix_of_number(text: &[u8]) -> bool {
+    let skip_digits = |position: usize| {
+        let digits = text[position..]
+            .iter()
+            .take_while(|byte| byte.is_ascii_digit());
+        position + digits.count()
+    };
+    let skip_sign =
+        |position: usize| position + usize::from(matches!(text.get(position), Some(b'+' | b'-')));
+    let start = skip_sign(0);
+    let mut position = skip_digits(start);
+    let mut n_digits = position - start;
+    if text.get(position) == Some(&b'.') {
+        let end = skip_digits(position + 1);
+        n_digits += end - position - 1;
+        position = end;
+    }
+    if n_digits > 0 && matches!(text.get(position), Some(b'e' | b'E')) {
+        position = skip_digits(skip_sign(position + 1));
+    }
+    position == text.len()
+}
+
+fn is_white_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
-/// Skip white space from `at` on, noting line ends; a last CR is kept if an LF may follow.
-fn skip_white(
+/// Return the end of the white space at `position`, and append its line ends to `line_ends`.
+///
+/// Unless `is_last`, a CR at the very end is not skipped, because an LF may follow.
+fn skip_white_space(
     text: &[u8],
-    mut at: usize,
-    last: bool,
-    values: usize,
+    mut position: usize,
+    is_last: bool,
+    n_values: usize,
     line_ends: &mut Vec<usize>,
 ) -> usize {
-    while let Some(&byte) = text.get(at) {
-        if !is_white(byte) {
+    while let Some(&byte) = text.get(position) {
+        if !is_white_space(byte) {
             break;
         }
-        let ends = match (byte, text.get(at + 1)) {
+        let is_line_end = match (byte, text.get(position + 1)) {
             (b'\n', _) => true,
-            (b'\r', None) if !last => break,
-            // The LF of a CR LF ends the line.
+            (b'\r', None) if !is_last => break,
+            // Of CR LF, the LF ends the line.
             (b'\r', next) => next != Some(&b'\n'),
             _ => false,
         };
-        if ends {
-            line_ends.push(values);
+        if is_line_end {
+            line_ends.push(n_values);
         }
-        at += 1;
+        position += 1;
     }
-    at
-}
-
-/// The number that `text` begins with, and its length; none if there is none or it overflows.
-///
-/// The length reaches to where the grammar stops, whether or not that made a number.
-fn number(text: &[u8]) -> (usize, Option<f64>) {
-    let mut at = usize::from(matches!(text.first(), Some(b'+' | b'-')));
-    let (whole, length) = digits(text, at, 0);
-    at += length;
-    let (mut mantissa, mut places) = (whole, 0);
-    if text.get(at) == Some(&b'.') {
-        (mantissa, places) = digits(text, at + 1, whole);
-        at += 1 + places;
-    }
-    let n_digits = length + places;
-    if n_digits == 0 {
-        return (at, None);
-    }
-    let mut exponent = 0;
-    if let Some(b'e' | b'E') = text.get(at) {
-        at += 1;
-        let negative = text.get(at) == Some(&b'-');
-        at += usize::from(matches!(text.get(at), Some(b'+' | b'-')));
-        let (power, length) = digits(text, at, 0);
-        at += length;
-        if length == 0 {
-            return (at, None);
-        }
-        // Beyond two digits the slow way below is taken in any case.
-        let power = if length > 2 { 999 } else { power as i32 };
-        exponent = if negative { -power } else { power };
-    }
-    let scale = |power: i32| TENS.get(power.unsigned_abs() as usize);
-    let power = exponent.checked_sub_unsigned(u32::try_from(places).unwrap_or(u32::MAX));
-    // Up to 19 digits do not overflow; a mantissa up to 2^53 and these powers of ten are
-    // exact, so that one operation rounds once (Clinger 1990).
-    let exact = n_digits <= 19 && mantissa <= 1 << 53;
-    let value = match power.and_then(|power| Some((power, scale(power)?))) {
-        Some((power, scale)) if exact => {
-            let size = mantissa as f64;
-            let size = if power < 0 { size / scale } else { size * scale };
-            // Half of all signs would be guessed wrong by a branch.
-            let sign = u64::from(text[0] == b'-') << 63;
-            Some(f64::from_bits(size.to_bits() | sign))
-        }
-        _ => str::from_utf8(&text[..at])
-            .ok()
-            .and_then(|token| token.parse().ok()),
-    };
-    (at, value.filter(|value: &f64| value.is_finite()))
-}
-
-/// Append the digits that stand at `at` to `before`, modulo 2^64; how many they are.
-fn digits(text: &[u8], at: usize, before: u64) -> (u64, usize) {
-    let (mut value, mut length) = (before, 0);
-    for byte in text.get(at..).unwrap_or_default() {
-        let digit = byte.wrapping_sub(b'0');
-        if digit > 9 {
-            break;
-        }
-        value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
-        length += 1;
-    }
-    (value, length)
+    position
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn scanned(text: &str) -> (Vec<f64>, Scan) {
+    fn scan_all(text: &str) -> (Vec<f64>, Scan) {
         let mut out = vec![f64::NAN; text.len()];
         let scan = scan_numbers(text.as_bytes(), true, &mut out);
-        out.truncate(scan.values);
+        out.truncate(scan.n_values);
         (out, scan)
     }
 
+    /// Whether `text` is a number by the grammar, written independently of the code above.
+    fn is_number(text: &str) -> bool {
+        let unsigned = text.strip_prefix(['+', '-']).unwrap_or(text);
+        let (mantissa, exponent) = match unsigned.split_once(['e', 'E']) {
+            Some((mantissa, exponent)) => (mantissa, Some(exponent)),
+            None => (unsigned, None),
+        };
+        let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+        let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+        let has_digits =
+            is_digits(whole) && is_digits(fraction) && whole.len() + fraction.len() > 0;
+        has_digits
+            && exponent.is_none_or(|exponent| {
+                let power = exponent.strip_prefix(['+', '-']).unwrap_or(exponent);
+                !power.is_empty() && is_digits(power)
+            })
+    }
+
     #[test]
-    fn every_way_to_write_a_number_gives_what_the_standard_library_reads() {
+    fn scan_every_notation_equals_standard_library() {
         let wholes = ["", "0", "7", "007", "123456", "9007199254740993", "18446744073709551616"];
         let fractions = ["", ".", ".0", ".5", ".000000", ".1234567890123456789012345"];
         let powers = ["", "e0", "E5", "e-5", "e+22", "e-23", "e308", "e-320", "e-999999999"];
@@ -173,13 +150,13 @@ mod tests {
                 for fraction in fractions {
                     for power in powers {
                         let token = format!("{sign}{whole}{fraction}{power}");
-                        let want = token.parse::<f64>().ok().filter(|value| value.is_finite());
-                        let (got, scan) = scanned(&format!("{token} 1"));
-                        if let Some(want) = want {
-                            assert_eq!(got.len(), 2, "{token}");
-                            assert_eq!(got[0].to_bits(), want.to_bits(), "{token}");
+                        let expected = token.parse::<f64>().ok().filter(|value| value.is_finite());
+                        let (values, scan) = scan_all(&format!("{token} 1"));
+                        if let Some(expected) = expected {
+                            assert_eq!(values.len(), 2, "{token}");
+                            assert_eq!(values[0].to_bits(), expected.to_bits(), "{token}");
                         } else if !token.is_empty() {
-                            assert!(scan.bad && scan.values == 0, "{token}");
+                            assert!(scan.has_bad_token && scan.n_values == 0, "{token}");
                         }
                     }
                 }
@@ -188,14 +165,44 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_bad_where_it_begins() {
+    fn scan_random_tokens_accepts_exactly_the_grammar() {
+        let alphabet = b"0123456789012345++--..eEinfaINFx_,";
+        let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+        for _ in 0..300_000 {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            let token: String = (0..=state % 9)
+                .map(|i| alphabet[(state >> (6 * i)) as usize % alphabet.len()] as char)
+                .collect();
+            let expected = token
+                .parse::<f64>()
+                .ok()
+                .filter(|value| is_number(&token) && value.is_finite());
+            let (values, scan) = scan_all(&token);
+            assert_eq!(
+                (values.first().copied(), scan.has_bad_token),
+                (expected, expected.is_none())
+            );
+            // If more text may follow, a token is bad only if no number begins with it.
+            let open = scan_numbers(token.as_bytes(), false, &mut [0.0]);
+            let can_continue = ["", "0", "0e0"]
+                .iter()
+                .any(|more| is_number(&format!("{token}{more}")));
+            assert_eq!(open.has_bad_token, !can_continue, "{token}");
+            assert_eq!((open.n_values, open.n_bytes), (0, 0));
+        }
+    }
+
+    #[test]
+    fn scan_bad_token_stops_at_its_start() {
         for token in [
             "nan", "inf", "-inf", "1_0", "1,5", "0.0-1.5", "1.5.2", "1e", "1e+", "+", "-", ".",
             "e5", "0x10", "1e309", "--1", "1\0", "\u{a0}1", "1\u{a0}", "#", "1d5",
         ] {
-            let (got, scan) = scanned(&format!(" 2.5\n\t{token} 3"));
+            let (values, scan) = scan_all(&format!(" 2.5\n\t{token} 3"));
             assert_eq!(
-                (got.as_slice(), scan.bytes, scan.bad),
+                (values.as_slice(), scan.n_bytes, scan.has_bad_token),
                 ([2.5].as_slice(), 6, true),
                 "{token}"
             );
@@ -203,27 +210,27 @@ mod tests {
     }
 
     #[test]
-    fn lines_end_with_lf_cr_or_both() {
-        let (values, scan) = scanned("1 2\n3\r\n\r4\x0b\x0c5\r\r\n");
+    fn scan_lf_cr_and_crlf_end_lines() {
+        let (values, scan) = scan_all("1 2\n3\r\n\r4\x0b\x0c5\r\r\n");
         assert_eq!(values, [1.0, 2.0, 3.0, 4.0, 5.0]);
         assert_eq!(scan.line_ends, [2, 3, 3, 5, 5]);
     }
 
     #[test]
-    fn text_in_pieces_gives_the_same_as_the_whole() {
+    fn scan_text_in_two_pieces_equals_scan_of_whole() {
         let text = b"  1.25 -3e-2\r\n+.5\r7. \n\n 123456789.5e3 \r\n";
         let mut whole = [0.0; 5];
-        let all = scan_numbers(text, true, &mut whole);
-        assert_eq!((all.values, all.bytes, all.bad), (5, text.len(), false));
+        let scan = scan_numbers(text, true, &mut whole);
+        assert_eq!((scan.n_values, scan.n_bytes, scan.has_bad_token), (5, text.len(), false));
         for cut in 0..=text.len() {
-            for room in 0..=5 {
+            for capacity in 0..=5 {
                 let mut out = [0.0; 5];
-                let first = scan_numbers(&text[..cut], false, &mut out[..room]);
-                let (begun, rest) = out.split_at_mut(first.values);
-                let second = scan_numbers(&text[first.bytes..], true, rest);
+                let first = scan_numbers(&text[..cut], false, &mut out[..capacity]);
+                let (begun, rest) = out.split_at_mut(first.n_values);
+                let second = scan_numbers(&text[first.n_bytes..], true, rest);
                 let later = second.line_ends.iter().map(|end| end + begun.len());
                 let line_ends: Vec<_> = first.line_ends.iter().copied().chain(later).collect();
-                assert_eq!((out, line_ends), (whole, all.line_ends.clone()), "cut at {cut}");
+                assert_eq!((out, line_ends), (whole, scan.line_ends.clone()), "cut at {cut}");
             }
         }
     }

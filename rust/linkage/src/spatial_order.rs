@@ -1,0 +1,89 @@
+//! Clusters in spatial order, by halving and, where density varies, by density.
+//!
+//! Halving alone suffices if density varies little. If some clusters are packed a thousand times
+//! closer than others, a block of the halving may hold both, and its box is as large as the gaps
+//! between the sparse ones. Then clusters are first sorted into classes of density.
+
+use crate::clusters::Clusters;
+use crate::error::Error;
+use crate::halving::sort_by_halving;
+use crate::parallel::Workers;
+use crate::simd::{self, Aligned, LANES};
+
+/// Density is uneven if the gaps of 90 % of the clusters differ by more than this factor.
+const UNEVEN_RATIO: f64 = 64.0;
+
+/// Ratio of the gaps at both ends of a class of density.
+const CLASS_RATIO: f64 = 4.0;
+
+/// Blocks of clusters that one job handles.
+const BLOCKS_PER_JOB: usize = 64;
+
+/// Clusters in spatial order.
+pub(crate) struct SpatialOrder {
+    /// The clusters: neighbours in space are neighbours in memory.
+    pub clusters: Clusters,
+    /// If density is uneven, the clusters by density, the densest first.
+    pub by_density: Option<Vec<u32>>,
+}
+
+/// Sort clusters spatially. Takes O(m log m) time for m clusters.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn sort_spatially(
+    workers: &Workers<'_>,
+    clusters: &Clusters,
+) -> Result<SpatialOrder, Error> {
+    let dim = clusters.centres().len() / clusters.len().max(1);
+    let halve = |clusters: &Clusters, order: &mut [u32]| {
+        sort_by_halving(workers.n_threads(), clusters.centres(), dim, order);
+    };
+    let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
+    halve(clusters, &mut order);
+    let clusters = clusters.reorder(&order);
+    let gaps = squared_gaps(workers, &clusters)?;
+    let mut sorted = gaps.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let (small, large) = (sorted[sorted.len() / 20], sorted[sorted.len() - 1 - sorted.len() / 20]);
+    if large <= small * UNEVEN_RATIO * UNEVEN_RATIO {
+        return Ok(SpatialOrder { clusters, by_density: None });
+    }
+    let class = |i: u32| ((gaps[i as usize] / small).log2() / (2.0 * CLASS_RATIO.log2())) as i32;
+    order = (0..clusters.len() as u32).collect();
+    order.sort_by_key(|&i| class(i));
+    for same_class in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
+        halve(&clusters, same_class);
+    }
+    let mut by_density: Vec<u32> = (0..clusters.len() as u32).collect();
+    by_density.sort_by(|&a, &b| {
+        let gap = |i: u32| gaps[order[i as usize] as usize];
+        gap(a).total_cmp(&gap(b))
+    });
+    Ok(SpatialOrder { clusters: clusters.reorder(&order), by_density: Some(by_density) })
+}
+
+/// For each cluster, the smallest squared bound to another cluster of its block.
+fn squared_gaps(workers: &Workers<'_>, clusters: &Clusters) -> Result<Vec<f64>, Error> {
+    let mut gaps = vec![f64::INFINITY; clusters.len()];
+    workers.run(
+        gaps.chunks_mut(BLOCKS_PER_JOB * LANES).enumerate(),
+        || (Vec::new(), Aligned([0.0; LANES])),
+        |(block, variances), (job, gaps)| {
+            for (i, gaps) in gaps.chunks_mut(LANES).enumerate() {
+                let first = (job * BLOCKS_PER_JOB + i) * LANES;
+                clusters.copy_to_lanes(first..first + gaps.len(), block, variances);
+                for (lane, gap) in gaps.iter_mut().enumerate() {
+                    let (centre, variance) =
+                        (clusters.centre(first + lane), clusters.variances[first + lane]);
+                    let mut bounds =
+                        simd::squared_bounds(workers.isa, centre, variance, block, variances);
+                    bounds[lane] = f64::INFINITY;
+                    *gap = bounds.into_iter().fold(f64::INFINITY, f64::min);
+                }
+            }
+        },
+    )?;
+    Ok(gaps)
+}
