@@ -20,11 +20,11 @@ RECORDINGS = sorted(DATA.glob("*/*.bvh")) or [None]
 CLOSE = 1e-4
 
 
-def named(path):
+def file_id(path):
     return "none" if path is None else f"{path.parent.name}/{path.stem}"
 
 
-def need(path):
+def require(path):
     if path is None:
         pytest.skip(f"no recordings in {DATA}")
     return path
@@ -52,9 +52,9 @@ def read_with_pybvh(path):
         pytest.skip(f"pybvh does not read it: {error}")
 
 
-@pytest.mark.parametrize("path", RECORDINGS, ids=named)
+@pytest.mark.parametrize("path", RECORDINGS, ids=file_id)
 def test_joints_are_where_pybvh_has_them(path, tmp_path):
-    clip = read_with_pybvh(need(path))
+    clip = read_with_pybvh(require(path))
     motion = mg.read_bvh(path)
     assert_close(motion.world_positions(), pybvh_places(clip))
     assert_close(mg.from_pybvh(clip).world_positions(), pybvh_places(clip))
@@ -65,9 +65,9 @@ def test_joints_are_where_pybvh_has_them(path, tmp_path):
     np.testing.assert_array_equal(again.root_pos, clip.root_pos)
 
 
-@pytest.mark.parametrize("path", RECORDINGS, ids=named)
+@pytest.mark.parametrize("path", RECORDINGS, ids=file_id)
 def test_new_angles_put_joints_where_pybvh_has_them(path, tmp_path):
-    motion = mg.read_bvh(need(path))[:50]
+    motion = mg.read_bvh(require(path))[:50]
     read_with_pybvh(path)
     new = mg.Motion(motion.skeleton, motion.frame_time, motion.rotations, motion.positions)
     mg.write_bvh(new, tmp_path / "new.bvh")
@@ -100,9 +100,9 @@ def pymotion_places(path, motion):
     return other.world_positions()
 
 
-@pytest.mark.parametrize("path", RECORDINGS, ids=named)
+@pytest.mark.parametrize("path", RECORDINGS, ids=file_id)
 def test_joints_are_where_pymotion_has_them(path):
-    if need(path).stem.startswith(NOT_FOR_PYMOTION):
+    if require(path).stem.startswith(NOT_FOR_PYMOTION):
         pytest.skip("pymotion misreads it")
     motion = mg.read_bvh(path)
     assert_close(motion.world_positions(), pymotion_places(path, motion))
@@ -128,12 +128,12 @@ FOR_BVHIO = [
 ] or [None]
 
 
-@pytest.mark.parametrize("path", FOR_BVHIO, ids=named)
+@pytest.mark.parametrize("path", FOR_BVHIO, ids=file_id)
 def test_joints_are_where_bvhio_has_them(path):
     bvhio = pytest.importorskip("bvhio", reason="bvhio is not installed")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        root = bvhio.readAsHierarchy(str(need(path)))
+        root = bvhio.readAsHierarchy(str(require(path)))
     motion = mg.read_bvh(path)
     frames = sorted({0, motion.n_frames // 2, motion.n_frames - 1})
     places = []
