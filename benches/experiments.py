@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches._common import run, tiny_motion
-from benches.collision import worst_place
+from benches.collision import worst_collision
 from mograft.evaluation import (
     Analogy,
     ByCost,
@@ -99,7 +99,7 @@ def collided(motion, step=1):
     problem = SearchProblem.build(
         library, clip, scenario, library.segments[scenario], ["upper"], []
     )
-    found = worst_place(clip, problem, step)
+    found = worst_collision(clip, problem, step)
     if found is None:
         return None
     avoid = mg.Avoid(found[1])

@@ -97,9 +97,9 @@ def test_graft_donors_are_of_the_cluster_and_within_the_limits(library):
     assert exchanged
     for s in exchanged:
         assert labels[s.segment] == labels[s.donor]
-        own, donor = lengths[s.segment], lengths[s.donor]
-        assert abs(own - donor) <= max(config.max_stretch * own, config.length_slack * 30) + 1e-9
-        assert s.stretch == pytest.approx(own / donor - 1)
+        base, donor = lengths[s.segment], lengths[s.donor]
+        assert abs(base - donor) <= max(config.max_stretch * base, config.length_slack * 30) + 1e-9
+        assert s.stretch == pytest.approx(base / donor - 1)
     assert all(seam.gap <= 1.5 * config.max_angle for seam in new.seams)
 
 
@@ -110,11 +110,11 @@ def test_graft_poses_away_from_seams_are_near_the_donor(library, motion):
         joints = library.joints(s.group)
         gaps = [seam.gap for seam in new.seams if seam.frame in (s.start, s.stop)]
         middle, donor = (s.start + s.stop) // 2, (s.donor_start + s.donor_stop) // 2
-        apart = rotations.angle(
+        distances = rotations.angle(
             new.motion.rotations[middle, joints], motion.rotations[donor, joints]
         )
         if s.stop - s.start >= 12 and s.stretch == 0 and (s.stop - s.start) % 2 == 0:
-            assert apart.mean() <= sum(gaps) / 2 + 0.2
+            assert distances.mean() <= sum(gaps) / 2 + 0.2
 
 
 def test_graft_without_other_candidates_returns_the_file(motion, tmp_path):
@@ -142,38 +142,38 @@ def test_graft_from_a_copy_of_the_clip_returns_the_clip(motion):
 
 @pytest.mark.parametrize("choice", ["viterbi", "best", "sample", "nearest", "random"])
 def test_graft_many_returns_different_motions(library, choice):
-    several = list(graft_many(with_choice(library, choice), count=4, seed=3))
-    assert len({g.motion.rotations.tobytes() for g in several}) == 4
-    assert [g.motion.name for g in several] == [f"dance_graft{i}" for i in range(4)]
+    grafts = list(graft_many(with_choice(library, choice), count=4, seed=3))
+    assert len({g.motion.rotations.tobytes() for g in grafts}) == 4
+    assert [g.motion.name for g in grafts] == [f"dance_graft{i}" for i in range(4)]
 
 
-def total(new):
+def seam_total(graft):
     """Return the sum of the seam gaps and the number of exchanged parts."""
-    return sum(seam.gap for seam in new.seams), sum(not s.is_own for s in new.substitutions)
+    return sum(seam.gap for seam in graft.seams), sum(not s.is_own for s in graft.substitutions)
 
 
 def test_graft_viterbi_has_narrower_seams_than_random(library):
-    gaps, parts = total(graft(with_choice(library, "viterbi")))
+    gaps, n_exchanged = seam_total(graft(with_choice(library, "viterbi")))
     for seed in range(3):
-        by_chance, as_many = total(graft(with_choice(library, "random"), seed=seed))
-        assert gaps / parts < by_chance / as_many
+        new = graft(with_choice(library, "random"), seed=seed)
+        random_gaps, n_random = seam_total(new)
+        assert gaps / n_exchanged < random_gaps / n_random
 
 
 def test_graft_many_best_differ_less_than_diverse(library):
     """The first is that of "viterbi"."""
-    several = list(graft_many(with_choice(library, "best"), count=5))
-    first = [s.donor for s in several[0].substitutions]
+    best = list(graft_many(with_choice(library, "best"), count=5))
+    first = [s.donor for s in best[0].substitutions]
     assert first == [s.donor for s in graft(with_choice(library, "viterbi")).substitutions]
-    changes = [
-        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in several
-    ]
+
+    def count_changes(graft):
+        return sum(s.donor != d for s, d in zip(graft.substitutions, first, strict=True))
+
+    changes = [count_changes(graft) for graft in best]
     assert changes[0] == 0
     assert all(changes[1:])
-    diverse = list(graft_many(with_choice(library, "viterbi"), count=5))
-    apart = [
-        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in diverse
-    ]
-    assert sum(apart) > sum(changes)
+    diverse = graft_many(with_choice(library, "viterbi"), count=5)
+    assert sum(count_changes(graft) for graft in diverse) > sum(changes)
 
 
 def test_graft_without_novelty_is_the_captured_motion(library, motion):
@@ -184,13 +184,15 @@ def test_graft_without_novelty_is_the_captured_motion(library, motion):
 def test_graft_moves_descendants_of_grafted_joints_only(library, motion):
     new = graft(library, seed=1).motion
     skeleton, grafted = motion.skeleton, {s.group for s in graft(library, seed=1).substitutions}
-    may_move = np.zeros(motion.n_joints, bool)
-    turned = np.isin(np.arange(motion.n_joints), [j for g in grafted for j in library.joints(g)])
+    can_move = np.zeros(motion.n_joints, bool)
+    is_grafted = np.isin(
+        np.arange(motion.n_joints), [j for g in grafted for j in library.joints(g)]
+    )
     for joint, parent in enumerate(skeleton.parents.tolist()):
-        may_move[joint] = parent >= 0 and (turned[parent] or may_move[parent])
+        can_move[joint] = parent >= 0 and (is_grafted[parent] or can_move[parent])
     differ = (new.world_positions() != motion.world_positions()).any(axis=(0, 2))
     assert differ.any()
-    assert not differ[~may_move].any()
+    assert not differ[~can_move].any()
 
 
 @pytest.mark.parametrize(
@@ -214,12 +216,12 @@ def test_graft_quaternion_signs_change_no_choice_and_no_pose(motion, changes):
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample"])
 def test_graft_order_of_group_names_changes_nothing(motion, choice):
-    named = JointGroups.preset("lower_torso_larm_rarm", motion.skeleton).groups
-    made = [
+    groups = JointGroups.preset("lower_torso_larm_rarm", motion.skeleton).groups
+    grafts = [
         graft(Library.build(motion, JointGroups(own, base="lower"), Config(choice=choice)), seed=1)
-        for own in (named, dict(reversed(named.items())))
+        for own in (groups, dict(reversed(groups.items())))
     ]
-    np.testing.assert_array_equal(made[1].motion.rotations, made[0].motion.rotations)
+    np.testing.assert_array_equal(grafts[1].motion.rotations, grafts[0].motion.rotations)
 
 
 def test_graft_swap_of_one_group_keeps_the_others(motion):
