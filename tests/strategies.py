@@ -81,11 +81,6 @@ def tile_segments(lengths):
     return Segments(stops - lengths, stops)
 
 
-def select_segments(segments, indices):
-    """The segments of some indices, in their order."""
-    return Segments(segments.start[indices], segments.stop[indices], segments.clip[indices])
-
-
 def star_skeleton(n_joints):
     """A root with limbs of one bone."""
     offsets = np.arange(3.0 * n_joints).reshape(n_joints, 3)
