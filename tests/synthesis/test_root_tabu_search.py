@@ -31,7 +31,7 @@ def total_excess(problem, donors):
     return donor_excess(problem, donors)["lower"].sum()
 
 
-def unfinished(motion, donors):
+def keep_motion(motion, donors):
     """Return the motion as it is: no step follows assembly."""
     del donors
     return motion
@@ -95,14 +95,14 @@ def test_tabu_search_never_increases_the_violation(root_library, make_problem, m
     n_changed = 0
     for _ in range(2):
         donors = random_sequence(trellises["lower"].candidates, rng)
-        found = tabu_search(problem, donors, trellises, unfinished)
+        found = tabu_search(problem, donors, trellises, keep_motion)
         assert total_excess(problem, found) <= total_excess(problem, donors)
         if total_excess(problem, donors) == 0:
             np.testing.assert_array_equal(found["lower"], donors["lower"])
         n_changed += (found["lower"] != donors["lower"]).any()
     assert n_changed
     satisfied = replace(problem, constraints=(mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0)),))
-    found = tabu_search(satisfied, donors, trellises, unfinished)
+    found = tabu_search(satisfied, donors, trellises, keep_motion)
     np.testing.assert_array_equal(found["lower"], donors["lower"])
 
 
@@ -126,7 +126,7 @@ def test_tabu_search_evaluates_the_finished_motion(root_library, make_problem, m
     wall, root = make_wall(root_library), root_library.root
     problem = make_problem(root_library, [wall])
     trellises = {"lower": build_trellis(problem, "lower", {})}
-    donors = tabu_search(problem, problem.captured_donors, trellises, unfinished)
+    donors = tabu_search(problem, problem.captured_donors, trellises, keep_motion)
     outward = np.array(wall.region.normal) / np.linalg.norm(wall.region.normal)
     hips = assemble(problem, donors).world_positions()[:, root]
     clearance = ((hips - wall.region.point) @ outward).min()
