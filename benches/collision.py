@@ -1,10 +1,10 @@
-"""Experiment 5.2: a dance beside a copy of itself, and only what collides is replaced.
+"""Experiment 5.2: repair a dance that collides with a copy of itself.
 
-Run as ``python benches/collision.py FILE.bvh... [-o FOLDER]``; without files the built-in
-dancer is used. The copy is moved aside, facing the same way or turned about, to the place
-where its arms collide in the most frames while the rest of its body does not at all. Prints
-collisions before and after, the share of segments changed and the milliseconds; with ``-o``
-draws both motions at the worst collisions before and after.
+Run as ``python benches/collision.py FILE.bvh... [-o FOLDER]``; without files it uses the
+procedural dancer. The copy is translated, with the same heading or the opposite one, to the
+position at which its arms collide in the most frames and the rest of its body in none. The bench
+prints the collisions before and after the repair, the share of changed segments and the
+milliseconds; with ``-o`` it draws both motions at the worst collisions before and after.
 """
 
 import argparse
@@ -31,12 +31,12 @@ DIRECTIONS = np.radians(np.arange(0, 360, 30))
 
 
 def copies(motion, poses, step=1):
-    """Characters at all distances and in all directions, facing either way."""
+    """Yield characters at all distances and in all directions, with either heading."""
     level = [axis for axis in range(3) if axis != poses.up]
     for yaw in (0.0, np.pi):
-        # A copy that is turned about dances elsewhere: it is brought back to this one's middle.
-        own = poses.positions[:, 0].mean(axis=0)
-        home = own - (own if yaw == 0 else turn_about(own, poses.up))
+        # The rotation is about the origin: move the mean position back to that of the original.
+        mean = poses.positions[:, 0].mean(axis=0)
+        home = mean - (mean if yaw == 0 else half_turn(mean, poses.up))
         for distance in DISTANCES[::step]:
             for angle in DIRECTIONS[::step]:
                 offset = home.copy()
@@ -44,31 +44,31 @@ def copies(motion, poses, step=1):
                 yield mg.Character(motion, tuple(offset), yaw), distance, np.degrees([angle, yaw])
 
 
-def turn_about(place, up):
-    turned = -place
-    turned[up] = place[up]
+def half_turn(position, up):
+    turned = -position
+    turned[up] = position[up]
     return turned
 
 
-def worst_place(motion, problem, step=1):
-    """The copy that meets the arms most often, and the rest of the body never."""
+def worst_collision(motion, problem, step=1):
+    """Return the copy that collides with the arms in the most frames, and with nothing else."""
     poses = problem.base_poses
-    # Trunk and head ride on the hips, which are kept: no arm that is replaced moves them.
+    # Grafted arms do not move the trunk and the head, so these must not collide at all.
     arms = anatomy(motion.skeleton).joints("upper_arm", "forearm", "hand", "finger")
     grafted = np.isin(np.arange(motion.n_joints), arms)
-    some = slice(None, None, max(motion.n_frames // 400, 2))
-    thin = poses.with_poses(poses.frames[some], poses.rotations[some], poses.positions[some])
+    every = slice(None, None, max(motion.n_frames // 400, 2))
+    sparse = poses.with_poses(poses.frames[every], poses.rotations[every], poses.positions[every])
     found = []
     for other, distance, angles in copies(motion, poses, step):
         avoid = mg.Avoid(other)
-        if (avoid.errors(thin, ~grafted)[0] > 1).any():
+        if (avoid.errors(sparse, ~grafted)[0] > 1).any():
             continue
-        count = int((avoid.errors(thin, grafted)[0] > 1).sum())
+        count = int((avoid.errors(sparse, grafted)[0] > 1).sum())
         if count:
             found.append((count, other, distance, angles))
-    for own in sorted(found, key=lambda own: -own[0]):
-        if not (mg.Avoid(own[1]).errors(poses, ~grafted)[0] > 1).any():
-            return own
+    for candidate in sorted(found, key=lambda candidate: -candidate[0]):
+        if not (mg.Avoid(candidate[1]).errors(poses, ~grafted)[0] > 1).any():
+            return candidate
     return None
 
 
@@ -117,7 +117,7 @@ def strip(path, base, graft, other, frames, flesh):
 
 @dataclass(frozen=True)
 class Trial:
-    """A motion, a copy of it that it collides with, and what was repaired."""
+    """A motion, the copy that it collides with, and the repaired motion."""
 
     motion: mg.Motion
     library: mg.Library
@@ -128,16 +128,16 @@ class Trial:
     after: np.ndarray
 
     @classmethod
-    def of(cls, motion, step):
+    def run(cls, motion, step):
         library = mg.Library.build(motion)
         scenario = library.segments.of_clip(0)
-        cut = library.segments[scenario]
-        problem = SearchProblem.build(library, motion, scenario, cut, ["upper"], [])
-        found = worst_place(motion, problem, step)
+        segments = library.segments[scenario]
+        problem = SearchProblem.build(library, motion, scenario, segments, ["upper"], [])
+        found = worst_collision(motion, problem, step)
         if found is None:
             return None
         _, other, distance, (angle, yaw) = found
-        where = f"{distance:.2f} heights, {angle:.0f}°, turned {yaw:.0f}°"
+        where = f"{distance:.2f} heights away at {angle:.0f}°, heading turned by {yaw:.0f}°"
         avoid = mg.Avoid(other)
         graft = mg.repair(library, constraints=[avoid])
         before, after = (
@@ -157,9 +157,9 @@ class Trial:
 
 
 def run(motion, folder, step=1):
-    trial = Trial.of(motion, step)
+    trial = Trial.run(motion, step)
     if trial is None:
-        print(f"{motion.name}: no place where only the arms collide")
+        print(f"{motion.name}: no position at which only the arms collide")
         return True
     times = []
     for _ in range(3):
@@ -168,13 +168,13 @@ def run(motion, folder, step=1):
         times.append(time.perf_counter() - start)
     graft, n = trial.graft, len(trial.graft.substitutions)
     changed = sum(not s.is_own for s in graft.substitutions)
-    touched = (graft.motion.rotations != motion.rotations).any(axis=(1, 2)).mean()
+    share = (graft.motion.rotations != motion.rotations).any(axis=(1, 2)).mean()
     print(f"{motion.name}: {motion.n_frames} frames, {n} segments; copy at {trial.where}")
     for name, error in (("before", trial.before), ("after", trial.after)):
         deepest = error.max() * trial.avoid.tolerance
         print(f"  {name}: {(error > 1).sum()} frames collide, {deepest:.4f} heights deep")
     print(
-        f"  changed: {changed} of {n} segments ({changed / n:.1%}), {touched:.1%} of frames, "
+        f"  changed: {changed} of {n} segments ({changed / n:.1%}), {share:.1%} of frames, "
         f"at sigma_scale {graft.library.config.sigma_scale:.2f}; "
         f"{statistics.median(times) * 1e3:.0f} ms",
         flush=True,
@@ -204,8 +204,8 @@ def report(options):
 
         motions = [dance(seed=1, strides=3).motion]
     motions = [m.resample(RATE) if m.rate > RATE + 5 else m for m in motions]
-    met = [run(motion, options.output) for motion in motions]  # every one, whatever the first
-    return 0 if all(met) else 1
+    results = [run(motion, options.output) for motion in motions]
+    return 0 if all(results) else 1
 
 
 if __name__ == "__main__":

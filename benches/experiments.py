@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches._common import run, tiny_motion
-from benches.collision import worst_place
+from benches.collision import worst_collision
 from mograft.evaluation import (
     Analogy,
     ByCost,
@@ -40,7 +40,7 @@ from mograft.evaluation.enrichment import (
     sweep,
 )
 from mograft.evaluation.estimate import rogan_gladen
-from mograft.evaluation.report import order_of
+from mograft.evaluation.report import compare_methods
 from mograft.synthesis.search_problem import SearchProblem
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -99,7 +99,7 @@ def collided(motion, step=1):
     problem = SearchProblem.build(
         library, clip, scenario, library.segments[scenario], ["upper"], []
     )
-    found = worst_place(clip, problem, step)
+    found = worst_collision(clip, problem, step)
     if found is None:
         return None
     avoid = mg.Avoid(found[1])
@@ -139,7 +139,7 @@ def measured(motions, seed, *, runs=10, step=1):
     three = evaluate(
         mg.Library.build(motions, "lower_torso_arms"),
         ["quality"],
-        ways=(Random(), Analogy(), ByCost()),
+        methods=(Random(), Analogy(), ByCost()),
         runs=(runs + 1) // 2,
         seed=seed,
     )
@@ -287,7 +287,7 @@ def naturalness(results):
     for name, own in results.items():
         refused += [
             f"- {name}: {what}: {why}."
-            for what, why in own.evaluation.refused.items()
+            for what, why in own.evaluation.refusals.items()
             if what.startswith("naturalness")
         ]
         for found in own.evaluation.naturalness:
@@ -309,12 +309,12 @@ def naturalness(results):
                     "captured",
                     "1",
                     "1",
-                    percent(found.real, 0),
+                    percent(found.captured, 0),
                     "",
                     f"{found.segments}, {found.fold_groups} groups, AUC {found.auc.text(2)}",
                 ]
             )
-            order += [(name, sentence) for sentence in order_of(found)]
+            order += [(name, sentence) for sentence in compare_methods(found)]
     head = ["recording", "donors", "κ", "κ, same segments", "accepted", "with a donor", "n"]
     lines += table(head, rows)
     several = {name: found for name, own in results.items() for found in own.evaluation.naturalness}

@@ -1,11 +1,15 @@
-"""Time the search against its plain version, and count what it gains over chance.
+"""Measure the search: its speed, and its seams and satisfied constraints against random choice.
 
-Run as ``python benches/search.py FILE.bvh...``; the speeds need no file. Prints machine, build
-profile, medians, ratios, how long a stream takes for a segment, and for every file the mean
-seam gap of the cheapest row of donors, of draws by cost and of the paper's random choice (the
-means of ten seeds), how many of twenty reachable places are reached, and how many of twenty
-demands on each kind are met where donors hold the root. ``--only speeds``, ``stream``, ``gains``,
-``reach`` or ``lead`` prints one of these.
+Run as ``python benches/search.py FILE.bvh...``; speeds and stream need no file. It prints
+
+- ``speeds``: medians, and the ratios to the oracles in `tests/oracles`;
+- ``stream``: the time in which a stream decides a segment;
+- ``gains``: for every file the mean seam gap of the cheapest donor sequence, of ten draws by cost
+  and of ten uniform draws;
+- ``reach``: how many of twenty reachable targets are reached;
+- ``lead``: if donors hold the root, how many of twenty constraints of each kind are satisfied.
+
+``--only NAME`` prints one of these.
 """
 
 import argparse
@@ -42,93 +46,102 @@ CONFIG = mg.Config()
 HANDS = ("LeftHand", "Hand_L", "LeftWrist", "lHand")
 
 
-def median(way, repeats):
+def median_seconds(function, repeats):
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
-        way()
+        function()
         times.append(time.perf_counter() - start)
     return statistics.median(times)
 
 
-def line(name, ours, theirs):
-    told = f"{name:58} {ours * 1e3:9.2f} ms"
-    print(told + ("" if theirs is None else f" {theirs * 1e3:11.1f} ms {theirs / ours:8.1f}"))
+def print_times(name, ours, oracle):
+    print(f"{name:58} {ours * 1e3:9.2f} ms {oracle * 1e3:11.1f} ms {oracle / ours:8.1f}")
 
 
 def make_pool(n, rng):
-    """As many segments as wanted, in clusters of about thirty."""
+    """Return n random segments in clusters of about thirty."""
     lengths = rng.integers(4, 20, n)
     stops = np.cumsum(lengths)
     quats = rng.normal(size=(n + 1, 11, 4))
     quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
-    speeds = rng.normal(size=(n + 1, 11, 3))
+    velocities = rng.normal(size=(n + 1, 11, 3))
     labels = rng.integers(0, max(n // 30, 1), n)
-    cut = mg.Segments(stops - lengths, stops)
+    segments = mg.Segments(stops - lengths, stops)
     points = rng.normal(size=(n, 10))
     boundary = BoundaryStates(
         first=quats[:-1],
         last=quats[1:],
-        first_velocity=speeds[:-1],
-        last_velocity=speeds[1:],
+        first_velocity=velocities[:-1],
+        last_velocity=velocities[1:],
     )
-    return SegmentPool(cut, labels, np.ones(n, bool), boundary, 30.0, points, 5.0)
+    return SegmentPool(segments, labels, np.ones(n, bool), boundary, 30.0, points, 5.0)
 
 
 def speeds(repeats, n_segments=10_000, n_positions=900):
     rng = np.random.default_rng(0)
-    print(f"{'':58} {'mograft':>12} {'plain':>14} {'ratio':>8}")
+    print(f"{'':58} {'mograft':>12} {'oracle':>14} {'ratio':>8}")
     pools = [make_pool(n_segments, rng) for _ in range(3)]
     scenario = np.arange(n_segments)
 
-    def listed():
+    def list_candidates():
         for pool in pools:
             lists = pool.candidate_lists(scenario, CONFIG)
             counts = [len(own) for own in lists]
             model = cost_model(CONFIG, pool)
             pool.unary_costs(np.repeat(scenario, counts), np.concatenate(lists), model)
 
-    def plainly():
+    def run_oracle():
         for pool in pools:
             search_oracle.candidates(pool.labels, pool.segments.lengths, 30.0, CONFIG)
 
-    line("candidates of 10,000 segments, 3 groups", median(listed, repeats), median(plainly, 1))
+    print_times(
+        "candidates of 10,000 segments, 3 groups",
+        median_seconds(list_candidates, repeats),
+        median_seconds(run_oracle, 1),
+    )
 
-    alone = [rng.normal(size=30) for _ in range(n_positions)]
-    after = [rng.normal(size=(30, 30)) for _ in range(n_positions - 1)]
-    chain = Trellis(tuple(alone), tuple(after))
-    ours = median(lambda: viterbi(chain), repeats)
-    line(
+    unary = [rng.normal(size=30) for _ in range(n_positions)]
+    seams = [rng.normal(size=(30, 30)) for _ in range(n_positions - 1)]
+    trellis = Trellis(tuple(unary), tuple(seams))
+    ours = median_seconds(lambda: viterbi(trellis), repeats)
+    print_times(
         "Viterbi, 900 positions of 30",
         ours,
-        median(lambda: search_oracle.cheapest_sequence(alone, after), 3),
+        median_seconds(lambda: search_oracle.cheapest_sequence(unary, seams), 3),
     )
 
     lists = pools[0].candidate_lists(scenario[:n_positions], CONFIG)
 
-    def trellis():
+    def build_trellis():
         model = cost_model(CONFIG, pools[0])
         DonorTrellis.build(pools[0], scenario[:n_positions], lists, model)
 
-    ours = median(trellis, repeats)
+    ours = median_seconds(build_trellis, repeats)
 
-    def seams():
+    def run_seam_oracle():
         for left, right in pairwise(lists[:100]):
             for a in left:
                 for b in right:
                     search_oracle.seam_angle(pools[0].boundary.last[a], pools[0].boundary.first[b])
 
-    line("seam costs of 900 positions (plain: times 9)", ours, 9 * median(seams, 1))
+    print_times(
+        "seam costs of 900 positions (oracle: times 9)",
+        ours,
+        9 * median_seconds(run_seam_oracle, 1),
+    )
 
     ends, others = rng.normal(size=(240, 11, 2, 3)), rng.normal(size=(240, 11, 2, 3))
     radii = np.full(11, 0.05)
-    ours = median(lambda: clearance(ends, radii, others, radii), 20 * repeats)
-    theirs = median(lambda: capsules_oracle.capsule_distances(ends, radii, others, radii), repeats)
-    line("collision, 30 candidates x 8 frames x 11 x 11 capsules", ours, theirs)
+    ours = median_seconds(lambda: clearance(ends, radii, others, radii), 20 * repeats)
+    theirs = median_seconds(
+        lambda: capsules_oracle.capsule_distances(ends, radii, others, radii), repeats
+    )
+    print_times("collision, 30 candidates x 8 frames x 11 x 11 capsules", ours, theirs)
 
 
 def stream(n_dances=13, strides=4):
-    """Decide segment by segment on a library in a folder, as frames come."""
+    """Time the decisions of a stream that receives frame by frame, on a library in a folder."""
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/dances.mograft"
         mg.Library.build(
@@ -136,175 +149,188 @@ def stream(n_dances=13, strides=4):
         ).save(path)
         library = mg.Library.open(path)
         base = dance(seed=99, strides=strides).motion
-        ball = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0))
-        print(f"\nstream on {library}\n{'':44} {'median':>9} {'99 %':>9} {'most':>9}")
+        sphere = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0))
+        print(f"\nstream on {library}\n{'':44} {'median':>9} {'99 %':>9} {'maximum':>9}")
         for name, constraints in (
             ("decide a segment", []),
-            ("decide a segment, avoiding a ball", [ball]),
-            ("decide a segment, a ball and oneself", [ball, mg.AvoidSelf()]),
+            ("decide a segment, avoiding a sphere", [sphere]),
+            ("the same, and self-collision", [sphere, mg.AvoidSelf()]),
         ):
             live = mg.Stream(library, constraints=constraints)
-            decided, taken = [], []
+            decision_times, push_times = [], []
             for frame in range(base.n_frames):
                 start = time.perf_counter()
                 live.push(base[frame : frame + 1])
-                taken.append(time.perf_counter() - start)
+                push_times.append(time.perf_counter() - start)
                 while True:
                     start = time.perf_counter()
                     piece = live.advance()
                     spent = time.perf_counter() - start
                     if piece is None:
                         break
-                    decided.append(spent)
-            quantiles = np.percentile(decided, [50, 99, 100]) * 1e3
-            print(f"{name:44} " + " ".join(f"{q:6.2f} ms" for q in quantiles), len(decided))
+                    decision_times.append(spent)
+            quantiles = np.percentile(decision_times, [50, 99, 100]) * 1e3
+            print(f"{name:44} " + " ".join(f"{q:6.2f} ms" for q in quantiles), len(decision_times))
         for horizon in (1, 8):
             live = mg.Stream(library, horizon=horizon)
-            behind = []
+            delays = []
             for frame in range(base.n_frames):
                 live.push(base[frame : frame + 1])
-                behind += [frame - piece.stop for piece in live.pieces()]
-            seconds = np.percentile(behind, [50, 100]) / library.rate
+                delays += [frame - piece.stop for piece in live.pieces()]
+            seconds = np.percentile(delays, [50, 100]) / library.rate
             print(
-                f"behind with a horizon of {horizon}: {seconds[0]:.2f} s, at most {seconds[1]:.2f}"
+                f"delay with a horizon of {horizon}: median {seconds[0]:.2f} s, "
+                f"maximum {seconds[1]:.2f} s"
             )
-        quantiles = np.percentile(taken, [50, 99, 100]) * 1e3
-        print(f"{'take in a frame':44} " + " ".join(f"{q:6.2f} ms" for q in quantiles))
+        quantiles = np.percentile(push_times, [50, 99, 100]) * 1e3
+        print(f"{'push a frame':44} " + " ".join(f"{q:6.2f} ms" for q in quantiles))
 
 
-def opened(path):
+def read_at_30_fps(path):
     motion = mg.read_bvh(path)
     return motion.resample(30.0) if motion.rate > 35 else motion
 
 
-def rows(library, choice, seeds):
-    """Mean gap in degrees of every seam of grafts on all clips, row by row; shares exchanged."""
-    chosen = replace(library, config=replace(CONFIG, choice=choice))
-    grafts = [mg.graft(chosen, clip, seed=seed) for clip in library.clips for seed in seeds]
+def seam_gaps(library, choice, seeds):
+    """Return the seam gaps in degrees of each graft on all clips, and the exchanged share."""
+    library = replace(library, config=replace(CONFIG, choice=choice))
+    grafts = [mg.graft(library, clip, seed=seed) for clip in library.clips for seed in seeds]
     seams = [[np.degrees(seam.gap) for seam in graft.seams] for graft in grafts]
     return seams, np.mean([not s.is_own for graft in grafts for s in graft.substitutions])
 
 
-def gained(name, width, library):
-    """Print what the search gains on a library; return by how much its seams are narrower."""
+def compare_seams(name, width, library):
+    """Print the mean seam gaps of three choices; return the reduction by the cheapest sequence."""
     gaps, shares = [], []
     for choice, seeds in (("random", range(10)), ("sample", range(10)), ("viterbi", [0])):
-        seams, share = rows(library, choice, seeds)
+        seams, share = seam_gaps(library, choice, seeds)
         gaps.append(np.mean(np.concatenate(seams)) if any(seams) else 0.0)
         shares.append(share)
-    random, drawn, best = gaps
+    random, sampled, best = gaps
     if not random:
-        print(f"{name:{width}} no exchange is on offer in {len(library.segments)} segments")
+        print(f"{name:{width}} no segment has another candidate: {len(library.segments)} segments")
         return None
-    lower = 1 - best / random
+    reduction = 1 - best / random
     print(
-        f"{name:{width}} {random:7.2f}° {drawn:7.2f}° {best:7.2f}° {1 - drawn / random:5.0%} "
-        f"{lower:5.0%}   {' '.join(f'{s:4.0%}' for s in shares)} of {len(library.segments)}"
+        f"{name:{width}} {random:7.2f}° {sampled:7.2f}° {best:7.2f}° {1 - sampled / random:5.0%} "
+        f"{reduction:5.0%}   {' '.join(f'{s:4.0%}' for s in shares)} of {len(library.segments)}"
     )
-    if lower < 0.1:
-        seams, _ = rows(library, "random", range(100))
-        least = min(np.mean(row) for row in seams if row)
-        kinds = len({tuple(np.round(row, 9)) for row in seams})
-        print(f"{'':{width}} narrowest of the {kinds} rows that 100 draws find: {least:.2f}°")
-    return lower
+    if reduction < 0.1:
+        seams, _ = seam_gaps(library, "random", range(100))
+        least = min(np.mean(gaps) for gaps in seams if gaps)
+        n_different = len({tuple(np.round(gaps, 9)) for gaps in seams})
+        print(f"{'':{width}} narrowest of {n_different} sequences from 100 draws: {least:.2f}°")
+    return reduction
+
+
+def count_from_tenth(reductions):
+    return sum(own >= 0.1 for own in reductions)
 
 
 def gains(paths):
-    """Compare seams clip by clip, and in libraries of a folder's clips of one skeleton."""
-    motions = {Path(path): opened(path) for path in paths}
+    """Compare seams in a library per clip, and in one per folder and skeleton."""
+    motions = {Path(path): read_at_30_fps(path) for path in paths}
     width = max([len(path.name) for path in motions] + [len(p.parent.name) for p in motions]) + 10
     print(f"\n{'mean seam gap':{width}} {'random':>8} {'sample':>8} {'viterbi':>8}   exchanged")
-    found = [gained(path.name, width, mg.Library.build(own)) for path, own in motions.items()]
-    told = [lower for lower in found if lower is not None]
-    print(f"at least 10 % below random: {sum(own >= 0.1 for own in told)} of {len(told)} clips\n")
+    found = [
+        compare_seams(path.name, width, mg.Library.build(own)) for path, own in motions.items()
+    ]
+    reductions = [own for own in found if own is not None]
+    print(
+        f"at least 10 % below random: {count_from_tenth(reductions)} of {len(reductions)} clips\n"
+    )
     sources = {}
     for path, motion in motions.items():
         sources.setdefault((path.parent.name, motion.skeleton.names), []).append(motion)
     found = [
-        gained(f"{folder}, {len(own)}", width, mg.Library.build(own))
+        compare_seams(f"{folder}, {len(own)}", width, mg.Library.build(own))
         for (folder, _), own in sources.items()
         if len(own) > 1
     ]
-    told = [lower for lower in found if lower is not None]
-    print(f"at least 10 % below random: {sum(own >= 0.1 for own in told)} of {len(told)} libraries")
+    reductions = [own for own in found if own is not None]
+    print(
+        f"at least 10 % below random: {count_from_tenth(reductions)} of {len(reductions)} libraries"
+    )
 
 
 def reach(paths, count=20):
-    """Have the left hand where it is with another segment's part in place of one."""
+    """Graft with the left hand's position after a random substitution as the target."""
     print()
     for path in paths:
-        library = mg.Library.build(opened(path))
+        library = mg.Library.build(read_at_30_fps(path))
         rng = np.random.default_rng(0)
         base, scenario = library.clips[0], library.segments.of_clip(0)
-        cut = library.segments[scenario]
-        problem = SearchProblem.build(library, base, scenario, cut, ["upper"], [])
+        segments = library.segments[scenario]
+        problem = SearchProblem.build(library, base, scenario, segments, ["upper"], [])
         hand = next((name for name in HANDS if name in base.skeleton.names), None)
         counts = [len(own) for own in problem.candidates["upper"]]
         if hand is None or max(counts) < 2:
-            print(f"{Path(path).name}: no left hand of a known name, or no candidate")
+            print(f"{Path(path).name}: no left hand with a known name, or no other candidate")
             continue
-        met = 0
+        n_reached = 0
         for _ in range(count):
-            at = int(rng.choice(np.flatnonzero(np.array(counts) > 1)))
+            position = int(rng.choice(np.flatnonzero(np.array(counts) > 1)))
             donors = problem.captured_donors
-            others = problem.candidates["upper"][at]
-            donors["upper"][at] = rng.choice(others[others != scenario[at]])
-            frame = int(rng.integers(cut.start[at], cut.stop[at] + 1))
-            place = assemble(problem, donors).world_positions()[frame, base.skeleton.index(hand)]
-            graft = mg.graft(library, constraints=[mg.Reach(hand, tuple(place), frame)])
-            met += not graft.violations
-        print(f"{Path(path).name}: reached {met} of {count} places")
+            others = problem.candidates["upper"][position]
+            donors["upper"][position] = rng.choice(others[others != scenario[position]])
+            frame = int(rng.integers(segments.start[position], segments.stop[position] + 1))
+            motion = assemble(problem, donors)
+            target = tuple(motion.world_positions()[frame, base.skeleton.index(hand)])
+            graft = mg.graft(library, constraints=[mg.Reach(hand, target, frame)])
+            n_reached += not graft.violations
+        print(f"{Path(path).name}: reached {n_reached} of {count} targets")
 
 
-def wanted(library, kind, count=20):
-    """Demands that the graft without them does not meet, and one of twenty by chance does.
+def satisfiable_constraints(library, kind, count=20):
+    """Return constraints that a graft violates and one of twenty random grafts satisfies.
 
-    A place where it has the hips or the left hand; a wall in the way of the hips; a pole in
-    the way of the body.
+    A target of the hips or the left hand in the random graft, a wall across the path of the hips,
+    or a pole in the way of the body.
     """
     rng = np.random.default_rng(0)
-    loose = replace(library, config=replace(library.config, choice="random"))
-    plain, *others = (
+    random_library = replace(library, config=replace(library.config, choice="random"))
+    cheapest, *others = (
         mg.Poses.from_motion(graft.motion)
-        for graft in (mg.graft(library), *mg.graft_many(loose, count=20))
+        for graft in (mg.graft(library), *mg.graft_many(random_library, count=20))
     )
-    names, level = plain.skeleton.names, np.arange(3) != library.up
+    names, is_level = cheapest.skeleton.names, np.arange(3) != library.up
     hips = names[library.root]
     hand = next(name for name in HANDS if name in names)
-    start, found = plain.joint_positions(hips)[0] * level, []
+    start, found = cheapest.joint_positions(hips)[0] * is_level, []
     for _ in range(400):
-        frame, one = int(rng.integers(len(plain))), others[rng.integers(len(others))]
-        spot = plain.joint_positions(hips)[frame] * level
-        if len(found) == count or (spot == start).all():
+        frame, other = int(rng.integers(len(cheapest))), others[rng.integers(len(others))]
+        point = cheapest.joint_positions(hips)[frame] * is_level
+        if len(found) == count or (point == start).all():
             continue
         if kind == "Reach":
             joint = (hips, hand)[len(found) % 2]
-            demand = mg.Reach(joint, tuple(one.joint_positions(joint)[frame]), frame)
+            constraint = mg.Reach(joint, tuple(other.joint_positions(joint)[frame]), frame)
         elif kind == "KeepOut":
-            demand = mg.KeepOut(hips, mg.HalfSpace(tuple(spot), tuple(start - spot)))
+            constraint = mg.KeepOut(hips, mg.HalfSpace(tuple(point), tuple(start - point)))
         else:
-            top = np.where(level, spot, 2 * plain.height)
-            demand = mg.Avoid(mg.Capsule(tuple(spot), tuple(top), 0.05 * plain.height))
-        if demand.errors(plain)[0].max() > 1 and demand.errors(one)[0].max() <= 1:
-            found.append(demand)
+            top = np.where(is_level, point, 2 * cheapest.height)
+            constraint = mg.Avoid(mg.Capsule(tuple(point), tuple(top), 0.05 * cheapest.height))
+        if constraint.errors(cheapest)[0].max() > 1 and constraint.errors(other)[0].max() <= 1:
+            found.append(constraint)
     return found
 
 
 def lead(paths, count=20):
-    """Count the demands that are met where legs and root come from donors."""
+    """Count the constraints that are satisfied if donors hold legs and root."""
     print()
     for path in paths:
-        library = upper_body_library(opened(path))
+        library = upper_body_library(read_at_30_fps(path))
         for kind in ("Reach", "KeepOut", "Avoid"):
-            times, met, demands = [0.0], 0, wanted(library, kind, count)
-            for demand in demands:
+            times, n_satisfied = [0.0], 0
+            constraints = satisfiable_constraints(library, kind, count)
+            for constraint in constraints:
                 begin = time.perf_counter()
-                met += not mg.graft(library, constraints=[demand]).violations
+                n_satisfied += not mg.graft(library, constraints=[constraint]).violations
                 times.append(time.perf_counter() - begin)
             print(
-                f"{Path(path).name}, {len(library.segments)} segments: {kind} met {met} of "
-                f"{len(demands)}; {statistics.median(times[1:] or times):.1f} s, "
-                f"at most {max(times):.1f} s"
+                f"{Path(path).name}, {len(library.segments)} segments: {kind} satisfied "
+                f"{n_satisfied} of {len(constraints)}; median "
+                f"{statistics.median(times[1:] or times):.1f} s, maximum {max(times):.1f} s"
             )
 
 

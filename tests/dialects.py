@@ -1,4 +1,4 @@
-"""Hypothesis strategies for motions, and for the many ways to write them as BVH."""
+"""Hypothesis strategies for motions and for dialects of BVH text."""
 
 from dataclasses import dataclass, field
 
@@ -14,15 +14,15 @@ WHITE = " \t\v\f"
 
 
 def names():
-    """Joint names that BVH can hold: anything on one line without brace or outer blanks."""
-    usual = st.sampled_from(["Hips", "mixamorig:LeftArm", "Bip01 L Thigh", "toe1-1.R", "2", "End"])
+    """Joint names that BVH can represent: one line, no brace, no white space at the ends."""
+    common = st.sampled_from(["Hips", "mixamorig:LeftArm", "Bip01 L Thigh", "toe1-1.R", "2", "End"])
     character = st.characters(exclude_characters="\r\n{", exclude_categories=["Cs"])
-    unusual = st.text(character, min_size=1, max_size=9)
-    return (usual | unusual).filter(lambda name: name and name.strip(WHITE) == name)
+    arbitrary = st.text(character, min_size=1, max_size=9)
+    return (common | arbitrary).filter(lambda name: name and name.strip(WHITE) == name)
 
 
 def coordinates():
-    """Numbers of lengths and angles, usual and unusual."""
+    """Lengths and angles: integers, four decimals, any digits, and large numbers."""
     return st.one_of(
         st.integers(-360, 360).map(float),
         st.floats(-400, 400).map(lambda x: round(x, 4)),
@@ -33,14 +33,14 @@ def coordinates():
 
 @st.composite
 def skeletons(draw, max_joints=6):
-    """Skeletons with any channels, in the order of a file, end sites anywhere."""
+    """Skeletons in depth-first order with any channels and end sites."""
     n_joints = draw(st.integers(1, max_joints))
-    # Of the joints on the way down to the last one, each may be the next one's parent.
-    parents, way = [-1], [0]
+    # The parent of the next joint is the last joint or one of its ancestors.
+    parents, path = [-1], [0]
     for joint in range(1, n_joints):
-        way = way[: draw(st.integers(1, len(way)))]
-        parents.append(way[-1])
-        way.append(joint)
+        path = path[: draw(st.integers(1, len(path)))]
+        parents.append(path[-1])
+        path.append(joint)
     channels = [
         tuple(draw(st.lists(st.sampled_from(CHANNELS), unique=True))) for _ in range(n_joints)
     ]
@@ -68,14 +68,14 @@ def skeletons(draw, max_joints=6):
         tuple(channels),
         tuple(sites),
     )
-    # End sites in the order in which a file has them.
-    ordered, todo = [], [0]
-    while todo:
-        item = todo.pop()
+    # End sites in depth-first order, as in a file.
+    ordered, stack = [], [0]
+    while stack:
+        item = stack.pop()
         if isinstance(item, mg.EndSite):
             ordered.append(item)
         else:
-            todo += reversed(skeleton.children_and_sites[item])
+            stack += reversed(skeleton.children_and_sites[item])
     return mg.Skeleton(
         skeleton.names, skeleton.parents, skeleton.offsets, skeleton.channels, tuple(ordered)
     )
@@ -83,7 +83,7 @@ def skeletons(draw, max_joints=6):
 
 @dataclass(frozen=True)
 class Clip:
-    """What a BVH file says."""
+    """The content of a BVH file."""
 
     skeleton: mg.Skeleton
     frame_time: float
@@ -102,7 +102,7 @@ def clips(draw, max_frames=4):
 
 @dataclass(frozen=True)
 class Dialect:
-    """A way to write BVH; the default is the plain one. Others count as repairs or as layout."""
+    """A way to write BVH. The default is the standard one; others are repairs or layouts."""
 
     line_ends: tuple[str, ...] = ("\n",)
     blank: str = " "
@@ -127,7 +127,7 @@ class Dialect:
 
 
 def layouts():
-    """Dialects that differ from the plain one in white space alone."""
+    """Dialects that differ from the standard one only in white space and number format."""
     return st.builds(
         Dialect,
         line_ends=st.lists(st.sampled_from(["\n", "\r\n", "\r"]), min_size=1, max_size=3).map(
@@ -143,15 +143,15 @@ def layouts():
 
 
 def dialects():
-    """All that a reader should tolerate."""
+    """All dialects that the reader tolerates."""
     cases = st.sampled_from(["as is", "lower", "upper", "title"])
     labels = ["Frames: ", "Frames:", "frames : ", "FRAMES\t:", "Frames "]
     time_labels = ["Frame Time: ", "FrameTime:", "frame time :", "Frames Time: ", "FRAME  TIME: "]
     rows = ["a line each", "wrapped", "a value each", "joined", "one line"]
-    usual = Dialect()
+    standard = Dialect()
 
-    def mostly(name, unusual):
-        return st.just(getattr(usual, name)) | st.sampled_from(unusual)
+    def mostly(name, others):
+        return st.just(getattr(standard, name)) | st.sampled_from(others)
 
     return st.builds(
         Dialect,
@@ -181,12 +181,12 @@ def dialects():
 
 
 @dataclass
-class _Lines:
+class _TextLines:
     dialect: Dialect
     lines: list = field(default_factory=list)
 
     def add(self, depth, *words):
-        """Add a line of words, and perhaps a blank one."""
+        """Add a line of words, and a blank line if the dialect has them."""
         line = self.dialect.indent * depth + self.dialect.blank.join(words)
         self.lines.append(line + self.dialect.trailing)
         if self.dialect.blank_lines and depth % 2 == 0:
@@ -198,10 +198,10 @@ class _Lines:
         return text if self.dialect.final_newline else text.rstrip("\r\n \t")
 
 
-def written(clip, dialect):
-    """Return the bytes of a clip in a dialect, by rules that are independent of the package's."""
+def to_text(clip, dialect):
+    """Return the bytes of a clip in a dialect, independent of the writer of the package."""
     skeleton, values = clip.skeleton, clip.values
-    out = _Lines(dialect)
+    out = _TextLines(dialect)
 
     def keyword(word):
         return {"as is": word, "lower": word.lower(), "upper": word.upper(), "title": word.title()}[
@@ -223,7 +223,7 @@ def written(clip, dialect):
             return f"{value:.40f}" if float(f"{value:.40f}") == value else text
         return text
 
-    def opened(depth, words):
+    def open_brace(depth, words):
         if dialect.brace == "\n":
             out.add(depth, *words)
             out.add(depth, "{")
@@ -236,33 +236,38 @@ def written(clip, dialect):
     if dialect.comment:
         out.add(0, dialect.comment)
     out.add(0, keyword("HIERARCHY"))
-    todo = [(0, 0)]
-    while todo:
-        item, depth = todo.pop()
+    stack = [(0, 0)]
+    while stack:
+        item, depth = stack.pop()
         if item is None:
             out.add(depth, "}")
             continue
-        todo.append((None, depth))
+        stack.append((None, depth))
         if isinstance(item, mg.EndSite):
-            opened(depth, [dialect.site, item.name] if item.name else [dialect.site])
+            open_brace(depth, [dialect.site, item.name] if item.name else [dialect.site])
             offset(depth + 1, item.offset)
             continue
-        opened(depth, [keyword("JOINT" if item else "ROOT"), skeleton.names[item]])
-        own = skeleton.channels[item]
+        open_brace(depth, [keyword("JOINT" if item else "ROOT"), skeleton.names[item]])
+        channels = skeleton.channels[item]
         if not dialect.channels_first:
             offset(depth + 1, skeleton.offsets[item])
-        out.add(depth + 1, keyword("CHANNELS"), dialect.count.format(len(own)), *map(channel, own))
+        out.add(
+            depth + 1,
+            keyword("CHANNELS"),
+            dialect.count.format(len(channels)),
+            *map(channel, channels),
+        )
         if dialect.channels_first:
             offset(depth + 1, skeleton.offsets[item])
-        todo += [(below, depth + 1) for below in reversed(skeleton.children_and_sites[item])]
+        stack += [(child, depth + 1) for child in reversed(skeleton.children_and_sites[item])]
     out.add(0, keyword("MOTION"))
     declared = len(values)
-    # With rows that are no lines, the declared number is what holds them together.
+    # If rows are not lines, the declared number of frames must be correct.
     if dialect.rows == "a line each" and declared + dialect.declared > 0:
         declared += dialect.declared
     out.add(0, dialect.frames + dialect.count.format(declared))
     out.add(0, dialect.frame_time + number(clip.frame_time))
-    for line in laid_out(values, dialect.rows):
+    for line in split_rows(values, dialect.rows):
         out.add(0, *map(number, line))
     text = out.text()
     if dialect.padding:
@@ -270,8 +275,8 @@ def written(clip, dialect):
     return text.encode(dialect.encoding)
 
 
-def laid_out(values, rows):
-    """Return the numbers of each line."""
+def split_rows(values, rows):
+    """Return the numbers of each line of text."""
     if rows == "a line each":
         return list(values)
     if rows == "one line":
@@ -286,7 +291,7 @@ def laid_out(values, rows):
 
 @st.composite
 def motions(draw, max_joints=5, max_frames=5):
-    """Motions of any skeleton, whose channels are not known as numbers."""
+    """Motions of any skeleton without channel values."""
     skeleton = draw(skeletons(max_joints))
     n_frames = draw(st.integers(1, max_frames))
     shape = (n_frames, skeleton.n_joints)

@@ -1,9 +1,9 @@
-"""Read damaged BVH for as long as one likes: ``python -m tests.fuzz_bvh SECONDS [SEED]``.
+"""Read damaged BVH texts for a given time: ``python -m tests.fuzz_bvh SECONDS [SEED]``.
 
-Each text is a small good one in some dialect, changed a few times at random. Reading has to
-end soon, in a motion of finite numbers that can be written and read again, or in a
-`BvhError` with a place; and the same whether the text comes whole or in pieces. A text that
-does otherwise is printed with its seed; such seeds belong into `SEEDS`, which the tests run.
+Each text is a small valid file with one to six random changes. Within 5 seconds, reading must
+return a motion of finite numbers that can be written and read again, or raise a `BvhError` with a
+position. The result must not depend on the chunk size. For other results the text and its seed
+are printed; add such seeds to `SEEDS`, which the tests run.
 """
 
 import io
@@ -17,10 +17,10 @@ import numpy as np
 import mograft as mg
 from mograft.io.bvh import cursor
 
-# Of texts that once failed.
+# Seeds of texts that failed in earlier versions.
 SEEDS = (15934, 73354)
 
-PLAIN = b"""\
+TEXT = b"""\
 HIERARCHY
 ROOT Hips
 {
@@ -56,71 +56,71 @@ TOKENS = [
 ]  # fmt: skip
 
 
-def mutated(seed):
+def mutate(seed):
     """Return a damaged text."""
-    chance = random.Random(seed)
-    text = PLAIN
-    if chance.random() < 0.3:
-        text = text.replace(b"\n", chance.choice([b"\r\n", b"\r", b" \n\n"]))
-    for _ in range(chance.randint(1, 6)):
-        change = chance.randrange(9)
-        start = chance.randint(0, len(text))
-        stop = min(len(text), start + chance.choice([1, 1, 2, 8, 40, 400]))
+    rng = random.Random(seed)
+    text = TEXT
+    if rng.random() < 0.3:
+        text = text.replace(b"\n", rng.choice([b"\r\n", b"\r", b" \n\n"]))
+    for _ in range(rng.randint(1, 6)):
+        change = rng.randrange(9)
+        start = rng.randint(0, len(text))
+        stop = min(len(text), start + rng.choice([1, 1, 2, 8, 40, 400]))
         if change == 0:
             text = text[:start] + text[stop:]
         elif change == 1:
-            text = text[:start] + text[start:stop] * chance.choice([2, 3, 50]) + text[stop:]
+            text = text[:start] + text[start:stop] * rng.choice([2, 3, 50]) + text[stop:]
         elif change == 2:
-            text = text[:start] + chance.randbytes(chance.randint(1, 4)) + text[stop:]
+            text = text[:start] + rng.randbytes(rng.randint(1, 4)) + text[stop:]
         elif change in (3, 4):
             words = text.split(b" ")
-            place = chance.randrange(len(words))
-            words[place] = chance.choice(TOKENS)
+            place = rng.randrange(len(words))
+            words[place] = rng.choice(TOKENS)
             text = b" ".join(words)
         elif change == 5:
             lines = text.split(b"\n")
-            one, other = chance.randrange(len(lines)), chance.randrange(len(lines))
+            one, other = rng.randrange(len(lines)), rng.randrange(len(lines))
             lines[one], lines[other] = lines[other], lines[one]
             text = b"\n".join(lines)
         elif change == 6:
-            text = text[:start] + chance.choice(TOKENS) + text[start:]
+            text = text[:start] + rng.choice(TOKENS) + text[start:]
         elif change == 7:
             text = text[:start]
         else:
-            other = chance.randint(0, len(text))
+            other = rng.randint(0, len(text))
             text = text[:start] + text[other : other + stop - start] + text[start:]
-    if chance.random() < 0.05:
+    if rng.random() < 0.05:
         text = text.decode("latin-1").encode("utf-16")
     return text
 
 
 def outcome(text):
-    """Read a text; return the motion, or what the refusal says."""
+    """Read a text; return the motion or the message of the error."""
     try:
         return mg.read_bvh(io.BytesIO(text))
-    except mg.BvhError as refusal:
-        error = refusal
+    except mg.BvhError as raised:
+        error = raised
     assert f"<stream>:{error.line}:{error.column}: expected " in str(error), error
     return str(error)
 
 
 def check(seed):
-    """Read one damaged text in several ways."""
-    text = mutated(seed)
-    began = time.monotonic()
+    """Read a damaged text whole and in small chunks; return whether it was read."""
+    text = mutate(seed)
+    start = time.monotonic()
     whole = outcome(text)
-    assert time.monotonic() - began < 5.0, "too slow"
+    assert time.monotonic() - start < 5.0, "too slow"
     with patch.multiple(cursor, CHUNK_BYTES=37, MAX_WORD_BYTES=2500):
-        pieces = outcome(text)
+        chunked = outcome(text)
     if isinstance(whole, str):
-        assert isinstance(pieces, str), (whole, pieces)
+        assert isinstance(chunked, str), (whole, chunked)
         return False
-    if isinstance(pieces, str):
-        assert "got a longer one" in pieces, pieces
+    if isinstance(chunked, str):
+        assert "got a longer one" in chunked, chunked
         return True
     assert np.isfinite(whole.channel_values).all()
-    assert whole.repairs == pieces.repairs
-    assert whole.channel_values.tobytes() == pieces.channel_values.tobytes()
+    assert whole.repairs == chunked.repairs
+    assert whole.channel_values.tobytes() == chunked.channel_values.tobytes()
     file = io.BytesIO()
     mg.write_bvh(whole, file)
     file.seek(0)
@@ -136,11 +136,11 @@ def main(seconds, first):
         try:
             accepted += check(seed)
         except BaseException:
-            print(f"seed {seed}: {mutated(seed)!r}", file=sys.stderr)
+            print(f"seed {seed}: {mutate(seed)!r}", file=sys.stderr)
             raise
         seed += 1
     print(
-        f"{seed - first} texts from seed {first}: {accepted} read, the others refused; no other end"
+        f"{seed - first} texts from seed {first}: {accepted} read, the others refused with BvhError"
     )
 
 

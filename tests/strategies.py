@@ -81,11 +81,6 @@ def tile_segments(lengths):
     return Segments(stops - lengths, stops)
 
 
-def select_segments(segments, indices):
-    """The segments of some indices, in their order."""
-    return Segments(segments.start[indices], segments.stop[indices], segments.clip[indices])
-
-
 def star_skeleton(n_joints):
     """A root with limbs of one bone."""
     offsets = np.arange(3.0 * n_joints).reshape(n_joints, 3)
@@ -126,3 +121,17 @@ def same_rotations(actual, desired, atol=1e-12):
     """Assert that rotations are equal; `q` and `-q` are."""
     gaps = np.abs([actual - desired, actual + desired]).max(axis=-1).min(axis=0)
     np.testing.assert_array_less(gaps, atol)
+
+
+def transform_motion(motion, scale=1.0, yaw=0.0, offset=(0.0, 0.0, 0.0)):
+    """Return a motion with y up in another unit, with another heading and root position."""
+    skeleton = motion.skeleton
+    quats, positions = motion.rotations.copy(), motion.positions * scale
+    turn = rotations.exp(np.array([0.0, yaw, 0.0]))
+    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.asarray(offset) * scale
+    sites = [replace(site, offset=np.asarray(site.offset) * scale) for site in skeleton.end_sites]
+    scaled = replace(skeleton, offsets=skeleton.offsets * scale, end_sites=tuple(sites))
+    return replace(
+        motion, skeleton=scaled, rotations=quats, positions=positions, channel_values=None
+    )

@@ -1,4 +1,4 @@
-"""Laws of divided joints: a graft exchanges the channels that its group holds, and no other."""
+"""Joints divided between groups: a graft exchanges only the channels of the grafted group."""
 
 from dataclasses import replace
 
@@ -28,7 +28,6 @@ from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
     same_rotations,
-    select_segments,
     star_clip,
     tile_segments,
     wander,
@@ -38,11 +37,11 @@ AXES = st.sampled_from(["X", "Y", "Z", "ZX", "XY", "ZY"])
 
 
 @given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
-def test_only_the_channels_that_are_held_change(lengths, seed, axes, seam):
+def test_transplant_divided_joint_changes_only_held_channels(lengths, seed, axes, seam):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
-    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    donors = cut[rng.integers(0, len(cut), len(cut))]
     held = {3: axes}
     group = GraftedGroup(np.array([1, 3]), held=held)
     part = transplant(base, cut, donors, [base], group, Config(seam=seam))
@@ -56,7 +55,7 @@ def test_only_the_channels_that_are_held_change(lengths, seed, axes, seam):
     ]
     others = [c for j in (0, 2) for c in base.skeleton.channel_columns[j]] + own
     np.testing.assert_array_equal(new.channel_numbers()[:, others], base.channel_values[:, others])
-    # The numbers are those of the motion.
+    # The channel values agree with the rotations.
     order = base.skeleton.rotation_order(3)
     numbers = new.channel_numbers()[:, list(base.skeleton.channel_columns[3])]
     same_rotations(rotations.from_euler(np.radians(numbers), order), new.rotations[:, 3], 1e-9)
@@ -64,7 +63,7 @@ def test_only_the_channels_that_are_held_change(lengths, seed, axes, seam):
 
 
 @given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
-def test_its_own_channels_keep_every_bit(lengths, seed, axes, seam):
+def test_transplant_own_donors_keep_every_bit(lengths, seed, axes, seam):
     cut = tile_segments(lengths)
     base = star_clip(np.random.default_rng(seed), cut)
     joints = np.array([1, 3])
@@ -76,12 +75,12 @@ def test_its_own_channels_keep_every_bit(lengths, seed, axes, seam):
 
 
 @given(SEGMENT_LENGTHS, SEEDS)
-def test_a_channel_is_joined_as_a_number(lengths, seed):
-    """As translations are, its angle being the number; where it does not pass a half turn."""
+def test_transplant_single_channel_equals_translation_blending(lengths, seed):
+    """Blending the angle as a number equals blending it as a translation, within a half turn."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
-    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    donors = cut[rng.integers(0, len(cut), len(cut))]
     order = base.skeleton.rotation_order(3)
     angle = euler_angles(base, 3)[:, order.index("Y")]
     if np.ptp(angle) > 3.0:
@@ -101,28 +100,28 @@ def test_a_channel_is_joined_as_a_number(lengths, seed):
 
 
 @given(SEEDS, AXES, st.booleans())
-def test_of_samples_only_the_divided_joint_changes(seed, axes, is_single):
+def test_restrict_samples_changes_only_divided_joint(seed, axes, is_single):
     rng = np.random.default_rng(seed)
     cut = tile_segments([3, 4])
     skeleton = star_clip(rng, cut).skeleton
     quats = wander(rng, 9 * 2, skeleton.n_joints).reshape(9, 2, skeleton.n_joints, 4)
     rows = np.concatenate([quats.reshape(9, -1), rng.normal(size=(9, 7))], axis=1)
     whole = Samples(rows.astype(np.float32) if is_single else rows, 2, skeleton.n_joints)
-    alone = restrict_samples(whole, skeleton, {3: axes})
-    np.testing.assert_array_equal(alone.rest, whole.rest)
+    restricted = restrict_samples(whole, skeleton, {3: axes})
+    np.testing.assert_array_equal(restricted.rest, whole.rest)
     others = np.delete(np.arange(skeleton.n_joints), 3)
-    np.testing.assert_array_equal(alone.rotations[:, :, others], whole.rotations[:, :, others])
+    np.testing.assert_array_equal(restricted.rotations[:, :, others], whole.rotations[:, :, others])
     expected = restrict_rotations(
         whole.rotations[:, :, 3].astype(np.float64), skeleton.rotation_order(3), axes
     )
-    np.testing.assert_array_equal(alone.rotations[:, :, 3], expected)
+    np.testing.assert_array_equal(restricted.rotations[:, :, 3], expected)
     (chunk,) = RestrictedSamples(whole, skeleton, {3: axes}).chunks()
-    np.testing.assert_array_equal(chunk.rows, alone.rows)
+    np.testing.assert_array_equal(chunk.rows, restricted.rows)
     assert restrict_samples(whole, skeleton, {}) is whole
 
 
 @given(SEEDS, st.sampled_from(["XYZ", "ZXY", "YZX", "ZYX", "XZY", "YXZ"]))
-def test_what_is_held_alone_and_the_rest_make_the_whole(seed, order):
+def test_restrict_rotations_product_of_axes_is_whole_rotation(seed, order):
     rng = np.random.default_rng(seed)
     wide = rng.uniform(-1, 1, (20, 3)) * [np.pi, 1.5, np.pi]
     quats = rotations.from_euler(wide, order)
@@ -136,7 +135,7 @@ def test_what_is_held_alone_and_the_rest_make_the_whole(seed, order):
     same_rotations(restrict_rotations(-quats, order, order[0]), parts[0], 1e-9)
 
 
-def test_apart_and_told_are_inverse():
+def test_merge_axes_inverts_split_axes():
     base = star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
     held = {2: "ZY", 3: "X"}
     found = merge_axes(split_axes(base, held), held)
@@ -153,16 +152,16 @@ def motion():
     return replace(own, channel_values=own.channel_numbers())
 
 
-def divided(skeleton, axis="Y"):
+def divide_joints(skeleton, axis="Y"):
     names = [n for n in skeleton.names if n not in ("LeftForeArm", "Spine")]
     rest = [f"{n}.{a}rotation" for n in ("LeftForeArm", "Spine") for a in "XYZ" if a != axis]
     roll = [f"{n}.{axis}rotation" for n in ("LeftForeArm", "Spine")]
     return JointGroups({"body": [*names, *rest], "roll": roll}, base="body")
 
 
-@pytest.mark.filterwarnings("ignore:group")  # of an angle that goes all the way round
-def test_a_single_degree_of_freedom_is_grafted(motion):
-    groups = divided(motion.skeleton)
+@pytest.mark.filterwarnings("ignore:group")  # an angle exceeds a full turn
+def test_graft_single_channel_group_changes_only_its_channels(motion):
+    groups = divide_joints(motion.skeleton)
     library = Library.build(motion, groups)
     assert groups.divided_channels(motion.skeleton)["roll"] == {7: "Y", 12: "Y"}
     new = graft(library, seed=1)
@@ -173,17 +172,17 @@ def test_a_single_degree_of_freedom_is_grafted(motion):
         for joint, own in zip(motion.skeleton.names, motion.skeleton.channels, strict=True)
         for channel in own
     ]
-    told_apart = {name for name, moves in zip(names, changed, strict=True) if moves}
-    assert told_apart <= {"LeftForeArm.Yrotation", "Spine.Yrotation"}
-    assert told_apart
+    changed_names = {name for name, moves in zip(names, changed, strict=True) if moves}
+    assert changed_names <= {"LeftForeArm.Yrotation", "Spine.Yrotation"}
+    assert changed_names
     again = JointGroups.from_toml(groups.to_toml())
     assert again.divided_channels(motion.skeleton) == groups.divided_channels(motion.skeleton)
 
 
 @pytest.mark.filterwarnings("ignore:group")
-def test_the_base_is_compared_by_what_it_holds(motion):
-    """What the other group holds may do anything: the base's clusters stay as they are."""
-    library = Library.build(motion, divided(motion.skeleton))
+def test_library_base_clusters_ignore_channels_of_other_groups(motion):
+    """Changing the channels of the other group does not change the clusters of the base."""
+    library = Library.build(motion, divide_joints(motion.skeleton))
     turned = motion.channel_values.copy()
     column = motion.skeleton.channel_columns[7][motion.skeleton.rotation_order(7).index("Y")]
     turned[:, column] += 30.0 * np.sin(np.arange(len(turned)) / 7.0)
@@ -194,7 +193,7 @@ def test_the_base_is_compared_by_what_it_holds(motion):
     )
     other = replace(motion, rotations=quats, channel_values=turned)
     config = Config(inertia="unit")
-    own, twin = (Library.build(m, divided(m.skeleton), config) for m in (motion, other))
+    own, twin = (Library.build(m, divide_joints(m.skeleton), config) for m in (motion, other))
     if np.array_equal(own.segments.start, twin.segments.start):
         np.testing.assert_array_equal(own.labels["body"], twin.labels["body"])
     assert library.embedding["roll"] is not None
@@ -202,7 +201,7 @@ def test_the_base_is_compared_by_what_it_holds(motion):
 
 @settings(max_examples=30)
 @given(SEEDS)
-def test_channels_cover_each_joint_once(seed):
+def test_divided_channels_cover_each_joint_once(seed):
     rng = np.random.default_rng(seed)
     skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], np.zeros((3, 3)))
     owner = {("b", axis): int(rng.integers(2)) for axis in "XYZ"}
@@ -215,7 +214,7 @@ def test_channels_cover_each_joint_once(seed):
     )
     held = groups.divided_channels(skeleton)
     axes = ["".join(sorted(own.get(1, ""))) for own in held.values()]
-    if len(set(owner.values())) == 1:  # all in one group: the joint is whole
+    if len(set(owner.values())) == 1:  # one group holds all channels: the joint is not divided
         assert axes == ["", ""]
     else:
         assert sorted("".join(axes)) == ["X", "Y", "Z"]
@@ -224,7 +223,7 @@ def test_channels_cover_each_joint_once(seed):
 
 
 @pytest.mark.parametrize(
-    ("groups", "told_why"),
+    ("groups", "message"),
     [
         ({"a": ["Hips", "Arm"], "b": ["Arm.Xrotation"]}, "joint Arm.Xrotation must be in one"),
         ({"a": ["Hips", "Arm.Yrotation"], "b": ["Arm.Xrotation"]}, "got none for Arm.Zrotation"),
@@ -233,13 +232,13 @@ def test_channels_cover_each_joint_once(seed):
         ({"a": ["Hips"], "b": ["Leg.Xrotation"]}, "group 'b': no joint is named 'Leg'"),
     ],
 )
-def test_wrong_channels_are_refused_by_name(groups, told_why):
+def test_joint_groups_invalid_channels_raise_value_error(groups, message):
     skeleton = Skeleton(["Hips", "Arm"], [-1, 0], np.zeros((2, 3)))
-    with pytest.raises(ValueError, match=told_why):
+    with pytest.raises(ValueError, match=message):
         JointGroups(groups, base="a").resolve(skeleton)
 
 
-def test_a_joint_of_fewer_channels_cannot_be_divided():
+def test_joint_groups_dividing_joint_of_one_channel_raises_value_error():
     channels = [("Xposition", "Zrotation", "Xrotation", "Yrotation"), ("Xrotation",)]
     skeleton = Skeleton(["Hips", "Knee"], [-1, 0], np.zeros((2, 3)), channels)
     with pytest.raises(ValueError, match=r"Knee must have three rotation channels .*, got Xrot"):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from sklearn.decomposition import PCA
 
-from mograft import Config, Segments, segment
+from mograft import Config, Motion, Segments, segment
 from mograft._util.linalg import GRID
 from mograft.analysis.embedding import (
     Samples,
@@ -29,11 +29,11 @@ from mograft.analysis.principal_components import pca as components_of
 from mograft.motion import rotations
 from tests.hierarchies import DATA
 from tests.oracles import analysis as oracle
-from tests.strategies import SEEDS, motions, quaternions, same_rotations, wander
+from tests.strategies import SEEDS, motions, quaternions, same_rotations, skeletons, wander
 
 ROBUST, PAPER = Config(), Config.paper()
 LONG = motions(min_frames=60, max_frames=150, min_joints=2)
-PLACE = {"root": 0, "up": 1, "heights": [1.7]}
+NORMALISATION = {"root": 0, "up": 1, "heights": [1.7]}
 
 
 def pca(matrix, n_components, floors):
@@ -43,7 +43,7 @@ def pca(matrix, n_components, floors):
 
 def matrix_of(motion, config, joints=None):
     joints = np.arange(motion.n_joints) if joints is None else joints
-    samples = normalise([motion], segment(motion, config), config, **PLACE)
+    samples = normalise([motion], segment(motion, config), config, **NORMALISATION)
     reference = mean_rotations(moments(samples))[joints]
     if not config.keep_heading:
         reference[joints == 0] = rotations.IDENTITY
@@ -57,32 +57,32 @@ def poses(quats):
 
 
 @given(SEEDS, st.integers(1, 300), st.integers(1, 3), st.integers(1, 4), st.booleans())
-def test_kernels_take_rows_as_they_are_kept(seed, n, n_samples, n_joints, is_single):
-    """Whatever the precision and the order of joints: the numbers of the plain version."""
+def test_kernels_any_precision_and_joint_order_equal_numpy(seed, n, n_samples, n_joints, is_single):
+    """`moments` and `features` equal NumPy formulas for any precision and order of joints."""
     rng = np.random.default_rng(seed)
     quats = wander(rng, n * n_samples, n_joints).reshape(n, n_samples, n_joints, 4)
     rest = rng.normal(size=(n, 3 * n_samples + 1))
     rows = np.concatenate([quats.reshape(n, -1), rest], axis=1)
     samples = Samples(rows.astype(np.float32) if is_single else rows, n_samples, n_joints)
-    turned, behind = samples.rotations.astype(np.float64), samples.rest.astype(np.float64)
-    products = turned[..., :, None] * turned[..., None, :]
+    quats, rest = samples.rotations.astype(np.float64), samples.rest.astype(np.float64)
+    products = quats[..., :, None] * quats[..., None, :]
     summed = products.reshape(-1, n_joints, 4, 4).cumsum(axis=0)[-1]
     np.testing.assert_array_equal(moments(samples), summed)
     joints = rng.permutation(n_joints)[: rng.integers(n_joints + 1)]
     reference = wander(rng, 1, len(joints))[0]
-    there = turned[:, :, joints] / np.linalg.norm(turned[:, :, joints], axis=-1, keepdims=True)
-    vectors = rotations.log(rotations.multiply(rotations.inverse(reference), there))
+    unit = quats[:, :, joints] / np.linalg.norm(quats[:, :, joints], axis=-1, keepdims=True)
+    vectors = rotations.log(rotations.multiply(rotations.inverse(reference), unit))
     vectors = vectors.swapaxes(1, 2).reshape(n, -1)
-    for has_root, tail in ((False, behind[:, -1:]), (True, behind)):
+    for has_root, tail in ((False, rest[:, -1:]), (True, rest)):
         matrix = features(samples, joints, reference, has_root=has_root)
         np.testing.assert_allclose(matrix[:, : vectors.shape[1]], vectors, atol=1e-12)
         np.testing.assert_array_equal(matrix[:, vectors.shape[1] :], tail)
 
 
 @given(LONG, st.sampled_from((ROBUST, PAPER)))
-def test_features_are_those_of_the_plain_version(motion, config):
-    cut = segment(motion, config)
-    bounds = np.array([*cut.start, cut.stop[-1]])
+def test_features_equal_oracle(motion, config):
+    segments = segment(motion, config)
+    bounds = np.array([*segments.start, segments.stop[-1]])
     joints = np.arange(motion.n_joints)
     expected = oracle.features(
         motion.rotations,
@@ -98,9 +98,9 @@ def test_features_are_those_of_the_plain_version(motion, config):
     np.testing.assert_allclose(matrix_of(motion, config), expected, atol=1e-9)
 
 
-def test_the_papers_lower_body_has_its_number_of_features():
+def test_features_seven_joints_with_root_have_241_columns():
     rng = np.random.default_rng(0)
-    motion = next_motion(rng, n_joints=7)
+    motion = random_motion(rng, n_joints=7)
     matrix = matrix_of(motion, PAPER)
     assert matrix.shape[1] == 240 + 1
     constant = matrix.std(axis=0) < 1e-9
@@ -109,41 +109,38 @@ def test_the_papers_lower_body_has_its_number_of_features():
     assert without_root.shape[1] == 3 * 6 * 10 + 1
 
 
-def next_motion(rng, n_joints):
-    from mograft import Motion
-    from tests.strategies import skeletons
-
+def random_motion(rng, n_joints):
     skeleton = skeletons(rng, n_joints)
-    places = np.tile(skeleton.offsets, (200, 1, 1))
-    places[:, 0] += np.cumsum(rng.normal(size=(200, 3)), axis=0)
-    return Motion(skeleton, 1 / 30, wander(rng, 200, n_joints), places)
+    positions = np.tile(skeleton.offsets, (200, 1, 1))
+    positions[:, 0] += np.cumsum(rng.normal(size=(200, 3)), axis=0)
+    return Motion(skeleton, 1 / 30, wander(rng, 200, n_joints), positions)
 
 
 @given(LONG, npst.arrays(float, 3, elements=st.floats(-1e3, 1e3)), st.floats(-3, 3))
-def test_place_never_counts_and_heading_counts_for_the_paper_alone(motion, shift, yaw):
+def test_features_ignore_translation_and_by_default_heading(motion, shift, yaw):
     turn = rotations.from_axis_angle([0, 1, 0], yaw)
-    quats, places = motion.rotations.copy(), motion.positions.copy()
-    places[:, 0] += shift
-    moved = replace(motion, positions=places)
+    quats, positions = motion.rotations.copy(), motion.positions.copy()
+    positions[:, 0] += shift
+    moved = replace(motion, positions=positions)
     for config in (ROBUST, PAPER):
         np.testing.assert_allclose(matrix_of(moved, config), matrix_of(motion, config), atol=1e-8)
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    places[:, 0] = rotations.rotate(turn, places[:, 0])
-    turned = replace(motion, rotations=quats, positions=places)
+    positions[:, 0] = rotations.rotate(turn, positions[:, 0])
+    turned = replace(motion, rotations=quats, positions=positions)
     np.testing.assert_allclose(matrix_of(turned, ROBUST), matrix_of(motion, ROBUST), atol=1e-8)
     if abs(yaw) > 0.1:
         assert np.abs(matrix_of(turned, PAPER) - matrix_of(motion, PAPER)).max() > 1e-3
 
 
 @given(LONG, SEEDS)
-def test_signs_of_quaternions_do_not_matter(motion, seed):
+def test_features_ignore_quaternion_signs(motion, seed):
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], motion.rotations.shape[:2])
     flipped = replace(motion, rotations=motion.rotations * signs[..., None])
     np.testing.assert_allclose(matrix_of(flipped, ROBUST), matrix_of(motion, ROBUST), atol=1e-9)
 
 
 @given(SEEDS, quaternions(()))
-def test_the_mean_rotation_is_among_them_and_turns_with_them(seed, turn):
+def test_mean_rotations_commute_with_rotation_and_are_central(seed, turn):
     quats = wander(np.random.default_rng(seed), 30, 2)
     mean = mean_rotations(moments(poses(quats)))
     turned = mean_rotations(moments(poses(rotations.multiply(turn, quats))))
@@ -188,18 +185,18 @@ def test_pca_matches_scikit_learn_in_any_order_of_segments(matrix, seed):
     mean, scale, components, variances = pca(matrix, 3, floors)
     kept = np.isfinite(scale)
     standard = ((matrix - mean) / scale)[:, kept]
-    theirs = PCA(components.shape[1], svd_solver="full").fit(standard)
+    expected = PCA(components.shape[1], svd_solver="full").fit(standard)
     np.testing.assert_allclose(
-        theirs.explained_variance_, variances[: components.shape[1]], atol=1e-8
+        expected.explained_variance_, variances[: components.shape[1]], atol=1e-8
     )
     gaps = -np.diff(variances[: components.shape[1] + 1])
     for column in range(components.shape[1]):
         is_single = (gaps[max(column - 1, 0) : column + 1] > 1e-3).all()
         if is_single:
-            own, other = components[kept, column], theirs.components_[column]
+            ours, theirs = components[kept, column], expected.components_[column]
             # The cosine of vectors that differ by d is 1 - d²/2, that of unrounded ones 1.
-            assert abs(own @ other) == pytest.approx(1.0, abs=GRID * np.sqrt(len(own)))
-            assert np.abs(own - other * np.sign(own @ other)).max() <= GRID / 2 + 1e-9
+            assert abs(ours @ theirs) == pytest.approx(1.0, abs=GRID * np.sqrt(len(ours)))
+            assert np.abs(ours - theirs * np.sign(ours @ theirs)).max() <= GRID / 2 + 1e-9
     order = np.random.default_rng(seed).permutation(len(matrix))
     shuffled = pca(matrix[order], 3, floors)
     np.testing.assert_allclose(shuffled[3], variances, atol=1e-8)
@@ -213,7 +210,7 @@ def test_pca_components_of_negligible_variance_are_dropped():
     assert pca(axes @ np.eye(2, 6) * [1.0, 1e2, 1, 1, 1, 1], 6, np.ones(6))[2].shape == (6, 2)
 
 
-def test_floors_keep_still_features_from_counting_as_much_as_others():
+def test_pca_floors_reduce_weight_of_nearly_constant_features():
     rng = np.random.default_rng(1)
     matrix = rng.normal(size=(50, 2)) * [1.0, 1e-3]
     bare = pca(matrix, 2, np.zeros(2))
@@ -222,11 +219,10 @@ def test_floors_keep_still_features_from_counting_as_much_as_others():
     assert floored[3].sum() < 1.1
 
 
-def test_a_projected_segment_is_where_it_was_embedded():
-    motion = next_motion(np.random.default_rng(3), 4)
-    cut = segment(motion)
-    samples = normalise([motion], cut, ROBUST, **PLACE)
-    own = embed(
+def test_embedding_project_reproduces_points():
+    motion = random_motion(np.random.default_rng(3), 4)
+    samples = normalise([motion], segment(motion), ROBUST, **NORMALISATION)
+    embedding = embed(
         samples,
         np.arange(4),
         means_of(samples, samples.rotations.shape[2]),
@@ -234,17 +230,17 @@ def test_a_projected_segment_is_where_it_was_embedded():
         root=0,
         group="all",
     )
-    matrix = features(samples, own.joints, own.reference, has_root=True)
-    np.testing.assert_allclose(own.project(matrix), own.points, atol=1e-10)
+    matrix = features(samples, embedding.joints, embedding.reference, has_root=True)
+    np.testing.assert_allclose(embedding.project(matrix), embedding.points, atol=1e-10)
 
 
-def test_nothing_to_compare_is_said():
-    motion = next_motion(np.random.default_rng(3), 4)
-    for cut, message in (
+def test_embed_too_few_or_equal_segments_warns_and_returns_none():
+    motion = random_motion(np.random.default_rng(3), 4)
+    for segments, message in (
         (Segments([0, 9], [9, 20]), "group all: 2 segments are too few"),
         (Segments([0, 0, 0], [9, 9, 9]), "group all: all 3 segments are alike"),
     ):
-        samples = normalise([motion], cut, ROBUST, **PLACE)
+        samples = normalise([motion], segments, ROBUST, **NORMALISATION)
         with pytest.warns(UserWarning, match=message):
             assert (
                 embed(
@@ -259,12 +255,12 @@ def test_nothing_to_compare_is_said():
             )
 
 
-def test_poses_a_half_turn_from_the_mean_are_warned_of():
-    motion = next_motion(np.random.default_rng(3), 2)
+def test_embed_rotations_near_half_turn_from_mean_warns():
+    motion = random_motion(np.random.default_rng(3), 2)
     quats = motion.rotations.copy()
     quats[:, 1] = rotations.from_axis_angle([1, 0, 0], np.linspace(-3.14, 3.14, len(quats)))
-    spun = replace(motion, rotations=quats)
-    samples = normalise([spun], segment(spun), ROBUST, **PLACE)
+    rotated = replace(motion, rotations=quats)
+    samples = normalise([rotated], segment(rotated), ROBUST, **NORMALISATION)
     with pytest.warns(UserWarning, match="nearly a half turn from the mean"):
         embed(
             samples,
@@ -276,17 +272,17 @@ def test_poses_a_half_turn_from_the_mean_are_warned_of():
         )
 
 
-def test_what_is_kept_between_passes_changes_nothing(monkeypatch):
+def test_embed_cached_features_do_not_change_result(monkeypatch):
     from mograft.analysis import embedding
 
     monkeypatch.setattr(embedding, "CHUNK", 3)
-    motion = next_motion(np.random.default_rng(3), 4)
-    samples = normalise([motion], segment(motion), ROBUST, **PLACE)
+    motion = random_motion(np.random.default_rng(3), 4)
+    samples = normalise([motion], segment(motion), ROBUST, **NORMALISATION)
     assert len(samples) % 3
-    plain = None
+    expected = None
     for room in (0, 8 * 700, 8 * 1500, 1 << 30):
         monkeypatch.setattr(embedding, "_CACHE_BYTES", room)
-        own = embed(
+        result = embed(
             samples,
             np.arange(4),
             means_of(samples, samples.rotations.shape[2]),
@@ -294,8 +290,8 @@ def test_what_is_kept_between_passes_changes_nothing(monkeypatch):
             root=0,
             group="all",
         )
-        plain = own.points if plain is None else plain
-        np.testing.assert_array_equal(own.points, plain)
+        expected = result.points if expected is None else expected
+        np.testing.assert_array_equal(result.points, expected)
 
 
 EMBEDDINGS = """

@@ -21,7 +21,6 @@ from tests.strategies import (
     SEGMENT_LENGTHS,
     quaternions,
     same_rotations,
-    select_segments,
     tile_segments,
     vectors,
     wander,
@@ -38,7 +37,7 @@ def random_layout(lengths, seed, seam):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     track = wander(rng, int(cut.stop[-1]) + 1, 2)
-    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    donors = cut[rng.integers(0, len(cut), len(cut))]
     timeline = DonorTimeline(cut, donors, RATE)
     positions = np.ascontiguousarray(rotations.log(track))
     seams = timeline.find_seams([track])
@@ -187,8 +186,8 @@ def test_offset_is_smooth_at_every_seam_of_grafts_of_recordings(name):
     motion = recording(name)
     library = Library.build(motion)
     substitutions = graft(library, seed=3).substitutions
-    cut = select_segments(library.segments, np.array([s.segment for s in substitutions]))
-    donors = select_segments(library.segments, np.array([s.donor for s in substitutions]))
+    cut = library.segments[np.array([s.segment for s in substitutions])]
+    donors = library.segments[np.array([s.donor for s in substitutions])]
     timeline = DonorTimeline(cut, donors, library.rate)
     track = np.ascontiguousarray(motion.rotations[:, library.joints("upper")])
     seams = timeline.find_seams([track])

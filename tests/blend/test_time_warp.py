@@ -24,7 +24,6 @@ from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
     same_rotations,
-    select_segments,
     star_clip,
     tile_segments,
 )
@@ -80,7 +79,7 @@ def test_donor_share_is_monotone_and_keeps_ends(lengths, seed):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
-    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    donors = cut[rng.integers(0, len(cut), len(cut))]
     warp = TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
     shares = np.linspace(0.0, 1.0, 201)
     for at in range(len(cut)):
@@ -121,7 +120,7 @@ def test_close_warped_pieces_are_continuous(lengths, seed, seam):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = star_clip(rng, cut)
-    donors = select_segments(cut, rng.integers(0, len(cut), len(cut)))
+    donors = cut[rng.integers(0, len(cut), len(cut))]
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
     timeline = DonorTimeline(
         cut, donors, 30.0, warp=TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
@@ -137,7 +136,7 @@ def test_find_seams_one_warped_neighbour_makes_a_seam():
     """Both donors have the length of their base segments, but one is warped."""
     cut = tile_segments(np.array([20, 20, 20, 20]))
     base = star_clip(np.random.default_rng(8), cut)
-    donors = select_segments(cut, np.array([2, 3, 2, 3]))
+    donors = cut[np.array([2, 3, 2, 3])]
     timeline = DonorTimeline(cut, donors, 30.0)
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
     even = TimeWarp.by_dtw(base, cut, donors, [base], np.zeros(0, np.int64))

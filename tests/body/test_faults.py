@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.body.faults import KINDS
 from mograft.motion import rotations
-from tests.dialects import Dialect, clips, written
+from tests.dialects import Dialect, clips, to_text
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 N_FRAMES = 60
@@ -179,7 +179,7 @@ def test_find_faults_figure_without_height_is_accepted():
 
 @given(clips())
 def test_find_faults_arbitrary_motion_does_not_fail(clip):
-    motion = mg.read_bvh(io.BytesIO(written(clip, Dialect())))
+    motion = mg.read_bvh(io.BytesIO(to_text(clip, Dialect())))
     for fault in mg.find_faults(motion):
         assert fault.kind in KINDS
         assert 0 <= fault.frames[0] <= fault.frames[1] < motion.n_frames

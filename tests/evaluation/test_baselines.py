@@ -1,4 +1,4 @@
-"""Ways to choose donors: each by its rule written plainly, all alike in the rest."""
+"""Methods of donor selection, each against a direct implementation of its rule."""
 
 from dataclasses import replace
 from itertools import groupby
@@ -16,7 +16,6 @@ from mograft import (
     graft_many,
 )
 from mograft.body.contacts import detect_contacts
-from mograft.dancer import dance
 from mograft.evaluation.baselines import (
     Analogy,
     ByCost,
@@ -27,172 +26,205 @@ from mograft.evaluation.baselines import (
     Random,
     RandomLength,
     contact_patterns,
-    contact_words,
-    donors_by,
+    contact_sequences,
+    default_methods,
+    draw_donors,
     grafts_by,
-    methods,
 )
 from mograft.motion import rotations
 from mograft.search.costs import length_fits
 from tests.strategies import wander
 
-WAYS = (
+RANDOM_METHODS = (
     Random(),
     RandomLength(),
     ContactPattern(),
-    ContactPattern(exact=True),
+    ContactPattern(is_exact=True),
     Nearest(),
     Analogy(),
-    ByCost(),
 )
+METHODS = (*RANDOM_METHODS, ByCost())
 
 
 @pytest.fixture(scope="module")
-def library():
-    whole = dance(seed=5, strides=1)
-    built = Library.build([take.motion for take in whole.takes(2)])
-    good = built.is_donor.copy()
-    good[::17] = False  # as if faults had been found
-    return replace(built, is_donor=good)
+def library(library):
+    """Return the library with every 17th segment excluded as donor."""
+    is_donor = library.is_donor.copy()
+    is_donor[::17] = False
+    return replace(library, is_donor=is_donor)
 
 
-@pytest.mark.parametrize("way", WAYS, ids=repr)
-def test_each_may_keep_its_own_part_and_takes_none_with_faults(library, way):
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_candidates_contain_base_segment_and_no_excluded_donor(library, method):
     scenario = np.arange(len(library.segments))[::-3]
-    lists = way.candidates(library, scenario)
-    assert len(lists) == len(scenario)
-    for own, mates in zip(scenario.tolist(), lists, strict=True):
-        assert own in mates
-        assert (np.diff(mates) > 0).all()
-        assert library.is_donor[mates[mates != own]].all()
+    candidates = method.candidates(library, scenario)
+    assert len(candidates) == len(scenario)
+    for segment, donors in zip(scenario.tolist(), candidates, strict=True):
+        assert segment in donors
+        assert (np.diff(donors) > 0).all()
+        assert library.is_donor[donors[donors != segment]].all()
 
 
-def fitting(library, own):
+def has_similar_length(library, segment):
     lengths = library.segments.lengths
-    fits = length_fits(lengths[[own]], lengths, library.rate, library.config) & library.is_donor
-    fits[own] = True
-    return fits
+    return length_fits(lengths[[segment]], lengths, library.rate, library.config)
 
 
-def test_rules_are_those_of_the_plain_versions(library):
+def assert_candidates(library, method, is_allowed):
+    """Assert that the candidates of some segments are the allowed donors and the segment."""
     n = len(library.segments)
-    everyone = np.arange(n)
-    states = contact_patterns(library)
-    words = np.array(contact_words(library))
-    points = library.embedding["lower"].points
+    candidates = method.candidates(library, np.arange(n))
+    for segment in range(0, n, 7):
+        expected = np.array([is_allowed(segment, other) for other in range(n)])
+        expected &= library.is_donor
+        if method != Random():
+            expected &= has_similar_length(library, segment)
+        expected[segment] = True
+        np.testing.assert_array_equal(candidates[segment], np.flatnonzero(expected))
+
+
+@pytest.mark.parametrize("method", [Random(), RandomLength()], ids=repr)
+def test_random_candidates_are_all_donors(library, method):
+    assert_candidates(library, method, lambda *_: True)
+
+
+@pytest.mark.parametrize("method", [Analogy(), ByCost()], ids=repr)
+def test_analogy_candidates_are_in_the_same_cluster(library, method):
     labels = library.labels["lower"]
-    found = {
-        type(w).__name__ + str(getattr(w, "exact", "")): w.candidates(library, everyone)
-        for w in WAYS
-    }
-    for own in range(0, n, 7):
-        fits = fitting(library, own)
-        any_donor = library.is_donor.copy()
-        any_donor[own] = True
-        hamming = [int((states[k] != states[own]).sum()) <= 2 for k in range(n)]
-        want = {
-            "Random": any_donor,
-            "RandomLength": fits,
-            "ContactPatternFalse": fits & hamming,
-            "ContactPatternTrue": fits & (words == words[own]),
-            "Analogy": fits & (labels == labels[own]),
-            "ByCost": fits & (labels == labels[own]),
-        }
-        for name, passes in want.items():
-            passes = np.asarray(passes)
-            passes[own] = True
-            np.testing.assert_array_equal(found[name][own], np.flatnonzero(passes), err_msg=name)
-        nearest = found["Nearest"][own]
-        others = np.flatnonzero(fits & (everyone != own))
-        apart = np.linalg.norm(points - points[own], axis=1)
-        assert len(nearest) == 1 + min(6, len(others))
-        left_out = np.setdiff1d(others, nearest)
-        taken = nearest[nearest != own]
-        if len(left_out) and len(taken):
-            assert apart[taken].max() <= apart[left_out].min()
+    assert_candidates(library, method, lambda a, b: labels[a] == labels[b])
 
 
-def test_contacts_are_those_of_the_feet_at_ten_times(library):
-    states, words = contact_patterns(library), contact_words(library)
-    cut = library.segments
-    touching = [detect_contacts(clip).any(axis=2) for clip in library.clips]
-    for own in range(0, len(cut), 5):
-        rows = touching[cut.clip[own]][cut.start[own] : cut.stop[own] + 1]
-        np.testing.assert_array_equal(states[own][0], rows[0])
-        np.testing.assert_array_equal(states[own][-1], rows[-1])
-        codes = ["".join(map(str, row.astype(int))) for row in rows]
-        runs = [(code, len(list(run))) for code, run in groupby(codes)]
-        lasting = [code for code, length in runs if length > 1]
+def test_contact_pattern_candidates_differ_in_at_most_two_states(library):
+    states = contact_patterns(library)
+    assert_candidates(library, ContactPattern(), lambda a, b: (states[a] != states[b]).sum() <= 2)
+
+
+def test_contact_pattern_exact_candidates_have_equal_sequences(library):
+    sequences = contact_sequences(library)
+    method = ContactPattern(is_exact=True)
+    assert_candidates(library, method, lambda a, b: sequences[a] == sequences[b])
+
+
+def test_nearest_candidates_are_six_nearest_donors(library):
+    points = library.embedding["lower"].points
+    n = len(library.segments)
+    candidates = Nearest().candidates(library, np.arange(n))
+    for segment in range(0, n, 7):
+        is_allowed = has_similar_length(library, segment) & library.is_donor
+        is_allowed[segment] = False
+        others = np.flatnonzero(is_allowed)
+        distances = np.linalg.norm(points - points[segment], axis=1)
+        nearest = candidates[segment][candidates[segment] != segment]
+        assert len(nearest) == min(6, len(others))
+        assert np.isin(nearest, others).all()
+        farther = np.setdiff1d(others, nearest)
+        if len(farther) and len(nearest):
+            assert distances[nearest].max() <= distances[farther].min()
+
+
+def test_contact_patterns_first_and_last_instant_equal_detected_contacts(library):
+    states, cut = contact_patterns(library), library.segments
+    contacts = [detect_contacts(clip).any(axis=2) for clip in library.clips]
+    for segment in range(0, len(cut), 5):
+        touching = contacts[cut.clip[segment]]
+        np.testing.assert_array_equal(states[segment][0], touching[cut.start[segment]])
+        np.testing.assert_array_equal(states[segment][-1], touching[cut.stop[segment]])
+
+
+def test_contact_sequences_omit_states_of_one_frame(library):
+    sequences, cut = contact_sequences(library), library.segments
+    contacts = [detect_contacts(clip).any(axis=2) for clip in library.clips]
+    for segment in range(0, len(cut), 5):
+        rows = contacts[cut.clip[segment]][cut.start[segment] : cut.stop[segment] + 1]
+        states = ["".join(map(str, row.astype(int))) for row in rows]
+        lengths = [(state, len(list(frames))) for state, frames in groupby(states)]
+        lasting = [state for state, length in lengths if length > 1]
         if lasting:
-            assert words[own] == ">".join(code for code, _ in groupby(lasting))
+            assert sequences[segment] == ">".join(state for state, _ in groupby(lasting))
 
 
-@pytest.mark.parametrize("way", WAYS[:-1], ids=repr)
-def test_draws_keep_to_the_rule_and_are_the_same_again(library, way):
-    scenario, draws = donors_by(way, library, library.clips[1].name, 3, seed=9)
-    allowed = way.candidates(library, scenario)
-    again = grafts_by(way, library, library.clips[1].name, 3, seed=9)
-    for chosen, graft in zip(draws, again, strict=True):
-        for mates, donor in zip(allowed, chosen["upper"].tolist(), strict=True):
-            assert donor in mates
-        assert [s.donor for s in graft.substitutions] == chosen["upper"].tolist()
+@pytest.mark.parametrize("method", RANDOM_METHODS, ids=repr)
+def test_draw_donors_equals_donors_of_grafts_and_draws_candidates(library, method):
+    scenario, sequences = draw_donors(method, library, library.clips[1].name, 3, seed=9)
+    candidates = method.candidates(library, scenario)
+    grafts = grafts_by(method, library, library.clips[1].name, 3, seed=9)
+    for sequence, graft in zip(sequences, grafts, strict=True):
+        for allowed, donor in zip(candidates, sequence["upper"].tolist(), strict=True):
+            assert donor in allowed
+        assert [s.donor for s in graft.substitutions] == sequence["upper"].tolist()
 
 
-def test_a_draw_is_uniform_and_seams_are_kept_within_the_limit(library):
-    way = RandomLength()
-    tight = replace(library, config=replace(library.config, max_angle=np.radians(15)))
-    scenario, draws = donors_by(way, tight, None, 40, seed=1)
-    allowed = way.candidates(tight, scenario)
-    pool = tight.pool("upper")
-    firsts = np.array([chosen["upper"][0] for chosen in draws])
-    assert len(np.unique(firsts)) > min(len(allowed[0]), 40) / 4
-    for chosen in draws[:10]:
-        donors = chosen["upper"]
-        for at, gap in enumerate(pool.seam_angles_along(donors).tolist()):
-            if gap > np.radians(15):  # then none would have been nearer
-                gaps = pool.seam_angles(donors[at : at + 1], allowed[at + 1])
-                assert gap == pytest.approx(gaps.min())
+def test_draw_donors_seam_limit_is_exceeded_only_by_nearest_candidate(library):
+    method, max_angle = RandomLength(), np.radians(15)
+    limited = replace(library, config=replace(library.config, max_angle=max_angle))
+    scenario, sequences = draw_donors(method, limited, None, 40, seed=1)
+    candidates = method.candidates(limited, scenario)
+    pool = limited.pool("upper")
+    first_donors = np.array([sequence["upper"][0] for sequence in sequences])
+    assert len(np.unique(first_donors)) > min(len(candidates[0]), 40) / 4
+    for sequence in sequences[:10]:
+        donors = sequence["upper"]
+        for position, angle in enumerate(pool.seam_angles_along(donors).tolist()):
+            if angle > max_angle:
+                previous = donors[position : position + 1]
+                angles = pool.seam_angles(previous, candidates[position + 1])
+                assert angle == pytest.approx(angles.min())
 
 
-def test_by_cost_is_what_grafting_does(library):
-    ours = grafts_by(ByCost(), library, None, 2, seed=3)
-    theirs = graft_many(library, None, 2, seed=3)
-    for one, two in zip(ours, theirs, strict=True):
+def test_grafts_by_cost_equal_graft_many(library):
+    found = grafts_by(ByCost(), library, None, 2, seed=3)
+    expected = graft_many(library, None, 2, seed=3)
+    for one, two in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.motion.rotations, two.motion.rotations)
 
 
-def test_the_recording_once_more_is_the_recording(library):
-    same = grafts_by(Captured(), library, None, 1, seed=0)[0]
-    np.testing.assert_array_equal(same.motion.rotations, same.base.rotations)
-    np.testing.assert_array_equal(same.motion.positions, same.base.positions)
+def test_grafts_by_captured_equals_recording(library):
+    graft = grafts_by(Captured(), library, None, 1, seed=0)[0]
+    np.testing.assert_array_equal(graft.motion.rotations, graft.base.rotations)
+    np.testing.assert_array_equal(graft.motion.positions, graft.base.positions)
+
+
+def test_candidates_of_base_class_raises_not_implemented_error(library):
     with pytest.raises(NotImplementedError):
         Method().candidates(library, np.array([0]))
 
 
-def test_without_legs_there_are_no_contact_patterns():
+@pytest.fixture
+def pole():
     skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
     quats = wander(np.random.default_rng(0), 90, 3)
-    motion = Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (90, 1, 1)))
-    groups = JointGroups({"lower": ["a"], "upper": ["b", "c"]})
-    library = Library.build(motion, groups, Config())
-    assert ContactPattern() not in methods(library)
+    return Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (90, 1, 1)))
+
+
+POLE_GROUPS = JointGroups({"lower": ["a"], "upper": ["b", "c"]})
+
+
+def test_default_methods_without_legs_omits_contact_pattern(pole):
+    library = Library.build(pole, POLE_GROUPS, Config())
+    assert ContactPattern() not in default_methods(library)
     with pytest.raises(InsufficientDataError, match="legs"):
         ContactPattern().candidates(library, np.array([0]))
-    still = replace(motion, rotations=np.tile(rotations.IDENTITY, (90, 3, 1)))
+
+
+def test_default_methods_equal_base_parts_omits_nearest(pole):
+    still = replace(pole, rotations=np.tile(rotations.IDENTITY, (90, 3, 1)))
     with pytest.warns(UserWarning, match="to compare"):
-        frozen = Library.build(still, groups, Config())
-    assert Nearest() not in methods(frozen)
+        library = Library.build(still, POLE_GROUPS, Config())
+    assert Nearest() not in default_methods(library)
     with pytest.raises(InsufficientDataError, match="differ"):
-        Nearest().candidates(frozen, np.array([0]))
+        Nearest().candidates(library, np.array([0]))
 
 
-def test_ways_may_differ_in_how_motions_are_made(library):
-    plain, other = (
-        grafts_by(ByCost(changes=changes), library, None, 1, seed=2)[0]
-        for changes in ((), (("seam", "displacement"),))
+def test_grafts_by_config_changes_changes_motion_only(library):
+    changed_method = ByCost(config_changes=(("seam", "displacement"),))
+    default, changed = (
+        grafts_by(method, library, None, 1, seed=2)[0] for method in (ByCost(), changed_method)
     )
-    assert [s.donor for s in plain.substitutions] == [s.donor for s in other.substitutions]
-    assert (plain.motion.rotations != other.motion.rotations).any()
-    assert other.library.config.seam == "displacement"
-    with pytest.raises(ValueError, match="samples must be"):
-        grafts_by(ByCost(changes=(("samples", 5),)), library)
+    assert [s.donor for s in default.substitutions] == [s.donor for s in changed.substitutions]
+    assert (default.motion.rotations != changed.motion.rotations).any()
+    assert changed.library.config.seam == "displacement"
+
+
+def test_grafts_by_config_change_of_embedding_raises_value_error(library):
+    with pytest.raises(ValueError, match="samples"):
+        grafts_by(ByCost(config_changes=(("samples", 5),)), library)

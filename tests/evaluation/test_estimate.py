@@ -1,4 +1,4 @@
-"""Intervals: against SciPy, by their coverage, and by what they must not pretend."""
+"""Estimates and intervals: Wilson, block bootstrap, Rogan-Gladen correction."""
 
 import math
 
@@ -6,97 +6,118 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binomtest
 
 from mograft import Segments
 from mograft.evaluation import estimate
-from mograft.evaluation.estimate import Estimate, blocks, bootstrap, mean, rogan_gladen, share
+from mograft.evaluation.estimate import (
+    Estimate,
+    block_bootstrap,
+    block_mean,
+    proportion,
+    rogan_gladen,
+    segment_blocks,
+)
 from tests.strategies import SEEDS
 
-RATES = st.floats(0.55, 1.0)
+ACCURACIES = st.floats(0.55, 1.0)
 
 
 @given(st.integers(1, 300), st.data())
-def test_shares_have_wilsons_interval(n, data):
+def test_proportion_interval_equals_wilson_formula(n, data):
     hits = data.draw(st.integers(0, n))
-    own = share(hits, n, "x")
-    want = binomtest(hits, n).proportion_ci(method="wilson")
-    assert own.low == pytest.approx(want.low, abs=1e-12)
-    assert own.high == pytest.approx(want.high, abs=1e-12)
-    assert own.low <= own.value <= own.high
-    assert own.n == n
+    found = proportion(hits, n, "x")
+    p, z = hits / n, 1.959963984540054
+    center = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half_width = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    assert found.low == pytest.approx(center - half_width, abs=1e-12)
+    assert found.high == pytest.approx(center + half_width, abs=1e-12)
+    assert found.low <= found.value <= found.high
+    assert found.n == n
 
 
-@given(st.floats(0, 1), RATES, RATES)
-def test_the_correction_undoes_a_classifiers_errors(truth, sensitivity, specificity):
-    seen = truth * sensitivity + (1 - truth) * (1 - specificity)
-    assert rogan_gladen(seen, sensitivity, specificity) == pytest.approx(truth, abs=1e-9)
+def test_proportion_no_trials_has_no_value():
+    found = proportion(0, 0, "labels")
+    assert math.isnan(found.value)
+    assert (found.n, found.unit) == (0, "labels")
 
 
-def test_no_correction_by_a_classifier_that_knows_nothing():
-    assert math.isnan(rogan_gladen(0.7, 0.5, 0.5))
-    assert math.isnan(rogan_gladen(0.7, 0.3, 0.4))
+@given(st.floats(0, 1), ACCURACIES, ACCURACIES)
+def test_rogan_gladen_expected_share_returns_true_share(truth, sensitivity, specificity):
+    positive = truth * sensitivity + (1 - truth) * (1 - specificity)
+    assert rogan_gladen(positive, sensitivity, specificity) == pytest.approx(truth, abs=1e-9)
+
+
+@pytest.mark.parametrize("rates", [(0.5, 0.5), (0.3, 0.4)])
+def test_rogan_gladen_classifier_without_gain_returns_nan(rates):
+    assert math.isnan(rogan_gladen(0.7, *rates))
 
 
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=14), st.integers(1, 20))
-def test_blocks_are_neighbours_of_one_clip(counts, size):
+def test_segment_blocks_are_neighbours_of_one_clip(counts, size):
     clip = np.repeat(np.arange(len(counts)), counts)
     start = np.arange(len(clip))
-    own = blocks(Segments(start, start + 1, clip), size)
-    assert sorted(set(own.tolist())) == list(range(own.max() + 1))
-    for block in range(own.max() + 1):
-        members = np.flatnonzero(own == block)
+    blocks = segment_blocks(Segments(start, start + 1, clip), size)
+    assert sorted(set(blocks.tolist())) == list(range(blocks.max() + 1))
+    for block in range(blocks.max() + 1):
+        members = np.flatnonzero(blocks == block)
         assert len(set(clip[members].tolist())) == 1
         assert (np.diff(members) == 1).all()
-        if len(counts) < estimate.CLIPS:
+        if len(counts) < estimate.MIN_CLIPS_AS_BLOCKS:
             assert len(members) <= size
-    if len(counts) >= estimate.CLIPS:
-        assert own.tolist() == clip.tolist()
+    if len(counts) >= estimate.MIN_CLIPS_AS_BLOCKS:
+        assert blocks.tolist() == clip.tolist()
 
 
 @given(SEEDS)
-def test_a_mean_is_the_mean_and_its_interval_holds_it(seed):
+def test_block_mean_with_nan_ignores_nan_and_is_reproducible(seed):
     rng = np.random.default_rng(seed)
     values = rng.normal(size=80)
     values[::9] = np.nan
-    own = mean(values, np.arange(80) // 4, "x", seed)
-    assert own.value == pytest.approx(np.nanmean(values))
-    assert own.n == int(np.isfinite(values).sum())
-    assert own.low <= own.value <= own.high
-    assert own == mean(values, np.arange(80) // 4, "x", seed)
+    found = block_mean(values, np.arange(80) // 4, "x", seed)
+    assert found.value == pytest.approx(np.nanmean(values))
+    assert found.n == int(np.isfinite(values).sum())
+    assert found.low <= found.value <= found.high
+    assert found == block_mean(values, np.arange(80) // 4, "x", seed)
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say():
+def test_block_mean_correlated_values_covers_truth_in_95_percent():
     rng = np.random.default_rng(0)
-    held = 0
+    n_covered = 0
     for trial in range(200):
-        hidden = rng.normal(size=40)  # what a block's five values share
-        values = np.repeat(hidden, 5) + 0.3 * rng.normal(size=200)
-        own = mean(values, np.arange(200) // 5, "x", trial)
-        held += own.low <= 0 <= own.high
+        common = rng.normal(size=40)  # one for the five values of each block
+        values = np.repeat(common, 5) + 0.3 * rng.normal(size=200)
+        found = block_mean(values, np.arange(200) // 5, "x", trial)
+        n_covered += found.low <= 0 <= found.high
         if trial % 20:
             continue
-        alone = mean(values, np.arange(200), "x", trial)
-        # Taken one by one, what hangs together looks surer than it is.
-        assert alone.high - alone.low < 0.7 * (own.high - own.low)
-    assert 0.88 <= held / 200 <= 1.0  # seven standard errors about 0.95, less the bootstrap's bias
+        independent = block_mean(values, np.arange(200), "x", trial)
+        # Without blocks the interval is too narrow.
+        assert independent.high - independent.low < 0.7 * (found.high - found.low)
+    # Seven standard errors below 0.95 for the bias of the bootstrap.
+    assert 0.88 <= n_covered / 200 <= 1.0
 
 
-def test_few_blocks_have_no_interval():
-    own = mean(np.arange(40.0), np.arange(40) // 10, "x")
-    assert own.value == 19.5
-    assert math.isnan(own.low)
-    assert own.as_dict()["interval"] is None
-    assert "no interval" in own.text()
-    nothing = mean([np.nan, np.nan], [0, 1], "x")
-    assert nothing.n == 0
-    assert nothing.as_dict()["value"] is None
-    assert nothing.text() == "none"
-    low, _ = bootstrap(lambda drawn: np.full(len(drawn), np.nan), 30)
+def test_block_mean_four_blocks_has_no_interval():
+    found = block_mean(np.arange(40.0), np.arange(40) // 10, "x")
+    assert found.value == 19.5
+    assert math.isnan(found.low)
+    assert found.as_dict()["interval"] is None
+    assert "no interval" in found.text()
+
+
+def test_block_mean_only_nan_has_no_value():
+    found = block_mean([np.nan, np.nan], [0, 1], "x")
+    assert found.n == 0
+    assert found.as_dict()["value"] is None
+    assert found.text() == "none"
+
+
+def test_block_bootstrap_nan_statistic_returns_nan():
+    low, _ = block_bootstrap(lambda counts: np.full(len(counts), np.nan), 30)
     assert np.isnan(low).all()
 
 
-def test_numbers_in_words():
-    own = Estimate(0.5, 0.25, 0.75, 8, "x", "y")
-    assert own.text(0, 100, " %") == "50 % (25 to 75)"
-    assert str(own) == "0.500 (0.250 to 0.750)"
+def test_estimate_text_scales_and_rounds():
+    found = Estimate(value=0.5, low=0.25, high=0.75, n=8, unit="x", interval_method="y")
+    assert found.text(0, 100, " %") == "50 % (25 to 75)"
+    assert str(found) == "0.500 (0.250 to 0.750)"

@@ -1,4 +1,4 @@
-"""USD: what its own library reads back is the motion, and its validator finds nothing."""
+"""USD files, read back by the USD library, its validators and Blender."""
 
 import sys
 from dataclasses import replace
@@ -11,30 +11,24 @@ from hypothesis import strategies as st
 from mograft import EndSite, Motion, Skeleton, write_bvh, write_usd
 from mograft.body.mass import mass_model
 from mograft.cli import main
-from mograft.dancer import dance
 from mograft.io.usd import SUFFIXES
 from mograft.motion import rotations
-from tests import strategies as own
+from tests import strategies
 from tests.clients import blender
-from tests.io.test_formats import same_up_to_a_turn
+from tests.io.glb_file import assert_equal_up_to_rotation
 from tests.strategies import HOSTILE_NAMES
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402
 
 
-@pytest.fixture(scope="module")
-def motion():
-    return dance(seed=1, strides=1).motion[:60]
-
-
 def matrices(query, frame):
     """World matrices of the joints, as columns."""
-    found = query.ComputeJointSkelTransforms(frame)
-    return np.array([np.array(matrix).T for matrix in found])
+    transforms = query.ComputeJointSkelTransforms(frame)
+    return np.array([np.array(matrix).T for matrix in transforms])
 
 
-def figure(path):
+def open_figure(path):
     stage = Usd.Stage.Open(str(path))
     cache = UsdSkel.Cache()
     root = UsdSkel.Root(stage.GetDefaultPrim())
@@ -47,36 +41,38 @@ def figure(path):
     return stage, query, skin
 
 
-def check_skin(query, skin, frame, want):
-    """Assert that bones begin where joints are, as USD moves the skin."""
+def check_skin(query, skin, frame, expected):
+    """Assert that the skinned bones start at the joints."""
     points = UsdGeom.Mesh(skin.GetPrim()).GetPointsAttr().Get()
     assert skin.ComputeSkinnedPoints(query.ComputeSkinningTransforms(frame), points)
     joints = np.array(skin.GetJointIndicesPrimvar().Get())
-    far = 1e-5 * max(np.abs(want).max(), 1.0)
-    # The first corner of every bone is its joint.
-    np.testing.assert_allclose(np.array(points)[::24], want[joints[::24]], atol=far)
+    tolerance = 1e-5 * max(np.abs(expected).max(), 1.0)
+    # The first corner of a bone is at its joint.
+    np.testing.assert_allclose(np.array(points)[::24], expected[joints[::24]], atol=tolerance)
 
 
 @settings(max_examples=40)
-@given(own.motions(max_frames=10), st.sampled_from([0.01, 1.0]), st.sampled_from(SUFFIXES))
-def test_joints_are_where_forward_kinematics_puts_them(tmp_path_factory, motion, scale, ending):
+@given(strategies.motions(max_frames=10), st.sampled_from([0.01, 1.0]), st.sampled_from(SUFFIXES))
+def test_write_usd_joint_positions_equal_forward_kinematics(
+    tmp_path_factory, motion, scale, ending
+):
     path = tmp_path_factory.mktemp("usd") / f"m{ending}"
     assert write_usd(motion, path, scale=scale) == scale
-    stage, query, skin = figure(path)  # They live as long as the stage does.
-    want = scale * motion.world_positions()
-    got = np.empty_like(want)
+    stage, query, skin = open_figure(path)  # They are valid as long as the stage exists.
+    expected = scale * motion.world_positions()
+    actual = np.empty_like(expected)
     for frame in range(motion.n_frames):
         world = matrices(query, frame)
-        got[frame] = world[:, :3, 3]
-        check_skin(query, skin, frame, got[frame])
-    same_up_to_a_turn(got, want, 1e-5 * max(np.abs(want).max(), 1.0))
+        actual[frame] = world[:, :3, 3]
+        check_skin(query, skin, frame, actual[frame])
+    assert_equal_up_to_rotation(actual, expected, 1e-5 * max(np.abs(expected).max(), 1.0))
     assert stage.GetEndTimeCode() == motion.n_frames - 1
     np.testing.assert_allclose(stage.GetTimeCodesPerSecond(), motion.rate)
 
 
-def test_units_axes_names_and_colours_are_told(motion, tmp_path):
+def test_write_usd_stores_units_axes_names_and_colours(motion, tmp_path):
     assert write_usd(motion, tmp_path / "m.usda") == 0.01
-    stage, query, skin = figure(tmp_path / "m.usda")
+    stage, query, skin = open_figure(tmp_path / "m.usda")
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     assert UsdGeom.GetStageUpAxis(stage) == "Y"
     assert stage.GetRootLayer().customLayerData["mograft"] == {
@@ -97,27 +93,27 @@ def test_units_axes_names_and_colours_are_told(motion, tmp_path):
 
 
 @pytest.mark.parametrize("axis", [[np.pi / 2, 0, 0], [0, 0, np.pi / 2], [np.pi, 0, 0]])
-def test_whatever_is_up_becomes_y(motion, tmp_path, axis):
-    whole = rotations.exp(np.array(axis, float))
-    quats, places = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(whole, quats[:, 0].shape), quats[:, 0])
-    places[:, 0] = rotations.rotate(whole, places[:, 0])
-    write_usd(replace(motion, rotations=quats, positions=places), tmp_path / "m.usdc")
-    stage, query, skin = figure(tmp_path / "m.usdc")
+def test_write_usd_any_up_axis_becomes_y(motion, tmp_path, axis):
+    tilt = rotations.exp(np.array(axis, float))
+    quats, positions = motion.rotations.copy(), motion.positions.copy()
+    quats[:, 0] = rotations.multiply(np.broadcast_to(tilt, quats[:, 0].shape), quats[:, 0])
+    positions[:, 0] = rotations.rotate(tilt, positions[:, 0])
+    write_usd(replace(motion, rotations=quats, positions=positions), tmp_path / "m.usdc")
+    stage, query, skin = open_figure(tmp_path / "m.usdc")
     check_skin(query, skin, 30, matrices(query, 30)[:, :3, 3])
     points = UsdGeom.Mesh(skin.GetPrim()).GetPointsAttr().Get()
     assert skin.ComputeSkinnedPoints(query.ComputeSkinningTransforms(30), points)
-    # The fourth corner of a bone is its end, which is where the next joint is.
+    # The fourth corner of a bone is its end, at the next joint.
     ends = np.array(points)[3::24][: motion.n_joints - 1]
     np.testing.assert_allclose(ends, matrices(query, 30)[1:, :3, 3], atol=1e-5)
-    got = matrices(query, 30)[:, :3, 3]
-    want = 0.01 * motion.world_positions()[30]
+    actual = matrices(query, 30)[:, :3, 3]
+    expected = 0.01 * motion.world_positions()[30]
     assert UsdGeom.GetStageUpAxis(stage) == "Y"
-    np.testing.assert_allclose(got[:, 1], want[:, 1], atol=1e-4)
-    same_up_to_a_turn(got, want, 1e-4)
+    np.testing.assert_allclose(actual[:, 1], expected[:, 1], atol=1e-4)
+    assert_equal_up_to_rotation(actual, expected, 1e-4)
 
 
-def test_the_validators_of_usd_find_nothing(motion, tmp_path):
+def test_write_usd_passes_usd_validators(motion, tmp_path):
     lone = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     motions = {
         "dance": motion,
@@ -136,29 +132,29 @@ def test_the_validators_of_usd_find_nothing(motion, tmp_path):
 
 
 @pytest.mark.parametrize("name", [*HOSTILE_NAMES, "Hips/Spine", "1st", "Hüfte", "엉덩이"])
-def test_names_that_usd_has_no_signs_for_stay_readable(motion, tmp_path, name):
+def test_write_usd_any_name_is_kept_as_joint_name(motion, tmp_path, name):
     names = (name,) * motion.n_joints
-    evil = replace(motion[:3], skeleton=replace(motion.skeleton, names=names), name=name)
+    renamed = replace(motion[:3], skeleton=replace(motion.skeleton, names=names), name=name)
     for ending in (".usda", ".usdc"):
-        write_usd(evil, tmp_path / f"m{ending}")
-        stage, query, _ = figure(tmp_path / f"m{ending}")
-        plain = name.encode("utf-8", "replace").decode().replace("\0", "")
-        told = list(query.GetSkeleton().GetJointNamesAttr().Get())
-        assert set(told) == {plain}
-        assert stage.GetDefaultPrim().GetDisplayName() == (plain or "motion")
+        write_usd(renamed, tmp_path / f"m{ending}")
+        stage, query, _ = open_figure(tmp_path / f"m{ending}")
+        encoded = name.encode("utf-8", "replace").decode().replace("\0", "")
+        joint_names = list(query.GetSkeleton().GetJointNamesAttr().Get())
+        assert set(joint_names) == {encoded}
+        assert stage.GetDefaultPrim().GetDisplayName() == (encoded or "motion")
         assert len(set(map(str, query.GetJointOrder()))) == motion.n_joints
 
 
 @pytest.mark.parametrize("ending", SUFFIXES)
-def test_the_same_motion_gives_the_same_bytes(motion, tmp_path, ending):
-    made = []
+def test_write_usd_is_deterministic(motion, tmp_path, ending):
+    contents = []
     for name in ("a", "b"):
         write_usd(motion, tmp_path / f"{name}{ending}")
-        made.append((tmp_path / f"{name}{ending}").read_bytes())
-    assert made[0] == made[1]
+        contents.append((tmp_path / f"{name}{ending}").read_bytes())
+    assert contents[0] == contents[1]
 
 
-def test_what_cannot_be_written_is_refused(motion, tmp_path):
+def test_write_usd_invalid_argument_raises_error(motion, tmp_path):
     with pytest.raises(ValueError, match=r"path must end in \.usd, \.usda, \.usdc, got m\.usdz"):
         write_usd(motion, tmp_path / "m.usdz")
     with pytest.raises(ValueError, match="scale must be above 0"):
@@ -171,30 +167,28 @@ def test_what_cannot_be_written_is_refused(motion, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_export_writes_usd_and_names_the_extra_where_it_is_absent(
-    motion, tmp_path, capsys, monkeypatch
-):
+def test_export_command_usd_without_usd_core_names_the_extra(motion, tmp_path, capsys, monkeypatch):
     write_bvh(motion, tmp_path / "a.bvh")
-    words = ["export", str(tmp_path / "a.bvh"), "-o"]
-    assert main([*words, str(tmp_path / "x.usda"), "--scale", "0.02", "--rate", "15"]) == 0
+    command = ["export", str(tmp_path / "a.bvh"), "-o"]
+    assert main([*command, str(tmp_path / "x.usda"), "--scale", "0.02", "--rate", "15"]) == 0
     assert "metres, y up" in capsys.readouterr().err
-    stage, _, _ = figure(tmp_path / "x.usda")
+    stage, _, _ = open_figure(tmp_path / "x.usda")
     assert stage.GetTimeCodesPerSecond() == pytest.approx(15, rel=0.02)
     monkeypatch.setitem(sys.modules, "pxr", None)
-    assert main([*words, str(tmp_path / "y.usd")]) == 1
+    assert main([*command, str(tmp_path / "y.usd")]) == 1
     assert "pip install 'mograft[usd]'" in capsys.readouterr().err
     assert not (tmp_path / "y.usd").exists()
 
 
 @pytest.mark.client
-def test_blender_sees_joints_where_we_do(motion, tmp_path):
+def test_write_usd_blender_joint_positions_agree(motion, tmp_path):
     run = blender()
     scale = write_usd(motion, tmp_path / "m.usdc")
     frames = [0, 1, 29, motion.n_frames - 1]
-    told = run(tmp_path / "m.usdc", frames, motion.rate)
+    report = run(tmp_path / "m.usdc", frames, motion.rate)
     world = scale * motion.world_positions()[frames]
     names = motion.skeleton.names
-    got = np.array([[heads[name] for name in names] for heads in told["heads"]])
-    # Blender has z up.
-    want = np.stack([world[..., 0], -world[..., 2], world[..., 1]], axis=-1)
-    assert np.abs(got - want).max() < 1e-4 * scale * mass_model(motion.skeleton).height
+    actual = np.array([[heads[name] for name in names] for heads in report["heads"]])
+    # In Blender, z is up.
+    expected = np.stack([world[..., 0], -world[..., 2], world[..., 1]], axis=-1)
+    assert np.abs(actual - expected).max() < 1e-4 * scale * mass_model(motion.skeleton).height

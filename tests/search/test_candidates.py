@@ -23,7 +23,7 @@ ROBUST, PAPER = Config(), Config.paper()
 CHOICES = ("viterbi", "best", "sample", "nearest", "random")
 
 
-def listed(pool, segment, config):
+def list_segment(pool, segment, config):
     return list_candidates(pool, segment, cost_model(config, pool))
 
 
@@ -60,7 +60,7 @@ def test_candidate_lists_excluded_donor_is_listed_for_itself_only(make_pool, see
     lists = pool.candidate_lists(np.arange(len(pool.segments)), ROBUST)
     for base, found in enumerate(lists):
         assert (4 in found) == (base == 4)
-    (refused,) = (c for c in listed(pool, 3, ROBUST).refused if c.segment == 4)
+    (refused,) = (c for c in list_segment(pool, 3, ROBUST).refused if c.segment == 4)
     assert refused.refused.startswith("excluded donor: a recording fault overlaps it")
 
 
@@ -117,7 +117,7 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
     config = Config(max_angle=0.3)
     lists = pool.candidate_lists(np.arange(len(pool.segments)), config)
     for segment, fitting in enumerate(lists):
-        found = listed(pool, segment, config)
+        found = list_segment(pool, segment, config)
         assert found.allowed[0].segment == segment
         assert {c.segment for c in found.allowed} <= set(fitting.tolist())
         for candidate in found.refused:
@@ -141,7 +141,7 @@ def test_listed_cost_is_that_of_the_trellis_beside_the_base_neighbours(
     trellis = DonorTrellis.build(pool, scenario, lists, model)
     beside = trellis.costs.costs_beside(trellis.path(scenario))
     for segment in scenario.tolist():
-        found = listed(pool, segment, config)
+        found = list_segment(pool, segment, config)
         costs = {c.segment: c.cost for c in (*found.allowed, *found.refused)}
         for member, cost in zip(trellis.candidates[segment], beside[segment], strict=True):
             assert costs[member] == pytest.approx(cost, rel=1e-12, abs=1e-12)
@@ -207,6 +207,6 @@ def test_listed_candidates_with_a_seam_constraint_are_refused_by_its_limit(libra
 
 def test_list_candidates_lone_segment_lists_itself(make_pool):
     pool = make_pool(0, n=1)
-    assert len(listed(pool, 0, ROBUST)) == 1
+    assert len(list_segment(pool, 0, ROBUST)) == 1
     with pytest.raises(IndexError):
-        listed(pool, 1, ROBUST)
+        list_segment(pool, 1, ROBUST)

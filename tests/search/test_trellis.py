@@ -70,7 +70,7 @@ def test_trellis_of_a_tenth_of_the_amplitude_has_the_same_seam_costs(make_pool, 
     pool = make_pool(seed)
     angles, speeds = rng.uniform(-0.1, 0.1, (13, 3)), rng.uniform(-0.5, 0.5, (13, 3, 1))
 
-    def scaled(factor):
+    def scale_poses(factor):
         quats = np.stack([np.sin(factor * angles / 2), np.cos(factor * angles / 2)], axis=-1)
         quats = np.concatenate([np.zeros((13, 3, 2)), quats], axis=-1)
         velocities = factor * speeds * [0.0, 0.0, 1.0]
@@ -83,7 +83,7 @@ def test_trellis_of_a_tenth_of_the_amplitude_has_the_same_seam_costs(make_pool, 
         )
         return replace(pool, boundary=boundary)
 
-    trellises = [build(scaled(factor), ROBUST) for factor in (1.0, 0.1)]
+    trellises = [build(scale_poses(factor), ROBUST) for factor in (1.0, 0.1)]
     for large, small in zip(*(trellis.costs.pairwise for trellis in trellises), strict=True):
         np.testing.assert_allclose(large, small, rtol=1e-6, atol=1e-9)
 

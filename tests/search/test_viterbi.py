@@ -1,4 +1,4 @@
-"""Laws of the searches: each against all rows of choices, written out."""
+"""Properties of the searches through a trellis, each checked against all enumerated paths."""
 
 import math
 from itertools import pairwise, product
@@ -14,142 +14,172 @@ from tests.oracles import search as oracle
 from tests.strategies import SEEDS
 
 
-def make_chain(seed, *, whole=False, forbidden=0.0, n_positions=None):
-    """A chain of up to five positions with up to four choices each."""
+def make_trellis(seed, *, is_integer=False, forbidden=0.0, n_positions=None):
+    """Return a trellis of up to five positions with up to four candidates each."""
     rng = np.random.default_rng(seed)
     n = rng.integers(1, 6) if n_positions is None else n_positions
     counts = rng.integers(1, 5, n)
 
     def costs(shape):
-        # Whole numbers add up exactly, and are often equal.
-        drawn = rng.integers(-2, 4, shape).astype(float) if whole else rng.normal(size=shape)
-        return np.where(rng.random(shape) < forbidden, math.inf, drawn)
+        # Integers sum exactly, and ties are frequent.
+        values = rng.integers(-2, 4, shape).astype(float) if is_integer else rng.normal(size=shape)
+        return np.where(rng.random(shape) < forbidden, math.inf, values)
 
-    alone = [costs(count) for count in counts]
-    return Trellis(tuple(alone), tuple(costs(pair) for pair in pairwise(counts)))
-
-
-def cost(chain, row):
-    total = sum(costs[at] for costs, at in zip(chain.unary, row, strict=True))
-    return total + sum(c[i, j] for c, (i, j) in zip(chain.pairwise, pairwise(row), strict=True))
+    unary = tuple(costs(count) for count in counts)
+    return Trellis(unary, tuple(costs(pair) for pair in pairwise(counts)))
 
 
-def all_rows(chain):
-    """Every row, the cheapest first, equally cheap ones in order of their choices."""
-    rows = product(*(range(len(costs)) for costs in chain.unary))
-    return sorted(rows, key=lambda row: (cost(chain, row), row))
+def path_cost(trellis, path):
+    total = sum(costs[index] for costs, index in zip(trellis.unary, path, strict=True))
+    pairs = zip(trellis.pairwise, pairwise(path), strict=True)
+    return total + sum(costs[i, j] for costs, (i, j) in pairs)
+
+
+def all_paths(trellis):
+    """Return every path, the cheapest first, ties in lexicographic order."""
+    paths = product(*(range(len(costs)) for costs in trellis.unary))
+    return sorted(paths, key=lambda path: (path_cost(trellis, path), path))
 
 
 @given(SEEDS, st.booleans(), st.sampled_from([0.0, 0.3]))
-def test_viterbi_finds_the_cheapest_of_all_rows_and_of_equals_the_first(seed, whole, forbidden):
-    chain = make_chain(seed, whole=whole, forbidden=forbidden)
-    cheapest = all_rows(chain)[0]
-    found = viterbi(chain)
-    assert cost(chain, found) == pytest.approx(cost(chain, cheapest), abs=1e-12)
-    assert chain.cost(found) == pytest.approx(cost(chain, found), abs=1e-12)
-    plainly = oracle.cheapest_sequence(chain.unary, chain.pairwise)
-    assert cost(chain, plainly) == pytest.approx(cost(chain, found), abs=1e-12)
-    if whole and math.isfinite(cost(chain, cheapest)):
-        assert tuple(found) == cheapest
+def test_viterbi_returns_the_first_cheapest_path(seed, is_integer, forbidden):
+    trellis = make_trellis(seed, is_integer=is_integer, forbidden=forbidden)
+    cheapest = all_paths(trellis)[0]
+    path = viterbi(trellis)
+    assert path_cost(trellis, path) == pytest.approx(path_cost(trellis, cheapest), abs=1e-12)
+    assert trellis.cost(path) == pytest.approx(path_cost(trellis, path), abs=1e-12)
+    expected = oracle.cheapest_sequence(trellis.unary, trellis.pairwise)
+    assert path_cost(trellis, expected) == pytest.approx(path_cost(trellis, path), abs=1e-12)
+    if is_integer and math.isfinite(path_cost(trellis, cheapest)):
+        assert tuple(path) == cheapest
 
 
 @given(SEEDS, st.integers(1, 60), st.booleans(), st.sampled_from([0.0, 0.3]))
-def test_the_best_are_the_cheapest_in_order_and_all_different(seed, count, whole, forbidden):
-    chain = make_chain(seed, whole=whole, forbidden=forbidden)
-    expected = [row for row in all_rows(chain) if math.isfinite(cost(chain, row))][:count]
-    found = k_best(chain, count)
-    assert len(found) == len(expected) == len({row.tobytes() for row in found})
-    costs = [cost(chain, row) for row in found]
-    np.testing.assert_allclose(costs, [cost(chain, row) for row in expected], atol=1e-12)
+def test_k_best_returns_the_cheapest_paths_in_order(seed, count, is_integer, forbidden):
+    trellis = make_trellis(seed, is_integer=is_integer, forbidden=forbidden)
+    finite = [path for path in all_paths(trellis) if math.isfinite(path_cost(trellis, path))]
+    expected = finite[:count]
+    paths = k_best(trellis, count)
+    assert len(paths) == len(expected) == len({path.tobytes() for path in paths})
+    costs = [path_cost(trellis, path) for path in paths]
+    np.testing.assert_allclose(costs, [path_cost(trellis, p) for p in expected], atol=1e-12)
     assert all(a <= b + 1e-12 for a, b in pairwise(costs))
-    if whole:
-        assert [tuple(row) for row in found] == expected
+    if is_integer:
+        assert [tuple(path) for path in paths] == expected
 
 
 @given(SEEDS)
-def test_viterbi_is_never_dearer_than_chance_or_the_nearest_next(seed):
-    chain = make_chain(seed, n_positions=40)
+def test_viterbi_long_path_costs_no_more_than_random_and_greedy_paths(seed):
+    trellis = make_trellis(seed, n_positions=40)
     rng = np.random.default_rng(seed)
-    least = cost(chain, viterbi(chain)) - 1e-9
+    least = path_cost(trellis, viterbi(trellis)) - 1e-9
     for _ in range(10):
-        assert least <= cost(chain, [rng.integers(len(costs)) for costs in chain.unary])
-    greedy = [int(chain.unary[0].argmin())]
-    for alone, after in zip(chain.unary[1:], chain.pairwise, strict=True):
-        greedy.append(int((alone + after[greedy[-1]]).argmin()))
-    assert least <= cost(chain, greedy)
+        random_path = [rng.integers(len(costs)) for costs in trellis.unary]
+        assert least <= path_cost(trellis, random_path)
+    greedy = [int(trellis.unary[0].argmin())]
+    for unary, seams in zip(trellis.unary[1:], trellis.pairwise, strict=True):
+        greedy.append(int((unary + seams[greedy[-1]]).argmin()))
+    assert least <= path_cost(trellis, greedy)
 
 
 @pytest.mark.parametrize(("seed", "temperature"), [(1, 0.5), (2, 1.0), (4, 4.0)])
-def test_draws_follow_the_gibbs_distribution(seed, temperature):
-    chain = make_chain(seed, n_positions=4, forbidden=0.1)
-    rows = [row for row in all_rows(chain) if math.isfinite(cost(chain, row))]
-    weights = np.exp([-cost(chain, row) / temperature for row in rows])
+def test_sample_frequencies_follow_the_gibbs_distribution(seed, temperature):
+    trellis = make_trellis(seed, n_positions=4, forbidden=0.1)
+    paths = [path for path in all_paths(trellis) if math.isfinite(path_cost(trellis, path))]
+    weights = np.exp([-path_cost(trellis, path) / temperature for path in paths])
     rng = np.random.default_rng(seed)
-    draws = [tuple(sample(chain, temperature, rng)) for _ in range(4000)]
-    counts = np.array([draws.count(row) for row in rows])
+    draws = [tuple(sample(trellis, temperature, rng)) for _ in range(4000)]
+    counts = np.array([draws.count(path) for path in paths])
     assert counts.sum() == len(draws)
     expected = weights / weights.sum() * len(draws)
-    few = expected < 5  # such bins are too small for the test: they are one bin
-    counts = np.append(counts[~few], counts[few].sum())
-    expected = np.append(expected[~few], expected[few].sum())
-    filled = expected > 0
+    is_small = expected < 5  # too small for the test: such bins are merged
+    counts = np.append(counts[~is_small], counts[is_small].sum())
+    expected = np.append(expected[~is_small], expected[is_small].sum())
+    is_filled = expected > 0
     assert len(expected) > 4
-    assert chisquare(counts[filled], expected[filled]).pvalue > 1e-4
+    assert chisquare(counts[is_filled], expected[is_filled]).pvalue > 1e-4
 
 
 @given(SEEDS)
-def test_cold_draws_are_the_cheapest_and_hot_ones_are_alike(seed):
-    chain = make_chain(seed)
-    rng = np.random.default_rng(seed)
-    cold = sample(chain, 1e-9, rng)
-    assert cost(chain, cold) == pytest.approx(cost(chain, viterbi(chain)), abs=1e-6)
-    again = sample(chain, 1e-9, np.random.default_rng(seed))
-    np.testing.assert_array_equal(cold, again)
+def test_sample_low_temperature_returns_the_cheapest_path(seed):
+    trellis = make_trellis(seed)
+    path = sample(trellis, 1e-9, np.random.default_rng(seed))
+    assert path_cost(trellis, path) == pytest.approx(path_cost(trellis, viterbi(trellis)), abs=1e-6)
+    again = sample(trellis, 1e-9, np.random.default_rng(seed))
+    np.testing.assert_array_equal(path, again)
 
 
-def test_hot_draws_take_every_row_alike():
-    chain = make_chain(5, n_positions=3)
+def test_sample_high_temperature_is_uniform():
+    trellis = make_trellis(5, n_positions=3)
     rng = np.random.default_rng(0)
-    draws = [tuple(sample(chain, 1e9, rng)) for _ in range(4000)]
-    assert chisquare([draws.count(row) for row in all_rows(chain)]).pvalue > 1e-4
+    draws = [tuple(sample(trellis, 1e9, rng)) for _ in range(4000)]
+    assert chisquare([draws.count(path) for path in all_paths(trellis)]).pvalue > 1e-4
 
 
-def test_costs_far_beyond_floating_point_weights_are_drawn_all_the_same():
-    chain = Trellis((np.array([1e5, 1e5 + 1.0]), np.array([-1e5, math.inf])), (np.zeros((2, 2)),))
+def test_sample_costs_that_overflow_as_weights_keep_their_probabilities():
+    unary = (np.array([1e5, 1e5 + 1.0]), np.array([-1e5, math.inf]))
+    trellis = Trellis(unary, (np.zeros((2, 2)),))
     rng = np.random.default_rng(0)
-    draws = [tuple(sample(chain, 1.0, rng)) for _ in range(2000)]
+    draws = [tuple(sample(trellis, 1.0, rng)) for _ in range(2000)]
     share = draws.count((0, 0)) / len(draws)
     assert set(draws) == {(0, 0), (1, 0)}
     assert share == pytest.approx(1 / (1 + math.exp(-1)), abs=0.04)
 
 
 @given(SEEDS, st.integers(1, 30), st.sampled_from([0.0, 0.5, 100.0]))
-def test_diverse_rows_differ_and_start_with_the_cheapest(seed, count, penalty):
-    chain = make_chain(seed)
-    found = diverse(chain, count, penalty)
-    assert len(found) == min(count, len(all_rows(chain)))
-    assert len({row.tobytes() for row in found}) == len(found)
-    np.testing.assert_array_equal(found[0], viterbi(chain))
+def test_diverse_paths_differ_and_start_with_the_cheapest(seed, count, penalty):
+    trellis = make_trellis(seed)
+    paths = diverse(trellis, count, penalty)
+    assert len(paths) == min(count, len(all_paths(trellis)))
+    assert len({path.tobytes() for path in paths}) == len(paths)
+    np.testing.assert_array_equal(paths[0], viterbi(trellis))
     if penalty == 0.0:
-        costs = [cost(chain, row) for row in found]
-        expected = [cost(chain, row) for row in all_rows(chain)[: len(found)]]
+        costs = [path_cost(trellis, path) for path in paths]
+        expected = [path_cost(trellis, path) for path in all_paths(trellis)[: len(paths)]]
         np.testing.assert_allclose(costs, expected, atol=1e-12)
 
 
 @given(SEEDS)
-def test_a_high_penalty_uses_every_choice_before_any_again(seed):
-    chain = make_chain(seed)
-    most = max(len(costs) for costs in chain.unary)
-    found = diverse(chain, most, 1e6)
-    if len(found) == most:
-        for position, costs in enumerate(chain.unary):
-            uses = np.bincount([row[position] for row in found], minlength=len(costs))
+def test_diverse_high_penalty_uses_all_candidates_before_repeating_one(seed):
+    trellis = make_trellis(seed)
+    most = max(len(costs) for costs in trellis.unary)
+    paths = diverse(trellis, most, 1e6)
+    if len(paths) == most:
+        for position, costs in enumerate(trellis.unary):
+            uses = np.bincount([path[position] for path in paths], minlength=len(costs))
             assert uses.max() - uses.min() <= 1
 
 
-def test_an_empty_row_has_one_way_through():
+@given(SEEDS, st.data())
+def test_slice_within_costs_differ_from_the_whole_path_by_a_constant(seed, data):
+    trellis = make_trellis(seed, n_positions=6)
+    path = np.array([data.draw(st.integers(0, len(own) - 1)) for own in trellis.unary])
+    start = data.draw(st.integers(0, 5))
+    stop = data.draw(st.integers(start + 1, 6))
+    window = trellis.slice_within(path, start, stop)
+    differences = []
+    for inner in all_paths(window):
+        whole = path.copy()
+        whole[start:stop] = inner
+        differences.append(path_cost(trellis, whole) - path_cost(window, inner))
+    np.testing.assert_allclose(differences, differences[0], atol=1e-9)
+
+
+@given(SEEDS)
+def test_costs_beside_change_as_the_path_cost_does(seed):
+    trellis = make_trellis(seed)
+    path = viterbi(trellis)
+    for position, costs in enumerate(trellis.costs_beside(path)):
+        for index, cost in enumerate(costs):
+            changed = path.copy()
+            changed[position] = index
+            difference = path_cost(trellis, changed) - path_cost(trellis, path)
+            assert cost - costs[path[position]] == pytest.approx(difference, abs=1e-9)
+
+
+def test_searches_of_an_empty_trellis_return_the_empty_path():
     empty = Trellis((), ())
     assert viterbi(empty).shape == (0,)
-    assert [row.shape for row in k_best(empty, 3)] == [(0,)]
+    assert [path.shape for path in k_best(empty, 3)] == [(0,)]
     assert sample(empty, 1.0, np.random.default_rng(0)).shape == (0,)
-    assert [row.shape for row in diverse(empty, 2, 1.0)] == [(0,)]
+    assert [path.shape for path in diverse(empty, 2, 1.0)] == [(0,)]

@@ -1,4 +1,4 @@
-"""Laws of grafts: what is kept, what is exchanged, and how it is told."""
+"""Properties of grafts: kept and exchanged parts, provenance and errors."""
 
 import json
 import os
@@ -36,7 +36,7 @@ def library(request, motion):
     return Library.build(motion, request.param)
 
 
-def chosen_by(library, choice, **changes):
+def with_choice(library, choice, **changes):
     return replace(library, config=replace(library.config, choice=choice, **changes))
 
 
@@ -44,7 +44,7 @@ def columns(motion, joints):
     return [c for j in joints for c in motion.skeleton.channel_columns[j]]
 
 
-def test_the_base_group_keeps_every_number(library, motion):
+def test_graft_base_group_keeps_every_channel_value(library, motion):
     new = graft(library, seed=4)
     kept = columns(motion, library.joints("lower"))
     others = np.setdiff1d(np.arange(motion.skeleton.n_channels), kept)
@@ -54,18 +54,18 @@ def test_the_base_group_keeps_every_number(library, motion):
     assert new.motion.n_frames == motion.n_frames
 
 
-def test_feet_stand_where_they_stood(library, motion):
+def test_graft_of_upper_body_keeps_the_feet(library, motion):
     new = graft(library, seed=4).motion
     feet = [motion.skeleton.index(name) for name in ("LeftFoot", "RightFoot")]
     np.testing.assert_array_equal(new.world_positions()[:, feet], motion.world_positions()[:, feet])
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(library, motion, tmp_path):
+def test_graft_same_seed_gives_identical_files(library, motion, tmp_path):
     paths = [tmp_path / f"{i}.bvh" for i in range(3)]
     for choice in ("sample", "random"):
-        chancy = chosen_by(library, choice)
+        random_library = with_choice(library, choice)
         for path, seed in zip(paths, (7, 7, 8), strict=True):
-            write_bvh(graft(chancy, motion, seed=seed).motion, path)
+            write_bvh(graft(random_library, motion, seed=seed).motion, path)
         first, again, other = (path.read_bytes() for path in paths)
         assert first == again != other
 
@@ -79,7 +79,7 @@ write_bvh(graft(library, seed=7).motion, sys.argv[1])
 """
 
 
-def test_the_number_of_threads_changes_no_byte(tmp_path):
+def test_graft_number_of_blas_threads_changes_no_byte(tmp_path):
     written = []
     for threads in ("1", "2"):
         path = tmp_path / f"{threads}.bvh"
@@ -89,7 +89,7 @@ def test_the_number_of_threads_changes_no_byte(tmp_path):
     assert written[0] == written[1]
 
 
-def test_exchanged_parts_are_of_one_cluster_and_within_the_limits(library):
+def test_graft_donors_are_of_the_cluster_and_within_the_limits(library):
     new = graft(library, seed=2)
     config, lengths = library.config, library.segments.lengths
     labels = library.labels["lower"]
@@ -97,28 +97,28 @@ def test_exchanged_parts_are_of_one_cluster_and_within_the_limits(library):
     assert exchanged
     for s in exchanged:
         assert labels[s.segment] == labels[s.donor]
-        own, donor = lengths[s.segment], lengths[s.donor]
-        assert abs(own - donor) <= max(config.max_stretch * own, config.length_slack * 30) + 1e-9
-        assert s.stretch == pytest.approx(own / donor - 1)
+        base, donor = lengths[s.segment], lengths[s.donor]
+        assert abs(base - donor) <= max(config.max_stretch * base, config.length_slack * 30) + 1e-9
+        assert s.stretch == pytest.approx(base / donor - 1)
     assert all(seam.gap <= 1.5 * config.max_angle for seam in new.seams)
 
 
-def test_every_pose_stays_near_its_donors(library, motion):
-    """Away from its seams a part is the donor's, displaced by no more than half its gaps."""
+def test_graft_poses_away_from_seams_are_near_the_donor(library, motion):
+    """The mean distance is at most half of the gaps at both seams."""
     new = graft(library, seed=2)
     for s in new.substitutions[:40]:
         joints = library.joints(s.group)
         gaps = [seam.gap for seam in new.seams if seam.frame in (s.start, s.stop)]
         middle, donor = (s.start + s.stop) // 2, (s.donor_start + s.donor_stop) // 2
-        apart = rotations.angle(
+        distances = rotations.angle(
             new.motion.rotations[middle, joints], motion.rotations[donor, joints]
         )
         if s.stop - s.start >= 12 and s.stretch == 0 and (s.stop - s.start) % 2 == 0:
-            assert apart.mean() <= sum(gaps) / 2 + 0.2
+            assert distances.mean() <= sum(gaps) / 2 + 0.2
 
 
-def test_grafting_every_segment_onto_itself_returns_the_channels(motion, tmp_path):
-    """With clusters of no size every segment has itself alone."""
+def test_graft_without_other_candidates_returns_the_file(motion, tmp_path):
+    """With clusters of diameter 0 every segment is its own only candidate."""
     path = tmp_path / "dance.bvh"
     write_bvh(motion, path)
     read = read_bvh(path)
@@ -132,8 +132,8 @@ def test_grafting_every_segment_onto_itself_returns_the_channels(motion, tmp_pat
     assert len(list(graft_many(library, count=3))) == 1
 
 
-def test_a_duplicate_of_the_clip_gives_the_clip(motion):
-    """Donors from a copy of the clip, each from its own place, change no number."""
+def test_graft_from_a_copy_of_the_clip_returns_the_clip(motion):
+    """Every donor has the frames of its base segment."""
     library = Library.build([motion, replace(motion, name="copy")], config=Config(sigma=1e-6))
     new = graft(library, seed=5)
     assert any(s.clip == "copy" for s in new.substitutions)
@@ -141,57 +141,58 @@ def test_a_duplicate_of_the_clip_gives_the_clip(motion):
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "best", "sample", "nearest", "random"])
-def test_several_grafts_differ(library, choice):
-    several = list(graft_many(chosen_by(library, choice), count=4, seed=3))
-    assert len({g.motion.rotations.tobytes() for g in several}) == 4
-    assert [g.motion.name for g in several] == [f"dance_graft{i}" for i in range(4)]
+def test_graft_many_returns_different_motions(library, choice):
+    grafts = list(graft_many(with_choice(library, choice), count=4, seed=3))
+    assert len({g.motion.rotations.tobytes() for g in grafts}) == 4
+    assert [g.motion.name for g in grafts] == [f"dance_graft{i}" for i in range(4)]
 
 
-def total(new):
-    """Mean seam gap and number of exchanged parts."""
-    return sum(seam.gap for seam in new.seams), sum(not s.is_own for s in new.substitutions)
+def seam_total(graft):
+    """Return the sum of the seam gaps and the number of exchanged parts."""
+    return sum(seam.gap for seam in graft.seams), sum(not s.is_own for s in graft.substitutions)
 
 
-def test_the_cheapest_has_closer_seams_than_the_papers_choice(library):
-    gaps, parts = total(graft(chosen_by(library, "viterbi")))
+def test_graft_viterbi_has_narrower_seams_than_random(library):
+    gaps, n_exchanged = seam_total(graft(with_choice(library, "viterbi")))
     for seed in range(3):
-        by_chance, as_many = total(graft(chosen_by(library, "random"), seed=seed))
-        assert gaps / parts < by_chance / as_many
+        new = graft(with_choice(library, "random"), seed=seed)
+        random_gaps, n_random = seam_total(new)
+        assert gaps / n_exchanged < random_gaps / n_random
 
 
-def test_the_best_come_in_order_of_their_cost(library):
-    """What the first has in each group the second has too, but for the cheapest change."""
-    several = list(graft_many(chosen_by(library, "best"), count=5))
-    first = [s.donor for s in several[0].substitutions]
-    assert first == [s.donor for s in graft(chosen_by(library, "viterbi")).substitutions]
-    changes = [
-        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in several
-    ]
+def test_graft_many_best_differ_less_than_diverse(library):
+    """The first is that of "viterbi"."""
+    best = list(graft_many(with_choice(library, "best"), count=5))
+    first = [s.donor for s in best[0].substitutions]
+    assert first == [s.donor for s in graft(with_choice(library, "viterbi")).substitutions]
+
+    def count_changes(graft):
+        return sum(s.donor != d for s, d in zip(graft.substitutions, first, strict=True))
+
+    changes = [count_changes(graft) for graft in best]
     assert changes[0] == 0
     assert all(changes[1:])
-    # Those that are asked to be diverse differ from each other in more places.
-    diverse = list(graft_many(chosen_by(library, "viterbi"), count=5))
-    apart = [
-        sum(s.donor != d for s, d in zip(g.substitutions, first, strict=True)) for g in diverse
-    ]
-    assert sum(apart) > sum(changes)
+    diverse = graft_many(with_choice(library, "viterbi"), count=5)
+    assert sum(count_changes(graft) for graft in diverse) > sum(changes)
 
 
-def test_without_a_gain_the_captured_motion_is_the_cheapest(library, motion):
-    new = graft(chosen_by(library, "viterbi", novelty=0.0))
+def test_graft_without_novelty_is_the_captured_motion(library, motion):
+    new = graft(with_choice(library, "viterbi", novelty=0.0))
     np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 
-def test_only_what_hangs_on_grafted_joints_is_elsewhere(library, motion):
+def test_graft_moves_descendants_of_grafted_joints_only(library, motion):
     new = graft(library, seed=1).motion
     skeleton, grafted = motion.skeleton, {s.group for s in graft(library, seed=1).substitutions}
-    may_move = np.zeros(motion.n_joints, bool)
-    turned = np.isin(np.arange(motion.n_joints), [j for g in grafted for j in library.joints(g)])
+    can_move = np.zeros(motion.n_joints, bool)
+    is_grafted = np.isin(
+        np.arange(motion.n_joints), [j for g in grafted for j in library.joints(g)]
+    )
     for joint, parent in enumerate(skeleton.parents.tolist()):
-        may_move[joint] = parent >= 0 and (turned[parent] or may_move[parent])
+        can_move[joint] = parent >= 0 and (is_grafted[parent] or can_move[parent])
     differ = (new.world_positions() != motion.world_positions()).any(axis=(0, 2))
     assert differ.any()
-    assert not differ[~may_move].any()
+    assert not differ[~can_move].any()
 
 
 @pytest.mark.parametrize(
@@ -199,7 +200,7 @@ def test_only_what_hangs_on_grafted_joints_is_elsewhere(library, motion):
     [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "dead"}, {"alignment": "dtw"}],
     ids=lambda own: next(iter(own.values()), "default"),
 )
-def test_signs_of_quaternions_change_no_choice_and_no_pose(motion, changes):
+def test_graft_quaternion_signs_change_no_choice_and_no_pose(motion, changes):
     motion = replace(motion[:1200], channel_values=None)
     signs = np.random.default_rng(7).choice([-1.0, 1.0], motion.rotations.shape[:2])
     flipped = replace(motion, rotations=motion.rotations * signs[..., None])
@@ -214,16 +215,16 @@ def test_signs_of_quaternions_change_no_choice_and_no_pose(motion, changes):
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample"])
-def test_the_order_in_which_groups_are_named_is_of_no_matter(motion, choice):
-    named = JointGroups.preset("lower_torso_larm_rarm", motion.skeleton).groups
-    made = [
+def test_graft_order_of_group_names_changes_nothing(motion, choice):
+    groups = JointGroups.preset("lower_torso_larm_rarm", motion.skeleton).groups
+    grafts = [
         graft(Library.build(motion, JointGroups(own, base="lower"), Config(choice=choice)), seed=1)
-        for own in (named, dict(reversed(named.items())))
+        for own in (groups, dict(reversed(groups.items())))
     ]
-    np.testing.assert_array_equal(made[1].motion.rotations, made[0].motion.rotations)
+    np.testing.assert_array_equal(grafts[1].motion.rotations, grafts[0].motion.rotations)
 
 
-def test_one_group_of_several_can_be_swapped(motion):
+def test_graft_swap_of_one_group_keeps_the_others(motion):
     library = Library.build(motion, "lower_torso_larm_rarm")
     names = library.groups.names
     new = graft(library, swap=[names[-1]], seed=1)
@@ -232,7 +233,7 @@ def test_one_group_of_several_can_be_swapped(motion):
     assert {s.group for s in new.substitutions} == {names[-1]}
 
 
-def test_a_base_from_outside_is_grafted_by_the_librarys_measures(library):
+def test_graft_base_outside_the_library_takes_donors_of_the_library(library):
     other = replace(dance(seed=9, strides=1).motion, name="other")
     new = graft(library, other, seed=1)
     assert new.base is other
@@ -244,7 +245,7 @@ def test_a_base_from_outside_is_grafted_by_the_librarys_measures(library):
     )
 
 
-def test_provenance_names_every_donor(library):
+def test_as_dict_covers_the_base_with_donors(library):
     new = graft(library, seed=2)
     document = json.loads(json.dumps(new.as_dict()))
     assert document["schema"] == "mograft.graft/1"
@@ -257,7 +258,7 @@ def test_provenance_names_every_donor(library):
     assert per_group[-1]["frames"][1] == new.base.n_frames - 1
 
 
-def test_pybvh_reads_what_was_written(library, motion, tmp_path):
+def test_written_graft_read_by_pybvh_has_the_same_positions(library, motion, tmp_path):
     path = tmp_path / "new.bvh"
     new = graft(library, seed=2).motion
     write_bvh(new, path)
@@ -277,12 +278,12 @@ def test_pybvh_reads_what_was_written(library, motion, tmp_path):
         (lambda lib: list(graft_many(lib, count=0)), "count must be a whole number from 1, got 0"),
     ],
 )
-def test_bad_arguments_are_refused_by_name(library, call, message):
+def test_graft_bad_argument_raises_value_error(library, call, message):
     with pytest.raises(ValueError, match=message):
         call(library)
 
 
-def test_a_base_of_another_skeleton_is_refused(library, motion):
+def test_graft_base_of_another_skeleton_raises_skeleton_mismatch_error(library, motion):
     names = ["Hip", *motion.skeleton.names[1:]]
     other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="other")
     with pytest.raises(SkeletonMismatchError, match="other lacks Hips and has also Hip"):
@@ -294,16 +295,16 @@ def upper_based(motion):
     return JointGroups({"lower": lower, "upper": motion.skeleton.names[7:]}, base="upper")
 
 
-def test_a_base_group_without_the_root_keeps_its_numbers_and_the_legs_its_way(motion):
+def test_graft_upper_body_base_keeps_its_channels_and_plants_the_feet(motion):
     library = Library.build(motion, upper_based(motion))
     new = graft(library, seed=1)
     kept = columns(motion, library.joints("upper"))
     before, after = motion.channel_numbers(), new.motion.channel_numbers()
     np.testing.assert_array_equal(after[:, kept], before[:, kept])
     assert (after != before).any()
-    # It begins where the base does, but for what feet that are to reach the floor demand.
+    # The motion starts at the position of the base, up to the shift by foot planting.
     np.testing.assert_allclose(after[0, [0, 2]], before[0, [0, 2]], atol=0.01)
-    # The offset of a seam may add a little to the speeds of two sources that differ.
+    # Seam treatment can add to the root speeds of the donors.
     steps = [
         np.linalg.norm(np.diff(m.positions[:, 0], axis=0), axis=1) for m in (motion, new.motion)
     ]
@@ -314,13 +315,13 @@ def test_a_base_group_without_the_root_keeps_its_numbers_and_the_legs_its_way(mo
     assert new.as_dict()["feet"]["plants"] == new.feet.plants
 
 
-def test_such_a_base_put_back_in_its_place_is_the_file(motion):
+def test_graft_upper_body_base_without_other_candidates_returns_the_file(motion):
     library = Library.build(motion, upper_based(motion), Config(sigma=1e-9, feet="never"))
     np.testing.assert_array_equal(graft(library).motion.channel_numbers(), motion.channel_numbers())
 
 
-def test_donors_that_face_and_stand_elsewhere_are_put_in_their_place(motion):
-    """Legs of the same dance, danced elsewhere and facing elsewhere, give the same dance."""
+def test_graft_donors_at_another_position_and_heading_are_aligned(motion):
+    """Legs of the same dance at another position and heading give the same dance."""
     turn = rotations.from_axis_angle([0, 1, 0], 2.0)
     quats, places = motion.rotations.copy(), motion.positions.copy()
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
@@ -333,7 +334,7 @@ def test_donors_that_face_and_stand_elsewhere_are_put_in_their_place(motion):
     assert rotations.angle(new.motion.rotations, motion.rotations).max() < 1e-6
 
 
-def test_feet_are_left_alone_where_the_base_keeps_them_and_when_told_so(library, motion):
+def test_graft_feet_report_is_none_if_feet_are_kept_or_disabled(library, motion):
     assert graft(library, seed=1).feet is None
     loose = Library.build(motion, upper_based(motion), Config(feet="never"))
     assert graft(loose, seed=1).feet is None

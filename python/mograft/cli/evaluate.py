@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
             options.usage_error(f"{_LABEL} cannot be combined with {', '.join(_WORDS[:-1])}")
         return _write_label_page(options)
     from mograft.evaluation import evaluation_page
-    from mograft.evaluation.report import reading
+    from mograft.evaluation.report import summarize
 
     folder: Path | None = options.output
     paths = [] if folder is None else [folder / "evaluation.json", folder / "index.html"]
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(document)
     else:
-        for sentence in reading(found):
+        for sentence in summarize(found):
             print_remark(sentence)
         if folder is None:
             print_remark("-o DIR writes all numbers and a page")

@@ -1,17 +1,18 @@
-"""Honest measures: how many motions can be made, how natural, how balanced, how smooth.
+"""Measures of grafts: combinations, balance, compatibility with captured motion, and quality.
 
-Each measure takes a library, or grafts of one, and returns numbers with their sample size and
-95 % interval. Where the data cannot support a number it raises `InsufficientDataError`.
+The measures take a library, or grafts from one. Estimates from samples have the sample size
+and, if the sample is large enough, a 95 % interval. The counts of combinations are exact. If the
+data does not support a measure, it raises `InsufficientDataError`. No measure is a share of
+natural motions, except for the judgement that a person's labels give.
 """
 
 from mograft.evaluation.balance import (
     Balance,
     BalanceRow,
-    Support,
-    convex_hull,
+    BalanceSample,
+    balance_row,
     dynamic_balance,
     static_balance,
-    support,
 )
 from mograft.evaluation.baselines import (
     Analogy,
@@ -22,21 +23,25 @@ from mograft.evaluation.baselines import (
     Nearest,
     Random,
     RandomLength,
+    default_methods,
     grafts_by,
-    methods,
 )
 from mograft.evaluation.enrichment import Enrichment, enrichment, moment_laws, sweep
 from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.label_judgement import judgement
+from mograft.evaluation.label_table import read_labels
+from mograft.evaluation.labelling import label_items, label_page
 from mograft.evaluation.naturalness import Compatibility, compatibility
-from mograft.evaluation.people import judgement, label_items, label_page, read_labels
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.report import evaluation_page
 from mograft.evaluation.suite import Evaluation, evaluate
+from mograft.evaluation.support_polygon import Support, convex_hull, support_polygons
 
 __all__ = [
     "Analogy",
     "Balance",
     "BalanceRow",
+    "BalanceSample",
     "ByCost",
     "Captured",
     "Compatibility",
@@ -50,8 +55,10 @@ __all__ = [
     "Random",
     "RandomLength",
     "Support",
+    "balance_row",
     "compatibility",
     "convex_hull",
+    "default_methods",
     "dynamic_balance",
     "enrichment",
     "evaluate",
@@ -60,11 +67,10 @@ __all__ = [
     "judgement",
     "label_items",
     "label_page",
-    "methods",
     "moment_laws",
     "quality",
     "read_labels",
     "static_balance",
-    "support",
+    "support_polygons",
     "sweep",
 ]

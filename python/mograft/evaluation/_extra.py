@@ -1,35 +1,36 @@
-"""Packages that only some measures need."""
+"""Imports of the packages that the extra `evaluate` installs."""
 
 from importlib import import_module
 from typing import Any
 
-__all__ = ["needed"]
+__all__ = ["import_extra"]
+
+_PACKAGES = {"sklearn": "scikit-learn", "scipy": "SciPy"}
 
 
-def needed(name: str) -> Any:  # noqa: ANN401 - a module of another package
-    """Import a module of the extra `evaluate`.
+def import_extra(name: str) -> Any:  # noqa: ANN401 - a module of another package
+    """Import a module of a package that the extra `evaluate` installs.
 
     Parameters
     ----------
     name : str
-        The module.
+        Full name of the module.
 
     Returns
     -------
     module
-        The module.
+        The imported module.
 
     Raises
     ------
     ImportError
-        If its package is not installed; names the extra.
+        If the package is not installed. The message names the package and the extra.
     """
     try:
         return import_module(name)
     except ImportError as error:
-        package = {"sklearn": "scikit-learn", "scipy": "SciPy"}.get(
-            name.split(".")[0], name.split(".")[0]
-        )
+        top_level = name.split(".", maxsplit=1)[0]
+        package = _PACKAGES.get(top_level, top_level)
         raise ImportError(
             f"this measure needs {package}: pip install 'mograft[evaluate]'", name=error.name
         ) from error

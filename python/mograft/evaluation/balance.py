@@ -1,7 +1,7 @@
-"""Whether a figure could stand as it does: centre of mass over the feet (paper, 5.5, table 3).
+"""Static and dynamic balance: reference points against the support polygon (paper, 5.5, table 3).
 
-Static balance is a poor measure of naturalness: people who walk are out of it in every step.
-What it can tell is whether grafts are further out than the recording they were made on.
+Static balance is a poor measure of naturalness: every step of a walk is statically unbalanced.
+It shows whether grafts are less balanced than the recordings that they were made from.
 """
 
 import math
@@ -11,13 +11,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray
 from mograft.analysis.segmentation import Segments
-from mograft.body.contacts import Ground
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
+from mograft.evaluation._extra import import_extra
 from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.support_polygon import Support, signed_distance, support_polygons
 from mograft.motion.motion import Motion
 
 __all__ = [
@@ -25,13 +26,11 @@ __all__ = [
     "RULES",
     "Balance",
     "BalanceRow",
-    "Support",
+    "BalanceSample",
+    "Rule",
     "balance_row",
-    "convex_hull",
     "dynamic_balance",
-    "signed_distance",
     "static_balance",
-    "support",
 ]
 
 PAPER_TABLE: Mapping[str, tuple[float, int]] = {
@@ -39,75 +38,38 @@ PAPER_TABLE: Mapping[str, tuple[float, int]] = {
     "analogy": (81.7, 478),
     "original": (64.0, 478),
 }
-"""Unbalanced segments, mean of 10 runs, and all segments, that the paper prints in table 3."""
+"""Table 3 of the paper: unbalanced segments (mean of 10 runs) and all segments, by method."""
 
 Rule = Literal["all", "majority", "any"]
 RULES: tuple[Rule, ...] = ("all", "majority", "any")
 
-_NEAR = 0.035
-"""Heights above its floor at which an ankle or toe bears weight, however fast it moves."""
-_HEEL, _WIDE, _TIP_WIDE, _FOOT = 0.035, 0.0275, 0.0165, 0.117
-"""The sole in heights: heel behind the ankle, half widths at ball and tip, ankle to tip."""
-_POINTED = 0.02
-"""Heights below which the way from ankle to toe over the floor points nowhere."""
-_EDGE = 0.01
-"""Heights about a support of one point or a line that count as upon it."""
-_STATURE = 1.75
+_DEGENERATE_MARGIN = 0.01
+"""Heights from a support of one point or a line within which a point is still supported."""
+_STATURE_METERS = 1.75
 _GRAVITY = 9.81
-_SMOOTH = 0.2
-_FALLING = 0.2
-"""Share of gravity that the floor must bear for a zero-moment point to be anywhere."""
-
-
-@dataclass(frozen=True, eq=False)
-class Support:
-    """What a motion stands on, frame by frame.
-
-    Attributes
-    ----------
-    polygons : ndarray, shape (n_frames, n_vertices, 2)
-        Vertices of the convex support polygon over the floor, counterclockwise, in the file's
-        unit; the last one is repeated to fill up.
-    sizes : ndarray of int, shape (n_frames,)
-        How many vertices each has; 0 in flight.
-    touching : ndarray of bool, shape (n_frames, n_legs)
-        Which feet bear weight.
-    axes : tuple of int
-        The two axes of the floor.
-    up : ndarray, shape (3,)
-        Unit vector that points up.
-    floor : float
-        Height of the floor along it, in the file's unit.
-    height : float
-        Stature in the file's unit.
-    """
-
-    polygons: FloatArray
-    sizes: IntArray
-    touching: BoolArray
-    axes: tuple[int, int]
-    up: FloatArray
-    floor: float
-    height: float
+"""In metres per square second."""
+_SMOOTHING_SECONDS = 0.2
+_MIN_LOAD = 0.2
+"""Share of gravity that the floor must carry for a zero-moment point to exist."""
 
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """How far the point that must be supported is from the support, frame by frame.
+    """Distances of a reference point to the support polygon, for each frame.
 
     Attributes
     ----------
     kind : {"static", "dynamic"}
-        Whether the point is the centre of mass on the floor or the zero-moment point.
+        Whether the reference point is the projected centre of mass or the zero-moment point.
     distance : ndarray, shape (n_frames,)
-        Distance to the edge of the support polygon in heights, negative inside; NaN where
-        nothing is supported.
+        Distance to the edge of the support polygon in skeleton heights, negative inside. NaN
+        in frames that are not grounded.
     grounded : ndarray of bool, shape (n_frames,)
-        Whether a foot bears weight and the point is defined.
+        Frames with a foot that carries weight and with a defined reference point.
     model : str
-        Whose masses were used: "de Leva" or "rods".
+        Mass model: "de Leva" or "rods".
     unmatched : tuple of str
-        Joints whose names told nothing.
+        Joints whose names the mass model does not know.
     """
 
     kind: Literal["static", "dynamic"]
@@ -116,345 +78,215 @@ class Balance:
     model: str
     unmatched: tuple[str, ...]
 
-    def unbalanced(
+    def classify(
         self, cut: Segments, rule: Rule = "all", margin: float = 0.0
     ) -> tuple[BoolArray, BoolArray]:
-        """Judge segments by their grounded frames.
+        """Classify segments as balanced, unbalanced or in flight.
 
         Parameters
         ----------
         cut : Segments
-            Of the motion.
+            Segments of the motion.
         rule : {"all", "majority", "any"}
-            Of which of its grounded frames the point must be outside of the support for a
-            segment to count as unbalanced. The paper does not say; its numbers are near "all".
+            Share of the grounded frames with the reference point outside of the support that
+            makes a segment unbalanced. The paper does not state its rule; its numbers are
+            closest to "all".
         margin : float
-            Heights outside of the support that are still in balance.
+            Distance outside of the support, in skeleton heights, that still counts as
+            balanced.
 
         Returns
         -------
         unbalanced : ndarray of bool, shape (n_segments,)
-            False in flight.
+            False for segments in flight.
         flight : ndarray of bool, shape (n_segments,)
-            Segments without a grounded frame, of which nothing can be said.
+            Segments without a grounded frame.
 
         Raises
         ------
         ValueError
-            If there is no such rule.
+            If `rule` is unknown.
         """
         if rule not in RULES:
-            raise ValueError(f"rule must be one of {', '.join(RULES)}, got {rule!r}")
-        out = self.grounded & (np.where(self.grounded, self.distance, 0.0) > margin)
-        outs, grounded = (
-            np.concatenate([[0], np.cumsum(values)]) for values in (out, self.grounded)
+            raise ValueError(f"`rule` must be one of {', '.join(RULES)}, got {rule!r}")
+        is_outside = self.grounded & (np.where(self.grounded, self.distance, 0.0) > margin)
+        outside_sums, grounded_sums = (
+            np.concatenate([[0], np.cumsum(values)]) for values in (is_outside, self.grounded)
         )
-        n_out = outs[cut.stop + 1] - outs[cut.start]
-        n = grounded[cut.stop + 1] - grounded[cut.start]
+        n_outside = outside_sums[cut.stop + 1] - outside_sums[cut.start]
+        n = grounded_sums[cut.stop + 1] - grounded_sums[cut.start]
         flight = n == 0
         limit = {"all": n, "majority": n // 2 + 1, "any": np.ones_like(n)}[rule]
-        return (n_out >= limit) & ~flight, flight
-
-
-def convex_hull(points: FloatArray) -> FloatArray:
-    """Return the vertices of the convex hull of points in the plane.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, 2)
-        The points.
-
-    Returns
-    -------
-    ndarray, shape (n_vertices, 2)
-        Counterclockwise from the leftmost one; no vertex on a line between two others. One
-        or two where all points are one or on a line.
-
-    Notes
-    -----
-    Andrew's monotone chain, Information Processing Letters 9 (1979).
-
-    Examples
-    --------
-    >>> convex_hull(np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 0.5], [2.0, 2.0]])).tolist()
-    [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]
-    """
-    order = sorted(set(map(tuple, np.asarray(points, np.float64).tolist())))
-    if len(order) <= 2:
-        return np.array(order, np.float64).reshape(-1, 2)
-    halves = []
-    for run in (order, order[::-1]):
-        chain: list[tuple[float, ...]] = []
-        for x, y in run:
-            while len(chain) > 1:
-                (ax, ay), (bx, by) = chain[-2], chain[-1]
-                if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
-                    break
-                chain.pop()
-            chain.append((x, y))
-        halves.append(chain[:-1])
-    return np.array(halves[0] + halves[1], np.float64)
-
-
-def signed_distance(polygons: FloatArray, sizes: IntArray, points: FloatArray) -> FloatArray:
-    """Return how far points are from the edges of convex polygons.
-
-    Parameters
-    ----------
-    polygons : ndarray, shape (n, n_vertices, 2)
-        Vertices, counterclockwise, the last one repeated to fill up.
-    sizes : ndarray of int, shape (n,)
-        How many vertices each has.
-    points : ndarray, shape (n, 2)
-        A point for each.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Negative inside, positive outside, in the unit of the points; NaN without a vertex.
-        From one or two vertices the distance, never negative.
-    """
-    starts, ends = polygons, np.roll(polygons, -1, axis=1)
-    edge, way = ends - starts, points[:, None] - starts
-    length = np.linalg.norm(edge, axis=-1)
-    real = length > 0
-    along = np.divide((way * edge).sum(-1), length**2, out=np.zeros_like(length), where=real)
-    nearest = way - along.clip(0.0, 1.0)[..., None] * edge
-    apart = np.linalg.norm(nearest, axis=-1).min(axis=1, initial=np.inf)
-    # To the right of a counterclockwise edge is outside.
-    across = edge[..., 1] * way[..., 0] - edge[..., 0] * way[..., 1]
-    beyond = np.divide(across, length, out=np.full_like(length, -np.inf), where=real)
-    inside = (beyond.max(axis=1, initial=-np.inf) <= 0) & (sizes > 2)
-    signed: FloatArray = np.where(inside, -apart, apart)
-    return np.where(sizes > 0, signed, np.nan)
-
-
-def support(motion: Motion, *, like: Motion | None = None) -> Support:
-    """Return what a motion stands on in every frame.
-
-    Parameters
-    ----------
-    motion : Motion
-        The motion; its floor is even.
-    like : Motion, optional
-        A motion on the same floor to find the floor by. Default: the motion.
-
-    Returns
-    -------
-    Support
-        The hull of the soles that touch.
-
-    Raises
-    ------
-    InsufficientDataError
-        If no leg is known in the skeleton.
-
-    Notes
-    -----
-    An ankle or toe touches within 0.035 heights of its floor, the 5th percentile of its own
-    height, whatever its speed. The sole reaches 0.035 heights behind an ankle that touches
-    and, before a toe that touches, as far as a foot of 0.117 heights does, 0.055 heights wide
-    at the ball and 0.033 at the tip.
-    """
-    ground = Ground.of(motion if like is None else like)
-    if not ground.limbs:
-        shown = ", ".join(motion.skeleton.names[:8])
-        raise InsufficientDataError(
-            f"balance needs feet to stand on: no leg is known among the joints {shown}, ..."
-        )
-    up = int(np.flatnonzero(ground.up)[0])
-    axes = ((up + 1) % 3, (up + 2) % 3)
-    if ground.up[up] < 0:
-        axes = axes[::-1]
-    joints = ground.points(motion)
-    touches = ground.above(joints) < _NEAR * ground.height
-    flat = joints[..., axes]
-    forward = facing(motion, ground)[:, axes]
-    soles = [
-        _sole(flat[:, i], touches[:, i], joints[:, i], forward, ground.height)
-        for i in range(len(ground.limbs))
-    ]
-    corners = np.concatenate([own for own, _ in soles], axis=1)
-    counts = np.concatenate([used for _, used in soles], axis=1)
-    hulls = [convex_hull(own[used]) for own, used in zip(corners, counts, strict=True)]
-    sizes = np.array([len(hull) for hull in hulls], np.int64)
-    polygons = np.zeros((len(hulls), max(int(sizes.max(initial=1)), 1), 2))
-    for frame, hull in enumerate(hulls):
-        if len(hull):
-            polygons[frame] = hull[np.minimum(np.arange(polygons.shape[1]), len(hull) - 1)]
-    touching = np.asarray(touches.any(axis=2), bool)
-    return Support(
-        polygons, sizes, touching, axes, ground.up, float(ground.floors.min()), ground.height
-    )
-
-
-def facing(motion: Motion, ground: Ground) -> FloatArray:
-    """Return where the hips face, over the floor; zero where nothing tells."""
-    sides = {limb.side: limb.hip for limb in reversed(ground.limbs)}
-    if not {"left", "right"} <= sides.keys():
-        return np.zeros((motion.n_frames, 3))
-    places = motion.world_positions()
-    ahead = np.cross(places[:, sides["left"]] - places[:, sides["right"]], ground.up)
-    return _units(ahead)
-
-
-def _units(vectors: FloatArray) -> FloatArray:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    units: FloatArray = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-    return units
-
-
-def _sole(
-    flat: FloatArray, touches: BoolArray, joints: FloatArray, forward: FloatArray, height: float
-) -> tuple[FloatArray, BoolArray]:
-    """Return corners of one foot's sole (n_frames, 6, 2) and which of them bear weight."""
-    ankle, toe = flat[:, 0], flat[:, 1]
-    way = toe - ankle
-    points = np.linalg.norm(way, axis=1) >= _POINTED * height
-    ahead = np.where(points[:, None], _units(way), forward)
-    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) * height
-    reach = np.maximum(_FOOT * height - np.linalg.norm(joints[:, 1] - joints[:, 0], axis=1), 0.0)
-    heel, tip = ankle - _HEEL * height * ahead, toe + reach[:, None] * ahead
-    corners = np.stack(
-        [
-            middle + side * wide * aside
-            for middle, wide in ((heel, _WIDE), (toe, _WIDE), (tip, _TIP_WIDE))
-            for side in (1.0, -1.0)
-        ],
-        axis=1,
-    )
-    bears = [touches[:, 0], touches.any(axis=1), touches[:, 1]]
-    return corners, np.repeat(np.stack(bears, axis=1), 2, axis=1)
+        return (n_outside >= limit) & ~flight, flight
 
 
 def static_balance(
-    motion: Motion, *, on: Support | None = None, like: Motion | None = None
+    motion: Motion, *, support: Support | None = None, floor_reference: Motion | None = None
 ) -> Balance:
-    """Return how far the centre of mass is from being over the feet.
+    """Return the distances of the projected centre of mass to the support polygon.
 
     Parameters
     ----------
     motion : Motion
-        The motion.
-    on : Support, optional
-        What it stands on, if known: a graft on a base that keeps legs and root stands where
-        the base does. Default: `support` of the motion.
-    like : Motion, optional
-        As for `support`.
+        Motion.
+    support : Support, optional
+        Support of the motion, if it is known. For example, a graft whose base group keeps the
+        legs and the root has the support of the base. Default: `support_polygons` of `motion`.
+    floor_reference : Motion, optional
+        As for `support_polygons`.
 
     Returns
     -------
     Balance
-        Frame by frame.
+        Distances for each frame.
 
     Raises
     ------
     InsufficientDataError
-        If no leg is known in the skeleton.
+        If the skeleton has no known leg.
+    ValueError
+        If `support` has another number of frames than `motion`.
 
     Examples
     --------
     >>> from mograft.dancer import dance
-    >>> still = dance(strides=1).motion[:1]
-    >>> static_balance(still, like=dance(strides=1).motion).model
+    >>> motion = dance(strides=1).motion
+    >>> static_balance(motion[:1], floor_reference=motion).model
     'de Leva'
     """
-    ground = support(motion, like=like) if on is None else on
-    return _judged("static", motion, ground, center_of_mass(motion), ground.sizes > 0)
+    if support is None:
+        support = support_polygons(motion, floor_reference=floor_reference)
+    return _balance_of_points("static", motion, support, center_of_mass(motion), support.sizes > 0)
 
 
 def dynamic_balance(
-    motion: Motion, *, on: Support | None = None, like: Motion | None = None
+    motion: Motion, *, support: Support | None = None, floor_reference: Motion | None = None
 ) -> Balance:
-    """Return how far the zero-moment point is from the support.
+    """Return the distances of the zero-moment point to the support polygon.
 
     Parameters
     ----------
-    motion, on, like
+    motion : Motion
+        Motion.
+    support, floor_reference
         As for `static_balance`.
 
     Returns
     -------
     Balance
-        Frames in which the floor bears less than a fifth of the weight are not grounded.
+        Distances for each frame. Frames without a foot on the floor, or with less than a
+        fifth of the weight on the floor, are not grounded.
 
     Raises
     ------
+    ImportError
+        If SciPy is not installed.
     InsufficientDataError
-        If no leg is known in the skeleton, or the motion is too short to be differentiated.
+        If the skeleton has no known leg, or the motion is too short for its derivatives.
+    ValueError
+        If `support` has another number of frames than `motion`.
 
     Notes
     -----
-    x - (z - floor) ẍ / (z̈ + g) along each axis of the floor (Vukobratović and Borovac,
-    International Journal of Humanoid Robotics 1, 2004), of a point mass at the centre of mass
-    smoothed by a cubic Savitzky-Golay filter over 0.2 s. The figure is taken to be 1.75 m
-    tall, which sets how strong gravity is in the file's unit.
+    The zero-moment point is x - (z - floor) ẍ / (z̈ + g) along each horizontal axis
+    (Vukobratović and Borovac, International Journal of Humanoid Robotics 1, 2004), for a point
+    mass at the centre of mass. A cubic Savitzky-Golay filter over 0.2 s smooths the centre of
+    mass. The skeleton is assumed to be 1.75 m tall, which converts gravity to the unit of the
+    file.
     """
-    from mograft.evaluation._extra import needed
-
-    ground = support(motion, like=like) if on is None else on
-    window = max(2 * round(_SMOOTH * motion.rate / 2) + 1, 5)
+    if support is None:
+        support = support_polygons(motion, floor_reference=floor_reference)
+    window = max(2 * round(_SMOOTHING_SECONDS * motion.rate / 2) + 1, 5)
     if motion.n_frames < window:
         raise InsufficientDataError(
             f"dynamic balance needs {window} frames to differentiate, "
             f"{motion.name or 'the motion'} has {motion.n_frames}"
         )
-    smooth = needed("scipy.signal").savgol_filter
+    savgol_filter = import_extra("scipy.signal").savgol_filter
     center = center_of_mass(motion)
-    place = smooth(center, window, 3, axis=0)
-    pull = smooth(center, window, 3, deriv=2, delta=motion.frame_time, axis=0)
-    gravity = _GRAVITY * ground.height / _STATURE
-    borne = pull @ ground.up + gravity
-    stands = borne > _FALLING * gravity
-    lever = (place @ ground.up - ground.floor) / np.where(stands, borne, np.inf)
-    return _judged(
-        "dynamic", motion, ground, place - lever[:, None] * pull, stands & (ground.sizes > 0)
+    position = savgol_filter(center, window, 3, axis=0)
+    acceleration = savgol_filter(center, window, 3, deriv=2, delta=motion.frame_time, axis=0)
+    gravity = _GRAVITY * support.height / _STATURE_METERS
+    load = acceleration @ support.up + gravity
+    is_loaded = load > _MIN_LOAD * gravity
+    lever = (position @ support.up - support.floor) / np.where(is_loaded, load, np.inf)
+    zero_moment_point = position - lever[:, None] * acceleration
+    return _balance_of_points(
+        "dynamic", motion, support, zero_moment_point, is_loaded & (support.sizes > 0)
     )
 
 
-def _judged(
+def _balance_of_points(
     kind: Literal["static", "dynamic"],
     motion: Motion,
-    ground: Support,
+    support: Support,
     points: FloatArray,
     grounded: BoolArray,
 ) -> Balance:
-    if len(ground.sizes) != motion.n_frames:
+    if len(support.sizes) != motion.n_frames:
         raise ValueError(
-            f"on must have {motion.n_frames} frames, as the motion, got {len(ground.sizes)}"
+            f"`support` must have {motion.n_frames} frames, as the motion has, "
+            f"got {len(support.sizes)}"
         )
-    apart = signed_distance(ground.polygons, ground.sizes, points[:, ground.axes]) / ground.height
-    # A point or a line bears what is within a hair of it.
-    apart = np.where(ground.sizes < 3, apart - _EDGE, apart)
-    known = mass_model(motion.skeleton)
-    distance = np.where(grounded, apart, np.nan)
-    return Balance(kind, distance, grounded, known.model, known.unmatched)
+    distances = signed_distance(support.polygons, support.sizes, points[:, support.axes])
+    distances = distances / support.height
+    distances = np.where(support.sizes < 3, distances - _DEGENERATE_MARGIN, distances)
+    model = mass_model(motion.skeleton)
+    return Balance(
+        kind=kind,
+        distance=np.where(grounded, distances, np.nan),
+        grounded=grounded,
+        model=model.model,
+        unmatched=model.unmatched,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class BalanceSample:
+    """Balances of grafts and of their bases, as `balance_row` compares them.
+
+    Attributes
+    ----------
+    original : sequence of Balance
+        Balance of each base.
+    grafts : sequence of sequence of Balance
+        For each base, the balances of its grafts; the same number for each base.
+    changed : sequence of ndarray of bool, each of shape (n_runs, n_segments)
+        For each base, the segments with an exchanged part in each graft.
+    cuts : sequence of Segments
+        Segments of each base.
+    """
+
+    original: Sequence[Balance]
+    grafts: Sequence[Sequence[Balance]]
+    changed: Sequence[BoolArray]
+    cuts: Sequence[Segments]
 
 
 @dataclass(frozen=True)
 class BalanceRow:
-    """How often segments of some motions are out of balance, by one rule.
+    """Rates of unbalanced segments of one method by one rule.
 
     Attributes
     ----------
     kind, rule : str
-        "static" or "dynamic", and "all", "majority" or "any" of the grounded frames.
+        "static" or "dynamic", and "all", "majority" or "any"; see `Balance`.
     margin : float
-        Heights outside of the support that still count as balanced.
+        Distance outside of the support, in skeleton heights, that counts as balanced.
     method : str
-        How the motions were made.
+        Name of the method that selected the donors, or "recording".
     rate : Estimate
-        Share of the segments that are not in flight, kept ones among them.
+        Share of unbalanced segments among all segments that are not in flight.
     spread : float
-        Standard deviation of the rate from run to run; NaN of a single run.
+        Standard deviation of the rate over the runs; NaN with a single run.
     changed : Estimate
-        The rate among segments that were exchanged.
+        The rate among segments with an exchanged part.
     difference : Estimate
-        By how much that is above the recording's own rate on the same segments.
+        `changed` minus the rate of the same segments of the recording.
     flight : float
-        Share of all segments that are in flight.
+        Share of the segments that are in flight.
     runs : int
-        How many motions on each base.
+        Number of grafts for each base.
     """
 
     kind: str
@@ -469,7 +301,7 @@ class BalanceRow:
     runs: int
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
+        """Return a dict for JSON."""
         return {
             "kind": self.kind,
             "rule": self.rule,
@@ -485,76 +317,68 @@ class BalanceRow:
 
 
 def balance_row(
-    method: str,
-    original: Sequence[Balance],
-    made: Sequence[Sequence[Balance]],
-    changed: Sequence[BoolArray],
-    cuts: Sequence[Segments],
-    rule: Rule = "all",
-    margin: float = 0.0,
+    method: str, sample: BalanceSample, rule: Rule = "all", margin: float = 0.0
 ) -> BalanceRow:
-    """Compare motions with those that they were made on, segment by segment.
+    """Compare the balance of grafts with that of their bases, segment by segment.
 
     Parameters
     ----------
     method : str
-        How they were made.
-    original : sequence of Balance
-        Of each base.
-    made : sequence of sequence of Balance
-        For each base those of the motions made on it, the same number for each.
-    changed : sequence of ndarray of bool, each of shape (n_runs, n_segments)
-        Where they differ from the base.
-    cuts : sequence of Segments
-        Of each base.
+        Name of the method that selected the donors.
+    sample : BalanceSample
+        Balances of the bases and of the grafts.
     rule, margin
-        As for `Balance.unbalanced`.
+        As for `Balance.classify`.
 
     Returns
     -------
     BalanceRow
-        Intervals resample blocks of neighbouring segments, each with all its runs.
+        The intervals resample blocks of neighbouring segments, each with all its runs.
 
     Raises
     ------
     InsufficientDataError
         If every segment is in flight.
     """
-    out, own_out, stands, new, clip = [], [], [], [], []
-    for index, cut in enumerate(cuts):
-        before, flies = original[index].unbalanced(cut, rule, margin)
-        after = [one.unbalanced(cut, rule, margin) for one in made[index]]
-        out.append(np.stack([own for own, _ in after]))
-        stands.append(~np.stack([own for _, own in after]))
-        own_out.append(np.where(flies, np.nan, before))
-        new.append(changed[index])
-        clip.append(np.full(len(cut), index))
-    outs, grounded = np.concatenate(out, axis=1), np.concatenate(stands, axis=1)
-    before, changes = np.concatenate(own_out), np.concatenate(new, axis=1)
-    if not grounded.any():
+    per_base = [_segment_states(sample, base, rule, margin) for base in range(len(sample.cuts))]
+    # Shape (n_runs, n_segments of all bases), except for the single row of the bases.
+    values, before = (np.concatenate(states, axis=-1) for states in zip(*per_base, strict=True))
+    changed = np.concatenate(sample.changed, axis=1)
+    is_grounded = np.isfinite(values)
+    if not is_grounded.any():
         raise InsufficientDataError("balance needs feet on the floor: every segment is in flight")
-    order = np.concatenate(clip)
-    together = estimate.blocks(Segments(np.arange(len(order)), np.arange(1, len(order) + 1), order))
-    values = np.where(grounded, outs, np.nan)
-    kind, runs = original[0].kind, len(outs)
-    per_run = np.array(
-        [row[np.isfinite(row)].mean() if np.isfinite(row).any() else np.nan for row in values]
-    )
-    differences = np.where(changes, values - before, np.nan)
+    base = np.repeat(np.arange(len(sample.cuts)), [len(cut) for cut in sample.cuts])
+    order = np.arange(len(base))
+    blocks = estimate.segment_blocks(Segments(order, order + 1, base))
+    rates = [np.nan if np.isnan(run).all() else np.nanmean(run) for run in values]
 
-    def average(rows: FloatArray, of: str) -> Estimate:
-        block = np.broadcast_to(together, rows.shape)
-        return estimate.mean(rows.ravel(), block.ravel(), of)
+    def average(rows: FloatArray, unit: str) -> Estimate:
+        return estimate.block_mean(rows.ravel(), np.broadcast_to(blocks, rows.shape).ravel(), unit)
 
     return BalanceRow(
-        kind,
-        rule,
-        margin,
-        method,
-        average(values, "segments times runs"),
-        float(per_run.std(ddof=1)) if runs > 1 else math.nan,
-        average(np.where(changes, values, np.nan), "changed segments"),
-        average(differences, "changed segments, paired with the recording"),
-        float(1.0 - grounded.mean()),
-        runs,
+        kind=sample.original[0].kind,
+        rule=rule,
+        margin=margin,
+        method=method,
+        rate=average(values, "segments times runs"),
+        spread=float(np.std(rates, ddof=1)) if len(values) > 1 else math.nan,
+        changed=average(np.where(changed, values, np.nan), "changed segments"),
+        difference=average(
+            np.where(changed, values - before, np.nan),
+            "changed segments, paired with the recording",
+        ),
+        flight=float(1.0 - is_grounded.mean()),
+        runs=len(values),
     )
+
+
+def _segment_states(
+    sample: BalanceSample, base: int, rule: Rule, margin: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return 1 for unbalanced and NaN for flying segments, of the grafts and of their base."""
+    cut = sample.cuts[base]
+    states = []
+    for balance in (*sample.grafts[base], sample.original[base]):
+        unbalanced, flight = balance.classify(cut, rule, margin)
+        states.append(np.where(flight, np.nan, unbalanced))
+    return np.stack(states[:-1]), states[-1]

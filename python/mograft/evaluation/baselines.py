@@ -1,7 +1,7 @@
-"""Ways to choose donors, the method among them, behind one interface.
+"""Methods of donor selection: the method of the paper and the baselines, with one interface.
 
-What a way is judged by is the set of donors that it lets into a segment's place. Drawn at
-random from these, all ways differ in nothing but the rule.
+A method defines the candidates for each base segment. One candidate is drawn at random for
+each segment, so that the methods differ only in their candidates.
 """
 
 from collections.abc import Sequence
@@ -34,256 +34,267 @@ __all__ = [
     "Random",
     "RandomLength",
     "contact_patterns",
-    "contact_words",
-    "donors_by",
+    "contact_sequences",
+    "default_methods",
+    "draw_donors",
     "grafts_by",
-    "methods",
 ]
 
-_SAMPLES = 10
+_N_INSTANTS = 10
+"""Equidistant instants of a segment at which contact patterns are compared."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to choose donors.
+    """Base class of the methods that select donors.
 
     Attributes
     ----------
     name : str
-        What to call it.
-    limits_seams : bool
-        Whether a donor is drawn among those within `Config.max_angle` of the one before.
-    by_cost : bool
-        Whether donors are chosen by `Config.choice` instead of drawn.
-    changes : tuple of (str, value)
-        Fields of the library's configuration that differ, as ``(("seam", "paper"),)``: any
-        but those that its segments and embedding are built by.
+        Name in reports.
+    has_seam_limit : bool
+        Whether a donor is drawn only among those within `Config.max_angle` of the previous
+        donor.
+    uses_cost : bool
+        Whether `Config.choice` selects the donors. If not, they are drawn at random.
+    config_changes : tuple of (str, value)
+        Fields that replace those of the configuration of the library, such as
+        ``(("seam", "paper"),)``. Fields that determine the segments or the embedding are not
+        allowed.
     """
 
     name: str = ""
-    limits_seams: bool = True
-    by_cost: bool = False
-    changes: tuple[tuple[str, Any], ...] = ()
+    has_seam_limit: bool = True
+    uses_cost: bool = False
+    config_changes: tuple[tuple[str, Any], ...] = ()
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
-        """Return who may take the places of some segments.
+        """Return the candidates for base segments.
 
         Parameters
         ----------
         library : Library
-            The segments.
+            Library with the segments.
         scenario : ndarray of int, shape (n_positions,)
-            The base segments.
+            Base segments.
 
         Returns
         -------
         list of ndarray of int
-            For each the donors, ascending, itself among them.
+            For each base segment its candidates in ascending order, including itself.
         """
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Analogy(Method):
-    """The paper's rule: donors whose base part is in the same cluster and fits in length."""
+    """The method of the paper: similar length, and base parts in the same cluster."""
 
     name: str = "analogy"
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
-        """Return who may take the places of some segments; see `Method.candidates`."""
-        return _pool(library).candidate_lists(scenario, library.config)
+        """Return the candidates for base segments; see `Method.candidates`."""
+        return _first_pool(library).candidate_lists(scenario, library.config)
 
 
 @dataclass(frozen=True)
 class ByCost(Analogy):
-    """The same donors, chosen as the library's configuration says: by default by their cost."""
+    """The candidates of `Analogy`, selected by `Config.choice`: by default, by lowest cost."""
 
     name: str = "analogy, by cost"
-    by_cost: bool = True
+    uses_cost: bool = True
 
 
 @dataclass(frozen=True)
 class Captured(Method):
-    """Nothing but its own part: the recording once more."""
+    """Only the base segment itself, which reproduces the recording."""
 
     name: str = "captured"
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:  # noqa: ARG002
-        """Return who may take the places of some segments; see `Method.candidates`."""
-        return [np.array([own]) for own in scenario.tolist()]
+        """Return the candidates for base segments; see `Method.candidates`."""
+        return [np.array([segment]) for segment in scenario.tolist()]
 
 
 @dataclass(frozen=True)
 class Random(Method):
-    """Any donor at all, whatever its length and whatever the seam."""
+    """All donors, of any length and with any seam angle."""
 
     name: str = "random"
-    limits_seams: bool = False
+    has_seam_limit: bool = False
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
-        """Return who may take the places of some segments; see `Method.candidates`."""
-        everyone = np.ones(len(library.segments), bool)
-        return [_listed(library, own, everyone) for own in scenario.tolist()]
+        """Return the candidates for base segments; see `Method.candidates`."""
+        is_any = np.ones(len(library.segments), bool)
+        return [_donor_indices(library, segment, is_any) for segment in scenario.tolist()]
 
 
 @dataclass(frozen=True)
 class RandomLength(Method):
-    """Any donor of fitting length: what the clusters must be better than."""
+    """All donors of similar length: the reference for methods that compare base parts."""
 
     name: str = "random, length limit"
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
-        """Return who may take the places of some segments; see `Method.candidates`."""
-        return [_listed(library, own, _fits(library, own)) for own in scenario.tolist()]
+        """Return the candidates for base segments; see `Method.candidates`."""
+        return [
+            _donor_indices(library, segment, _has_similar_length(library, segment))
+            for segment in scenario.tolist()
+        ]
 
 
 @dataclass(frozen=True)
 class ContactPattern(Method):
-    """Donors whose feet touch the ground alike, and that fit in length.
+    """Donors of similar length with similar foot contacts.
 
-    After Ikemoto and Forsyth (Symposium on Computer Animation 2004) as the paper describes
-    their best rule; their own list of rules was not at hand.
+    It follows the paper's description of the best rule of Ikemoto and Forsyth (Symposium on
+    Computer Animation 2004). Their own list of rules was not available.
 
     Attributes
     ----------
     tolerance : int
-        Of ten instants and each foot, in how many the contact may differ for two feet.
-    exact : bool
-        Whether instead the order of contact states must be the same, however long each
-        lasts, states of a single frame aside.
+        Number of contact states that may differ, of ten for each foot.
+    is_exact : bool
+        Whether the sequence of contact states must be equal instead. The durations of the
+        states may differ, and states of a single frame are ignored.
     """
 
     name: str = "contact pattern"
     tolerance: int = 2
-    exact: bool = False
+    is_exact: bool = False
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
-        """Return who may take the places of some segments; see `Method.candidates`."""
-        lists = []
-        words = np.array(contact_words(library) if self.exact else [])
+        """Return the candidates for base segments; see `Method.candidates`."""
+        candidates = []
+        sequences = np.array(contact_sequences(library) if self.is_exact else [])
         states = contact_patterns(library)
-        for own in scenario.tolist():
-            if self.exact:
-                alike = words == words[own]
+        for segment in scenario.tolist():
+            if self.is_exact:
+                is_similar = sequences == sequences[segment]
             else:
-                differ = (states != states[own]).reshape(len(states), -1).sum(axis=1)
-                alike = differ <= self.tolerance
-            lists.append(_listed(library, own, alike & _fits(library, own)))
-        return lists
+                differences = (states != states[segment]).reshape(len(states), -1).sum(axis=1)
+                is_similar = differences <= self.tolerance
+            is_similar = is_similar & _has_similar_length(library, segment)
+            candidates.append(_donor_indices(library, segment, is_similar))
+        return candidates
 
 
 @dataclass(frozen=True)
 class Nearest(Method):
-    """The donors whose base parts are nearest, without clusters.
+    """The donors of similar length with the nearest base parts, without clusters.
 
     Attributes
     ----------
     count : int
-        How many of fitting length.
+        Number of donors.
     """
 
     name: str = "nearest neighbours"
     count: int = 6
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
-        """Return who may take the places of some segments; see `Method.candidates`."""
+        """Return the candidates for base segments; see `Method.candidates`."""
         embedding = library.embedding[library.groups.base]
         if embedding is None:
             raise InsufficientDataError("nearest neighbours need base parts that differ")
-        lists = []
-        for own in scenario.tolist():
-            fits = _fits(library, own) & library.is_donor
-            fits[own] = False
-            others = np.flatnonzero(fits)
-            apart = np.linalg.norm(embedding.points[others] - embedding.points[own], axis=1)
-            nearest = others[np.argsort(apart, kind="stable")[: self.count]]
-            lists.append(np.sort(np.append(nearest, own)))
-        return lists
+        candidates = []
+        for segment in scenario.tolist():
+            is_allowed = _has_similar_length(library, segment) & library.is_donor
+            is_allowed[segment] = False
+            others = np.flatnonzero(is_allowed)
+            distances = np.linalg.norm(embedding.points[others] - embedding.points[segment], axis=1)
+            nearest = others[np.argsort(distances, kind="stable")[: self.count]]
+            candidates.append(np.sort(np.append(nearest, segment)))
+        return candidates
 
 
-def methods(library: Library) -> tuple[Method, ...]:
-    """Return the ways that the experiments compare, for a library.
+def default_methods(library: Library) -> tuple[Method, ...]:
+    """Return the methods that the experiments compare.
 
     Parameters
     ----------
     library : Library
-        Contact patterns need legs in its skeleton; nearest neighbours something to compare.
+        Library. Contact patterns need legs in its skeleton. Nearest neighbours need base parts
+        that differ.
 
     Returns
     -------
     tuple of Method
-        From chance to choice.
+        The methods, from random choice to choice by cost.
     """
-    ways: list[Method] = [Random(), RandomLength()]
+    methods: list[Method] = [Random(), RandomLength()]
     if find_legs(library.skeleton):
-        ways.append(ContactPattern())
+        methods.append(ContactPattern())
     if library.embedding[library.groups.base] is not None:
-        ways.append(Nearest())
-    ways += [Analogy(), ByCost()]
-    # Posture alignment is that of Heck et al. 2006.
-    aligned = ByCost(f"{ByCost.name}, posture aligned", changes=(("torso", "world"),))
-    return (*ways, aligned)
+        methods.append(Nearest())
+    methods += [Analogy(), ByCost()]
+    # Posture alignment as in Heck et al. 2006.
+    aligned = ByCost(f"{ByCost.name}, posture aligned", config_changes=(("torso", "world"),))
+    return (*methods, aligned)
 
 
 def contact_patterns(library: Library) -> BoolArray:
-    """Return how the feet touch the ground in every segment.
+    """Return the foot contacts at ten equidistant instants of every segment.
 
     Parameters
     ----------
     library : Library
-        The segments.
+        Library with the segments.
 
     Returns
     -------
     ndarray of bool, shape (n_segments, 10, n_legs)
-        Whether a foot stands, as `mograft.body.contacts.contacts` tells, at ten equal times.
+        Whether a foot is in contact with the floor; see `mograft.body.contacts`.
 
     Raises
     ------
     InsufficientDataError
         If the skeleton has no legs.
     """
-    touching, cut = _touching(library), library.segments
-    states = np.empty((len(cut), _SAMPLES, touching[0].shape[1]), bool)
-    steps = np.linspace(0.0, 1.0, _SAMPLES)
-    for index, own in enumerate(touching):
-        mine = cut.of_clip(index)
-        frames = cut.start[mine][:, None] + steps * cut.lengths[mine][:, None]
-        states[mine] = own[frames.round().astype(np.int64)]
+    contacts, cut = _foot_contacts(library), library.segments
+    states = np.empty((len(cut), _N_INSTANTS, contacts[0].shape[1]), bool)
+    fractions = np.linspace(0.0, 1.0, _N_INSTANTS)
+    for clip, touching in enumerate(contacts):
+        segments = cut.of_clip(clip)
+        frames = cut.start[segments][:, None] + fractions * cut.lengths[segments][:, None]
+        states[segments] = touching[frames.round().astype(np.int64)]
     return states
 
 
-def contact_words(library: Library) -> list[str]:
-    """Return in which order the feet touch the ground in every segment.
+def contact_sequences(library: Library) -> list[str]:
+    """Return the sequence of contact states of every segment.
 
     Parameters
     ----------
     library : Library
-        The segments.
+        Library with the segments.
 
     Returns
     -------
     list of str
-        As "10>11>01" with a digit for each leg: states in their order, those of a single
-        frame left out.
+        States in temporal order, such as "10>11>01", with one digit for each leg. States of a
+        single frame are omitted.
 
     Raises
     ------
     InsufficientDataError
         If the skeleton has no legs.
     """
-    touching, cut = _touching(library), library.segments
-    words = []
+    contacts, cut = _foot_contacts(library), library.segments
+    sequences = []
     for start, stop, clip in zip(cut.start, cut.stop, cut.clip, strict=True):
-        rows = touching[clip][start : stop + 1].astype(np.int64).tolist()
-        codes = ["".join(map(str, row)) for row in rows]
-        lasting = [code for code, run in groupby(codes) if sum(1 for _ in run) > 1] or codes[:1]
-        words.append(">".join(code for code, _ in groupby(lasting)))
-    return words
+        rows = contacts[clip][start : stop + 1].astype(np.int64).tolist()
+        states = ["".join(map(str, row)) for row in rows]
+        lasting = [
+            state for state, frames in groupby(states) if sum(1 for _ in frames) > 1
+        ] or states[:1]
+        sequences.append(">".join(state for state, _ in groupby(lasting)))
+    return sequences
 
 
 @lru_cache(maxsize=1)
-def _touching(library: Library) -> list[BoolArray]:
+def _foot_contacts(library: Library) -> list[BoolArray]:
+    """Return for each clip the feet on the floor, shape (n_frames, n_legs)."""
     if not find_legs(library.skeleton):
         raise InsufficientDataError("contact patterns need legs: none is known in the skeleton")
     return [np.asarray(detect_contacts(clip).any(axis=2), bool) for clip in library.clips]
@@ -298,31 +309,32 @@ def grafts_by(
     swap: Sequence[str] | None = None,
     seed: int = 0,
 ) -> Sequence[Graft]:
-    """Make motions whose donors one way has chosen; all else is as `mograft.graft_many` does.
+    """Return grafts whose donors a method selected; otherwise as `mograft.graft_many`.
 
     Parameters
     ----------
     method : Method
-        The way.
+        Method that selects the donors.
     library, base, count, swap, seed
         As for `mograft.graft_many`.
 
     Returns
     -------
     sequence of Graft
-        Each made when it is asked for.
+        Each graft is computed when it is accessed.
 
     Raises
     ------
     InsufficientDataError
-        If the way cannot be gone with this library.
+        If the library does not support the method.
     ValueError
         As for `mograft.graft_many`.
 
     Notes
     -----
-    Where nothing is by cost, each donor is drawn uniformly among those whose seam with the one
-    before is within `Config.max_angle`, else the nearest is taken (paper, 4.4).
+    Without `Method.uses_cost`, each donor is drawn uniformly from the candidates whose seam
+    angle with the previous donor is at most `Config.max_angle`. If there is none, the
+    candidate with the smallest angle is taken (paper, 4.4).
 
     Examples
     --------
@@ -332,11 +344,11 @@ def grafts_by(
     >>> new.motion.n_frames == new.base.n_frames
     True
     """
-    plan, draws = _planned(method, library, base, count, swap, seed)
-    return Grafts(plan, tuple(draws), seed)
+    plan, donors = _plan_grafts(method, library, base, count, swap, seed)
+    return Grafts(plan, tuple(donors), seed)
 
 
-def donors_by(
+def draw_donors(
     method: Method,
     library: Library,
     base: Motion | str | None = None,
@@ -345,7 +357,7 @@ def donors_by(
     swap: Sequence[str] | None = None,
     seed: int = 0,
 ) -> tuple[IntArray, list[DonorSequences]]:
-    """Choose donors as `grafts_by` does, without making the motions.
+    """Select donors as `grafts_by` does, without computing the motions.
 
     Parameters
     ----------
@@ -355,15 +367,15 @@ def donors_by(
     Returns
     -------
     scenario : ndarray of int, shape (n_positions,)
-        The base segments.
-    draws : list of dict of str to ndarray of int
-        For each motion and grafted group the donors.
+        Base segments.
+    donors : list of dict of str to ndarray of int
+        For each graft, the donor sequence of each grafted group.
     """
-    plan, draws = _planned(method, library, base, count, swap, seed)
-    return plan.problem.scenario, draws
+    plan, donors = _plan_grafts(method, library, base, count, swap, seed)
+    return plan.problem.scenario, donors
 
 
-def _planned(
+def _plan_grafts(
     method: Method,
     library: Library,
     base: Motion | str | None,
@@ -371,47 +383,57 @@ def _planned(
     swap: Sequence[str] | None,
     seed: int,
 ) -> tuple[GraftPlan, list[DonorSequences]]:
-    if method.changes:
-        library = library.relabelled(replace(library.config, **dict(method.changes)))
+    if method.config_changes:
+        library = library.relabelled(replace(library.config, **dict(method.config_changes)))
     plan = GraftPlan.build(library, base, swap, ())
     problem = plan.problem
-    allowed = method.candidates(problem.library, problem.scenario)
-    plan = replace(plan, problem=replace(problem, candidates=dict.fromkeys(problem.pools, allowed)))
-    if method.by_cost:
+    candidates = method.candidates(problem.library, problem.scenario)
+    problem = replace(problem, candidates=dict.fromkeys(problem.pools, candidates))
+    plan = replace(plan, problem=problem)
+    if method.uses_cost:
         return plan, plan.choose_donors(count, seed)
     rng = np.random.default_rng(seed)
-    limit = problem.config.max_angle if method.limits_seams else np.pi
+    max_angle = problem.config.max_angle if method.has_seam_limit else np.pi
     return plan, [
-        {group: _drawn(pool, allowed, limit, rng) for group, pool in problem.pools.items()}
+        {
+            group: _draw_sequence(pool, candidates, max_angle, rng)
+            for group, pool in problem.pools.items()
+        }
         for _ in range(count)
     ]
 
 
-def _drawn(
-    pool: SegmentPool, allowed: Sequence[IntArray], limit: float, rng: np.random.Generator
+def _draw_sequence(
+    pool: SegmentPool,
+    candidates: Sequence[IntArray],
+    max_angle: float,
+    rng: np.random.Generator,
 ) -> IntArray:
-    """Draw donors one after the other, as the paper does."""
-    chosen: list[int] = []
-    for own in allowed:
-        passing = own
-        if chosen and limit < np.pi:
-            gaps: FloatArray = pool.seam_angles(np.array(chosen[-1:]), own)[0]
-            passing = own[gaps <= limit] if (gaps <= limit).any() else own[[int(gaps.argmin())]]
-        chosen.append(int(rng.choice(passing)))
-    return np.array(chosen, np.int64)
+    """Draw a donor sequence from first to last position (paper, 4.4)."""
+    donors: list[int] = []
+    for segments in candidates:
+        allowed = segments
+        if donors and max_angle < np.pi:
+            angles: FloatArray = pool.seam_angles(np.array(donors[-1:]), segments)[0]
+            is_within = angles <= max_angle
+            allowed = segments[is_within if is_within.any() else [int(angles.argmin())]]
+        donors.append(int(rng.choice(allowed)))
+    return np.array(donors, np.int64)
 
 
-def _pool(library: Library) -> SegmentPool:
+def _first_pool(library: Library) -> SegmentPool:
+    """Return the pool of the first grafted group; the candidates of all groups are equal."""
     grafted = next(name for name in library.groups.names if name != library.groups.base)
     return library.pool(grafted)
 
 
-def _fits(library: Library, own: int) -> BoolArray:
+def _has_similar_length(library: Library, segment: int) -> BoolArray:
     lengths = library.segments.lengths
-    return length_fits(lengths[[own]], lengths, library.rate, library.config)
+    return length_fits(lengths[[segment]], lengths, library.rate, library.config)
 
 
-def _listed(library: Library, own: int, passes: BoolArray) -> IntArray:
-    passes = passes & library.is_donor
-    passes[own] = True
-    return np.flatnonzero(passes)
+def _donor_indices(library: Library, segment: int, is_allowed: BoolArray) -> IntArray:
+    """Return the allowed donors of a segment, including itself."""
+    is_candidate = is_allowed & library.is_donor
+    is_candidate[segment] = True
+    return np.flatnonzero(is_candidate)

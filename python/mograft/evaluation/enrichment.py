@@ -1,4 +1,4 @@
-"""How many motions could be made of what was captured (paper, 5.4, tables 1 and 2)."""
+"""Numbers of combinations of captured parts (paper, 5.4, tables 1 and 2)."""
 
 import math
 import warnings
@@ -31,7 +31,7 @@ PAPER_TABLES: Mapping[str, tuple[int, int, Mapping[int, int]]] = {
     "table 1": (6572, 895, {2: 3736, 3: 47018, 4: 3776858, 5: 143030206}),
     "table 2": (6652, 906, {2: 4272, 3: 79012, 4: 1910228, 5: 8330957}),
 }
-"""Frames, segments and, for each number of groups, combinations that the paper prints."""
+"""Frames, segments and, for each number of groups, combinations in the tables of the paper."""
 
 READINGS = ("literal", "rms")
 SCALES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
@@ -40,18 +40,18 @@ _GROUPS = (2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class Count:
-    """What can be combined from one number of joint groups.
+    """Numbers of combinations for one number of joint groups.
 
     Attributes
     ----------
     groups : int
-        K, the number of joint groups, the base among them.
+        K, the number of joint groups, including the base group.
     unfiltered : int
-        Segments if nothing but the clusters limits the choice: Σ |c|^K.
+        Combinations within the clusters c of the base group: Σ |c|^K.
     filtered : int
-        Those whose parts also fit in length (eq. 19) and hold no fault: Σ n_i^(K-1).
+        Combinations of parts of similar length (eq. 19) without faults: Σ n_i^(K-1).
     new : int
-        Those of `filtered` that are not a captured segment.
+        Combinations in `filtered` that were not captured.
     """
 
     groups: int
@@ -67,19 +67,19 @@ class Enrichment:
     Attributes
     ----------
     segments : int
-        Captured segments, A in the paper.
+        Number of captured segments, A in the paper.
     clusters : int
-        Clusters of the base group.
+        Number of clusters of the base group.
     largest : int
-        Segments of the largest of these.
+        Number of segments in the largest cluster.
     sigma : str or float
         Reading of eq. 14; see `mograft.Config`.
     sigma_scale : float
-        Factor on it.
+        Factor on the reading.
     diameter : float
-        The greatest diameter of a cluster that they come to.
+        Maximal cluster diameter that results from both.
     counts : tuple of Count
-        For 2 to 5 groups.
+        Counts for each number of groups.
     """
 
     segments: int
@@ -91,7 +91,7 @@ class Enrichment:
     counts: tuple[Count, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it: the counts as text, since they may be of any size."""
+        """Return a dict for JSON; the counts are strings, since they may be of any size."""
         return {
             "segments": self.segments,
             "base_clusters": self.clusters,
@@ -101,30 +101,31 @@ class Enrichment:
             "diameter": self.diameter,
             "counts": [
                 {
-                    "groups": own.groups,
-                    "unfiltered": str(own.unfiltered),
-                    "filtered": str(own.filtered),
-                    "new": str(own.new),
-                    "factor_unfiltered": own.unfiltered / self.segments,
-                    "factor_filtered": own.filtered / self.segments,
+                    "groups": count.groups,
+                    "unfiltered": str(count.unfiltered),
+                    "filtered": str(count.filtered),
+                    "new": str(count.new),
+                    "factor_unfiltered": count.unfiltered / self.segments,
+                    "factor_filtered": count.filtered / self.segments,
                 }
-                for own in self.counts
+                for count in self.counts
             ],
         }
 
 
 @dataclass(frozen=True)
 class Law:
-    """An inequality that counts of clusters obey, and whether some given ones do.
+    """An inequality that the counts of every clustering satisfy.
 
     Attributes
     ----------
     name : str
         The inequality.
     holds : bool
-        Whether the counts obey it.
+        Whether the given counts satisfy it.
     margin : float
-        The greater side over the lesser one as they should be: below 1 where it fails.
+        Left side divided by right side of the inequality, with the side that must be greater
+        on the left; below 1 if it fails.
     """
 
     name: str
@@ -133,14 +134,14 @@ class Law:
 
 
 def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
-    """Count the segments that could be put together from a library.
+    """Count the segments that can be combined from the parts of a library.
 
     Parameters
     ----------
     library : Library
-        Its base group's clusters and its limits on length count.
+        Library with the clusters of the base group and the limits of length.
     groups : sequence of int
-        Numbers of joint groups, each 2 or more.
+        Numbers of joint groups, each at least 2.
 
     Returns
     -------
@@ -154,21 +155,21 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
 
     Notes
     -----
-    Only clusters of the base group limit the choice (eq. 18), so K groups that share a base
-    have Σ_i n_i^(K-1) combinations, where n_i segments may lend segment i their parts. It is
-    segments that are counted, where the paper's text says frames.
+    Only the clusters of the base group restrict the donors (eq. 18). If segment i has n_i
+    candidates, K groups with a common base therefore have Σ_i n_i^(K-1) combinations. These
+    are numbers of segments; the text of the paper calls them frames.
 
     Examples
     --------
     >>> from mograft.dancer import dance
     >>> found = enrichment(Library.build(dance(strides=1).motion))
-    >>> all(own.unfiltered >= own.filtered >= found.segments for own in found.counts)
+    >>> all(c.unfiltered >= c.filtered >= found.segments for c in found.counts)
     True
     """
     if min(groups, default=2) < 2:
-        raise ValueError(f"groups must be numbers from 2, got {min(groups)}")
+        raise ValueError(f"`groups` must contain numbers of at least 2, got {min(groups)}")
     base, config = library.groups.base, library.config
-    return _counted(
+    return _count_combinations(
         library, library.labels[base], config.sigma, config.sigma_scale, library.sigma[base], groups
     )
 
@@ -179,23 +180,23 @@ def sweep(
     scales: Sequence[float] = SCALES,
     groups: Sequence[int] = _GROUPS,
 ) -> tuple[Enrichment, ...]:
-    """Count for every reading of the threshold and a range of scales.
+    """Count the combinations for each reading of the threshold and each scale.
 
     Parameters
     ----------
     library : Library
-        Its base group is clustered anew for each.
+        Library. Its base group is clustered again for each threshold.
     readings : sequence of str
-        Named readings of eq. 14.
+        Names of the readings of eq. 14.
     scales : sequence of float
-        Factors on each.
+        Factors on each reading.
     groups : sequence of int
-        Numbers of joint groups.
+        Numbers of joint groups, each at least 2.
 
     Returns
     -------
     tuple of Enrichment
-        Reading by reading, by ascending scale; empty where nothing could be compared.
+        Counts by reading and ascending scale; empty if the base parts do not differ.
 
     Examples
     --------
@@ -204,19 +205,19 @@ def sweep(
     >>> rows[0].clusters >= rows[1].clusters
     True
     """
-    own = library.embedding[library.groups.base]
-    if own is None:
+    embedding = library.embedding[library.groups.base]
+    if embedding is None:
         return ()
     rows = []
     for reading in readings:
         for scale in sorted(scales):
-            diameter = threshold(own.points, reading, scale)
-            labels = cut(own.points, diameter)
-            rows.append(_counted(library, labels, reading, scale, diameter, groups))
+            diameter = threshold(embedding.points, reading, scale)
+            labels = cut(embedding.points, diameter)
+            rows.append(_count_combinations(library, labels, reading, scale, diameter, groups))
     return tuple(rows)
 
 
-def _counted(
+def _count_combinations(
     library: Library,
     labels: IntArray,
     sigma: str | float,
@@ -227,62 +228,69 @@ def _counted(
     grafted = next(name for name in library.groups.names if name != library.groups.base)
     pool = replace(library.pool(grafted), labels=labels)
     n = len(labels)
-    choices = [len(own) for own in pool.candidate_lists(np.arange(n), library.config)]
+    candidates = pool.candidate_lists(np.arange(n), library.config)
     sizes = np.bincount(labels)
     counts = []
     for k in groups:
-        filtered = sum(own ** (k - 1) for own in choices)
-        counts.append(Count(k, count_combinations(labels, k), filtered, filtered - n))
+        filtered = sum(len(segments) ** (k - 1) for segments in candidates)
+        unfiltered = count_combinations(labels, k)
+        counts.append(Count(k, unfiltered, filtered, filtered - n))
     return Enrichment(
-        n, len(sizes), int(sizes.max(initial=0)), sigma, scale, diameter, tuple(counts)
+        segments=n,
+        clusters=len(sizes),
+        largest=int(sizes.max(initial=0)),
+        sigma=sigma,
+        sigma_scale=scale,
+        diameter=diameter,
+        counts=tuple(counts),
     )
 
 
 def cluster_numbers(library: Library) -> dict[int, dict[str, int]]:
-    """Return how many clusters the parts of 2, 3, 4 and 5 joint groups fall into.
+    """Return the numbers of clusters for 2, 3, 4 and 5 joint groups.
 
     Parameters
     ----------
     library : Library
-        Its clips are compared anew, by its configuration, for every preset of joint groups.
+        Library. Its clips are clustered again for each preset of joint groups, with its
+        configuration.
 
     Returns
     -------
     dict of int to dict of str to int
-        For each number of groups that the skeleton has a preset for, the clusters of each.
+        For each preset that the skeleton supports, by its number of groups: the number of
+        clusters of each group.
     """
     found = {}
     skeleton = library.skeleton
-    with warnings.catch_warnings():  # what the library itself was built with was told then
+    with warnings.catch_warnings():  # building the library has already issued them
         warnings.simplefilter("ignore")
         for preset, names in PRESETS.items():
             try:
                 groups = JointGroups.preset(preset, skeleton)
             except ValueError:
                 continue
-            # Built at one rate already, the same clips are cut into the same segments.
-            own = Library.build(library.clips, groups, library.config)
-            found[len(names)] = {g: int(own.labels[g].max()) + 1 for g in own.groups.names}
+            labels = Library.build(library.clips, groups, library.config).labels
+            found[len(names)] = {group: int(labels[group].max()) + 1 for group in groups.names}
     return found
 
 
 def moment_laws(segments: int, counts: Mapping[int, int]) -> tuple[Law, ...]:
-    """Tell whether one clustering could have produced some counts.
+    """Test whether a single clustering can have the given counts.
 
     Parameters
     ----------
     segments : int
-        How many segments there are.
+        Number of segments, which is B_1.
     counts : mapping of int to int
-        For some numbers K of groups the combinations B_K.
+        Combinations B_K for some numbers K of groups.
 
     Returns
     -------
     tuple of Law
-        For neighbouring K that are given, 1 (the segments themselves) among them. Where one
-        fails, no single set of clusters gives the counts; where "Cauchy-Schwarz" fails, no
-        set of choices n_i does, however filtered: the base group, the clusters or the filters
-        changed with K.
+        Inequalities between the given counts of successive K. If one of them fails, no single
+        clustering has the counts. If "Cauchy-Schwarz" fails, no set of numbers of candidates
+        n_i has them: the base group, the clusters or the filters changed with K.
 
     Raises
     ------
@@ -291,14 +299,14 @@ def moment_laws(segments: int, counts: Mapping[int, int]) -> tuple[Law, ...]:
 
     Notes
     -----
-    With n_i choices for segment i, B_K = Σ n_i^(K-1): moments, which obey
-    B_(K-1) B_(K+1) ≥ B_K². The n_i of clusters are their sizes, once for each member, so the
-    largest cluster has at least B_(K+1) / B_K and at most B_J^(1/J) members for every J. All
-    is compared in whole numbers.
+    With n_i candidates for segment i, the B_K = Σ n_i^(K-1) are moments. They satisfy
+    B_(K-1) B_(K+1) ≥ B_K². In a clustering, n_i is the size of the cluster of segment i. The
+    largest cluster therefore has at least B_(K+1) / B_K and, for every J, at most B_J^(1/J)
+    members. All comparisons use exact integers.
 
     Examples
     --------
-    The paper's first table cannot come from one clustering:
+    Table 1 of the paper cannot come from a single clustering:
 
     >>> _, segments, counts = PAPER_TABLES["table 1"]
     >>> [law.name for law in moment_laws(segments, counts) if not law.holds][0]
@@ -306,7 +314,7 @@ def moment_laws(segments: int, counts: Mapping[int, int]) -> tuple[Law, ...]:
     """
     known = {1: int(segments), **{int(k): int(b) for k, b in counts.items()}}
     if min(known.values()) < 1:
-        raise ValueError(f"counts must be 1 or more, got {min(known.values())}")
+        raise ValueError(f"`counts` must be at least 1, got {min(known.values())}")
     laws = []
     for k in sorted(known):
         if k - 1 in known and k + 1 in known:
@@ -316,13 +324,13 @@ def moment_laws(segments: int, counts: Mapping[int, int]) -> tuple[Law, ...]:
         if k + 1 not in known:
             continue
         for j in sorted(known):
-            # (B_(K+1) / B_K)^J <= B_J, without a fraction.
+            # (B_(K+1) / B_K)^J <= B_J, multiplied by B_K^J.
             name = f"largest cluster: B_{k + 1} / B_{k} <= B_{j}^(1/{j})"
             laws.append(_law(name, known[j] * known[k] ** j, known[k + 1] ** j, j))
     return tuple(laws)
 
 
-def _law(name: str, great: int, small: int, root: int = 1) -> Law:
-    # By logarithms, which whole numbers of any size have.
-    ratio = (math.log(great) - math.log(small)) / root
-    return Law(name, great >= small, math.exp(min(ratio, 700.0)))
+def _law(name: str, left: int, right: int, root: int = 1) -> Law:
+    # Integers of any size have a logarithm; their quotient may overflow.
+    ratio = (math.log(left) - math.log(right)) / root
+    return Law(name, left >= right, math.exp(min(ratio, 700.0)))

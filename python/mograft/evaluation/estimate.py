@@ -1,77 +1,110 @@
-"""Numbers with how sure they are: intervals that respect what hangs together in time."""
+"""Numbers with confidence intervals, and the bootstrap of blocks that computes the intervals.
+
+Neighbouring segments of a motion are correlated. The bootstrap therefore draws blocks of
+neighbours, or whole clips, instead of single segments.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
+from mograft.evaluation._extra import import_extra
 
-__all__ = ["BLOCK", "Estimate", "blocks", "bootstrap", "mean", "rogan_gladen", "share"]
+__all__ = [
+    "BLOCK_SEGMENTS",
+    "MIN_BLOCKS",
+    "MIN_CLIPS_AS_BLOCKS",
+    "Estimate",
+    "block_bootstrap",
+    "block_mean",
+    "proportion",
+    "rogan_gladen",
+    "segment_blocks",
+]
 
-BLOCK = 10
-"""Neighbouring segments that are drawn together: a few seconds, beyond which motions forget."""
-CLIPS = 10
-"""With so many clips, clips are drawn instead: nothing hangs together across them."""
-FEWEST = 5
-"""Blocks below which no interval is given: a resampling of two or three tells nothing."""
-_DRAWS = 2000
-_Z = 1.959963984540054
+BLOCK_SEGMENTS = 10
+"""Neighbouring segments in one block: a few seconds of motion."""
+MIN_CLIPS_AS_BLOCKS = 10
+"""Number of clips from which each clip is one block: clips are independent of each other."""
+MIN_BLOCKS = 5
+"""Number of blocks below which no interval is computed."""
+_N_RESAMPLES = 2000
+_MIN_FINITE_SHARE = 0.9
+"""Share of the resamples that must have a finite value for an interval."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number, its 95 % interval and what it was computed from.
+    """A number, its 95 % interval and the sample that it was computed from.
 
     Attributes
     ----------
     value : float
-        The number.
+        The number; NaN if the sample is empty.
     low, high : float
-        Ends of the interval; NaN where the sample is too small for one.
+        Ends of the interval; NaN if the sample is too small for an interval.
     n : int
-        Size of the sample.
-    of : str
-        What was counted.
-    interval : str
-        How the interval was found.
+        Sample size.
+    unit : str
+        What one element of the sample is, in the plural: "segments", "seams".
+    interval_method : str
+        Method of the interval, such as "bootstrap of 23 blocks".
     """
 
     value: float
     low: float
     high: float
     n: int
-    of: str
-    interval: str
+    unit: str
+    interval_method: str
+
+    @classmethod
+    def without_value(cls, n: int, unit: str, interval_method: str) -> Self:
+        """Return an estimate without a value and without an interval."""
+        return cls(
+            value=math.nan,
+            low=math.nan,
+            high=math.nan,
+            n=n,
+            unit=unit,
+            interval_method=interval_method,
+        )
 
     def __str__(self) -> str:
         return self.text()
 
-    def text(self, digits: int = 3, scale: float = 1.0, unit: str = "") -> str:
-        """Return the number and its interval in words.
+    def text(self, digits: int = 3, scale: float = 1.0, suffix: str = "") -> str:
+        """Format the number and its interval.
 
         Parameters
         ----------
         digits : int
-            Digits behind the point.
+            Digits after the decimal point.
         scale : float
-            What to multiply by, as 100 for percent.
-        unit : str
-            What to put behind the number.
+            Factor on the number and on the interval, such as 100 for percent.
+        suffix : str
+            Text after the number, such as a unit.
+
+        Returns
+        -------
+        str
+            "0.5 (0.2 to 0.8)", or "none" without a value.
         """
         if not math.isfinite(self.value):
             return "none"
-        told = f"{self.value * scale:.{digits}f}{unit}"
+        number = f"{self.value * scale:.{digits}f}{suffix}"
         if not (math.isfinite(self.low) and math.isfinite(self.high)):
-            return f"{told} (no interval)"
-        return f"{told} ({self.low * scale:.{digits}f} to {self.high * scale:.{digits}f})"
+            return f"{number} (no interval)"
+        return f"{number} ({self.low * scale:.{digits}f} to {self.high * scale:.{digits}f})"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it: what is not finite is None."""
+        """Return a dict for JSON; values that are not finite become None."""
         low, high, value = (
             x if math.isfinite(x) else None for x in (self.low, self.high, self.value)
         )
@@ -79,25 +112,30 @@ class Estimate:
             "value": value,
             "interval": None if low is None or high is None else [low, high],
             "n": self.n,
-            "of": self.of,
-            "method": self.interval,
+            "of": self.unit,
+            "method": self.interval_method,
         }
 
 
-def share(hits: int, n: int, of: str) -> Estimate:
-    """Return which share of independent trials succeeded, with Wilson's interval.
+def proportion(hits: int, n: int, unit: str) -> Estimate:
+    """Return the share of independent trials that succeeded, with Wilson's interval.
 
     Parameters
     ----------
     hits, n : int
-        Successes and trials.
-    of : str
-        What the trials are.
+        Numbers of successes and of trials.
+    unit : str
+        What one trial is, in the plural.
 
     Returns
     -------
     Estimate
-        NaN where there is no trial.
+        Undefined if there is no trial.
+
+    Raises
+    ------
+    ImportError
+        If SciPy is not installed.
 
     Notes
     -----
@@ -105,128 +143,143 @@ def share(hits: int, n: int, of: str) -> Estimate:
 
     Examples
     --------
-    >>> print(share(9, 10, "labels"))
+    >>> print(proportion(9, 10, "labels"))
     0.900 (0.596 to 0.982)
     """
     if n == 0:
-        return Estimate(math.nan, math.nan, math.nan, 0, of, "Wilson")
-    p, z = hits / n, _Z
-    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    # At the ends rounding may leave the interval a hair short of the share itself.
+        return Estimate.without_value(0, unit, "Wilson")
+    interval = import_extra("scipy.stats").binomtest(hits, n).proportion_ci(method="wilson")
     return Estimate(
-        p, min(max(middle - half, 0.0), p), max(min(middle + half, 1.0), p), n, of, "Wilson"
+        value=hits / n,
+        low=float(interval.low),
+        high=float(interval.high),
+        n=n,
+        unit=unit,
+        interval_method="Wilson",
     )
 
 
-def blocks(cut: Segments, size: int = BLOCK) -> IntArray:
-    """Return which segments hang together: clips of many, else neighbours within a clip.
+def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
+    """Assign segments to the blocks that the bootstrap resamples.
 
     Parameters
     ----------
     cut : Segments
-        Clip by clip in order of time.
+        Segments, ordered by clip and time.
     size : int
-        Neighbours in a block.
+        Neighbouring segments in one block.
 
     Returns
     -------
     ndarray of int, shape (n_segments,)
-        Numbers from 0.
+        Block numbers from 0. With 10 clips or more, each clip is one block.
     """
     clips, clip = np.unique(cut.clip, return_inverse=True)
-    if len(clips) >= CLIPS:
+    if len(clips) >= MIN_CLIPS_AS_BLOCKS:
         return clip.astype(np.int64)
-    place = np.concatenate([np.arange(n) for n in np.bincount(clip)]) if len(cut) else clip
-    pairs = np.stack([clip, place // size], axis=1)
+    position = np.concatenate([np.arange(n) for n in np.bincount(clip)]) if len(cut) else clip
+    pairs = np.stack([clip, position // size], axis=1)
     return np.unique(pairs, axis=0, return_inverse=True)[1].astype(np.int64).reshape(-1)
 
 
-def bootstrap(
+def block_bootstrap(
     statistic: Callable[[FloatArray], FloatArray], n_blocks: int, seed: int = 0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the 95 % percentile interval of a statistic under resampling of blocks.
+    """Return the 95 % percentile interval of a statistic by resampling blocks.
 
     Parameters
     ----------
     statistic : callable
-        Takes how often each block is drawn, shape (n_draws, n_blocks), and returns one value
-        or row of values per draw; what is not finite is left out.
+        Function of the number of times that each block is drawn, shape
+        (n_resamples, n_blocks). It returns one value or one row of values per resample.
+        Values that are not finite are ignored.
     n_blocks : int
-        How many blocks there are.
+        Number of blocks.
     seed : int
-        Of the draws.
+        Seed of the resampling.
 
     Returns
     -------
     low, high : ndarray
-        NaN where there are fewer than five blocks, or too few draws gave a value.
+        NaN with fewer than 5 blocks, or if 10 % of the values or more are not finite.
 
     Notes
     -----
-    Künsch, Annals of Statistics 17 (1989): what hangs together is drawn together.
+    Künsch, Annals of Statistics 17 (1989).
     """
     rng = np.random.default_rng(seed)
     n = max(n_blocks, 1)
-    drawn = rng.multinomial(n, np.full(n, 1.0 / n), size=_DRAWS).astype(np.float64)
+    multiplicities = rng.multinomial(n, np.full(n, 1.0 / n), size=_N_RESAMPLES).astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
-        values = np.asarray(statistic(drawn), np.float64)
-    values = values.reshape(_DRAWS, -1)
+        values = np.asarray(statistic(multiplicities), np.float64)
+    values = values.reshape(_N_RESAMPLES, -1)
     values[~np.isfinite(values)] = np.nan
-    enough = (np.isfinite(values).mean(axis=0) > 0.9) & (n_blocks >= FEWEST)
-    ends = np.full((2, values.shape[1]), np.nan)
-    if enough.any():
-        ends[:, enough] = np.nanpercentile(values[:, enough], [2.5, 97.5], axis=0)
-    return ends[0], ends[1]
+    is_sufficient = np.isfinite(values).mean(axis=0) > _MIN_FINITE_SHARE
+    is_sufficient &= n_blocks >= MIN_BLOCKS
+    limits = np.full((2, values.shape[1]), np.nan)
+    if is_sufficient.any():
+        limits[:, is_sufficient] = np.nanpercentile(values[:, is_sufficient], [2.5, 97.5], axis=0)
+    return limits[0], limits[1]
 
 
-def mean(values: npt.ArrayLike, block: npt.ArrayLike, of: str, seed: int = 0) -> Estimate:
-    """Return a mean with an interval that resamples blocks.
+def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: int = 0) -> Estimate:
+    """Return a mean with a bootstrap interval that resamples blocks.
 
     Parameters
     ----------
     values : array_like, shape (n,)
-        What is averaged; NaN is left out.
-    block : array_like of int, shape (n,)
-        Which values hang together.
-    of : str
-        What the values belong to.
+        Values; NaN is ignored.
+    blocks : array_like of int, shape (n,)
+        Block of each value.
+    unit : str
+        What one value belongs to, in the plural.
     seed : int
-        Of the resampling.
+        Seed of the resampling.
 
     Returns
     -------
     Estimate
-        Its `n` counts values, not blocks.
+        `Estimate.n` counts values, not blocks.
     """
-    given = np.asarray(values, np.float64)
-    kept = np.isfinite(given)
-    given, members = given[kept], np.asarray(block)[kept]
-    if not len(given):
-        return Estimate(math.nan, math.nan, math.nan, 0, of, "block bootstrap")
-    own, index = np.unique(members, return_inverse=True)
-    sums = np.bincount(index, given)
+    array = np.asarray(values, np.float64)
+    is_finite = np.isfinite(array)
+    array, members = array[is_finite], np.asarray(blocks)[is_finite]
+    if not len(array):
+        return Estimate.without_value(0, unit, "block bootstrap")
+    distinct, index = np.unique(members, return_inverse=True)
+    sums = np.bincount(index, array)
     counts = np.bincount(index).astype(np.float64)
-    low, high = bootstrap(lambda drawn: (drawn @ sums) / (drawn @ counts), len(own), seed)
-    how = f"bootstrap of {len(own)} blocks"
-    return Estimate(float(given.mean()), float(low[0]), float(high[0]), len(given), of, how)
+    low, high = block_bootstrap(
+        lambda multiplicities: (multiplicities @ sums) / (multiplicities @ counts),
+        len(distinct),
+        seed,
+    )
+    return Estimate(
+        value=float(array.mean()),
+        low=float(low[0]),
+        high=float(high[0]),
+        n=len(array),
+        unit=unit,
+        interval_method=f"bootstrap of {len(distinct)} blocks",
+    )
 
 
 def rogan_gladen(positive: float, sensitivity: float, specificity: float) -> float:
-    """Return the true share of positives behind the share that a fallible test finds.
+    """Estimate the true share of positives from the share that an imperfect test reports.
 
     Parameters
     ----------
     positive : float
-        Share that the test calls positive.
+        Share that the test reports as positive.
     sensitivity, specificity : float
-        Shares of true positives and of true negatives that it calls rightly.
+        Shares of the true positives and of the true negatives that the test classifies
+        correctly.
 
     Returns
     -------
     float
-        May lie outside of 0 to 1, which says that the errors were not what they are taken
-        for. NaN where the test is no better than chance.
+        A value outside of 0 to 1 means that the sensitivity or the specificity is wrong. NaN
+        if the test is no better than chance.
 
     Notes
     -----
@@ -234,7 +287,7 @@ def rogan_gladen(positive: float, sensitivity: float, specificity: float) -> flo
 
     Examples
     --------
-    The paper's 823 of 906 with an accuracy of 0.77 on both sides:
+    The paper's 823 of 906 with a sensitivity and a specificity of 0.77:
 
     >>> round(rogan_gladen(823 / 906, 0.77, 0.77), 2)
     1.26

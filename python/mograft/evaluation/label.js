@@ -1,5 +1,5 @@
-// Plays one piece of motion after the other and takes a key for each. No library, no network;
-// what was said is kept in the browser and saved as a table when it is asked for.
+// Plays pieces of motion one by one and records a label for each. It uses no library and no
+// network. The labels are stored in the browser; the button saves them as a table.
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("mograft-data").textContent);
@@ -7,42 +7,42 @@
   const find = (name) => root.querySelector(`[data-part="${name}"]`);
   const canvas = find("stage");
   const pen = canvas.getContext("2d");
-  const memory = `mograft-labels-${data.key}`;
-  const answers = recall();
-  let at = firstOpen();
+  const storageKey = `mograft-labels-${data.key}`;
+  const answers = loadAnswers();
+  let index = firstUnlabelled();
   let started = performance.now();
   let shown = performance.now();
   let speed = 1;
   let yaw = 0;
 
-  function recall() {
+  function loadAnswers() {
     try {
-      const kept = JSON.parse(localStorage.getItem(memory) || "[]");
-      return Array.isArray(kept) && kept.length <= data.items.length ? kept : [];
+      const stored = JSON.parse(localStorage.getItem(storageKey) || "[]");
+      return Array.isArray(stored) && stored.length <= data.items.length ? stored : [];
     } catch {
-      return []; // a browser that keeps nothing still takes labels until it is closed
+      return []; // without storage, labels last until the page is closed
     }
   }
 
-  function keep() {
+  function saveAnswers() {
     try {
-      localStorage.setItem(memory, JSON.stringify(answers));
+      localStorage.setItem(storageKey, JSON.stringify(answers));
     } catch {
-      // as above
+      // without storage, as in loadAnswers
     }
   }
 
-  function firstOpen() {
+  function firstUnlabelled() {
     for (let i = 0; i < data.items.length; i++) if (!answers[i]) return i;
     return data.items.length;
   }
 
-  function places(item) {
-    if (!item.places) {
+  function positions(item) {
+    if (!item.positions) {
       const bytes = Uint8Array.from(atob(item.pos), (c) => c.charCodeAt(0));
-      item.places = new Int16Array(bytes.buffer);
+      item.positions = new Int16Array(bytes.buffer);
     }
-    return item.places;
+    return item.positions;
   }
 
   function draw() {
@@ -55,20 +55,20 @@
     }
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
-    if (at >= data.items.length) return;
-    const item = data.items[at];
-    const where = places(item);
+    if (index >= data.items.length) return;
+    const item = data.items[index];
+    const coordinates = positions(item);
     const nodes = data.parents.length;
     const span = (item.frames - 1) * data.dt;
     const pause = 0.35;
     const time = (((performance.now() - started) / 1000) * speed) % (span + pause);
     const frame = Math.min(Math.round(time / data.dt), item.frames - 1);
-    const inside = frame >= item.first && frame <= item.last;
+    const isInPiece = frame >= item.first && frame <= item.last;
     const style = getComputedStyle(document.documentElement);
     const scale = Math.min(height / 1.45, width / 2.2) * data.unit;
-    const put = (node) => {
+    const project = (node) => {
       const o = 3 * (frame * nodes + node);
-      const [x, y, z] = [where[o], where[o + 1], where[o + 2]];
+      const [x, y, z] = [coordinates[o], coordinates[o + 1], coordinates[o + 2]];
       const across = x * Math.cos(yaw) + z * Math.sin(yaw);
       const depth = z * Math.cos(yaw) - x * Math.sin(yaw);
       return [width / 2 + across * scale, height * 0.86 - y * scale + depth * scale * 0.22];
@@ -80,10 +80,10 @@
     pen.moveTo(width * 0.1, height * 0.86);
     pen.lineTo(width * 0.9, height * 0.86);
     pen.stroke();
-    pen.globalAlpha = inside ? 1 : 0.3;
+    pen.globalAlpha = isInPiece ? 1 : 0.3;
     data.parents.forEach((parent, node) => {
       if (parent < 0) return;
-      const [a, b] = [put(parent), put(node)];
+      const [a, b] = [project(parent), project(node)];
       pen.strokeStyle = style.getPropertyValue(`--group${data.group[parent]}`);
       pen.lineWidth = Math.max(3, height / 90);
       pen.beginPath();
@@ -94,41 +94,41 @@
     pen.globalAlpha = 1;
   }
 
-  function tell() {
-    const done = answers.filter(Boolean).length;
-    const over = at >= data.items.length;
-    find("count").textContent = over
-      ? `All ${data.items.length} are judged. Save the labels.`
-      : `${at + 1} of ${data.items.length}`;
-    find("bar").value = done;
-    find("said").textContent = answers[at] ? `so far: ${answers[at].label}` : "";
-    for (const name of ["natural", "unnatural", "skip"]) find(name).disabled = over;
-    find("undo").disabled = at === 0;
-    find("save").disabled = done === 0;
+  function updateStatus() {
+    const nLabelled = answers.filter(Boolean).length;
+    const isDone = index >= data.items.length;
+    find("count").textContent = isDone
+      ? `All ${data.items.length} pieces are labelled. Save the labels.`
+      : `${index + 1} of ${data.items.length}`;
+    find("bar").value = nLabelled;
+    find("label").textContent = answers[index] ? `label: ${answers[index].label}` : "";
+    for (const name of ["natural", "unnatural", "skip"]) find(name).disabled = isDone;
+    find("undo").disabled = index === 0;
+    find("save").disabled = nLabelled === 0;
   }
 
   function answer(label) {
-    if (at >= data.items.length) return;
-    answers[at] = { label, seconds: (performance.now() - shown) / 1000 };
-    go(at + 1);
+    if (index >= data.items.length) return;
+    answers[index] = { label, seconds: (performance.now() - shown) / 1000 };
+    go(index + 1);
   }
 
   function go(to) {
-    at = Math.max(0, Math.min(to, data.items.length));
+    index = Math.max(0, Math.min(to, data.items.length));
     started = shown = performance.now();
-    keep();
-    tell();
+    saveAnswers();
+    updateStatus();
   }
 
   function table() {
     const quoted = (text) => `"${String(text).replaceAll('"', '""')}"`;
-    const head = [...data.columns, "label", "seconds"].join(",");
-    const rows = data.items.flatMap((item, index) =>
-      answers[index] && answers[index].label !== "skipped"
-        ? [[...item.row.map(quoted), answers[index].label, answers[index].seconds.toFixed(2)].join(",")]
+    const header = [...data.columns, "label", "seconds"].join(",");
+    const rows = data.items.flatMap((item, i) =>
+      answers[i] && answers[i].label !== "skipped"
+        ? [[...item.row.map(quoted), answers[i].label, answers[i].seconds.toFixed(2)].join(",")]
         : [],
     );
-    return `${[head, ...rows].join("\n")}\n`;
+    return `${[header, ...rows].join("\n")}\n`;
   }
 
   function save() {
@@ -143,7 +143,7 @@
     natural: () => answer("natural"),
     unnatural: () => answer("unnatural"),
     skip: () => answer("skipped"),
-    undo: () => go(at - 1),
+    undo: () => go(index - 1),
     save,
     slow: () => {
       speed = speed === 1 ? 0.5 : 1;
@@ -164,13 +164,13 @@
     event.preventDefault();
   });
   find("bar").max = data.items.length;
-  tell();
+  updateStatus();
   const loop = () => {
     draw();
     requestAnimationFrame(loop);
   };
   loop();
   root.dataset.ready = "1";
-  // For those who drive the page from outside, as tests do.
-  window.mograft = { table, at: () => at, answers };
+  // For tests that control the page.
+  window.mograft = { table, index: () => index, answers };
 })();

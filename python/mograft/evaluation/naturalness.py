@@ -1,12 +1,11 @@
-"""How well donors' parts go with the parts they join: what can be said without people (5.3).
+"""Compatibility of donor parts with base parts, from weak labels instead of people (paper, 5.3).
 
-A classifier learns to tell parts that were captured together from parts that were not. What it
-says of an exchanged part is its compatibility with the base: whether such a combination occurs
-in the database. It is no judgement of naturalness: it sees no seams and no physics, and a good
+A classifier learns to distinguish parts that were captured together from random pairs of parts.
+Its score of an exchanged part measures whether such a combination occurs in the library. It
+does not measure naturalness: the features do not contain seams or physics, and a plausible
 combination that was never captured scores low.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,58 +13,61 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.body.anatomy import feature_joints
-from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
-from mograft.evaluation._extra import needed
-from mograft.evaluation.baselines import Method, donors_by, methods
+from mograft.evaluation._extra import import_extra
+from mograft.evaluation.baselines import Method, default_methods
+from mograft.evaluation.classifier import (
+    N_INNER_FOLDS,
+    PairFeatures,
+    assign_folds,
+    build_classifier,
+    select_parameters,
+)
+from mograft.evaluation.donor_pairs import (
+    donors_in_fold,
+    mean_by_segment,
+    random_pairs,
+    sample_pairs,
+    selected_donors,
+)
 from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.kappa import Difference, Kappas
+from mograft.evaluation.part_features import part_features
 from mograft.library.library import Library
-from mograft.motion import rotations
 
-__all__ = [
-    "Compatibility",
-    "Difference",
-    "Score",
-    "compatibility",
-    "fold_groups",
-    "part_features",
-]
+__all__ = ["Compatibility", "Score", "compatibility", "fold_groups"]
 
-FEWEST = 60
-"""Segments below which nothing is learned."""
-APART = 0.1
-"""Least difference between captured and random parts in the share that is accepted."""
-_BLOCK = 40
-_FOLDS, _INNER = 5, 3
-_COMPONENTS = 20
-_SAMPLES = 10
-_MOST = 600
-"""Captured pairs that a classifier learns from, at most: its cost grows with their square."""
-_PARTNERS, _PAIRS = 20, 10_000
-"""Donors that are looked at for one segment, and pairs in one fold, at most."""
-_DRAWS = 20
-_GRID = {"C": (0.3, 1.0, 3.0, 10.0, 30.0), "gamma": (0.003, 0.01, 0.03, 0.1)}
+MIN_SEGMENTS = 60
+MIN_RATE_DIFFERENCE = 0.1
+"""Difference between the acceptance rates of captured and random parts below which κ is refused."""
+GROUP_SEGMENTS = 40
+"""Neighbouring segments that stay together in cross-validation."""
+_N_FOLDS = 5
+_MIN_TEST_SEGMENTS, _MIN_TRAIN_SEGMENTS = 2, 10
+_MAX_TRAIN_SEGMENTS = 600
+"""Captured pairs in the training set, at most: the run time of the SVM grows with the square."""
+
+Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Score:
-    """How compatible the donors are that one way lets into segments' places.
+    """Compatibility of the donors of one method.
 
     Attributes
     ----------
     method : str
-        The way.
+        Name of the method.
     accepted : Estimate
-        Share of the exchanged parts that the classifier takes for captured ones.
+        Share of the exchanged parts that the classifier accepts as captured.
     kappa : Estimate
-        Normalised compatibility: 0 as random parts, 1 as captured ones, over all segments.
+        κ: 0 for random parts, 1 for captured parts, over all segments.
     matched : Estimate
-        The same with random and captured parts of only those segments that have a donor:
-        free of the gain from exchanging none but easy segments.
+        κ with the random and captured parts of only those segments that have a donor. A method
+        that exchanges only common segments has no advantage in it.
     exchangeable : float
-        Share of the segments with a donor besides themselves among the held out.
+        Share of the segments that have a donor in their test fold.
     """
 
     method: str
@@ -75,7 +77,7 @@ class Score:
     exchangeable: float
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
+        """Return a dict for JSON."""
         return {
             "method": self.method,
             "accepted": self.accepted.as_dict(),
@@ -86,61 +88,32 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Difference:
-    """By how much one way's kappa is above another's, both on the same resamplings.
-
-    Attributes
-    ----------
-    first, second : str
-        The two ways.
-    kappa : Estimate
-        First less second; outside of chance where its interval does not hold 0.
-    """
-
-    first: str
-    second: str
-    kappa: Estimate
-
-    @property
-    def verdict(self) -> str:
-        """What the interval says: "above", "below" or "undecided"."""
-        if not math.isfinite(self.kappa.low):
-            return "undecided"
-        if self.kappa.low > 0:
-            return "above"
-        return "below" if self.kappa.high < 0 else "undecided"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
-        return {
-            "first": self.first,
-            "second": self.second,
-            "kappa": self.kappa.as_dict(),
-            "verdict": self.verdict,
-        }
-
-
-@dataclass(frozen=True)
 class Compatibility:
-    """What weak labels say of the parts of one joint group.
+    """Compatibility of the parts of one grafted group.
 
     Attributes
     ----------
     group : str
-        The grafted group.
-    segments, splits, folds, fold_groups : int
-        How many segments, times that they were dealt into folds, folds of each, and clips or
-        blocks that these are made of.
+        Grafted group.
+    segments : int
+        Number of segments with a score.
+    splits : int
+        Number of random assignments to folds.
+    folds : int
+        Number of folds of each assignment.
+    fold_groups : int
+        Number of clips or blocks that were assigned to folds.
     auc : Estimate
-        How often a captured part scores above a random one in the same place; 0.5 is chance.
-    real, random : Estimate
-        Shares of held-out captured and random parts that are accepted.
+        ROC AUC: probability that a captured part scores higher than a random part; 0.5 is
+        chance.
+    captured, random : Estimate
+        Shares of the captured and of the random parts in the test folds that are accepted.
     scores : tuple of Score
-        For each way to choose donors.
+        Scores of the methods.
     differences : tuple of Difference
-        Between them.
+        Differences between each two methods.
     parameters : tuple of dict
-        The classifier's, chosen within each fold.
+        Parameters of the classifier, selected within each training set.
     """
 
     group: str
@@ -149,27 +122,27 @@ class Compatibility:
     folds: int
     fold_groups: int
     auc: Estimate
-    real: Estimate
+    captured: Estimate
     random: Estimate
     scores: tuple[Score, ...]
     differences: tuple[Difference, ...]
     parameters: tuple[dict[str, float], ...]
 
     def difference(self, first: str, second: str) -> Difference:
-        """Return the difference of two ways by name.
+        """Return the difference of two methods by name.
 
         Raises
         ------
         KeyError
-            If one was not compared.
+            If the two methods were not compared in this order.
         """
-        for own in self.differences:
-            if (own.first, own.second) == (first, second):
-                return own
+        for difference in self.differences:
+            if (difference.first, difference.second) == (first, second):
+                return difference
         raise KeyError(f"{first} and {second} were not compared")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
+        """Return a dict for JSON."""
         return {
             "group": self.group,
             "segments": self.segments,
@@ -177,464 +150,240 @@ class Compatibility:
             "folds": self.folds,
             "fold_groups": self.fold_groups,
             "auc": self.auc.as_dict(),
-            "accepted_captured": self.real.as_dict(),
+            "accepted_captured": self.captured.as_dict(),
             "accepted_random": self.random.as_dict(),
-            "scores": [own.as_dict() for own in self.scores],
-            "differences": [own.as_dict() for own in self.differences],
+            "scores": [score.as_dict() for score in self.scores],
+            "differences": [difference.as_dict() for difference in self.differences],
             "classifier": list(self.parameters),
         }
 
 
 def fold_groups(library: Library) -> IntArray:
-    """Return which segments must stay together in cross-validation.
+    """Return the groups of segments that stay together in cross-validation.
 
     Parameters
     ----------
     library : Library
-        Its segments.
+        Library with the segments.
 
     Returns
     -------
     ndarray of int, shape (n_segments,)
-        Clips where there are ten or more, else blocks of 40 neighbours.
+        Group numbers: clips if there are ten or more, else blocks of 40 neighbours.
     """
-    return estimate.blocks(library.segments, _BLOCK)
-
-
-def part_features(library: Library, group: str) -> FloatArray:
-    """Return what a joint group does in every segment, apart from how the library sees it.
-
-    Parameters
-    ----------
-    library : Library
-        The segments.
-    group : str
-        The joint group.
-
-    Returns
-    -------
-    ndarray, shape (n_segments, n_features)
-        At ten equal times the ends of the group's bones in heights and their velocities in
-        heights per second: for the base group seen from the root with the heading of the
-        segment's start, with the root's own way; for others from the joint that they hang on,
-        as a graft takes them along. So no turn or place of the root is in both.
-    """
-    skeleton, cut = library.skeleton, library.segments
-    joints = library.joints(group)
-    counted = feature_joints(skeleton, joints)
-    is_base = group == library.groups.base
-    tops = [int(j) for j in joints if int(skeleton.parents[j]) not in set(joints.tolist())]
-    hangs_on = max(int(skeleton.parents[tops[0]]), 0)
-    rows: list[FloatArray] = []
-    for index, clip in enumerate(library.clips):
-        known = mass_model(clip.skeleton)
-        turns, places = clip.world_transforms()
-        ends = places[:, counted] + rotations.rotate(turns[:, counted], known.bone[counted])
-        root = library.root if is_base else hangs_on
-        local = (ends - places[:, root, None]) / known.height
-        if is_base:
-            way = places[:, root, None] / known.height
-            local = np.concatenate([local, way], axis=1)
-        else:
-            local = rotations.rotate(rotations.inverse(turns[:, root, None]), local)
-        speed = np.gradient(local, axis=0) * clip.rate
-        own = cut.of_clip(index)
-        times = cut.start[own, None] + np.linspace(0.0, 1.0, _SAMPLES) * cut.lengths[own, None]
-        parts = [_at(track, times) for track in (local, speed)]
-        if is_base:
-            parts[0][:, :, -1] -= parts[0][:, :1, -1]
-            back = rotations.inverse(rotations.twist(turns[cut.start[own], root], library.up))
-            parts = [rotations.rotate(back[:, None, None], part) for part in parts]
-        rows.append(np.concatenate([part.reshape(len(own), -1) for part in parts], axis=1))
-    return np.concatenate(rows)
-
-
-def _at(track: FloatArray, times: FloatArray) -> FloatArray:
-    """Return a track between its frames."""
-    before = np.minimum(times.astype(np.int64), len(track) - 2)
-    share = (times - before)[..., None, None]
-    values: FloatArray = track[before] * (1.0 - share) + track[before + 1] * share
-    return values
+    return estimate.segment_blocks(library.segments, GROUP_SEGMENTS)
 
 
 def compatibility(
     library: Library,
     group: str | None = None,
-    ways: Sequence[Method] | None = None,
+    methods: Sequence[Method] | None = None,
     *,
     seed: int = 0,
     splits: int = 4,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Compatibility:
-    """Score how well donors' parts go with the base parts that they join.
+    """Score how often the combinations of base parts and donor parts occur in the library.
 
     Parameters
     ----------
     library : Library
-        The segments; those with faults are left out.
+        Library. Segments with faults are not used.
     group : str, optional
-        The grafted group. Default: the first that is not the base.
-    ways : sequence of Method, optional
-        Ways to choose donors. Default: `methods` of the library.
+        Grafted group. Default: the first group that is not the base group.
+    methods : sequence of Method, optional
+        Methods that select donors. Default: `default_methods` of the library.
     seed : int
-        Of the random pairs, the donors looked at and the resampling.
+        Seed of the random pairs, the donors that are scored and the resampling.
     splits : int
-        How many times the groups are dealt into folds, at random; each has classifiers and
-        random pairs of its own.
+        Number of random assignments of the groups to folds. Each has its own classifiers and
+        random pairs.
     progress : callable, optional
-        Called with a stage's name, what is done of it and the whole.
+        Called with the name of the stage, the number of finished steps and of all steps.
 
     Returns
     -------
     Compatibility
-        Its intervals resample blocks of segments or clips, and splits: they hold the choice
-        of both, and not that of the recordings.
+        The intervals resample blocks of segments, or clips, and splits. They cover the choice
+        of segments and folds, but not the choice of the recordings.
 
     Raises
     ------
-    InsufficientDataError
-        If there are fewer than 60 sound segments or two blocks of 40, or the classifier
-        accepts captured parts hardly more often than random ones.
     ImportError
         If scikit-learn is not installed.
+    InsufficientDataError
+        If the library has fewer than 60 segments without faults or a single group of 40, or
+        if the acceptance rates of captured and random parts differ by less than 0.1.
+    ValueError
+        If `group` is the base group.
 
     Notes
     -----
-    A classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017) of whether the parts depend
-    on each other. Positive are captured pairs, negative pairs of parts from one fold, each
-    part once. A support vector machine on 20 principal components of `part_features` of each
-    part learns on some clips or blocks and judges others; its parameters are chosen by
-    cross-validation among the former alone. With a the share of pairs with a score above 0,
-    κ = (a_way - a_random) / (a_captured - a_random).
+    Classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017) of the dependence between the
+    parts. Positive samples are captured pairs. Negative samples pair parts of one fold, each
+    part once. The classifier is a support vector machine on 20 principal components of the
+    `part_features` of each part. It is trained on some groups and applied to the others. Its
+    parameters are selected by cross-validation within the training set. A pair is accepted if
+    its score is positive. κ = (a_method - a_random) / (a_captured - a_random) for acceptance
+    rates a.
     """
     base = library.groups.base
     group = next(g for g in library.groups.names if g != base) if group is None else group
     if group == base:
-        raise ValueError(f"group must not be the base group, {group!r}, which is kept")
-    ways = methods(library) if ways is None else ways
-    sound = np.flatnonzero(library.is_donor)
-    if len(sound) < FEWEST:
+        raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
+    methods = default_methods(library) if methods is None else methods
+    segments = np.flatnonzero(library.is_donor)
+    if len(segments) < MIN_SEGMENTS:
         raise InsufficientDataError(
-            f"compatibility needs {FEWEST} segments to learn from, there are {len(sound)}"
+            f"compatibility needs {MIN_SEGMENTS} segments to learn from, there are {len(segments)}"
         )
-    together = fold_groups(library)
-    n_groups = len(np.unique(together[sound]))
+    n_groups = len(np.unique(fold_groups(library)[segments]))
     if n_groups < 2:
         raise InsufficientDataError(
-            f"compatibility needs two clips or blocks of {_BLOCK} segments, there is one"
+            f"compatibility needs two clips or blocks of {GROUP_SEGMENTS} segments, there is one"
         )
-    needed("sklearn")
-    lower, upper = (part_features(library, g) for g in (base, group))
-    drawn = {way.name: _donors_drawn(library, group, way, seed) for way in ways if way.by_cost}
-    n = len(library.segments)
-    real, random, wins = (np.full((splits, n), np.nan) for _ in range(3))
-    accepted = {way.name: np.full((splits, n), np.nan) for way in ways}
-    parameters = []
-    for split in range(splits):
-        rng = np.random.default_rng((seed, split))
-        folds = _split(together, _FOLDS, (seed, split))
-        n_folds = int(folds.max()) + 1
-        partners = _partners(library, ways, folds, drawn)
-        for fold in range(n_folds):
-            if progress is not None:
-                progress("judging", split * n_folds + fold, splits * n_folds)
-            train = sound[folds[sound] != fold]
-            test = sound[folds[sound] == fold]
-            if len(test) < 2 or len(train) < 10:
-                continue
-            machine, chosen = _trained(lower, upper, train, together, rng, seed)
-            parameters.append(chosen)
-            chance = _chance(test, rng)
-            scores, against = machine(np.stack([test, test], axis=1)), machine(chance)
-            real[split, test] = scores > 0
-            random[split, test] = _by_segment(against > 0, chance, n)[test]
-            of_real = np.full(n, np.nan)
-            of_real[test] = scores
-            better = against < of_real[chance[:, 0]]
-            wins[split, test] = _by_segment(better, chance, n)[test]
-            for way in ways:
-                several = _within(partners[way.name], test, rng)
-                calls = machine(several) > 0
-                accepted[way.name][split, test] = _by_segment(calls, several, n)[test]
-    judged = np.isfinite(real).any(axis=0)
-    a_real, a_random = float(np.nanmean(real)), float(np.nanmean(random))
-    if a_real - a_random < APART:
+    import_extra("sklearn")
+    result = _cross_validate(library, group, methods, seed, splits, progress)
+    rates = result.rates
+    captured, random = float(np.nanmean(rates.captured)), float(np.nanmean(rates.random))
+    if captured - random < MIN_RATE_DIFFERENCE:
         raise InsufficientDataError(
-            f"a classifier accepts {a_real:.0%} of held-out captured parts and {a_random:.0%} of "
-            f"random ones: with less than {APART:.0%} between them compatibility has no meaning"
+            f"a classifier accepts {captured:.0%} of held-out captured parts and {random:.0%} of "
+            f"random ones: with less than {MIN_RATE_DIFFERENCE:.0%} between them compatibility "
+            "has no meaning"
         )
-    kappas = _Kappas(real, random, accepted, estimate.blocks(library.segments), seed)
-    scores_of = tuple(
-        Score(
-            way.name,
-            kappas.mean(accepted[way.name], "segments with a donor"),
-            kappas.of(way.name),
-            kappas.of(way.name, matched=True),
-            float(np.isfinite(accepted[way.name])[:, judged].mean()),
-        )
-        for way in ways
-    )
-    names = [way.name for way in ways][::-1]
+    has_score = np.asarray(np.isfinite(rates.captured).any(axis=0), bool)
+    names = [method.name for method in methods]
+    descending = names[::-1]
     return Compatibility(
-        group,
-        int(judged.sum()),
-        splits,
-        len(parameters) // splits,
-        n_groups,
-        kappas.mean(wins, "segments"),
-        kappas.mean(real, "segments"),
-        kappas.mean(random, "segments"),
-        scores_of,
-        tuple(kappas.difference(a, b) for i, a in enumerate(names) for b in names[i + 1 :]),
-        tuple(parameters),
+        group=group,
+        segments=int(has_score.sum()),
+        splits=splits,
+        folds=len(result.parameters) // splits,
+        fold_groups=n_groups,
+        auc=rates.mean(result.wins, "segments"),
+        captured=rates.mean(rates.captured, "segments"),
+        random=rates.mean(rates.random, "segments"),
+        scores=tuple(_score(rates, name, has_score) for name in names),
+        differences=tuple(
+            rates.difference(first, second)
+            for i, first in enumerate(descending)
+            for second in descending[i + 1 :]
+        ),
+        parameters=tuple(result.parameters),
     )
 
 
-def _split(together: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> IntArray:
-    """Deal groups of segments into folds of about equal size."""
-    sizes = np.bincount(together)
-    shuffled = np.random.default_rng(seed).permutation(len(sizes))
-    order = shuffled[np.argsort(-sizes[shuffled], kind="stable")]
-    n_folds = min(n_folds, int((sizes > 0).sum()))
-    load = np.zeros(n_folds)
-    fold = np.zeros(len(sizes), np.int64)
-    for own in order.tolist():
-        fold[own] = int(load.argmin())
-        load[fold[own]] += sizes[own]
-    return fold[together]
-
-
-def _donors_drawn(library: Library, group: str, way: Method, seed: int) -> list[IntArray]:
-    """Return for each segment the donors that a way by cost has chosen, as often as it did."""
-    lists: list[list[int]] = [[] for _ in range(len(library.segments))]
-    for entry in library.entries:
-        scenario, draws = donors_by(way, library, entry.name, _DRAWS, swap=[group], seed=seed)
-        for chosen in draws:
-            for own, donor in zip(scenario.tolist(), chosen[group].tolist(), strict=True):
-                lists[own].append(donor)
-    return [np.array(own, np.int64) for own in lists]
-
-
-def _partners(
-    library: Library,
-    ways: Sequence[Method],
-    folds: IntArray,
-    drawn: Mapping[str, list[IntArray]],
-) -> dict[str, list[IntArray]]:
-    """Return for each way and segment the donors of its own fold."""
-    found: dict[str, list[IntArray]] = {}
-    n = len(library.segments)
-    for way in ways:
-        lists: list[IntArray] = []
-        for start in range(0, n, 500):  # the lists of all at once may not fit in memory
-            some = np.arange(start, min(start + 500, n))
-            several = (
-                drawn[way.name][start : start + 500]
-                if way.name in drawn
-                else way.candidates(library, some)
-            )
-            for own, mates in zip(some.tolist(), several, strict=True):
-                lists.append(mates[(folds[mates] == folds[own]) & (mates != own)])
-        found[way.name] = lists
-    return found
-
-
-def _within(partners: Sequence[IntArray], test: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return pairs of test segments and some of their donors, shape (n_pairs, 2)."""
-    pairs = []
-    most = _most(len(test))
-    for own in test.tolist():
-        mates = partners[own]
-        if len(mates) > most:
-            mates = rng.choice(mates, most, replace=False)
-        pairs.append(np.stack([np.full(len(mates), own), mates], axis=1))
-    return np.concatenate(pairs).astype(np.int64)
-
-
-def _most(n: int) -> int:
-    return min(max(_PAIRS // n, 2), _PARTNERS)
-
-
-def _chance(test: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return pairs of each test segment with random others."""
-    count = min(_most(len(test)), len(test) - 1)
-    pairs = []
-    for place, own in enumerate(test.tolist()):
-        others = np.delete(test, place)
-        mates = rng.choice(others, count, replace=False)
-        pairs.append(np.stack([np.full(count, own), mates], axis=1))
-    return np.concatenate(pairs).astype(np.int64)
-
-
-def _by_segment(values: FloatArray | BoolArray, pairs: IntArray, n: int) -> FloatArray:
-    """Return the mean over each segment's pairs; NaN where it has none."""
-    counts = np.bincount(pairs[:, 0], minlength=n)
-    sums = np.bincount(pairs[:, 0], values, minlength=n)
-    means: FloatArray = np.divide(sums, counts, out=np.full(n, np.nan), where=counts > 0)
-    return means
-
-
-def _trained(
-    lower: FloatArray,
-    upper: FloatArray,
-    train: IntArray,
-    together: IntArray,
-    rng: np.random.Generator,
-    seed: int,
-) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
-    """Return what scores pairs, and the parameters chosen for it."""
-    halves = [_reduced(part, train) for part in (lower, upper)]
-    inner = _split(np.unique(together[train], return_inverse=True)[1], _INNER, seed)
-    some = rng.permutation(len(train))[:_MOST]
-    some.sort()
-    train, inner = train[some], inner[some]
-
-    def joined(pairs: IntArray) -> FloatArray:
-        return np.concatenate([halves[0][pairs[:, 0]], halves[1][pairs[:, 1]]], axis=1)
-
-    # Captured pairs and pairs of parts from one inner fold, every part once.
-    strangers = train.copy()
-    for fold in np.unique(inner):
-        own = rng.permutation(np.flatnonzero(inner == fold))
-        strangers[own] = train[np.roll(own, 1)]
-    pairs = np.concatenate([np.stack([train, train], axis=1), np.stack([train, strangers], axis=1)])
-    keep = np.arange(len(pairs)) < len(train)
-    keep |= pairs[:, 0] != pairs[:, 1]
-    labels, folds = np.repeat([1, 0], len(train))[keep], np.tile(inner, 2)[keep]
-    features = joined(pairs[keep])
-    chosen = _searched(features, labels, folds)
-    machine = _classifier(chosen).fit(features, labels)
-
-    def scores(pairs: IntArray) -> FloatArray:
-        if not len(pairs):
-            return np.zeros(0)
-        found: FloatArray = machine.decision_function(joined(pairs))
-        return found
-
-    return scores, chosen
-
-
-def _reduced(part: FloatArray, train: IntArray) -> FloatArray:
-    """Return all segments on the principal components of some."""
-    count = min(_COMPONENTS, part.shape[1], len(train) - 1)
-    steps = needed("sklearn.pipeline").make_pipeline(
-        needed("sklearn.preprocessing").StandardScaler(),
-        needed("sklearn.decomposition").PCA(count, svd_solver="full"),
+def _score(rates: Kappas, method: str, has_score: BoolArray) -> Score:
+    accepted = rates.accepted[method]
+    return Score(
+        method=method,
+        accepted=rates.mean(accepted, "segments with a donor"),
+        kappa=rates.kappa(method),
+        matched=rates.kappa(method, is_matched=True),
+        exchangeable=float(np.isfinite(accepted)[:, has_score].mean()),
     )
-    reduced: FloatArray = steps.fit(part[train]).transform(part)
-    return reduced
-
-
-def _classifier(chosen: Mapping[str, float]) -> Any:  # noqa: ANN401 - scikit-learn's
-    svm = needed("sklearn.svm").SVC(kernel="rbf", class_weight="balanced", **chosen)
-    scaler = needed("sklearn.preprocessing").StandardScaler()
-    return needed("sklearn.pipeline").make_pipeline(scaler, svm)
-
-
-def _searched(features: FloatArray, labels: IntArray, fold: IntArray) -> dict[str, float]:
-    """Return the parameters that do best when each fold is judged by the others."""
-    whole = [own for own in np.unique(fold) if len(np.unique(labels[fold == own])) > 1]
-    if len(whole) < 2:
-        return {"C": 1.0, "gamma": 0.03}
-    selection = needed("sklearn.model_selection")
-    # A fold of one kind alone is learned from and not judged.
-    judged = np.where(np.isin(fold, whole), fold, -1)
-    search = selection.GridSearchCV(
-        _classifier({}),
-        {f"svc__{name}": values for name, values in _GRID.items()},
-        scoring="roc_auc",
-        cv=selection.PredefinedSplit(judged),
-        refit=False,
-    ).fit(features, labels)
-    return {name: float(search.best_params_[f"svc__{name}"]) for name in _GRID}
-
-
-Sums = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class _Kappas:
-    """Normalised compatibilities and their intervals, all on the same resamplings.
+class _CrossValidation:
+    """Results of cross-validation, filled fold by fold."""
 
-    Values are of shape (n_splits, n_segments).
-    """
-
-    real: FloatArray
-    random: FloatArray
-    accepted: Mapping[str, FloatArray]
-    block: IntArray
-    seed: int
-
-    def mean(self, values: FloatArray, of: str) -> Estimate:
-        """Return the mean over splits and segments."""
-        sums = self._sums(values, values)
-        return self._estimate([sums], lambda means: means[0], values, of)
-
-    def of(self, name: str, *, matched: bool = False) -> Estimate:
-        """Return the kappa of a way."""
-        terms = self._terms(name, matched=matched)
-        return self._estimate(terms, _kappa, self.accepted[name], "segments with a donor")
-
-    def difference(self, first: str, second: str) -> Difference:
-        """Return the difference of two ways' kappas."""
-        terms = [*self._terms(first), *self._terms(second)]
-        both = self.accepted[first] + self.accepted[second]
-        gap = self._estimate(
-            terms,
-            lambda means: _kappa(means[:3]) - _kappa(means[3:]),
-            both,
-            "segments with a donor of both",
-        )
-        return Difference(first, second, gap)
-
-    def _sums(self, values: FloatArray, where: FloatArray) -> Sums:
-        """Return sums and counts of each block, both of shape (n_splits, n_blocks)."""
-        own, index = np.unique(self.block, return_inverse=True)
-        kept = np.isfinite(values) & np.isfinite(where)
-        each = [
-            (
-                np.bincount(index[row], value[row], minlength=len(own)),
-                np.bincount(index[row], minlength=len(own)),
-            )
-            for value, row in zip(values, kept, strict=True)
-        ]
-        sums, counts = (np.array(rows, np.float64) for rows in zip(*each, strict=True))
-        return sums, counts
-
-    def _terms(self, name: str, *, matched: bool = False) -> list[Sums]:
-        own = self.accepted[name]
-        where = own if matched else self.real
-        return [self._sums(own, own), self._sums(self.random, where), self._sums(self.real, where)]
-
-    def _estimate(
-        self,
-        terms: Sequence[Sums],
-        combine: Callable[[list[FloatArray]], FloatArray],
-        values: FloatArray,
-        of: str,
-    ) -> Estimate:
-        n_splits, n_blocks = terms[0][0].shape
-        how = f"bootstrap of {n_blocks} blocks and {n_splits} splits"
-        n = int(np.isfinite(values).any(axis=0).sum())
-        if min(float(counts.sum()) for _, counts in terms) == 0:
-            return Estimate(math.nan, math.nan, math.nan, n, of, how)
-        whole = combine([np.array(sums.sum() / counts.sum()) for sums, counts in terms])
-
-        rng = np.random.default_rng(self.seed)
-
-        def statistic(drawn: FloatArray) -> FloatArray:
-            splits = rng.multinomial(n_splits, np.full(n_splits, 1.0 / n_splits), len(drawn))
-            means = []
-            for sums, counts in terms:
-                total, n = ((splits * (drawn @ own.T)).sum(axis=1) for own in (sums, counts))
-                means.append(total / n)
-            return combine(means)
-
-        low, high = estimate.bootstrap(statistic, n_blocks, self.seed)
-        return Estimate(float(whole), float(low[0]), float(high[0]), n, of, how)
+    rates: Kappas
+    wins: FloatArray
+    """Share of the random parts with a lower score than the captured part, by segment."""
+    parameters: list[dict[str, float]]
 
 
-def _kappa(means: Sequence[FloatArray]) -> FloatArray:
-    way, chance, real = means
-    kappa: FloatArray = (way - chance) / (real - chance)
-    return kappa
+def _cross_validate(
+    library: Library,
+    group: str,
+    methods: Sequence[Method],
+    seed: int,
+    splits: int,
+    progress: Progress | None,
+) -> _CrossValidation:
+    """Train classifiers on all folds of all splits and apply each to its test fold."""
+    groups, segments = fold_groups(library), np.flatnonzero(library.is_donor)
+    base, grafted = (part_features(library, name) for name in (library.groups.base, group))
+    selected = selected_donors(library, group, methods, seed)
+    shape = (splits, len(library.segments))
+    captured, random, wins = (np.full(shape, np.nan) for _ in range(3))
+    accepted = {method.name: np.full(shape, np.nan) for method in methods}
+    blocks = estimate.segment_blocks(library.segments)
+    result = _CrossValidation(Kappas(captured, random, accepted, blocks, seed), wins, [])
+    for split in range(splits):
+        rng = np.random.default_rng((seed, split))
+        folds = assign_folds(groups, _N_FOLDS, (seed, split))
+        n_folds = int(folds.max()) + 1
+        donors = donors_in_fold(library, methods, folds, selected)
+        for fold in range(n_folds):
+            if progress is not None:
+                progress("scoring", split * n_folds + fold, splits * n_folds)
+            is_test = folds[segments] == fold
+            train, test = segments[~is_test], segments[is_test]
+            if len(test) < _MIN_TEST_SEGMENTS or len(train) < _MIN_TRAIN_SEGMENTS:
+                continue
+            features = PairFeatures.reduce(base, grafted, train)
+            score_pairs, parameters = _train_classifier(features, train, groups, rng, seed)
+            result.parameters.append(parameters)
+            _score_fold(result, split, test, score_pairs, donors, rng)
+    return result
+
+
+def _score_fold(
+    result: _CrossValidation,
+    split: int,
+    test: IntArray,
+    score_pairs: Callable[[IntArray], FloatArray],
+    donors: Mapping[str, Sequence[IntArray]],
+    rng: np.random.Generator,
+) -> None:
+    """Write the scores of captured, random and donor pairs of one test fold to the result."""
+    rates = result.rates
+    n = rates.captured.shape[1]
+    chance = random_pairs(test, rng)
+    captured_scores = np.full(n, np.nan)
+    captured_scores[test] = score_pairs(np.stack([test, test], axis=1))
+    random_scores = score_pairs(chance)
+    rates.captured[split, test] = captured_scores[test] > 0
+    rates.random[split, test] = mean_by_segment(random_scores > 0, chance, n)[test]
+    is_lower = random_scores < captured_scores[chance[:, 0]]
+    result.wins[split, test] = mean_by_segment(is_lower, chance, n)[test]
+    for method, several in donors.items():
+        pairs = sample_pairs(several, test, rng)
+        is_accepted = score_pairs(pairs) > 0
+        rates.accepted[method][split, test] = mean_by_segment(is_accepted, pairs, n)[test]
+
+
+def _train_classifier(
+    features: PairFeatures,
+    train: IntArray,
+    groups: IntArray,
+    rng: np.random.Generator,
+    seed: int,
+) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
+    """Return a function that scores pairs, and the selected parameters."""
+    inner = assign_folds(np.unique(groups[train], return_inverse=True)[1], N_INNER_FOLDS, seed)
+    sample = np.sort(rng.permutation(len(train))[:_MAX_TRAIN_SEGMENTS])
+    train, inner = train[sample], inner[sample]
+    # Negative samples shuffle the grafted parts of one inner fold.
+    others = train.copy()
+    for fold in np.unique(inner):
+        members = rng.permutation(np.flatnonzero(inner == fold))
+        others[members] = train[np.roll(members, 1)]
+    captured = np.stack([train, train], axis=1)
+    pairs = np.concatenate([captured, np.stack([train, others], axis=1)])
+    is_kept = (np.arange(len(pairs)) < len(train)) | (pairs[:, 0] != pairs[:, 1])
+    labels, folds = np.repeat([1, 0], len(train))[is_kept], np.tile(inner, 2)[is_kept]
+    joined = features.join(pairs[is_kept])
+    parameters = select_parameters(joined, labels, folds)
+    classifier = build_classifier(parameters).fit(joined, labels)
+
+    def score_pairs(pairs: IntArray) -> FloatArray:
+        if not len(pairs):
+            return np.zeros(0)
+        scores: FloatArray = classifier.decision_function(features.join(pairs))
+        return scores
+
+    return score_pairs, parameters

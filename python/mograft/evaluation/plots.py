@@ -1,4 +1,4 @@
-"""Pictures of what was measured, small enough to stand in a page."""
+"""Figures of measures, as small SVG for pages."""
 
 import io
 import math
@@ -7,6 +7,7 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mograft.evaluation._extra import import_extra
 from mograft.evaluation.balance import BalanceRow
 from mograft.evaluation.enrichment import Enrichment
 from mograft.evaluation.estimate import Estimate
@@ -19,62 +20,64 @@ if TYPE_CHECKING:
 __all__ = ["as_image", "as_svg", "draw_balance", "draw_counts", "draw_kappa", "draw_quality"]
 
 _INK, _FAINT, _MARK = "#7d838b", "#b9bec5", "#4a86cf"
-"""Legible on light pages and on dark ones."""
+"""Colours that are legible on a light and on a dark background."""
 _LINES = ("#4a86cf", "#d9596b", "#2f9e68", "#b08a00")
 
 
-def draw_kappa(several: Mapping[str, Compatibility]) -> "Figure":
-    """Draw the normalised compatibility of each way, for one or several sets of data.
+def draw_kappa(by_name: Mapping[str, Compatibility]) -> "Figure":
+    """Draw the normalised compatibility of each method.
 
     Parameters
     ----------
-    several : mapping of str to Compatibility
-        By the name to show.
+    by_name : mapping of str to Compatibility
+        Compatibilities by the title of their panel.
 
     Returns
     -------
     matplotlib Figure
-        Dots with 95 % intervals; 0 is random parts, 1 captured ones.
+        Dots with 95 % intervals, and lines at 0 (random parts) and 1 (captured parts).
     """
     panels = {
-        name: [(own.method, own.kappa) for own in found.scores] for name, found in several.items()
+        name: [(score.method, score.kappa) for score in found.scores]
+        for name, found in by_name.items()
     }
-    return _dots(panels, "normalised compatibility κ", lines=(0.0, 1.0))
+    lines = dict.fromkeys(panels, (0.0, 1.0))
+    return _draw_dots(panels, "normalised compatibility κ", lines)
 
 
-def draw_balance(several: Mapping[str, Sequence[BalanceRow]]) -> "Figure":
-    """Draw how many segments are out of static balance.
+def draw_balance(by_name: Mapping[str, Sequence[BalanceRow]]) -> "Figure":
+    """Draw the share of unbalanced segments of each method.
 
     Parameters
     ----------
-    several : mapping of str to sequence of BalanceRow
-        Rows of one rule, by the name to show.
+    by_name : mapping of str to sequence of BalanceRow
+        Rows of one rule, by the title of their panel.
 
     Returns
     -------
     matplotlib Figure
-        Dots with 95 % intervals, in percent; the recording's own as a line.
+        Dots with 95 % intervals, in percent, and a line at the share of the recording.
     """
-    panels = {name: [(row.method, row.rate) for row in rows] for name, rows in several.items()}
-    own = {
+    panels = {name: [(row.method, row.rate) for row in rows] for name, rows in by_name.items()}
+    lines = {
         name: [100 * row.rate.value for row in rows if row.method == "recording"]
-        for name, rows in several.items()
+        for name, rows in by_name.items()
     }
-    return _dots(panels, "unbalanced segments, %", scale=100.0, own_lines=own)
+    return _draw_dots(panels, "unbalanced segments, %", lines, scale=100.0)
 
 
 def draw_quality(rows: Sequence[Quality]) -> "Figure":
-    """Draw measures of quality beside each other.
+    """Draw the measures of quality of each method.
 
     Parameters
     ----------
     rows : sequence of Quality
-        One for each way.
+        Measures of each method.
 
     Returns
     -------
     matplotlib Figure
-        A panel for each measure; dots with 95 % intervals.
+        One panel for each measure, with dots and 95 % intervals.
     """
     measures: dict[str, tuple[str, tuple[float, ...]]] = {
         "seam gap, °": ("seam_gap", ()),
@@ -88,41 +91,41 @@ def draw_quality(rows: Sequence[Quality]) -> "Figure":
         title: [(row.method, getattr(row, name)) for row in rows]
         for title, (name, _) in measures.items()
     }
-    lines = {title: list(at) for title, (_, at) in measures.items()}
-    return _dots(panels, "", own_lines=lines, columns=3)
+    lines = {title: positions for title, (_, positions) in measures.items()}
+    return _draw_dots(panels, "", lines, columns=3)
 
 
 def draw_counts(
-    several: Mapping[str, Sequence[Enrichment]],
+    by_name: Mapping[str, Sequence[Enrichment]],
     paper: Mapping[int, Sequence[float]] | None = None,
 ) -> "Figure":
-    """Draw how often each segment's parts can be combined, by scale of the threshold.
+    """Draw the combinations per segment against the scale of the threshold.
 
     Parameters
     ----------
-    several : mapping of str to sequence of Enrichment
-        As `sweep` returns them, by the name to show.
+    by_name : mapping of str to sequence of Enrichment
+        Counts as `sweep` returns them, by the title of their panels.
     paper : mapping of int to sequence of float, optional
-        Factors to mark for each number of groups.
+        Combinations per segment to mark, by number of groups.
 
     Returns
     -------
     matplotlib Figure
-        For each reading of the threshold a panel; a line for each number of groups, drawn
-        through where nothing but clusters limits and dashed where lengths do too.
+        One panel for each reading of the threshold, one colour for each number of groups.
+        Solid lines have no limit of length; dotted lines have it.
     """
-    readings = sorted({str(row.sigma) for rows in several.values() for row in rows})
-    panels = [(name, reading) for name in several for reading in readings]
+    readings = sorted({str(row.sigma) for rows in by_name.values() for row in rows})
+    panels = [(name, reading) for name in by_name for reading in readings]
     columns = max(len(readings), 1)
-    figure, axes = _panels(len(panels), columns, 2.1, share=False)
-    for place, (name, reading) in enumerate(panels):
-        ax = axes[place]
-        own = [row for row in several[name] if row.sigma == reading]
-        scales = [row.sigma_scale for row in own]
-        for index, count in enumerate(own[0].counts if own else ()):
+    figure, axes = _create_panels(len(panels), columns, 2.1, has_labels=False)
+    for position, (name, reading) in enumerate(panels):
+        ax = axes[position]
+        rows = [row for row in by_name[name] if row.sigma == reading]
+        scales = [row.sigma_scale for row in rows]
+        for index, count in enumerate(rows[0].counts if rows else ()):
             colour = _LINES[index % len(_LINES)]
             for field, dash in (("unfiltered", "-"), ("filtered", ":")):
-                factors = [getattr(row.counts[index], field) / row.segments for row in own]
+                factors = [getattr(row.counts[index], field) / row.segments for row in rows]
                 ax.plot(scales, factors, dash, color=colour, linewidth=1.3)
             ax.plot([], [], color=colour, label=f"K = {count.groups}")
             for factor in (paper or {}).get(count.groups, ()):
@@ -130,37 +133,37 @@ def draw_counts(
         ax.set_yscale("log")
         ax.set_title(f"{name}, {reading}", fontsize=8, color=_INK, loc="left")
         ax.set_xlabel("scale", fontsize=7.5, color=_INK)
-        if place % columns == 0:
+        if position % columns == 0:
             ax.set_ylabel("combinations per segment", fontsize=7.5, color=_INK)
     axes[0].legend(fontsize=7, frameon=False, labelcolor=_INK)
     return figure
 
 
-def _dots(
+def _draw_dots(
     panels: Mapping[str, Sequence[tuple[str, Estimate]]],
     label: str,
+    lines: Mapping[str, Sequence[float]],
     *,
     scale: float = 1.0,
-    lines: Sequence[float] = (),
-    own_lines: Mapping[str, Sequence[float]] | None = None,
     columns: int = 2,
 ) -> "Figure":
+    """Draw a panel of named estimates for each title, and vertical lines."""
     longest = max((len(rows) for rows in panels.values()), default=1)
     columns = min(columns, max(len(panels), 1))
-    figure, axes = _panels(len(panels), columns, 0.42 + 0.2 * longest, share=True)
-    for place, (title, rows) in enumerate(panels.items()):
-        ax = axes[place]
-        for at in [*lines, *(own_lines or {}).get(title, ())]:
-            ax.axvline(at, color=_FAINT, linewidth=1, zorder=0)
-        for height, (_, own) in enumerate(rows):
-            if not math.isfinite(own.value):
+    figure, axes = _create_panels(len(panels), columns, 0.42 + 0.2 * longest, has_labels=True)
+    for position, (title, rows) in enumerate(panels.items()):
+        ax = axes[position]
+        for value in lines[title]:
+            ax.axvline(value, color=_FAINT, linewidth=1, zorder=0)
+        for height, (_, found) in enumerate(rows):
+            if not math.isfinite(found.value):
                 continue
-            if math.isfinite(own.low):
-                ends = [own.low * scale, own.high * scale]
-                ax.plot(ends, [height, height], color=_MARK, linewidth=1.6)
-            ax.plot([own.value * scale], [height], "o", color=_MARK, markersize=4.5)
+            if math.isfinite(found.low):
+                interval = [found.low * scale, found.high * scale]
+                ax.plot(interval, [height, height], color=_MARK, linewidth=1.6)
+            ax.plot([found.value * scale], [height], "o", color=_MARK, markersize=4.5)
         ax.set_yticks(range(len(rows)), [name for name, _ in rows])
-        if place % columns:
+        if position % columns:
             ax.tick_params(labelleft=False)
         ax.set_ylim(len(rows) - 0.4, -0.6)
         ax.set_title(title, fontsize=8, color=_INK, loc="left")
@@ -168,12 +171,13 @@ def _dots(
     return figure
 
 
-def _panels(count: int, columns: int, tall: float, *, share: bool) -> tuple["Figure", list[Any]]:
-    from mograft.evaluation._extra import needed
-
+def _create_panels(
+    count: int, columns: int, height: float, *, has_labels: bool
+) -> tuple["Figure", list[Any]]:
+    """Return a figure and its axes, with space for the names of methods on the left."""
     rows = max(math.ceil(count / columns), 1)
-    figure = needed("matplotlib.figure").Figure(
-        figsize=(1.2 * share + 3.0 * columns, tall * rows + 0.25), layout="constrained"
+    figure = import_extra("matplotlib.figure").Figure(
+        figsize=(1.2 * has_labels + 3.0 * columns, height * rows + 0.25), layout="constrained"
     )
     grid = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
     for ax in grid:
@@ -188,39 +192,37 @@ def _panels(count: int, columns: int, tall: float, *, share: bool) -> tuple["Fig
 
 
 def as_svg(figure: "Figure") -> str:
-    """Return a figure as SVG that is the same every time.
+    """Return a figure as SVG; equal figures have equal SVG.
 
     Parameters
     ----------
     figure : matplotlib Figure
-        What to write.
+        Figure.
 
     Returns
     -------
     str
-        Text is text in it, so that it stays small.
+        SVG document with text elements instead of outlines, which keeps it small.
     """
-    from mograft.evaluation._extra import needed
-
     target = io.StringIO()
-    with needed("matplotlib").rc_context({"svg.hashsalt": "mograft", "svg.fonttype": "none"}):
+    with import_extra("matplotlib").rc_context({"svg.hashsalt": "mograft", "svg.fonttype": "none"}):
         figure.savefig(
             target, format="svg", transparent=True, metadata={"Date": None, "Creator": None}
         )
-    # Where no number is finer than a hundredth of a pixel the file is half as long.
+    # Numbers rounded to hundredths of a pixel halve the size.
     text = re.sub(r"(\d+\.\d\d)\d+", r"\1", target.getvalue())
     return re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
 
 
-def as_image(figure: "Figure", words: str) -> str:
+def as_image(figure: "Figure", description: str) -> str:
     """Return a figure as an element of a page.
 
     Parameters
     ----------
     figure : matplotlib Figure
-        What to show.
-    words : str
-        What it shows, for those who do not see it; plain text without quotes.
+        Figure.
+    description : str
+        Alternative text for screen readers: plain text without quotation marks.
 
     Returns
     -------
@@ -228,4 +230,4 @@ def as_image(figure: "Figure", words: str) -> str:
         HTML.
     """
     text = b64encode(as_svg(figure).encode()).decode("ascii")
-    return f'<img alt="{words}" src="data:image/svg+xml;base64,{text}">'
+    return f'<img alt="{description}" src="data:image/svg+xml;base64,{text}">'

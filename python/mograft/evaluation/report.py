@@ -1,8 +1,7 @@
-"""The page of an evaluation: what was measured, how sure it is, and what it does not say."""
+"""The page of an evaluation: tables, figures, intervals and limitations."""
 
 import html
 import json
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -10,132 +9,144 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft.body.mass import mass_model
 from mograft.evaluation import plots
 from mograft.evaluation.balance import BalanceRow
-from mograft.evaluation.enrichment import PAPER_TABLES
+from mograft.evaluation.enrichment import PAPER_TABLES, Enrichment
 from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.label_judgement import Judgement
 from mograft.evaluation.naturalness import Compatibility
+from mograft.evaluation.quality import Quality
 from mograft.evaluation.suite import Evaluation
 from mograft.viewing.page import Page, assemble_page
 from mograft.viewing.report import REPORT_STYLE, format_number, html_table
 
-__all__ = ["evaluation_page", "order_of", "reading"]
+__all__ = ["compare_methods", "evaluation_page", "summarize"]
 
 _ORDER = ("analogy", "contact pattern", "random")
-_MORE_STYLE = """
+_EXTRA_STYLE = """
 .report img { max-width: 100%; height: auto; zoom: 1.25; display: block; margin: 10px 0; }
 .report li { max-width: 75ch; margin: 4px 0; }
 .report .refused { border-left: 3px solid var(--accent); padding-left: 12px; }
 """
 
 
-def order_of(found: Compatibility) -> list[str]:
-    """Return in words whether analogy is above contact patterns and these above chance.
+def compare_methods(found: Compatibility) -> list[str]:
+    """Compare κ of analogy, contact patterns and random donors in sentences.
 
     Parameters
     ----------
     found : Compatibility
-        With these ways among those that were compared.
+        Compatibility of one group.
 
     Returns
     -------
     list of str
-        A sentence for each step of the order.
+        One sentence for each two successive methods.
     """
-    told = []
+    sentences = []
     for first, second in pairwise(_ORDER):
         try:
-            gap = found.difference(first, second)
+            difference = found.difference(first, second)
         except KeyError:
-            told.append(f"{first} and {second} were not both compared.")
+            sentences.append(f"{first} and {second} were not both compared.")
             continue
-        step = f"{first} less {second}: {gap.kappa.text(2)}"
-        if gap.verdict == "above":
-            told.append(f"{step}: above, outside of the interval.")
-        elif gap.verdict == "below":
-            told.append(f"{step}: below, against the order expected.")
+        kappa = difference.kappa
+        step = f"κ of {first} minus {second}: {kappa.text(2)}"
+        if difference.verdict == "above":
+            sentences.append(f"{step}: as expected, the interval is above 0.")
+        elif difference.verdict == "below":
+            sentences.append(f"{step}: against the expected order, the interval is below 0.")
         else:
-            told.append(
-                f"{step}: undecided. The interval holds 0 at {gap.kappa.n} segments with "
-                f"donors, {gap.kappa.interval}."
+            sentences.append(
+                f"{step}: undecided. The interval contains 0 with {kappa.n} segments with "
+                f"donors, {kappa.interval_method}."
             )
-    return told
+    return sentences
 
 
-def reading(evaluation: Evaluation) -> list[str]:
-    """Return in plain sentences what an evaluation says.
+def summarize(evaluation: Evaluation) -> list[str]:
+    """Summarize an evaluation in sentences.
 
     Parameters
     ----------
     evaluation : Evaluation
-        The evaluation.
+        Evaluation.
 
     Returns
     -------
     list of str
-        One for each finding and each refusal.
+        One sentence for each finding, and for each measure that the data does not support.
     """
-    told: list[str] = []
-    if evaluation.counted is not None:
-        own = evaluation.counted
-        two = own.counts[0]
-        told.append(
-            f"{own.segments} segments of {own.clusters} base clusters combine to {two.filtered} "
-            f"of two groups within the limits of length, {two.new} of them new."
+    sentences: list[str] = []
+    if evaluation.enrichment is not None:
+        counts = evaluation.enrichment
+        pair = counts.counts[0]
+        sentences.append(
+            f"{counts.segments} segments in {counts.clusters} clusters of the base group combine "
+            f"to {pair.filtered} segments with two groups and the length limit, {pair.new} of "
+            "them new."
         )
     for found in evaluation.naturalness:
         scores = {score.method: score for score in found.scores}
         if "analogy" in scores:
-            kappa = scores["analogy"].kappa.text(2)
-            told.append(
-                f"Compatibility of {found.group} by analogy is {kappa} on a scale from random "
-                f"parts, 0, to captured ones, 1; a captured part is told from a random one in "
-                f"{found.auc.text(0, 100, ' %')} of the pairs."
+            kappa = scores["analogy"].kappa
+            sentences.append(
+                f"Compatibility κ of {found.group} by analogy is {kappa.text(2)}; "
+                "random parts have 0, captured parts have 1. The classifier scores a captured part "
+                f"higher than a random one in {found.auc.text(0, 100, ' %')} of the pairs."
             )
-        told += [f"{found.group}: {sentence}" for sentence in order_of(found)]
-    static = [
+        sentences += [f"{found.group}: {sentence}" for sentence in compare_methods(found)]
+    for row in _static_rows(evaluation):
+        if row.method == "recording":
+            sentences.append(
+                f"{row.rate.text(1, 100, ' %')} of the segments of the recording are statically "
+                "unbalanced in all grounded frames."
+            )
+        if row.method == "analogy":
+            change = row.difference.text(1, 100, " points")
+            sentences.append(f"Exchanges by analogy change this by {change} on the same segments.")
+    for measures in evaluation.quality:
+        if measures.method == "analogy, by cost":
+            share = measures.new_segments
+            sentences.append(
+                f"Choice by cost exchanges {share.text(0, 100, ' %')} of the parts. "
+                f"The mean seam gap is {measures.seam_gap.text(1, 1, '°')}. The acceleration is "
+                f"{measures.acceleration.text(2)} times that of the recording."
+            )
+    if evaluation.judgement is not None:
+        people = evaluation.judgement
+        sentences.append(
+            f"A classifier that was trained on {people.learned} labels predicts "
+            f"{people.accuracy.text(0, 100, ' %')} of {people.tested} test labels correctly."
+        )
+    return [*sentences, *(f"Not measured, {refusal}" for refusal in _refusals(evaluation))]
+
+
+def _refusals(evaluation: Evaluation) -> list[str]:
+    return [f"{topic}: {reason}" for topic, reason in evaluation.refusals.items()]
+
+
+def _static_rows(evaluation: Evaluation) -> list[BalanceRow]:
+    """Return the rows of static balance by the rule "all", without a margin."""
+    return [
         row
         for row in evaluation.balance
         if (row.kind, row.rule, row.margin) == ("static", "all", 0.0)
     ]
-    for row in static:
-        if row.method == "recording":
-            told.append(
-                f"{row.rate.text(1, 100, ' %')} of the recording's segments are out of static "
-                "balance in all of their grounded frames."
-            )
-        if row.method == "analogy":
-            change = row.difference.text(1, 100, " points")
-            told.append(f"Exchanges by analogy change that by {change} on the same segments.")
-    for made in evaluation.quality:
-        if made.method == "analogy, by cost":
-            told.append(
-                f"Chosen by cost, {made.new_segments.text(0, 100, ' %')} of the parts are "
-                f"exchanged; seams have to close {made.seam_gap.text(1, 1, '°')}; acceleration is "
-                f"{made.acceleration.text(2)} of the recording's."
-            )
-    if evaluation.people is not None:
-        people = evaluation.people
-        told.append(
-            f"A classifier that learned from {people.learned} labels is right about "
-            f"{people.accuracy.text(0, 100, ' %')} of {people.tested} others."
-        )
-    told += [f"Refused, {what}: {why}" for what, why in evaluation.refused.items()]
-    return told
 
 
 def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
-    """Return a page that tells what was measured.
+    """Return a page with the results of an evaluation.
 
     Parameters
     ----------
     evaluation : Evaluation
-        What was measured.
+        Evaluation.
     title : str, optional
-        Default: the names of the first clips.
+        Title. Default: the names of the first clips.
 
     Returns
     -------
     Page
-        Self-contained, without any script.
+        Self-contained page without scripts.
 
     Raises
     ------
@@ -145,173 +156,160 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     library = evaluation.library
     names = [entry.name for entry in library.entries]
     more = f" and {len(names) - 2} more" if len(names) > 2 else ""
-    named = title or f"Evaluation of {', '.join(names[:2])}{more}"
-    known = mass_model(library.skeleton)
+    title = title or f"Evaluation of {', '.join(names[:2])}{more}"
     lead = (
         f"{len(names)} clips, {sum(entry.n_frames for entry in library.entries)} frames at "
-        f"{library.rate:.4g} a second, {len(library.segments)} segments. Seed "
-        f"{evaluation.parameters['seed']}, mograft {VERSION}. In brackets: 95 % intervals; "
-        "they hold the choice of segments and donors, not that of the recordings."
+        f"{library.rate:.4g} frames per second, {len(library.segments)} segments. Seed "
+        f"{evaluation.parameters['seed']}, mograft {VERSION}. In brackets: 95 % intervals. They "
+        "cover the choice of segments and donors, but not the choice of the recordings."
     )
     parts = [
         "<main>",
-        f"<h1>{html.escape(named)}</h1>",
+        f"<h1>{html.escape(title)}</h1>",
         f'<p class="lead">{html.escape(lead)}</p>',
-        "<h2>In words</h2>",
-        _list(reading(evaluation)),
+        "<h2>Summary</h2>",
+        _list(summarize(evaluation)),
     ]
-    if evaluation.refused:
-        parts += [
-            "<h2>Refused</h2>",
-            '<div class="refused">',
-            _list([f"{what}: {why}" for what, why in evaluation.refused.items()]),
-            "</div>",
-        ]
+    if evaluation.refusals:
+        refusals = _list(_refusals(evaluation))
+        parts += ["<h2>Not measured</h2>", f'<div class="refused">{refusals}</div>']
     if evaluation.naturalness:
-        parts += _natural(evaluation)
-    if evaluation.people is not None:
-        parts += _people(evaluation)
+        parts += _compatibility_section(evaluation.naturalness)
+    if evaluation.judgement is not None:
+        parts += _label_section(evaluation.judgement)
     if evaluation.balance:
-        parts += _balance(evaluation, known.model, known.unmatched)
+        parts += _balance_section(evaluation)
     if evaluation.quality:
-        parts += _quality(evaluation)
-    if evaluation.counted is not None:
-        parts += _counts(evaluation)
+        parts += _quality_section(evaluation.quality)
+    if evaluation.enrichment is not None:
+        parts += _enrichment_section(evaluation, evaluation.enrichment)
     parts += [
-        "<h2>By which parameters</h2>",
-        "<details><summary>All of them</summary>",
+        "<h2>Parameters</h2>",
+        "<details><summary>All parameters</summary>",
         f"<pre>{html.escape(json.dumps(dict(evaluation.parameters), indent=1))}</pre></details>",
         "</main>",
     ]
-    return assemble_page(named, "\n".join(parts), "report", REPORT_STYLE + _MORE_STYLE, "")
+    return assemble_page(title, "\n".join(parts), "report", REPORT_STYLE + _EXTRA_STYLE, "")
 
 
 def _list(sentences: Sequence[str]) -> str:
-    return f"<ul>{''.join(f'<li>{html.escape(own)}</li>' for own in sentences)}</ul>"
+    return f"<ul>{''.join(f'<li>{html.escape(sentence)}</li>' for sentence in sentences)}</ul>"
 
 
 def _note(text: str) -> str:
     return f'<p class="note">{html.escape(text)}</p>'
 
 
-def _natural(evaluation: Evaluation) -> list[str]:
-    parts = ["<h2>Compatibility</h2>"]
-    several = {found.group: found for found in evaluation.naturalness}
-    parts.append(plots.as_image(plots.draw_kappa(several), "Compatibility of each way"))
-    for found in evaluation.naturalness:
+def _compatibility_section(compatibilities: Sequence[Compatibility]) -> list[str]:
+    figure = plots.draw_kappa({found.group: found for found in compatibilities})
+    parts = ["<h2>Compatibility</h2>", plots.as_image(figure, "Compatibility of each method")]
+    for found in compatibilities:
         rows = [
             [
-                html.escape(own.method),
-                own.kappa.text(2),
-                own.matched.text(2),
-                own.accepted.text(0, 100, " %"),
-                f"{100 * own.exchangeable:.0f} %",
-                str(own.kappa.n),
+                html.escape(score.method),
+                score.kappa.text(2),
+                score.matched.text(2),
+                score.accepted.text(0, 100, " %"),
+                f"{100 * score.exchangeable:.0f} %",
+                str(score.kappa.n),
             ]
-            for own in found.scores
+            for score in found.scores
         ]
         head = [found.group, "κ", "κ, same segments", "accepted", "with a donor", "n"]
         parts.append(html_table(head, rows))
         parts.append(
             _note(
-                f"{found.segments} segments, {found.splits} times dealt into {found.folds} folds "
-                f"of {found.fold_groups} clips or blocks. Accepted are "
-                f"{found.real.text(0, 100, ' %')} of captured and "
-                f"{found.random.text(0, 100, ' %')} of random parts; a captured part scores "
-                f"above a random one in {found.auc.text(0, 100, ' %')}."
+                f"{found.segments} segments in {found.fold_groups} clips or blocks, which were "
+                f"assigned {found.splits} times to {found.folds} folds. The classifier accepts "
+                f"{found.captured.text(0, 100, ' %')} of the captured and "
+                f"{found.random.text(0, 100, ' %')} of the random parts. It scores a captured "
+                f"part higher than a random one in {found.auc.text(0, 100, ' %')} of the pairs."
             )
         )
     parts.append(
         _note(
-            "κ says whether such combinations occur in these recordings: 0 as random parts, 1 as "
-            "captured ones. It does not see seams or physics, is no share of natural motions, "
-            "and holds a good combination that was never captured for a bad one. A way that "
-            "exchanges only common segments gains by that; the second column compares on the "
-            "same segments."
+            "κ measures whether such combinations occur in these recordings: random parts have 0, "
+            "captured parts have 1. It is not the share of natural motions. It does not measure "
+            "seams or physics, and a plausible combination that was never captured scores low. A "
+            "method that exchanges only common segments has a higher κ. The second column "
+            "therefore compares on the same segments."
         )
     )
     return parts
 
 
-def _people(evaluation: Evaluation) -> list[str]:
-    people = evaluation.people
-    if people is None:
-        return []
+def _label_section(people: Judgement) -> list[str]:
     rows = [
         [
-            html.escape(own.method),
-            own.called.text(0, 100, " %"),
-            own.corrected.text(0, 100, " %"),
-            str(own.called.n),
+            html.escape(verdict.method),
+            verdict.called.text(0, 100, " %"),
+            verdict.corrected.text(0, 100, " %"),
+            str(verdict.called.n),
         ]
-        for own in people.verdicts
+        for verdict in people.verdicts
     ]
     return [
         "<h2>Labels</h2>",
-        html_table(["way", "called natural", "corrected", "n"], rows),
+        html_table(["method", "called natural", "corrected", "n"], rows),
         _note(
-            f"Learned from {people.learned} labels, tested on {people.tested}: right about "
-            f"{people.accuracy.text(0, 100, ' %')}; of natural ones {people.sensitivity.text(2)}, "
-            f"of unnatural ones {people.specificity.text(2)}. The person called "
-            f"{people.natural.text(0, 100, ' %')} of pieces with random donors natural, and "
-            f"{people.captured.text(0, 100, ' %')} of captured ones. Corrected shares allow for "
-            "the classifier's errors; one person's labels tell of one person."
+            f"{people.learned} training labels, {people.tested} test labels. Of the test labels, "
+            f"the classifier predicts {people.accuracy.text(0, 100, ' %')} correctly: of the "
+            f"natural ones {people.sensitivity.text(2)}, of the unnatural ones "
+            f"{people.specificity.text(2)}. The person labelled "
+            f"{people.natural.text(0, 100, ' %')} of the pieces with random donors natural, and "
+            f"{people.captured.text(0, 100, ' %')} of the captured pieces. Corrected shares allow "
+            "for the errors of the classifier. The labels describe the judgement of one person."
         ),
     ]
 
 
-def _rate(own: Estimate) -> str:
-    return own.text(1, 100, " %") if math.isfinite(own.value) else "none"
-
-
-def _balance(evaluation: Evaluation, model: str, unmatched: Sequence[str]) -> list[str]:
-    parts = ["<h2>Balance</h2>"]
-    static = [
-        row
-        for row in evaluation.balance
-        if (row.kind, row.rule, row.margin) == ("static", "all", 0.0)
-    ]
-    figure = plots.draw_balance({"static, all grounded frames": static})
-    parts.append(plots.as_image(figure, "Unbalanced segments of each way"))
-
-    def row_of(row: BalanceRow) -> list[str]:
-        rule = f"{row.kind}, {row.rule}" + (f", margin {row.margin:g}" if row.margin else "")
-        points = row.difference.text(1, 100) if row.method != "recording" else ""
-        changed = _rate(row.changed) if row.method != "recording" else ""
-        return [
-            html.escape(row.method),
-            rule,
-            _rate(row.rate),
-            changed,
-            points,
-            f"{100 * row.flight:.0f} %",
-            str(row.runs),
-            str(row.difference.n if row.method != "recording" else row.rate.n),
-        ]
-
-    head = ["way", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
-    order = {(row.kind, row.rule, row.margin): at for at, row in enumerate(evaluation.balance)}
+def _balance_section(evaluation: Evaluation) -> list[str]:
+    figure = plots.draw_balance({"static, all grounded frames": _static_rows(evaluation)})
+    head = ["method", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
+    order = {
+        (row.kind, row.rule, row.margin): place for place, row in enumerate(evaluation.balance)
+    }
     rows = sorted(evaluation.balance, key=lambda row: order[row.kind, row.rule, row.margin])
-    parts.append(html_table(head, [row_of(row) for row in rows]))
+    model = mass_model(evaluation.library.skeleton)
     masses = (
-        "de Leva's masses"
-        if model == "de Leva"
-        else ("rods, masses as the lengths of bones, since the skeleton is not known as a human's")
+        "has the masses of de Leva"
+        if model.model == "de Leva"
+        else "has rods with masses in proportion to the bone lengths, since the skeleton is not "
+        "recognized as human"
     )
-    unknown = f" Joints known by their place alone: {', '.join(unmatched)}." if unmatched else ""
-    parts.append(
+    unmatched = ", ".join(model.unmatched)
+    unknown = f" Joints with unknown names: {unmatched}." if unmatched else ""
+    return [
+        "<h2>Balance</h2>",
+        plots.as_image(figure, "Unbalanced segments of each method"),
+        html_table(head, [_balance_cells(row) for row in rows]),
         _note(
-            f"Centre of mass by {masses}.{unknown} A segment is unbalanced where all, most or any "
-            "of its frames with a foot on the floor have the point outside of the soles' hull; "
-            "static: the centre of mass over the floor, dynamic: the zero-moment point. The "
-            "change is paired: changed segments against the recording's own. Out of balance is "
-            "not unnatural: whoever walks is."
-        )
-    )
-    return parts
+            f"The body model {masses}.{unknown} The rule states in which frames with a foot on the "
+            "floor the reference point must be outside of the hull of the soles for a segment to "
+            "be unbalanced: in all, in the majority or in any of them. The reference point of "
+            "static balance is the projected centre of mass, that of dynamic balance is the "
+            "zero-moment point. The change is paired: it compares changed segments with the same "
+            "segments of the recording. An unbalanced segment is not necessarily unnatural: "
+            "walking is statically unbalanced."
+        ),
+    ]
 
 
-def _quality(evaluation: Evaluation) -> list[str]:
+def _balance_cells(row: BalanceRow) -> list[str]:
+    is_recording = row.method == "recording"
+    return [
+        html.escape(row.method),
+        f"{row.kind}, {row.rule}" + (f", margin {row.margin:g}" if row.margin else ""),
+        row.rate.text(1, 100, " %"),
+        "" if is_recording else row.changed.text(1, 100, " %"),
+        "" if is_recording else row.difference.text(1, 100),
+        f"{100 * row.flight:.0f} %",
+        str(row.runs),
+        str(row.rate.n if is_recording else row.difference.n),
+    ]
+
+
+def _quality_section(qualities: Sequence[Quality]) -> list[str]:
     measures: tuple[tuple[str, str, int, float, str], ...] = (
         ("new parts", "new_segments", 0, 100, " %"),
         ("seam gap", "seam_gap", 1, 1, "°"),
@@ -323,66 +321,68 @@ def _quality(evaluation: Evaluation) -> list[str]:
         ("local diversity", "local_diversity", 3, 1, ""),
         ("diversity", "diversity", 1, 1, "°"),
         ("arms and legs", "coordination", 2, 1, ""),
-        ("their lag", "lag", 2, 1, " s"),
+        ("arms and legs, lag", "lag", 2, 1, " s"),
     )
-    head = ["measure", *(own.method for own in evaluation.quality), "n"]
+    head = ["measure", *(row.method for row in qualities), "n"]
     rows = []
-    for title, name, digits, scale, unit in measures:
-        several: list[Estimate] = [getattr(own, name) for own in evaluation.quality]
-        told = [own.text(digits, scale, unit) for own in several]
-        rows.append([title, *told, f"{max(own.n for own in several)} {several[0].of}"])
-    figure = plots.draw_quality(evaluation.quality)
+    for title, name, digits, scale, suffix in measures:
+        estimates: list[Estimate] = [getattr(row, name) for row in qualities]
+        cells = [found.text(digits, scale, suffix) for found in estimates]
+        n = max(found.n for found in estimates)
+        rows.append([title, *cells, f"{n} {estimates[0].unit}"])
+    figure = plots.draw_quality(qualities)
     return [
         "<h2>Quality</h2>",
-        plots.as_image(figure, "Measures of quality of each way"),
+        plots.as_image(figure, "Measures of quality of each method"),
         html_table(head, rows),
         _note(
-            "Acceleration and jerk of the grafted joints as ratios to the recording's; foot skate "
-            "less the recording's; coverage: share of the recordings' seconds that come near in "
-            "a graft; local diversity: distance from the nearest captured half second; "
-            "diversity: between grafts of one base; arms and legs: change in the correlation of "
-            "an arm's swing with the opposite leg's, and of its lag. All is relative to these "
-            "recordings."
+            "Acceleration and jerk: those of the grafted joints divided by those of the recording. "
+            "Foot skate: minus that of the recording. Coverage: share of the one-second windows of "
+            "the library that are near a window of the graft. Local diversity: distance from the "
+            "nearest captured half-second window. Diversity: between grafts of one base. Arms and "
+            "legs: change in the correlation of arm swing and opposite leg swing, and of its lag. "
+            "All measures are relative to these recordings."
         ),
     ]
 
 
-def _counts(evaluation: Evaluation) -> list[str]:
-    counted = evaluation.counted
-    if counted is None:
-        return []
-    head = ["groups", "clusters", "combinations", "per segment", "within length", "new"]
+def _enrichment_section(evaluation: Evaluation, found: Enrichment) -> list[str]:
+    head = ["groups", "clusters", "combinations", "per segment", "length limit", "new"]
     rows = [
         [
-            str(own.groups),
+            str(count.groups),
             html.escape(
-                ", ".join(f"{g} {n}" for g, n in evaluation.clusters.get(own.groups, {}).items())
+                ", ".join(f"{g} {n}" for g, n in evaluation.clusters.get(count.groups, {}).items())
                 or "no preset"
             ),
-            format_number(own.unfiltered),
-            f"{own.unfiltered / counted.segments:.1f}",
-            format_number(own.filtered),
-            format_number(own.new),
+            format_number(count.unfiltered),
+            f"{count.unfiltered / found.segments:.1f}",
+            format_number(count.filtered),
+            format_number(count.new),
         ]
-        for own in counted.counts
+        for count in found.counts
     ]
-    paper = {
-        k: [counts[k] / segments for _, segments, counts in PAPER_TABLES.values()]
-        for k in (2, 3, 4, 5)
-    }
     parts = ["<h2>Enrichment</h2>", html_table(head, rows)]
-    if evaluation.swept:
-        figure = plots.draw_counts({"scales": evaluation.swept}, paper)
+    if evaluation.sweep:
+        paper = {
+            k: [counts[k] / segments for _, segments, counts in PAPER_TABLES.values()]
+            for k in (2, 3, 4, 5)
+        }
+        figure = plots.draw_counts({"scales": evaluation.sweep}, paper)
         parts.append(plots.as_image(figure, "Combinations by scale of the threshold"))
-    failed = [law.name for law in evaluation.laws if not law.holds]
-    laws = f"but {', '.join(failed)}" if failed else "as counts of one clustering must"
+    failed = ", ".join(law.name for law in evaluation.laws if not law.holds)
+    laws = (
+        f"The counts violate laws of moments: {failed}."
+        if failed
+        else "The counts satisfy all laws of moments, as the counts of one clustering must."
+    )
     parts.append(
         _note(
-            f"Threshold {counted.sigma} times {counted.sigma_scale:g}: {counted.clusters} base "
-            f"clusters, the largest of {counted.largest}. The counts obey all laws of moments, "
-            f"{laws}. In the plot dots are with the limits of length, triangles are the paper's "
-            "tables 1 and 2; those of five groups cannot come from one clustering. A count of "
-            "combinations says nothing of how good they are."
+            f"Threshold {found.sigma} times {found.sigma_scale:g}: {found.clusters} clusters of "
+            f"the base group, the largest with {found.largest} segments. {laws} In the figure, "
+            "dotted lines have the length limit. Triangles are tables 1 and 2 of the paper; their "
+            "counts for five groups cannot come from a single clustering. Counts do not measure "
+            "the quality of the combinations."
         )
     )
     return parts

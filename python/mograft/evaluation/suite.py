@@ -1,9 +1,9 @@
-"""All measures of one library at once, as numbers and as a JSON document."""
+"""All measures of one library, as numbers and as a JSON document."""
 
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,12 +16,12 @@ from mograft.evaluation.balance import (
     RULES,
     Balance,
     BalanceRow,
+    BalanceSample,
     balance_row,
     dynamic_balance,
     static_balance,
-    support,
 )
-from mograft.evaluation.baselines import Method, grafts_by, methods
+from mograft.evaluation.baselines import Method, default_methods, grafts_by
 from mograft.evaluation.enrichment import (
     Enrichment,
     Law,
@@ -30,336 +30,398 @@ from mograft.evaluation.enrichment import (
     moment_laws,
     sweep,
 )
+from mograft.evaluation.label_judgement import Judgement, judgement
+from mograft.evaluation.label_table import Labels
 from mograft.evaluation.naturalness import Compatibility, compatibility
-from mograft.evaluation.people import Judgement, Labels, judgement
 from mograft.evaluation.quality import Quality, quality
+from mograft.evaluation.support_polygon import Support, support_polygons
 from mograft.library.library import Library
+from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
 __all__ = ["TOPICS", "Evaluation", "evaluate"]
 
 TOPICS = ("enrichment", "balance", "naturalness", "quality")
-MARGIN = 0.01
-"""Heights outside of the support that a second row of balance lets pass: how fine it cuts."""
+BALANCE_MARGIN = 0.01
+"""Margin of the second row of static balance, in skeleton heights."""
 
 Progress = Callable[[str, int, int], None]
+_MEASURES = {"static": static_balance, "dynamic": dynamic_balance}
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What was measured of a library.
+    """Measures of a library and of its grafts.
 
     Attributes
     ----------
     library : Library
-        The library.
+        Library.
     topics : tuple of str
-        What was asked for, of `TOPICS`.
-    counted : Enrichment or None
-        Combinations by the library's configuration.
-    swept : tuple of Enrichment
-        Combinations for every reading of the threshold and scale.
+        Requested topics, out of `TOPICS`.
+    enrichment : Enrichment or None
+        Combinations with the configuration of the library.
+    sweep : tuple of Enrichment
+        Combinations for each reading of the threshold and each scale.
     clusters : dict of int to dict of str to int
-        Clusters of each joint group, by number of groups.
+        Number of clusters of each joint group, by number of groups.
     laws : tuple of Law
-        The laws of moments that the counts obey.
+        Laws of moments, applied to the counts of `enrichment`.
     balance : tuple of BalanceRow
-        For each rule and way.
+        Balance for each method and rule, and for the recording.
     naturalness : tuple of Compatibility
-        For each grafted group.
-    people : Judgement or None
-        What labels say, if there are any.
+        Compatibility for each grafted group.
+    judgement : Judgement or None
+        Results of the classifier that was trained on labels.
     quality : tuple of Quality
-        For each way.
-    refused : dict of str to str
-        Topics, or groups of one, that the data cannot support, and why.
+        Quality for each method.
+    refusals : dict of str to str
+        Topics, or parts of one, that the data does not support, with the reason.
     parameters : dict
-        What the numbers depend on.
+        Parameters and versions on which the numbers depend.
     """
 
     library: Library
     topics: tuple[str, ...]
-    counted: Enrichment | None
-    swept: tuple[Enrichment, ...]
+    enrichment: Enrichment | None
+    sweep: tuple[Enrichment, ...]
     clusters: Mapping[int, Mapping[str, int]]
     laws: tuple[Law, ...]
     balance: tuple[BalanceRow, ...]
     naturalness: tuple[Compatibility, ...]
-    people: Judgement | None
+    judgement: Judgement | None
     quality: tuple[Quality, ...]
-    refused: Mapping[str, str]
+    refusals: Mapping[str, str]
     parameters: Mapping[str, Any]
 
     def __repr__(self) -> str:
-        refused = f", refused: {', '.join(self.refused)}" if self.refused else ""
-        return f"Evaluation({', '.join(self.topics)} of {self.library!r}{refused})"
+        refusals = f", not measured: {', '.join(self.refusals)}" if self.refusals else ""
+        return f"Evaluation({', '.join(self.topics)} of {self.library!r}{refusals})"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all numbers, each with its sample size and interval, as JSON can hold them."""
-        library = self.library
-        known = mass_model(library.skeleton)
-        found: dict[str, Any] = {
+        """Return a dict for JSON with all numbers, sample sizes and intervals."""
+        document: dict[str, Any] = {
             "schema": "mograft.evaluation/1",
             "mograft": VERSION,
             "parameters": dict(self.parameters),
-            "library": {
-                "clips": [
-                    {
-                        "name": entry.name,
-                        "file": library.file_name(index),
-                        "frames": entry.n_frames,
-                    }
-                    for index, entry in enumerate(library.entries)
-                ],
-                "rate": library.rate,
-                "segments": len(library.segments),
-                "segments_with_faults": int((~library.is_donor).sum()),
-                "groups": list(library.groups.names),
-                "base_group": library.groups.base,
-            },
-            "body": {
-                "model": known.model,
-                "height": known.height,
-                "height_from": known.height_from,
-                "unmatched_joints": list(known.unmatched),
-            },
-            "refused": dict(self.refused),
+            **_library_dict(self.library),
+            "refused": dict(self.refusals),
         }
-        if self.counted is not None:
-            found["enrichment"] = {
-                **self.counted.as_dict(),
-                "clusters": {str(k): dict(own) for k, own in self.clusters.items()},
-                "sweep": [own.as_dict() for own in self.swept],
+        if self.enrichment is not None:
+            document["enrichment"] = {
+                **self.enrichment.as_dict(),
+                "clusters": {str(k): dict(numbers) for k, numbers in self.clusters.items()},
+                "sweep": [row.as_dict() for row in self.sweep],
                 "laws": [vars(law) for law in self.laws],
             }
         if self.balance:
-            found["balance"] = [row.as_dict() for row in self.balance]
+            document["balance"] = [row.as_dict() for row in self.balance]
         if self.naturalness:
-            found["naturalness"] = [own.as_dict() for own in self.naturalness]
-        if self.people is not None:
-            found["people"] = self.people.as_dict()
+            document["naturalness"] = [found.as_dict() for found in self.naturalness]
+        if self.judgement is not None:
+            document["people"] = self.judgement.as_dict()
         if self.quality:
-            found["quality"] = [own.as_dict() for own in self.quality]
-        return found
+            document["quality"] = [row.as_dict() for row in self.quality]
+        return document
+
+
+def _library_dict(library: Library) -> dict[str, Any]:
+    """Return the description of a library and of its skeleton for JSON."""
+    model = mass_model(library.skeleton)
+    return {
+        "library": {
+            "clips": [
+                {"name": entry.name, "file": library.file_name(index), "frames": entry.n_frames}
+                for index, entry in enumerate(library.entries)
+            ],
+            "rate": library.rate,
+            "segments": len(library.segments),
+            "segments_with_faults": int((~library.is_donor).sum()),
+            "groups": list(library.groups.names),
+            "base_group": library.groups.base,
+        },
+        "body": {
+            "model": model.model,
+            "height": model.height,
+            "height_from": model.height_from,
+            "unmatched_joints": list(model.unmatched),
+        },
+    }
 
 
 def evaluate(
     library: Library,
     topics: Sequence[str] = TOPICS,
     *,
-    ways: Sequence[Method] | None = None,
+    methods: Sequence[Method] | None = None,
     runs: int = 10,
     bases: int = 4,
     labels: Labels | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Evaluation:
-    """Measure what a library gives, and how its grafts compare with chance and with rules.
+    """Measure a library and its grafts, and compare methods of donor selection.
 
     Parameters
     ----------
     library : Library
-        The library.
+        Library.
     topics : sequence of str
-        Of "enrichment", "balance", "naturalness" and "quality".
-    ways : sequence of Method, optional
-        Ways to choose donors. Default: `mograft.evaluation.methods` of the library.
+        Topics: "enrichment", "balance", "naturalness" and "quality".
+    methods : sequence of Method, optional
+        Methods that select donors. Default: `default_methods` of the library.
     runs : int
-        Motions made on each base and by each way, for balance and quality.
+        Number of grafts for each base and method, for balance and quality.
     bases : int
-        Clips that they are made on, at most; evenly among those of the library.
+        Number of clips that serve as base, at most. They are evenly spaced in the library.
     labels : Labels, optional
-        What a person said, for naturalness.
+        Labels of a person, for naturalness.
     seed : int
-        Of all that is left to chance.
+        Seed of all random choices.
     progress : callable, optional
-        Called with a stage's name, what is done of it and the whole.
+        Called with the name of the stage, the number of finished steps and of all steps.
 
     Returns
     -------
     Evaluation
-        What the data cannot support is in its `refused`, with the reason.
+        `Evaluation.refusals` has the measures that the data does not support, with the reason.
 
     Raises
     ------
     ImportError
-        If a package of the extra ``evaluate`` is needed and absent.
+        If a package of the extra ``evaluate`` is required and not installed.
     ValueError
-        If a topic is none, or `runs` or `bases` is below 1.
+        If a topic is unknown, or `runs` or `bases` is below 1.
 
     Examples
     --------
     >>> from mograft import Library
     >>> from mograft.dancer import dance
     >>> found = evaluate(Library.build(dance(strides=1).motion), ["enrichment"])
-    >>> found.counted.segments == len(found.library.segments)
+    >>> found.enrichment.segments == len(found.library.segments)
     True
     """
     unknown = [topic for topic in topics if topic not in TOPICS]
     if unknown or not topics:
-        got = ", ".join(unknown) or "none"
-        raise ValueError(f"topics must be of {', '.join(TOPICS)}, got {got}")
+        given = ", ".join(unknown) or "none"
+        raise ValueError(f"`topics` must be of {', '.join(TOPICS)}, got {given}")
     for name, value in (("runs", runs), ("bases", bases)):
         if value < 1:
-            raise ValueError(f"{name} must be 1 or more, got {value}")
-    chosen = methods(library) if ways is None else tuple(ways)
-    refused: dict[str, str] = {}
-    counted: Enrichment | None = None
+            raise ValueError(f"`{name}` must be at least 1, got {value}")
+    methods = default_methods(library) if methods is None else tuple(methods)
+    refusals: dict[str, str] = {}
+    counts: Enrichment | None = None
     swept: tuple[Enrichment, ...] = ()
-    laws: tuple[Law, ...] = ()
     clusters: dict[int, dict[str, int]] = {}
+    laws: tuple[Law, ...] = ()
     if "enrichment" in topics:
-        counted, swept = enrichment(library), sweep(library)
-        clusters = cluster_numbers(library)
-        laws = moment_laws(counted.segments, {c.groups: c.unfiltered for c in counted.counts})
+        counts, swept, clusters = enrichment(library), sweep(library), cluster_numbers(library)
+        laws = moment_laws(counts.segments, {c.groups: c.unfiltered for c in counts.counts})
+    base_names = _select_bases(library, bases)
     rows: list[BalanceRow] = []
     qualities: list[Quality] = []
-    names = _bases(library, bases)
     if {"balance", "quality"} & set(topics):
-        rows, qualities = _made(
-            library, chosen, names, topics, runs, seed, refused, progress or (lambda *_: None)
-        )
-    found: list[Compatibility] = []
+        grafting = _Grafting(library, methods, base_names, runs, seed)
+        rows, qualities = grafting.measure(topics, refusals, progress)
+    compatibilities: list[Compatibility] = []
     people = None
     if "naturalness" in topics:
-        # What only the making of a motion depends on changes nothing of who goes with whom.
-        choosing = [way for way in chosen if not way.changes]
-        for group in library.groups.names:
-            if group == library.groups.base:
-                continue
-            try:
-                found.append(compatibility(library, group, choosing, seed=seed, progress=progress))
-            except InsufficientDataError as error:
-                refused[f"naturalness of {group}"] = str(error)
-        if labels is not None:
-            try:
-                people = judgement(library, labels, choosing, seed=seed)
-            except InsufficientDataError as error:
-                refused["labels"] = str(error)
-    parameters = {
-        "seed": seed,
-        "runs": runs,
-        "bases": names,
-        "ways": [way.name for way in chosen],
-        "confidence": 0.95,
-        "config": library.config.as_dict(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-    }
+        # Changes of the configuration alter the motions, but not the pairs of parts.
+        selecting = [method for method in methods if not method.config_changes]
+        compatibilities = _compatibilities(library, selecting, seed, refusals, progress)
+        people = _judge(library, labels, selecting, seed, refusals)
     return Evaluation(
-        library,
-        tuple(topics),
-        counted,
-        swept,
-        clusters,
-        laws,
-        tuple(rows),
-        tuple(found),
-        people,
-        tuple(qualities),
-        refused,
-        parameters,
+        library=library,
+        topics=tuple(topics),
+        enrichment=counts,
+        sweep=swept,
+        clusters=clusters,
+        laws=laws,
+        balance=tuple(rows),
+        naturalness=tuple(compatibilities),
+        judgement=people,
+        quality=tuple(qualities),
+        refusals=refusals,
+        parameters={
+            "seed": seed,
+            "runs": runs,
+            "bases": base_names,
+            "ways": [method.name for method in methods],
+            "confidence": 0.95,
+            "config": library.config.as_dict(),
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+        },
     )
 
 
-def _bases(library: Library, most: int) -> list[str]:
-    """Return names of clips, evenly among those of the library."""
-    n = len(library.entries)
-    picked = np.unique(np.linspace(0, n - 1, min(most, n)).round().astype(int))
-    return [library.entries[at].name for at in picked.tolist()]
-
-
-def _made(
+def _compatibilities(
     library: Library,
-    ways: Sequence[Method],
-    names: Sequence[str],
-    topics: Sequence[str],
-    runs: int,
+    methods: Sequence[Method],
     seed: int,
-    refused: dict[str, str],
-    progress: Progress,
-) -> tuple[list[BalanceRow], list[Quality]]:
-    """Make motions by every way and measure them, one way after the other."""
-    index = {entry.name: at for at, entry in enumerate(library.entries)}
-    clips = [library.clips[index[name]] for name in names]
-    scenarios = [library.segments.of_clip(index[name]) for name in names]
-    cuts = [Segments(library.segments.start[own], library.segments.stop[own]) for own in scenarios]
-    measures = {"static": static_balance, "dynamic": dynamic_balance}
-    grounds, own_balance = [], {}
-    judges = "balance" in topics
-    if judges:
-        try:
-            grounds = [support(clip) for clip in clips]
-            for kind, measure in measures.items():
-                own_balance[kind] = [
-                    measure(clip, on=ground) for clip, ground in zip(clips, grounds, strict=True)
-                ]
-        except InsufficientDataError as error:
-            refused["balance"], judges = str(error), False
-    rows: list[BalanceRow] = []
-    qualities: list[Quality] = []
-    if judges:
-        still = [np.ones((1, len(cut)), bool) for cut in cuts]
-        alone = {kind: [[one] for one in several] for kind, several in own_balance.items()}
-        rows += _rows("recording", own_balance, alone, still, cuts, refused)
-    for place, way in enumerate(ways):
-        progress("grafting", place, len(ways))
-        try:
-            made = [list(grafts_by(way, library, name, runs, seed=seed)) for name in names]
-        except InsufficientDataError as error:
-            refused[way.name] = str(error)
+    refusals: dict[str, str],
+    progress: Progress | None,
+) -> list[Compatibility]:
+    found = []
+    for group in library.groups.names:
+        if group == library.groups.base:
             continue
-        if judges:
-            # The donors may allow fewer different motions than are wanted.
-            fewest = min(map(len, made))
-            after: dict[str, list[list[Balance]]] = {kind: [] for kind in measures}
-            for grafts, ground in zip(made, grounds, strict=True):
-                for kind, measure in measures.items():
-                    after[kind].append(
-                        [
-                            measure(
-                                graft.motion,
-                                # Feet that were moved stand elsewhere.
-                                on=ground if graft.feet is None else None,
-                                like=graft.base,
-                            )
-                            for graft in grafts[:fewest]
-                        ]
-                    )
-            changed = [
-                np.stack([_changed(graft, len(cut)) for graft in grafts[:fewest]])
-                for grafts, cut in zip(made, cuts, strict=True)
-            ]
-            rows += _rows(way.name, own_balance, after, changed, cuts, refused)
-        if "quality" in topics:
+        try:
+            found.append(compatibility(library, group, methods, seed=seed, progress=progress))
+        except InsufficientDataError as error:
+            refusals[f"naturalness of {group}"] = str(error)
+    return found
+
+
+def _judge(
+    library: Library,
+    labels: Labels | None,
+    methods: Sequence[Method],
+    seed: int,
+    refusals: dict[str, str],
+) -> Judgement | None:
+    if labels is None:
+        return None
+    try:
+        return judgement(library, labels, methods, seed=seed)
+    except InsufficientDataError as error:
+        refusals["labels"] = str(error)
+        return None
+
+
+def _select_bases(library: Library, max_count: int) -> list[str]:
+    """Return the names of evenly spaced clips."""
+    n = len(library.entries)
+    indices = np.unique(np.linspace(0, n - 1, min(max_count, n)).round().astype(int))
+    return [library.entries[index].name for index in indices.tolist()]
+
+
+@dataclass(frozen=True, eq=False)
+class _Grafting:
+    """Grafts by several methods on several bases, to be measured."""
+
+    library: Library
+    methods: Sequence[Method]
+    base_names: list[str]
+    runs: int
+    seed: int
+
+    def measure(
+        self, topics: Sequence[str], refusals: dict[str, str], progress: Progress | None
+    ) -> tuple[list[BalanceRow], list[Quality]]:
+        """Compute and measure the grafts, one method after the other."""
+        bases = None
+        rows: list[BalanceRow] = []
+        qualities: list[Quality] = []
+        if "balance" in topics:
             try:
-                qualities.append(quality(way.name, made, seed))
+                bases = _Bases.of(self.library, self.base_names)
+                rows += _balance_rows("recording", bases.recording_samples(), refusals)
             except InsufficientDataError as error:
-                refused["quality"] = str(error)
-    progress("grafting", len(ways), len(ways))
-    return rows, qualities
-
-
-def _changed(graft: Graft, n: int) -> BoolArray:
-    """Tell which segments have an exchanged part."""
-    own = np.array([not s.is_own for s in graft.substitutions])
-    return np.asarray(own.reshape(-1, n).any(axis=0), bool)
-
-
-def _rows(
-    name: str,
-    original: Mapping[str, Sequence[Balance]],
-    made: Mapping[str, Sequence[Sequence[Balance]]],
-    changed: Sequence[BoolArray],
-    cuts: Sequence[Segments],
-    refused: dict[str, str],
-) -> list[BalanceRow]:
-    rows = []
-    for kind, own in original.items():
-        for rule in RULES:
-            for margin in (0.0, MARGIN) if (kind, rule) == ("static", "all") else (0.0,):
+                refusals["balance"] = str(error)
+        for position, method in enumerate(self.methods):
+            if progress is not None:
+                progress("grafting", position, len(self.methods))
+            try:
+                grafts = [
+                    list(grafts_by(method, self.library, name, self.runs, seed=self.seed))
+                    for name in self.base_names
+                ]
+            except InsufficientDataError as error:
+                refusals[method.name] = str(error)
+                continue
+            if bases is not None:
+                rows += _balance_rows(method.name, bases.graft_samples(grafts), refusals)
+            if "quality" in topics:
                 try:
-                    rows.append(balance_row(name, own, made[kind], changed, cuts, rule, margin))
+                    qualities.append(quality(method.name, grafts, self.seed))
                 except InsufficientDataError as error:
-                    refused[f"{kind} balance"] = str(error)
+                    refusals["quality"] = str(error)
+        if progress is not None:
+            progress("grafting", len(self.methods), len(self.methods))
+        return rows, qualities
+
+
+@dataclass(frozen=True, eq=False)
+class _Bases:
+    """Bases with their segments and supports, and their balance by kind."""
+
+    motions: list[Motion]
+    cuts: list[Segments]
+    supports: list[Support]
+    balances: dict[str, list[Balance]]
+
+    @classmethod
+    def of(cls, library: Library, names: Sequence[str]) -> Self:
+        index = {entry.name: clip for clip, entry in enumerate(library.entries)}
+        motions = [library.clips[index[name]] for name in names]
+        segments = library.segments
+        cuts = [
+            Segments(segments.start[scenario], segments.stop[scenario])
+            for scenario in (segments.of_clip(index[name]) for name in names)
+        ]
+        supports = [support_polygons(motion) for motion in motions]
+        balances = {
+            kind: [
+                measure(motion, support=support)
+                for motion, support in zip(motions, supports, strict=True)
+            ]
+            for kind, measure in _MEASURES.items()
+        }
+        return cls(motions, cuts, supports, balances)
+
+    def recording_samples(self) -> dict[str, BalanceSample]:
+        """Return for each kind of balance the bases as their own grafts."""
+        changed = [np.ones((1, len(cut)), bool) for cut in self.cuts]
+        return {
+            kind: BalanceSample(original, [[balance] for balance in original], changed, self.cuts)
+            for kind, original in self.balances.items()
+        }
+
+    def graft_samples(self, grafts: Sequence[Sequence[Graft]]) -> dict[str, BalanceSample]:
+        """Return for each kind of balance the bases and their grafts."""
+        # The donors may allow fewer different grafts of a base than requested.
+        count = min(map(len, grafts))
+        grafts = [several[:count] for several in grafts]
+        changed = [
+            np.stack([_changed_segments(graft, len(cut)) for graft in several])
+            for several, cut in zip(grafts, self.cuts, strict=True)
+        ]
+        samples = {}
+        for kind, measure in _MEASURES.items():
+            balances = [
+                [
+                    measure(
+                        graft.motion,
+                        # Foot planting moves the feet away from the support of the base.
+                        support=support if graft.feet is None else None,
+                        floor_reference=graft.base,
+                    )
+                    for graft in several
+                ]
+                for several, support in zip(grafts, self.supports, strict=True)
+            ]
+            samples[kind] = BalanceSample(self.balances[kind], balances, changed, self.cuts)
+        return samples
+
+
+def _changed_segments(graft: Graft, n_segments: int) -> BoolArray:
+    """Return which segments have an exchanged part in any group."""
+    is_exchanged = np.array([not s.is_own for s in graft.substitutions])
+    return np.asarray(is_exchanged.reshape(-1, n_segments).any(axis=0), bool)
+
+
+def _balance_rows(
+    method: str, samples: Mapping[str, BalanceSample], refusals: dict[str, str]
+) -> list[BalanceRow]:
+    """Return the rows of one method for all kinds, rules and margins."""
+    rows = []
+    for kind, sample in samples.items():
+        for rule in RULES:
+            margins = (0.0, BALANCE_MARGIN) if (kind, rule) == ("static", "all") else (0.0,)
+            for margin in margins:
+                try:
+                    rows.append(balance_row(method, sample, rule, margin))
+                except InsufficientDataError as error:
+                    refusals[f"{kind} balance"] = str(error)
     return rows

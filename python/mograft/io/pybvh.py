@@ -1,4 +1,4 @@
-"""Motion to the objects of other libraries and back."""
+"""Conversion of motions to and from `pybvh.Bvh`."""
 
 from importlib import import_module
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mograft._util.arrays import FloatArray
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
@@ -14,7 +15,7 @@ __all__ = ["from_pybvh", "to_pybvh"]
 
 
 def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
-    """Return the motion that a `pybvh.Bvh` holds.
+    """Convert a `pybvh.Bvh` to a motion.
 
     Parameters
     ----------
@@ -24,7 +25,7 @@ def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
     Returns
     -------
     Motion
-        With the clip's angles as its channel values.
+        The motion; its channel values are the angles of the clip.
 
     Raises
     ------
@@ -37,8 +38,8 @@ def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
     for node in clip.nodes:
         if node.is_end_site():
             siblings = [id(child) for child in node.parent.children]
-            elder = siblings[: siblings.index(id(node))]
-            before = sum(sibling in index for sibling in elder)
+            previous = siblings[: siblings.index(id(node))]
+            before = sum(sibling in index for sibling in previous)
             end_sites.append(EndSite(index[id(node.parent)], np.array(node.offset), before))
     channels = [[f"{axis}rotation" for axis in node.rot_channels] for node in joints]
     channels[0] = [f"{axis}position" for axis in clip.root.pos_channels] + channels[0]
@@ -50,21 +51,21 @@ def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
         tuple(end_sites),
     )
     angles = np.asarray(clip.joint_angles, dtype=np.float64)
-    turned = np.stack(
+    quats = np.stack(
         [
             rotations.from_euler(angles[:, joint], skeleton.rotation_order(joint))
             for joint in range(skeleton.n_joints)
         ],
         axis=1,
     )
-    placed = np.tile(skeleton.offsets, (len(angles), 1, 1))
-    placed[:, 0] = clip.root_pos
+    positions = np.tile(skeleton.offsets, (len(angles), 1, 1))
+    positions[:, 0] = clip.root_pos
     path = clip.source_path
     return Motion(
         skeleton,
         clip.frame_time,
-        rotations.continuous_signs(turned),
-        placed,
+        rotations.continuous_signs(quats),
+        positions,
         np.hstack([clip.root_pos, np.degrees(angles).reshape(len(angles), -1)]),
         name="" if path is None else Path(path).stem,
         path=None if path is None else Path(path),
@@ -72,7 +73,7 @@ def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
 
 
 def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
-    """Return the motion as a `pybvh.Bvh`.
+    """Convert a motion to a `pybvh.Bvh`.
 
     Parameters
     ----------
@@ -82,16 +83,16 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     Returns
     -------
     pybvh.Bvh
-        With three rotation channels in every joint: those that the motion has, and then
-        the axes that it lacks, at 0.
+        The clip, with three rotation channels in every joint. Channels that the motion does not
+        have are last and 0.
 
     Raises
     ------
     ImportError
         If pybvh is not installed.
     ValueError
-        If a joint below the root is moved along, which pybvh cannot hold. A place that it
-        keeps throughout becomes its offset.
+        If the local position of a joint other than the root changes, which pybvh cannot
+        represent. A constant local position becomes the offset of the joint.
 
     Examples
     --------
@@ -101,44 +102,21 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     30
     """
     pybvh = import_module("pybvh")
-    nodes_of = import_module("pybvh.bvhnode")
     skeleton = motion.skeleton
-    moved = np.ptp(motion.positions[:, 1:], axis=0).any(axis=-1)
-    if moved.any():
-        joint = int(moved.argmax()) + 1
+    is_translated = np.ptp(motion.positions[:, 1:], axis=0).any(axis=-1)
+    if is_translated.any():
+        joint = int(is_translated.argmax()) + 1
         raise ValueError(
-            f"only the root may be moved in pybvh, got a moving {skeleton.names[joint]}"
+            "only the root may be translated in pybvh, "
+            f"got a translated joint {skeleton.names[joint]}"
         )
+    nodes, joints = _build_nodes(skeleton, motion.positions[0])
     numbers = np.radians(motion.channel_numbers())
     angles = np.zeros((motion.n_frames, motion.n_joints, 3))
-    nodes: list[Any] = []
-    # Joint or end site, and the node above it: no recursion, however deep the chain.
-    todo: list[tuple[int | EndSite, Any]] = [(0, None)]
-    joints: list[int] = []
-    while todo:
-        item, above = todo.pop()
-        if isinstance(item, EndSite):
-            name = item.name or f"EndSite{above.name}"
-            node = nodes_of.BvhEndSite(name, item.offset, above)
-        else:
-            order = skeleton.rotation_order(item)
-            columns = skeleton.channel_columns[item]
-            names = zip(skeleton.channels[item], columns, strict=True)
-            turns = [column for name, column in names if name.endswith("rotation")]
-            angles[:, len(joints), : len(order)] = numbers[:, turns]
-            axes = [*order, *(axis for axis in "XYZ" if axis not in order)]
-            if above is None:
-                node = nodes_of.BvhRoot(
-                    skeleton.names[item], skeleton.offsets[item], list("XYZ"), axes, [], None
-                )
-            else:
-                place = motion.positions[0, item]
-                node = nodes_of.BvhJoint(skeleton.names[item], place, axes, [], above)
-            joints.append(item)
-            todo += [(below, node) for below in reversed(skeleton.children_and_sites[item])]
-        if above is not None:
-            above.children.append(node)
-        nodes.append(node)
+    for node, joint in enumerate(joints):
+        channels = zip(skeleton.channels[joint], skeleton.channel_columns[joint], strict=True)
+        columns = [column for name, column in channels if name.endswith("rotation")]
+        angles[:, node, : len(columns)] = numbers[:, columns]
     return pybvh.Bvh(
         nodes,
         motion.positions[:, 0].copy(),
@@ -147,3 +125,35 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
         source_path=None if motion.path is None else str(motion.path),
         warn_on_disagreement=False,
     )
+
+
+def _build_nodes(skeleton: Skeleton, positions: FloatArray) -> tuple[list[Any], list[int]]:
+    """Return the nodes of pybvh in depth-first order, and the joints in this order.
+
+    Offsets are the local positions of one frame, shape (n_joints, 3), except that of the root.
+    """
+    bvhnode = import_module("pybvh.bvhnode")
+    nodes: list[Any] = []
+    joints: list[int] = []
+    # An explicit stack of joints and end sites with their parent nodes: chains may be deeper than
+    # Python's recursion limit.
+    stack: list[tuple[int | EndSite, Any]] = [(0, None)]
+    while stack:
+        item, parent = stack.pop()
+        if isinstance(item, EndSite):
+            name = item.name or f"EndSite{parent.name}"
+            node = bvhnode.BvhEndSite(name, item.offset, parent)
+        else:
+            order, name = skeleton.rotation_order(item), skeleton.names[item]
+            axes = [*order, *(axis for axis in "XYZ" if axis not in order)]
+            if parent is None:
+                offset = skeleton.offsets[item]
+                node = bvhnode.BvhRoot(name, offset, list("XYZ"), axes, [], None)
+            else:
+                node = bvhnode.BvhJoint(name, positions[item], axes, [], parent)
+            joints.append(item)
+            stack += [(child, node) for child in reversed(skeleton.children_and_sites[item])]
+        if parent is not None:
+            parent.children.append(node)
+        nodes.append(node)
+    return nodes, joints

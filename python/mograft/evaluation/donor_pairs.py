@@ -1,0 +1,171 @@
+"""Pairs of base segments and donors, as classifiers score them."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.evaluation.baselines import Method, draw_donors
+from mograft.library.library import Library
+
+__all__ = [
+    "donors_in_fold",
+    "mean_by_segment",
+    "random_pairs",
+    "sample_pairs",
+    "selected_donors",
+]
+
+_MAX_DONORS = 20
+"""Donors of one segment that are scored, at most."""
+_MAX_PAIRS = 10_000
+"""Pairs in one fold that are scored, as a guideline: each segment has two donors or more."""
+_N_SEQUENCES = 20
+"""Donor sequences that are drawn for each clip from a method that selects by cost."""
+_CHUNK = 500
+"""Segments whose candidates are in memory at the same time."""
+
+
+def selected_donors(
+    library: Library, group: str, methods: Sequence[Method], seed: int
+) -> dict[str, list[IntArray]]:
+    """Return the donors that methods by cost select for each segment.
+
+    Parameters
+    ----------
+    library : Library
+        Library with the segments.
+    group : str
+        Grafted group.
+    methods : sequence of Method
+        Methods. Those without `Method.uses_cost` are ignored.
+    seed : int
+        Seed of the donor sequences.
+
+    Returns
+    -------
+    dict of str to list of ndarray of int
+        For each method and segment, the donors of 20 donor sequences, with repetitions.
+    """
+    selected = {}
+    for method in methods:
+        if not method.uses_cost:
+            continue
+        donors: list[list[int]] = [[] for _ in range(len(library.segments))]
+        for entry in library.entries:
+            scenario, sequences = draw_donors(
+                method, library, entry.name, _N_SEQUENCES, swap=[group], seed=seed
+            )
+            for sequence in sequences:
+                pairs = zip(scenario.tolist(), sequence[group].tolist(), strict=True)
+                for segment, donor in pairs:
+                    donors[segment].append(donor)
+        selected[method.name] = [np.array(several, np.int64) for several in donors]
+    return selected
+
+
+def donors_in_fold(
+    library: Library,
+    methods: Sequence[Method],
+    folds: IntArray,
+    selected: Mapping[str, list[IntArray]],
+) -> dict[str, list[IntArray]]:
+    """Return the donors of each segment that are in the fold of the segment.
+
+    Parameters
+    ----------
+    library : Library
+        Library with the segments.
+    methods : sequence of Method
+        Methods that select donors.
+    folds : ndarray of int, shape (n_segments,)
+        Fold of each segment.
+    selected : mapping of str to list of ndarray of int
+        As `selected_donors` returns them. The other methods have all their candidates.
+
+    Returns
+    -------
+    dict of str to list of ndarray of int
+        For each method and segment, the donors without the segment itself.
+    """
+    found: dict[str, list[IntArray]] = {}
+    n = len(library.segments)
+    for method in methods:
+        donors: list[IntArray] = []
+        for start in range(0, n, _CHUNK):
+            segments = np.arange(start, min(start + _CHUNK, n))
+            if method.name in selected:
+                candidates = selected[method.name][start : start + _CHUNK]
+            else:
+                candidates = method.candidates(library, segments)
+            for segment, several in zip(segments.tolist(), candidates, strict=True):
+                is_kept = (folds[several] == folds[segment]) & (several != segment)
+                donors.append(several[is_kept])
+        found[method.name] = donors
+    return found
+
+
+def sample_pairs(
+    donors: Sequence[IntArray], segments: IntArray, rng: np.random.Generator
+) -> IntArray:
+    """Return pairs of segments and their donors, with at most 20 donors for each segment.
+
+    Parameters
+    ----------
+    donors : sequence of ndarray of int
+        Donors of every segment of the library.
+    segments : ndarray of int
+        Segments.
+    rng : numpy.random.Generator
+        Generator that draws from longer lists of donors.
+
+    Returns
+    -------
+    ndarray of int, shape (n_pairs, 2)
+        Segments and donors.
+    """
+    pairs = []
+    max_donors = _max_donors(len(segments))
+    for segment in segments.tolist():
+        several = donors[segment]
+        if len(several) > max_donors:
+            several = rng.choice(several, max_donors, replace=False)
+        pairs.append(np.stack([np.full(len(several), segment), several], axis=1))
+    return np.concatenate(pairs).astype(np.int64)
+
+
+def random_pairs(segments: IntArray, rng: np.random.Generator) -> IntArray:
+    """Return pairs of segments and random other segments, as `sample_pairs` does."""
+    count = min(_max_donors(len(segments)), len(segments) - 1)
+    pairs = []
+    for position, segment in enumerate(segments.tolist()):
+        others = rng.choice(np.delete(segments, position), count, replace=False)
+        pairs.append(np.stack([np.full(count, segment), others], axis=1))
+    return np.concatenate(pairs).astype(np.int64)
+
+
+def _max_donors(n_segments: int) -> int:
+    return min(max(_MAX_PAIRS // n_segments, 2), _MAX_DONORS)
+
+
+def mean_by_segment(values: FloatArray | BoolArray, pairs: IntArray, n: int) -> FloatArray:
+    """Return the mean of the values of each segment.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_pairs,)
+        Values of the pairs.
+    pairs : ndarray of int, shape (n_pairs, 2)
+        Segments and donors.
+    n : int
+        Number of segments.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN for segments without a pair.
+    """
+    counts = np.bincount(pairs[:, 0], minlength=n)
+    sums = np.bincount(pairs[:, 0], values, minlength=n)
+    means: FloatArray = np.divide(sums, counts, out=np.full(n, np.nan), where=counts > 0)
+    return means

@@ -1,0 +1,179 @@
+"""Normalised compatibility κ of methods, with intervals on common resamples."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.evaluation import estimate
+from mograft.evaluation.estimate import Estimate
+
+__all__ = ["Difference", "Kappas"]
+
+_BlockSums = tuple[FloatArray, FloatArray]
+"""Sums and counts of values, both of shape (n_splits, n_blocks)."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Difference of the κ of two methods, on common resamples.
+
+    Attributes
+    ----------
+    first, second : str
+        Names of the methods.
+    kappa : Estimate
+        κ of the first method minus κ of the second.
+    """
+
+    first: str
+    second: str
+    kappa: Estimate
+
+    @property
+    def verdict(self) -> Literal["above", "below", "undecided"]:
+        """Position of the interval relative to 0; "undecided" if it contains 0."""
+        if not math.isfinite(self.kappa.low):
+            return "undecided"
+        if self.kappa.low > 0:
+            return "above"
+        return "below" if self.kappa.high < 0 else "undecided"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return a dict for JSON."""
+        return {
+            "first": self.first,
+            "second": self.second,
+            "kappa": self.kappa.as_dict(),
+            "verdict": self.verdict,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Kappas:
+    """Acceptance rates of pairs, from which κ is computed.
+
+    Attributes
+    ----------
+    captured, random : ndarray, shape (n_splits, n_segments)
+        Acceptance rates of captured and of random parts; NaN for segments without a score.
+    accepted : mapping of str to ndarray, shape (n_splits, n_segments)
+        Acceptance rates of the donors of each method; NaN for segments without a donor.
+    blocks : ndarray of int, shape (n_segments,)
+        Block of each segment; see `segment_blocks`.
+    seed : int
+        Seed of the resampling.
+
+    Notes
+    -----
+    κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate. The
+    intervals resample blocks and splits.
+    """
+
+    captured: FloatArray
+    random: FloatArray
+    accepted: Mapping[str, FloatArray]
+    blocks: IntArray
+    seed: int
+
+    def mean(self, values: FloatArray, unit: str) -> Estimate:
+        """Return the mean of values of shape (n_splits, n_segments)."""
+        sums = self._block_sums(values, values)
+        return self._estimate([sums], lambda means: means[0], values, unit)
+
+    def kappa(self, method: str, *, is_matched: bool = False) -> Estimate:
+        """Return κ of a method.
+
+        Parameters
+        ----------
+        method : str
+            Name of the method.
+        is_matched : bool
+            Whether the rates of captured and random parts are those of the segments with a
+            donor, instead of those of all segments.
+
+        Returns
+        -------
+        Estimate
+            κ, with the number of segments that have a donor.
+        """
+        terms = self._kappa_terms(method, is_matched=is_matched)
+        return self._estimate(terms, _kappa, self.accepted[method], "segments with a donor")
+
+    def difference(self, first: str, second: str) -> Difference:
+        """Return κ of the first method minus κ of the second."""
+        terms = [*self._kappa_terms(first), *self._kappa_terms(second)]
+        difference = self._estimate(
+            terms,
+            lambda means: _kappa(means[:3]) - _kappa(means[3:]),
+            self.accepted[first] + self.accepted[second],
+            "segments with a donor of both",
+        )
+        return Difference(first, second, difference)
+
+    def _block_sums(self, values: FloatArray, where: FloatArray) -> _BlockSums:
+        distinct, index = np.unique(self.blocks, return_inverse=True)
+        is_used = np.isfinite(values) & np.isfinite(where)
+        per_split = [
+            (
+                np.bincount(index[used], row[used], minlength=len(distinct)),
+                np.bincount(index[used], minlength=len(distinct)),
+            )
+            for row, used in zip(values, is_used, strict=True)
+        ]
+        sums, counts = (np.array(rows, np.float64) for rows in zip(*per_split, strict=True))
+        return sums, counts
+
+    def _kappa_terms(self, method: str, *, is_matched: bool = False) -> list[_BlockSums]:
+        accepted = self.accepted[method]
+        where = accepted if is_matched else self.captured
+        return [
+            self._block_sums(accepted, accepted),
+            self._block_sums(self.random, where),
+            self._block_sums(self.captured, where),
+        ]
+
+    def _estimate(
+        self,
+        terms: Sequence[_BlockSums],
+        combine: Callable[[list[FloatArray]], FloatArray],
+        values: FloatArray,
+        unit: str,
+    ) -> Estimate:
+        n_splits, n_blocks = terms[0][0].shape
+        interval_method = f"bootstrap of {n_blocks} blocks and {n_splits} splits"
+        n = int(np.isfinite(values).any(axis=0).sum())
+        if min(float(counts.sum()) for _, counts in terms) == 0:
+            return Estimate.without_value(n, unit, interval_method)
+        value = combine([np.array(sums.sum() / counts.sum()) for sums, counts in terms])
+        rng = np.random.default_rng(self.seed)
+
+        def statistic(multiplicities: FloatArray) -> FloatArray:
+            equal = np.full(n_splits, 1.0 / n_splits)
+            splits = rng.multinomial(n_splits, equal, len(multiplicities))
+            means = []
+            for sums, counts in terms:
+                total, number = (
+                    (splits * (multiplicities @ term.T)).sum(axis=1) for term in (sums, counts)
+                )
+                means.append(total / number)
+            return combine(means)
+
+        low, high = estimate.block_bootstrap(statistic, n_blocks, self.seed)
+        return Estimate(
+            value=float(value),
+            low=float(low[0]),
+            high=float(high[0]),
+            n=n,
+            unit=unit,
+            interval_method=interval_method,
+        )
+
+
+def _kappa(means: Sequence[FloatArray]) -> FloatArray:
+    accepted, random, captured = means
+    kappa: FloatArray = (accepted - random) / (captured - random)
+    return kappa

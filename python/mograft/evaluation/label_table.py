@@ -1,0 +1,180 @@
+"""The table of labels that the labelling page saves."""
+
+import csv
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, IntArray
+from mograft.library.library import Library
+
+__all__ = ["COLUMNS", "Labels", "grafted_group", "label_row", "read_labels"]
+
+COLUMNS = ("clip", "first", "last", "group", "donor_clip", "donor_first", "donor_last")
+"""Columns that identify a labelled piece; `label` and `seconds` follow them."""
+
+_Key = tuple[str, int, int]
+"""Clip name, first frame and last frame of a segment."""
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Labels of pairs of parts.
+
+    Attributes
+    ----------
+    segment, donor : ndarray of int, shape (n,)
+        Base segments and donors.
+    natural : ndarray of bool, shape (n,)
+        Whether the label is "natural".
+    group : str
+        Grafted group.
+    """
+
+    segment: IntArray
+    donor: IntArray
+    natural: BoolArray
+    group: str
+
+    def __len__(self) -> int:
+        return len(self.natural)
+
+
+def grafted_group(library: Library, group: str | None) -> str:
+    """Return a grafted group of a library.
+
+    Parameters
+    ----------
+    library : Library
+        Library.
+    group : str or None
+        Grafted group, or None for the first group that is not the base group.
+
+    Returns
+    -------
+    str
+        Name of the group.
+
+    Raises
+    ------
+    ValueError
+        If `group` is the base group or is unknown.
+    """
+    others = [name for name in library.groups.names if name != library.groups.base]
+    if group is not None and group not in others:
+        raise ValueError(f"`group` must be one of {', '.join(others)}, got {group!r}")
+    return others[0] if group is None else group
+
+
+def label_row(library: Library, group: str, segment: int, donor: int) -> tuple[str, ...]:
+    """Return the cells of `COLUMNS` for a pair of parts.
+
+    Parameters
+    ----------
+    library : Library
+        Library with the segments.
+    group : str
+        Grafted group.
+    segment, donor : int
+        Base segment and donor.
+
+    Returns
+    -------
+    tuple of str
+        Clip names and frames. They identify the parts independently of the segment numbers.
+    """
+    cut = library.segments
+    cells: list[str] = []
+    for index in (segment, donor):
+        frames = (str(int(cut.start[index])), str(int(cut.stop[index])))
+        cells += [library.clips[int(cut.clip[index])].name, *frames]
+    return (*cells[:3], group, *cells[3:])
+
+
+def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
+    """Read the labels of a person.
+
+    Parameters
+    ----------
+    path : str or path
+        CSV table that the labelling page saved.
+    library : Library
+        Library from the same files and configuration as that of the page.
+
+    Returns
+    -------
+    Labels
+        One label for each row.
+
+    Raises
+    ------
+    ValueError
+        If the file is not a table of labels, or if a row is invalid or refers to a segment
+        that is not in the library. The message has the line number.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: not UTF-8: {error}") from error
+    rows = csv.reader(text.splitlines())
+    header = next(rows, [])
+    if tuple(header[: len(COLUMNS) + 1]) != (*COLUMNS, "label"):
+        expected = ",".join((*COLUMNS, "label"))
+        raise ValueError(
+            f"{path}:1: header must begin with {expected}, got {','.join(header)[:120]}"
+        )
+    cut = library.segments
+    names = [clip.name for clip in library.clips]
+    columns = (cut.clip.tolist(), cut.start.tolist(), cut.stop.tolist())
+    numbers = {
+        (names[clip], start, stop): index
+        for index, (clip, start, stop) in enumerate(zip(*columns, strict=True))
+    }
+    pairs: list[tuple[int, int, bool]] = []
+    groups: set[str] = set()
+    for line, row in enumerate(rows, start=2):
+        if not row:
+            continue
+        segments = _parse_row(row, f"{path}:{line}")
+        segment, donor = _find_segments(segments, numbers, f"{path}:{line}")
+        groups.add(row[3])
+        pairs.append((segment, donor, row[len(COLUMNS)] == "natural"))
+    if len(groups) > 1 or not groups <= set(library.groups.names):
+        raise ValueError(
+            f"{path}: all labels must be of one group of the library, "
+            f"got {', '.join(sorted(groups))}"
+        )
+    table = np.array(pairs, np.int64).reshape(-1, 3)
+    group = groups.pop() if groups else grafted_group(library, None)
+    return Labels(table[:, 0], table[:, 1], table[:, 2].astype(bool), group)
+
+
+def _parse_row(row: list[str], place: str) -> tuple[_Key, _Key]:
+    """Return the keys of the base segment and of the donor of a valid row."""
+    if len(row) < len(COLUMNS) + 1:
+        raise ValueError(f"{place}: must have {len(COLUMNS) + 1} columns, got {len(row)}")
+    keys = []
+    for clip, first, last in ((row[0], row[1], row[2]), (row[4], row[5], row[6])):
+        if not (first.isdecimal() and last.isdecimal()):
+            raise ValueError(f"{place}: frames must be whole numbers, got {first}, {last}")
+        keys.append((clip, int(first), int(last)))
+    label = row[len(COLUMNS)]
+    if label not in ("natural", "unnatural"):
+        raise ValueError(f"{place}: label must be natural or unnatural, got {label!r}")
+    return keys[0], keys[1]
+
+
+def _find_segments(keys: Iterable[_Key], numbers: dict[_Key, int], place: str) -> list[int]:
+    """Return the segment numbers of keys."""
+    found = []
+    for clip, first, last in keys:
+        if (clip, first, last) not in numbers:
+            raise ValueError(
+                f"{place}: {clip} has no segment {first}-{last} in this library; read labels "
+                "with the same files and options as those of the page"
+            )
+        found.append(numbers[clip, first, last])
+    return found

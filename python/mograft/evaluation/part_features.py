@@ -1,0 +1,73 @@
+"""Features of the parts of segments, independent of the features that the clusters use."""
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.body.anatomy import feature_joints
+from mograft.body.mass import mass_model
+from mograft.library.library import Library
+from mograft.motion import rotations
+
+__all__ = ["part_features"]
+
+_N_INSTANTS = 10
+"""Equidistant instants of a segment at which features are sampled."""
+
+
+def part_features(library: Library, group: str) -> FloatArray:
+    """Return features of the part of one joint group in every segment.
+
+    Parameters
+    ----------
+    library : Library
+        Library with the segments.
+    group : str
+        Joint group.
+
+    Returns
+    -------
+    ndarray, shape (n_segments, n_features)
+        Positions and velocities of the ends of the bones at ten equidistant instants, in
+        skeleton heights and in heights per second. Features of the base group are relative to
+        the root and to its heading at the start of the segment, and include the path of the
+        root. Features of other groups are relative to their attachment joint. No position or
+        rotation of the root is therefore in the features of both parts.
+    """
+    skeleton, cut = library.skeleton, library.segments
+    joints = library.joints(group)
+    ends = feature_joints(skeleton, joints)
+    is_base = group == library.groups.base
+    members = set(joints.tolist())
+    top = next(int(j) for j in joints if int(skeleton.parents[j]) not in members)
+    reference = library.root if is_base else max(int(skeleton.parents[top]), 0)
+    rows: list[FloatArray] = []
+    for index, clip in enumerate(library.clips):
+        model = mass_model(clip.skeleton)
+        world_rotations, world_positions = clip.world_transforms()
+        bones = rotations.rotate(world_rotations[:, ends], model.bone[ends])
+        origin = world_positions[:, reference, None]
+        local = (world_positions[:, ends] + bones - origin) / model.height
+        if is_base:
+            local = np.concatenate([local, origin / model.height], axis=1)
+        else:
+            local = rotations.rotate(rotations.inverse(world_rotations[:, reference, None]), local)
+        velocity = np.gradient(local, axis=0) * clip.rate
+        segments = cut.of_clip(index)
+        fractions = np.linspace(0.0, 1.0, _N_INSTANTS)
+        frames = cut.start[segments, None] + fractions * cut.lengths[segments, None]
+        parts = [_interpolate(track, frames) for track in (local, velocity)]
+        if is_base:
+            parts[0][:, :, -1] -= parts[0][:, :1, -1]
+            start_rotations = world_rotations[cut.start[segments], reference]
+            to_heading = rotations.inverse(rotations.twist(start_rotations, library.up))
+            parts = [rotations.rotate(to_heading[:, None, None], part) for part in parts]
+        rows.append(np.concatenate([part.reshape(len(segments), -1) for part in parts], axis=1))
+    return np.concatenate(rows)
+
+
+def _interpolate(track: FloatArray, frames: FloatArray) -> FloatArray:
+    """Interpolate a track linearly at fractional frames."""
+    before = np.minimum(frames.astype(np.int64), len(track) - 2)
+    weights = (frames - before)[..., None, None]
+    values: FloatArray = track[before] * (1.0 - weights) + track[before + 1] * weights
+    return values

@@ -1,0 +1,264 @@
+"""The support polygon: convex hull of the soles that carry weight, for each frame.
+
+Lengths of the foot are those of an average adult, as multiples of the skeleton height.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.contacts import Ground
+from mograft.errors import InsufficientDataError
+from mograft.motion.motion import Motion
+
+__all__ = ["Support", "convex_hull", "facing_directions", "signed_distance", "support_polygons"]
+
+_MAX_CONTACT_HEIGHT = 0.035
+"""Height above its floor up to which an ankle or toe carries weight, at any speed."""
+_HEEL_LENGTH = 0.035
+"""Distance from the ankle back to the end of the heel."""
+_FOOT_LENGTH = 0.117
+"""Distance from the ankle to the tip of the foot."""
+_BALL_HALF_WIDTH, _TIP_HALF_WIDTH = 0.0275, 0.0165
+_MIN_FOOT_EXTENT = 0.02
+"""Horizontal distance from ankle to toe below which the foot has no direction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """Support polygons of a motion, and the floor that they lie on.
+
+    Attributes
+    ----------
+    polygons : ndarray, shape (n_frames, n_vertices, 2)
+        Vertices of the convex support polygons on the floor, counterclockwise, in the unit of
+        the file. The last vertex is repeated as padding.
+    sizes : ndarray of int, shape (n_frames,)
+        Number of vertices without the padding; 0 in flight.
+    touching : ndarray of bool, shape (n_frames, n_legs)
+        Feet that carry weight.
+    axes : tuple of int
+        The two horizontal axes.
+    up : ndarray, shape (3,)
+        Unit vector that points up.
+    floor : float
+        Height of the floor along `up`, in the unit of the file.
+    height : float
+        Skeleton height in the unit of the file.
+    """
+
+    polygons: FloatArray
+    sizes: IntArray
+    touching: BoolArray
+    axes: tuple[int, int]
+    up: FloatArray
+    floor: float
+    height: float
+
+
+def convex_hull(points: FloatArray) -> FloatArray:
+    """Return the vertices of the convex hull of points in the plane.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Points.
+
+    Returns
+    -------
+    ndarray, shape (n_vertices, 2)
+        Vertices, counterclockwise from the one with the smallest first coordinate. No vertex
+        lies on the segment between two others. Collinear points have two vertices, equal
+        points have one.
+
+    Notes
+    -----
+    Andrew's monotone chain, Information Processing Letters 9 (1979). Unlike
+    `scipy.spatial.ConvexHull`, it accepts collinear points.
+
+    Examples
+    --------
+    >>> convex_hull(np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 0.5], [2.0, 2.0]])).tolist()
+    [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]
+    """
+    ascending = sorted(set(map(tuple, np.asarray(points, np.float64).tolist())))
+    if len(ascending) <= 2:
+        return np.array(ascending, np.float64).reshape(-1, 2)
+    halves = []
+    for ordered in (ascending, ascending[::-1]):
+        chain: list[tuple[float, ...]] = []
+        for x, y in ordered:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2], chain[-1]
+                if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
+                    break
+                chain.pop()
+            chain.append((x, y))
+        halves.append(chain[:-1])
+    return np.array(halves[0] + halves[1], np.float64)
+
+
+def signed_distance(polygons: FloatArray, sizes: IntArray, points: FloatArray) -> FloatArray:
+    """Return the signed distances of points to the edges of convex polygons.
+
+    Parameters
+    ----------
+    polygons : ndarray, shape (n, n_vertices, 2)
+        Vertices, counterclockwise. The last vertex is repeated as padding.
+    sizes : ndarray of int, shape (n,)
+        Number of vertices without the padding.
+    points : ndarray, shape (n, 2)
+        One point for each polygon.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Distances in the unit of the points: negative inside, positive outside. Polygons with
+        one or two vertices have no inside. NaN for polygons without vertices.
+    """
+    starts, ends = polygons, np.roll(polygons, -1, axis=1)
+    edges, offsets = ends - starts, points[:, None] - starts
+    lengths = np.linalg.norm(edges, axis=-1)
+    has_length = lengths > 0
+    fractions = np.divide(
+        (offsets * edges).sum(-1), lengths**2, out=np.zeros_like(lengths), where=has_length
+    )
+    to_edges = offsets - fractions.clip(0.0, 1.0)[..., None] * edges
+    distances = np.linalg.norm(to_edges, axis=-1).min(axis=1, initial=np.inf)
+    # A point to the right of a counterclockwise edge is outside.
+    crosses = edges[..., 1] * offsets[..., 0] - edges[..., 0] * offsets[..., 1]
+    right_of_edge = np.divide(
+        crosses, lengths, out=np.full_like(lengths, -np.inf), where=has_length
+    )
+    is_inside = (right_of_edge.max(axis=1, initial=-np.inf) <= 0) & (sizes > 2)
+    signed: FloatArray = np.where(is_inside, -distances, distances)
+    return np.where(sizes > 0, signed, np.nan)
+
+
+def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -> Support:
+    """Return the support polygon of each frame.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion on an even floor.
+    floor_reference : Motion, optional
+        Motion on the same floor, from which the height of the floor is determined. Default:
+        `motion`.
+
+    Returns
+    -------
+    Support
+        Convex hulls of the soles that touch the floor.
+
+    Raises
+    ------
+    InsufficientDataError
+        If the skeleton has no known leg.
+
+    Notes
+    -----
+    An ankle or toe touches the floor if it is within 0.035 skeleton heights of its floor
+    height, at any speed. The floor height of a joint is the 5th percentile of its height. The
+    heel ends 0.035 heights behind an ankle that touches the floor. The tip of the foot is
+    0.117 heights from the ankle. The sole is 0.055 heights wide at the ball and 0.033 heights
+    at the tip.
+    """
+    ground = Ground.of(motion if floor_reference is None else floor_reference)
+    if not ground.limbs:
+        shown = ", ".join(motion.skeleton.names[:8])
+        raise InsufficientDataError(
+            f"balance needs feet to stand on: no leg is known among the joints {shown}, ..."
+        )
+    up = int(np.flatnonzero(ground.up)[0])
+    axes = ((up + 1) % 3, (up + 2) % 3)
+    if ground.up[up] < 0:
+        axes = axes[::-1]
+    joints = ground.points(motion)
+    touches = ground.above(joints) < _MAX_CONTACT_HEIGHT * ground.height
+    horizontal = joints[..., axes]
+    forward = facing_directions(motion, ground)[:, axes]
+    soles = [
+        _sole_corners(horizontal[:, i], touches[:, i], joints[:, i], forward, ground.height)
+        for i in range(len(ground.limbs))
+    ]
+    corners = np.concatenate([points for points, _ in soles], axis=1)
+    carries = np.concatenate([is_used for _, is_used in soles], axis=1)
+    hulls = [convex_hull(points[is_used]) for points, is_used in zip(corners, carries, strict=True)]
+    sizes = np.array([len(hull) for hull in hulls], np.int64)
+    polygons = np.zeros((len(hulls), max(int(sizes.max(initial=1)), 1), 2))
+    for frame, hull in enumerate(hulls):
+        if len(hull):
+            polygons[frame] = hull[np.minimum(np.arange(polygons.shape[1]), len(hull) - 1)]
+    return Support(
+        polygons=polygons,
+        sizes=sizes,
+        touching=np.asarray(touches.any(axis=2), bool),
+        axes=axes,
+        up=ground.up,
+        floor=float(ground.floors.min()),
+        height=ground.height,
+    )
+
+
+def facing_directions(motion: Motion, ground: Ground) -> FloatArray:
+    """Return the horizontal directions that the hips face.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion.
+    ground : Ground
+        Legs and vertical axis of the skeleton.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3)
+        Unit vectors; zero if the skeleton has no pair of legs or the hip line is vertical.
+    """
+    hips = {limb.side: limb.hip for limb in reversed(ground.limbs)}
+    if not {"left", "right"} <= hips.keys():
+        return np.zeros((motion.n_frames, 3))
+    positions = motion.world_positions()
+    forward = np.cross(positions[:, hips["left"]] - positions[:, hips["right"]], ground.up)
+    return _normalize(forward)
+
+
+def _normalize(vectors: FloatArray) -> FloatArray:
+    """Return unit vectors; zero vectors stay zero."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    units: FloatArray = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return units
+
+
+def _sole_corners(
+    horizontal: FloatArray,
+    touches: BoolArray,
+    joints: FloatArray,
+    forward: FloatArray,
+    height: float,
+) -> tuple[FloatArray, BoolArray]:
+    """Return the corners of one sole, shape (n_frames, 6, 2), and which of them carry weight."""
+    ankle, toe = horizontal[:, 0], horizontal[:, 1]
+    foot = toe - ankle
+    has_direction = np.linalg.norm(foot, axis=1) >= _MIN_FOOT_EXTENT * height
+    ahead = np.where(has_direction[:, None], _normalize(foot), forward)
+    sideways = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) * height
+    joint_distance = np.linalg.norm(joints[:, 1] - joints[:, 0], axis=1)
+    tip_length = np.maximum(_FOOT_LENGTH * height - joint_distance, 0.0)
+    heel, tip = ankle - _HEEL_LENGTH * height * ahead, toe + tip_length[:, None] * ahead
+    corners = np.stack(
+        [
+            center + side * half_width * sideways
+            for center, half_width in (
+                (heel, _BALL_HALF_WIDTH),
+                (toe, _BALL_HALF_WIDTH),
+                (tip, _TIP_HALF_WIDTH),
+            )
+            for side in (1.0, -1.0)
+        ],
+        axis=1,
+    )
+    carries = [touches[:, 0], touches.any(axis=1), touches[:, 1]]
+    return corners, np.repeat(np.stack(carries, axis=1), 2, axis=1)

@@ -1,0 +1,41 @@
+"""Fixtures of the tests of evaluation."""
+
+import pytest
+
+from mograft import Library
+from mograft.dancer import dance
+from mograft.evaluation import Analogy, ByCost, ContactPattern, Random, classifier, evaluate
+
+
+@pytest.fixture(autouse=True, scope="package")
+def small_parameter_grid():
+    """Replace the parameter grid, whose search takes most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(classifier, "PARAMETER_GRID", {"C": (10.0,), "gamma": (0.03,)})
+        yield
+
+
+@pytest.fixture(scope="package")
+def library():
+    """Return a library of two dance clips."""
+    return Library.build([take.motion for take in dance(seed=8, strides=1).takes(2)])
+
+
+@pytest.fixture(scope="package")
+def single_clip_library():
+    """Return a library of one dance clip."""
+    return Library.build(dance(seed=7, strides=1).motion)
+
+
+@pytest.fixture(scope="package")
+def small_library():
+    """Return a library of three dance clips with 1,000 frames."""
+    return Library.build([take.motion for take in dance(seed=9, strides=1)[:1000].takes(3)])
+
+
+@pytest.fixture(scope="package")
+def evaluation(small_library):
+    """Return an evaluation of all topics with four methods."""
+    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+    methods = (Random(), ContactPattern(), Analogy(), ByCost())
+    return evaluate(small_library, methods=methods, runs=2, bases=1, seed=1)

@@ -1,0 +1,304 @@
+"""Tolerated deviations from the BVH format, and errors with their positions."""
+
+import io
+import re
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+import mograft as mg
+from mograft.io.bvh import cursor
+from tests.dialects import clips, dialects, to_text
+from tests.io.bvh_helpers import (
+    REFLOWED_ROWS,
+    TEXT,
+    TEXT_VALUES,
+    read,
+)
+
+REPAIRS = {
+    "a mark": ("HIERARCHY", "\ufeffHIERARCHY", "line 1: a byte-order mark: the text is UTF-8"),
+    "a comment": ("\tJOINT", "\t# the back\n\tJOINT", "line 6: a comment"),
+    "a keyword": ("JOINT", "Joint", "line 6: Joint read as JOINT"),
+    "a channel": ("3 Zrotation", "3 ZROTATION", "line 9: ZROTATION read as Zrotation"),
+    "a site": ("End Site", "End SITE", "line 10: End SITE read as End Site"),
+    "a file_id site": ("End Site", "End Site tip", "line 10: End Site with a name, tip"),
+    "a brace": ("Spine\n", "Spine ", "line 6: '{' on the line of JOINT"),
+    "a site beside": (
+        "\t}\n}",
+        "\t}\n\tEnd Site\n\t{\n\tOFFSET 0 0 0\n\t}\n}",
+        "line 2: Hips has End Sites beside others",
+    ),
+    "no site": (
+        "\t\tEnd Site\n\t\t{\n\t\t\tOFFSET 0.0 5.0 0.0\n\t\t}\n",
+        "",
+        "line 6: Spine has neither JOINT nor End Site",
+    ),
+    "a blank": ("Spine", "Bip01 Spine", "line 6: a space in the name 'Bip01 Spine'"),
+    "a twin": ("Spine", "Hips", "line 6: the name 'Hips' is repeated"),
+    "channels first": (
+        "OFFSET 0.0 10.0 0.0\n\t\tCHANNELS 3 Zrotation Xrotation Yrotation",
+        "CHANNELS 3 Zrotation Xrotation Yrotation OFFSET 0 10 0",
+        "line 8: CHANNELS before OFFSET",
+    ),
+    "time first": (
+        "Frames: 3\nFrame Time: 0.04",
+        "Frame Time: 0.04\nFrames: 3",
+        "line 17: Frame Time before Frames",
+    ),
+    "a label": ("Frame Time:", "FrameTime:", "line 18: 'FrameTime:' read as 'Frame Time:'"),
+    "no blank": ("Frames: ", "Frames:", "line 17: no space after 'Frames:'"),
+    "a count": ("Frames: 3", "Frames: 3.0", "line 17: 3.0 read as 3"),
+    "a wrapped row": ("90.5 1.0", "90.5\n1.0", "line 20: a frame wrapped over lines"),
+    "a joined row": ("7.0\n", "7.0 ", "line 20: several frames on one line"),
+    "a row reflowed": (
+        TEXT[TEXT.index("0.0 90") :],
+        REFLOWED_ROWS,
+        "line 19: frames continue across line ends",
+    ),
+    "padding": ("8.0\n", "8.0\n\0\0\n", "line 22: NUL or control bytes after the numbers"),
+}
+
+
+@pytest.mark.parametrize("case", REPAIRS)
+def test_read_bvh_tolerated_deviation_is_listed_with_line(case):
+    old, new, listed = REPAIRS[case]
+    assert old in TEXT
+    text = TEXT.replace(old, new, 1)
+    motion = read(text)
+    assert motion.repairs == (listed,)
+    np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
+    assert mg.scan_bvh(io.StringIO(text)).repairs == (listed,)
+
+
+def test_read_bvh_repeated_deviations_are_counted():
+    assert read(TEXT.lower().replace("hips", "Hips")).repairs[2:4] == (
+        "line 4: offset read as OFFSET (and 2 more like it)",
+        "line 5: channels read as CHANNELS (and 1 more like it)",
+    )
+
+
+def test_read_bvh_names_not_utf_8_are_read_as_cp1252_or_latin_1():
+    motion = read(TEXT.replace("Spine", "Épaule").encode("cp1252"))
+    assert motion.skeleton.names == ("Hips", "Épaule")
+    assert motion.repairs == ("line 6: names are not UTF-8; read as cp1252",)
+    motion = read(TEXT.replace("Spine", "Sp\x81ne").encode("latin-1"))
+    assert motion.skeleton.names == ("Hips", "Sp\x81ne")
+
+
+def test_read_bvh_same_surplus_on_each_line_is_ignored():
+    rows = TEXT.splitlines()
+    text = "\n".join([*rows[:-3], *(row + " 7.0 7.0" for row in rows[-3:])])
+    motion = read(text)
+    np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
+    assert motion.repairs == (
+        "line 19: 11 numbers on each line for 9 channels; the last ones are ignored",
+    )
+
+
+@given(clips(), dialects())
+def test_read_bvh_strict_refuses_exactly_the_repairs(clip, dialect):
+    text = to_text(clip, dialect)
+    repairs = read(text).repairs
+    if not repairs:
+        read(text, strict=True)
+        return
+    with pytest.raises(mg.BvhError, match="refused in strict mode") as caught:
+        read(text, strict=True)
+    lines = [int(re.match(r"line (\d+): ", repair).group(1)) for repair in repairs]
+    assert lines == sorted(lines)
+    assert caught.value.line in lines
+
+
+@pytest.mark.parametrize("declared", [1, 2, 4, 10**12])
+def test_read_bvh_wrong_declared_frames_uses_frames_found(declared):
+    text = TEXT.replace("Frames: 3", f"Frames: {declared}")
+    motion = read(text)
+    np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
+    assert motion.repairs == (f"line 17: {declared} frames declared, 3 found and used",)
+    summary = mg.scan_bvh(io.StringIO(text))
+    assert (summary.n_frames, summary.declared_frames) == (3, declared)
+    assert not summary.counts_agree
+
+
+REFUSALS = {
+    "another format": (TEXT, "<html>", 1, 1, "expected HIERARCHY, got <html>"),
+    "nothing": (TEXT, "", 1, 1, "expected HIERARCHY, got the end of the file"),
+    "blanks": (TEXT, "\n \n ", 3, 2, "expected HIERARCHY, got the end of the file"),
+    "no root": ("ROOT Hips", "JOINT Hips", 2, 1, "expected ROOT, got JOINT"),
+    "no name": ("JOINT Spine", "JOINT", 7, 2, "expected a name after JOINT, got {"),
+    "no brace": ("Spine\n\t{", "Spine\n\t", 8, 3, "expected {, got OFFSET"),
+    "no offset": ("\t\tOFFSET 0.0 10.0 0.0\n", "", 9, 3, "expected OFFSET, got End"),
+    "two offsets": (
+        "CHANNELS 3",
+        "OFFSET 1 2 3 CHANNELS 3",
+        9,
+        3,
+        "expected CHANNELS, got OFFSET",
+    ),
+    "short offset": ("10.0 0.0", "10.0", 9, 3, "expected a number of OFFSET, got CHANNELS"),
+    "no channels": (
+        "\t\tCHANNELS 3 Zrotation Xrotation Yrotation\n",
+        "",
+        9,
+        3,
+        "expected CHANNELS, got End",
+    ),
+    "no such channel": (
+        "3 Zrotation",
+        "3 Wrotation",
+        9,
+        14,
+        "expected 3 channels from Xposition to Zrotation for Spine, got Wrotation after 0",
+    ),
+    "scale channels": ("3 Zrotation", "3 Xscale", 9, 14, "got Xscale after 0"),
+    "a channel twice": (
+        "3 Zrotation Xrotation",
+        "3 Zrotation Zrotation",
+        9,
+        24,
+        "expected each channel of Spine once, got Zrotation again",
+    ),
+    "too few channels": ("CHANNELS 3", "CHANNELS 4", 10, 3, "got End after 3"),
+    "too many channels": ("CHANNELS 3", "CHANNELS 2", 9, 34, "expected JOINT, End Site or the }"),
+    "a broken count": ("CHANNELS 3", "CHANNELS 3.5", 9, 12, "expected the number of channels"),
+    "no site": ("End Site", "End Effector", 10, 7, "expected Site after End, got Effector"),
+    "a brace too many": ("MOTION", "}\nMOTION", 16, 1, "expected MOTION, got }"),
+    "a brace too few": (
+        "}\nMOTION",
+        "MOTION",
+        15,
+        1,
+        "expected JOINT, End Site or the } of Hips (line 2), got MOTION",
+    ),
+    "two roots": (
+        "MOTION",
+        "ROOT Other",
+        16,
+        1,
+        "expected MOTION, got a second ROOT: a motion has one skeleton with one root",
+    ),
+    "no motion": (TEXT[TEXT.index("MOTION") :], "", 16, 1, "expected MOTION, got the end"),
+    "no frames": ("Frames: 3\n", "", 18, 1, "expected Frames:, got 0.0"),
+    "no frame time": ("Frame Time: 0.04\n", "", 18, 1, "expected Frame Time:, got 0.0"),
+    "negative frames": ("Frames: 3", "Frames: -3", 17, 9, "expected the number of frames, got -3"),
+    "half a frame": ("Frames: 3", "Frames: 2.5", 17, 9, "expected the number of frames, got 2.5"),
+    "no time": ("0.04", "0", 18, 13, "expected a frame time above 0 seconds, got 0"),
+    "negative time": ("0.04", "-0.04", 18, 13, "expected a frame time above 0 seconds, got -0.04"),
+    "nan time": ("0.04", "nan", 18, 13, "expected the frame time in seconds, got nan"),
+    "comma time": ("0.04", "0,04", 18, 13, "got 0,04 with a decimal comma"),
+    "nan": ("90.5", "NaN", 20, 5, "expected a number, got NaN, which is not a finite number"),
+    "windows' nan": ("90.5", "-1.#IND", 20, 5, "got -1.#IND, which is not a finite number"),
+    "infinity": (
+        "90.5",
+        "-inf",
+        20,
+        5,
+        "expected a number, got -inf, which is not a finite number",
+    ),
+    "overflow": ("90.5", "1e999", 20, 5, "got 1e999, which is too large for a double"),
+    "decimal comma": ("90.5", "90,5", 20, 5, "got 90,5 with a decimal comma"),
+    "underscore": ("90.5", "9_0.5", 20, 5, "expected a number, got 9_0.5 with an underscore"),
+    "hexadecimal": ("90.5", "0x5A", 20, 5, "expected a number, got 0x5A"),
+    "glued": (
+        "0.5 90.5 1.0",
+        "0.5 90.5-1.0",
+        20,
+        5,
+        "expected a number, got 90.5-1.0 without a space before -1.0",
+    ),
+    "glued points": ("0.5 90.5 1.0", "0.5 90.51.0", 20, 5, "without a space before .0"),
+    "text after": ("8.0\n", "8.0\nEND OF FILE\n", 22, 1, "expected a number, got END"),
+    "comment after": ("8.0\n", "8.0\n# end\n", 22, 1, "expected a number, got #"),
+    "two motions": ("8.0\n", "8.0\n" + TEXT, 22, 1, "got HIERARCHY: a file holds one motion"),
+    "text after nul": ("8.0\n", "8.0\n\0\0 1.0", 22, 1, "expected a number, got"),
+    "a number missing": (
+        " 90.5",
+        "",
+        20,
+        1,
+        "expected a frame of 9 numbers, got 8 and then 9 on line 21",
+    ),
+    "a number too many": ("90.5", "90.5 1", 20, 1, "expected a frame of 9 numbers, got 10"),
+    "a number moved": ("7.0\n1.0", "\n7.0 1.0", 20, 1, "got 8 and then 10 on line 21"),
+    "reflowed to another count": (
+        TEXT[TEXT.index("Frames: 3") :],
+        "Frames: 4\nFrame Time: 0.04\n" + REFLOWED_ROWS,
+        19,
+        1,
+        "expected a frame of 9 numbers, got 6 and then 6 on line 20",
+    ),
+    "the last number missing": (" 8.0", "", 21, 1, "expected 9 numbers in the last frame, got 8"),
+    "no frames at all": (
+        TEXT[TEXT.index("Frames: 3") :],
+        "Frames: 0\nFrame Time: 1\n",
+        19,
+        1,
+        "expected 1 frames, got the end of the file",
+    ),
+    "no rows": (TEXT[TEXT.index("0.0 90") :], "", 19, 1, "expected 3 frames, got the end of"),
+    "channels doubled": (
+        "CHANNELS 3 Zrotation Xrotation Yrotation\n\t\tEnd",
+        "CHANNELS 3 Zrotation Xrotation Yrotation\n"
+        "\t\tJOINT Head { OFFSET 0 0 0 CHANNELS 6 "
+        "Xposition Yposition Zposition Zrotation Xrotation Yrotation }\n"
+        "\t\tJOINT Hand { OFFSET 0 0 0 CHANNELS 3 Zrotation Xrotation Yrotation }\n\t\tEnd",
+        23,
+        1,
+        "expected 18 numbers in the last frame, got 9",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+def test_read_bvh_invalid_file_error_names_position_and_expectation(case):
+    old, new, line, column, message = REFUSALS[case]
+    assert old in TEXT
+    text = new if old == TEXT else TEXT.replace(old, new, 1)
+    for source in (read, lambda text: mg.scan_bvh(io.StringIO(text))):
+        with pytest.raises(mg.BvhError) as caught:
+            source(text)
+        error = caught.value
+        assert (error.line, error.column) == (line, column)
+        assert str(error).startswith(f"<stream>:{line}:{column}: expected ")
+        assert message in str(error)
+
+
+def test_read_bvh_no_channel_raises_bvh_error():
+    text = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 9\nFrame Time: 1\n"
+    with pytest.raises(mg.BvhError, match="6:1: expected at least one channel"):
+        read(text)
+
+
+@pytest.mark.parametrize("broken", ["lone surrogate", "half a character"])
+def test_read_bvh_invalid_utf_16_raises_bvh_error(broken):
+    text = TEXT.encode("utf-16")
+    text = text[:-1] if broken == "half a character" else text[:200] + b"\x00\xd8" + text[200:]
+    with pytest.raises(mg.BvhError, match="expected UTF-16 text, got invalid bytes"):
+        read(text)
+
+
+@pytest.mark.parametrize("where", ["name", "number", "channel"])
+def test_read_bvh_too_long_word_raises_bvh_error(where):
+    endless = "9" * 3_000_000
+    text = {
+        "name": TEXT.replace("Spine", endless),
+        "number": TEXT.replace("90.5", endless),
+        "channel": TEXT.replace("3 Zrotation", "3 " + endless),
+    }[where]
+    with pytest.raises(mg.BvhError, match="got a longer one"):
+        read(text)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 64])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_read_bvh_error_position_is_right_across_chunks(end, size):
+    text = TEXT.replace("MOTION", "\n" * 500 + "MOTION").replace("90.5", "9O.5")
+    with (
+        patch.multiple(cursor, CHUNK_BYTES=size, MAX_WORD_BYTES=80),
+        pytest.raises(mg.BvhError) as caught,
+    ):
+        read(text.replace("\n", end).encode())
+    assert (caught.value.line, caught.value.column) == (520, 5)

@@ -1,0 +1,138 @@
+"""Reading of BVH files: dialects, conventions, chunks and damaged files."""
+
+import io
+from dataclasses import replace
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.io.bvh import cursor
+from mograft.motion import rotations
+from tests.dialects import Clip, Dialect, clips, dialects, layouts, to_text
+from tests.fuzz_bvh import SEEDS, check
+from tests.io.bvh_helpers import (
+    assert_same_numbers,
+    assert_same_skeleton,
+    read,
+    round_trip,
+)
+
+
+@given(clips(), dialects())
+def test_read_bvh_any_dialect_gives_same_clip(clip, dialect):
+    motion = read(to_text(clip, dialect))
+    assert_same_skeleton(motion.skeleton, clip.skeleton)
+    assert motion.frame_time == clip.frame_time
+    assert_same_numbers(motion.channel_values, clip.values)
+
+
+@given(clips(), layouts())
+def test_read_bvh_white_space_is_not_a_repair(clip, layout):
+    plain, other = (read(to_text(clip, dialect)).repairs for dialect in (Dialect(), layout))
+    messages = [[repair.split(": ", 1)[1] for repair in repairs] for repairs in (plain, other)]
+    assert sorted(messages[0]) == sorted(messages[1])
+
+
+@settings(max_examples=50)
+@given(clips(), dialects(), st.sampled_from([3, 50, 301]))
+def test_read_bvh_any_chunk_size_gives_same_motion(clip, dialect, size):
+    text = to_text(clip, dialect)
+    whole = read(text)
+    with patch.multiple(cursor, CHUNK_BYTES=size, MAX_WORD_BYTES=400):
+        chunked = read(text)
+        summary = mg.scan_bvh(io.BytesIO(text))
+    assert_same_skeleton(chunked.skeleton, whole.skeleton)
+    assert_same_numbers(chunked.channel_values, whole.channel_values)
+    assert chunked.repairs == whole.repairs == summary.repairs
+    assert summary.n_frames == whole.n_frames
+
+
+@given(clips())
+def test_read_bvh_path_text_and_binary_files_are_equal(tmp_path_factory, clip):
+    text = to_text(clip, Dialect())
+    path = tmp_path_factory.mktemp("clips") / "walk 1.bvh"
+    path.write_bytes(text)
+    from_path = mg.read_bvh(path)
+    assert (from_path.name, from_path.path) == ("walk 1", path)
+    with path.open(encoding="utf-8", newline="") as file:
+        from_text = mg.read_bvh(file)
+    assert from_text.path == path
+    assert read(text).path is None
+    for other in (from_text, mg.read_bvh(str(path)), read(text)):
+        assert_same_skeleton(other.skeleton, from_path.skeleton)
+        assert_same_numbers(other.channel_values, from_path.channel_values)
+
+
+@given(clips())
+def test_read_bvh_rotations_are_products_of_channels_in_order(clip):
+    values = np.clip(clip.values, -1e4, 1e4)
+    motion = read(to_text(replace(clip, values=values), Dialect()))
+    skeleton = motion.skeleton
+    for joint, columns in enumerate(skeleton.channel_columns):
+        turned = np.tile(rotations.IDENTITY, (len(values), 1))
+        for name, column in zip(skeleton.channels[joint], columns, strict=True):
+            if name.endswith("rotation"):
+                axis = np.eye(3)["XYZ".index(name[0])]
+                step = rotations.from_axis_angle(axis, np.radians(values[:, column]))
+                turned = rotations.multiply(turned, step)
+        np.testing.assert_allclose(
+            rotations.angle(motion.rotations[:, joint], turned), 0.0, atol=1e-11
+        )
+
+
+@given(clips())
+def test_read_bvh_quaternion_signs_are_continuous(clip):
+    quats = read(to_text(clip, Dialect())).rotations
+    assert (np.einsum("fji,fji->fj", quats[1:], quats[:-1]) >= 0).all()
+    assert (quats[0, :, 3] >= 0).all()
+
+
+@given(clips(), st.booleans())
+def test_read_bvh_position_channels_replace_or_add_to_offsets(clip, add_offsets):
+    motion = read(to_text(clip, Dialect()), add_offsets=add_offsets)
+    skeleton = motion.skeleton
+    expected = np.tile(skeleton.offsets, (len(clip.values), 1, 1))
+    for joint, columns in enumerate(skeleton.channel_columns):
+        for name, column in zip(skeleton.channels[joint], columns, strict=True):
+            if name.endswith("position"):
+                axis = "XYZ".index(name[0])
+                values = clip.values[:, column]
+                expected[:, joint, axis] = values + expected[:, joint, axis] * add_offsets
+    np.testing.assert_array_equal(motion.positions, expected)
+    # The written file gives the same positions without add_offsets.
+    np.testing.assert_array_equal(round_trip(motion).positions, expected)
+
+
+def test_bvh_chain_deeper_than_recursion_limit_round_trips():
+    n_joints = 6000
+    skeleton = mg.Skeleton(
+        tuple(f"j{joint}" for joint in range(n_joints)),
+        np.arange(-1, n_joints - 1),
+        np.tile([0.0, 1.0, 0.0], (n_joints, 1)),
+        (("Yposition",), *[("Xrotation",)] * (n_joints - 1)),
+    )
+    clip = Clip(skeleton, 0.5, np.zeros((2, n_joints)))
+    motion = round_trip(read(to_text(clip, Dialect(indent=""))))
+    assert motion.n_joints == n_joints
+    assert motion.world_positions()[0, -1].tolist() == [0.0, n_joints - 1, 0.0]
+
+
+def test_read_bvh_invalid_source_raises_error():
+    with pytest.raises(TypeError, match="source must be a path or a file object, got int"):
+        mg.read_bvh(3)
+    with pytest.raises(FileNotFoundError):
+        mg.read_bvh("no/such/file.bvh")
+
+
+@given(st.integers(0, 2**32))
+def test_read_bvh_damaged_file_is_read_or_raises_bvh_error(seed):
+    check(seed)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_read_bvh_known_damaged_file_is_read_or_raises_bvh_error(seed):
+    check(seed)

@@ -1,0 +1,147 @@
+"""Writing of BVH files."""
+
+import io
+from dataclasses import replace
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.io.bvh import writer
+from mograft.motion import rotations
+from tests.dialects import Dialect, clips, motions, to_text
+from tests.io.bvh_helpers import (
+    TEXT,
+    assert_same_numbers,
+    assert_same_skeleton,
+    read,
+    round_trip,
+)
+
+
+@given(clips())
+def test_write_bvh_unchanged_motion_keeps_all_numbers(clip):
+    motion = read(to_text(clip, Dialect()))
+    again = round_trip(motion)
+    assert_same_skeleton(again.skeleton, clip.skeleton)
+    assert again.frame_time == clip.frame_time
+    assert_same_numbers(again.channel_values, clip.values)
+    assert_same_numbers(again.rotations, motion.rotations)
+
+
+@given(motions())
+def test_write_bvh_computed_motion_fills_its_channels(motion):
+    again = round_trip(motion)
+    skeleton = motion.skeleton
+    for joint, channels in enumerate(skeleton.channels):
+        if len(skeleton.rotation_order(joint)) == 3:
+            off = rotations.angle(again.rotations[:, joint], motion.rotations[:, joint])
+            np.testing.assert_allclose(off, 0.0, atol=1e-7)
+        for axis, letter in enumerate("XYZ"):
+            if f"{letter}position" in channels:
+                np.testing.assert_array_equal(
+                    again.positions[:, joint, axis], motion.positions[:, joint, axis]
+                )
+
+
+@given(motions())
+def test_write_bvh_computed_angles_are_continuous(motion):
+    numbers = round_trip(motion).channel_values
+    for joint, columns in enumerate(motion.skeleton.channel_columns):
+        for name, column in zip(motion.skeleton.channels[joint], columns, strict=True):
+            if name.endswith("rotation"):
+                assert (np.abs(np.diff(numbers[:, column])) <= 180.0 + 1e-9).all()
+
+
+@given(clips(), st.data())
+def test_write_bvh_changed_joint_keeps_other_numbers(clip, data):
+    # Angles of many turns would limit the precision of computed angles near them.
+    motion = read(to_text(replace(clip, values=clip.values % 1e3), Dialect()))
+    skeleton = motion.skeleton
+    joint = data.draw(st.integers(0, skeleton.n_joints - 1))
+    frames = slice(*sorted(data.draw(st.tuples(*[st.integers(0, motion.n_frames)] * 2))))
+    columns = list(skeleton.channel_columns[joint])
+    values = motion.channel_values.copy()
+    values[frames, columns] = np.nan
+    turned = motion.rotations.copy()
+    turned[frames, joint] = rotations.from_axis_angle([1.0, 2.0, 3.0], 0.7)
+    again = round_trip(replace(motion, rotations=turned, channel_values=values))
+    known = ~np.isnan(values)
+    np.testing.assert_array_equal(
+        again.channel_values[known].view(np.int64), values[known].view(np.int64)
+    )
+    if len(skeleton.rotation_order(joint)) == 3:
+        off = rotations.angle(again.rotations[frames, joint], turned[frames, joint])
+        np.testing.assert_allclose(off, 0.0, atol=1e-7)
+
+
+def test_write_bvh_joints_in_other_order_are_written_depth_first():
+    names = ("root", "left", "right", "left hand", "right hand")
+    skeleton = mg.Skeleton(names, np.array([-1, 0, 0, 1, 2]), np.eye(5, 3))
+    turned = rotations.from_axis_angle([0, 1, 0], np.arange(10.0).reshape(2, 5) / 9)
+    motion = mg.Motion(skeleton, 0.1, turned, np.tile(skeleton.offsets, (2, 1, 1)))
+    again = round_trip(motion)
+    assert again.skeleton.names == ("root", "left", "left hand", "right", "right hand")
+    order = [0, 1, 3, 2, 4]
+    off = rotations.angle(again.rotations, motion.rotations[:, order])
+    np.testing.assert_allclose(off, 0.0, atol=1e-12)
+
+
+def test_write_bvh_path_text_and_binary_files_are_equal(tmp_path):
+    motion = read(TEXT)
+    as_text, as_bytes = io.StringIO(), io.BytesIO()
+    mg.write_bvh(motion, as_text)
+    mg.write_bvh(motion, as_bytes)
+    mg.write_bvh(motion, tmp_path / "a.bvh")
+    assert as_text.getvalue() == as_bytes.getvalue().decode() == TEXT
+    assert (tmp_path / "a.bvh").read_bytes() == TEXT.encode()
+
+
+def test_write_bvh_error_keeps_previous_file(tmp_path):
+    path = tmp_path / "walk.bvh"
+    path.write_text("previous")
+    motion = read(TEXT)
+    with (
+        patch.object(writer._core, "format_rows", side_effect=MemoryError),
+        pytest.raises(MemoryError),
+    ):
+        mg.write_bvh(motion, path)
+    assert path.read_text() == "previous"
+    mg.write_bvh(motion, path)
+    assert path.read_text() == TEXT
+    assert [child.name for child in tmp_path.iterdir()] == ["walk.bvh"]
+
+
+def test_write_bvh_symbolic_link_stays_a_link(tmp_path):
+    (tmp_path / "link.bvh").symlink_to(tmp_path / "walk.bvh")
+    mg.write_bvh(read(TEXT), tmp_path / "link.bvh")
+    assert (tmp_path / "link.bvh").is_symlink()
+    assert (tmp_path / "walk.bvh").read_text() == TEXT
+
+
+@pytest.mark.parametrize("name", ["", "a\nb", "a{b", " a", "a\t", "\ud800"])
+def test_write_bvh_invalid_joint_name_raises_value_error(name):
+    motion = read(TEXT)
+    skeleton = replace(motion.skeleton, names=("Hips", name))
+    with pytest.raises(ValueError, match="joint 1 "):
+        mg.write_bvh(replace(motion, skeleton=skeleton), io.BytesIO())
+
+
+def test_write_bvh_no_channels_raises_value_error():
+    skeleton = mg.Skeleton(("a",), np.array([-1]), np.zeros((1, 3)), ((),))
+    still = mg.Motion(skeleton, 1.0, np.array([[rotations.IDENTITY]]), np.zeros((1, 1, 3)))
+    assert still.skeleton.n_channels == 0
+    with pytest.raises(ValueError, match="must have a channel"):
+        mg.write_bvh(still, io.BytesIO())
+
+
+def test_write_missing_folder_error_names_folder(tmp_path):
+    motion = dance(strides=1).motion[:3]
+    for write, name in ((mg.write_bvh, "a.bvh"), (mg.write_npz, "a.npz"), (mg.write_glb, "a.glb")):
+        with pytest.raises(FileNotFoundError, match="no such folder") as caught:
+            write(motion, tmp_path / "none" / name)
+        assert caught.value.filename == str(tmp_path / "none")

@@ -1,0 +1,182 @@
+"""GLB files, read back by an independent reader, the Khronos validator and Blender."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mograft import (
+    EndSite,
+    Motion,
+    Skeleton,
+    SkeletonMismatchError,
+    write_bvh,
+    write_glb,
+)
+from mograft.body.mass import mass_model
+from mograft.io.units import guess_unit
+from mograft.motion import rotations
+from tests import strategies
+from tests.clients import blender, gltf_validator
+from tests.io.glb_file import Glb, assert_equal_up_to_rotation
+from tests.strategies import HOSTILE_NAMES
+
+
+@settings(max_examples=60)
+@given(strategies.motions(max_frames=12), st.sampled_from([0.01, 1.0, 0.056444]))
+def test_write_glb_joint_positions_equal_forward_kinematics(tmp_path_factory, motion, scale):
+    path = tmp_path_factory.mktemp("glb") / "m.glb"
+    assert write_glb(motion, path, scale=scale) == scale
+    file = Glb(path)
+    (animation,) = file.document["animations"]
+    frames = [0, motion.n_frames // 2, motion.n_frames - 1]
+    expected = scale * motion.world_positions()[frames]
+    actual = np.empty_like(expected)
+    for k, frame in enumerate(frames):
+        world = file.matrices(animation, frame)
+        actual[k] = [world[joint][:3, 3] for joint in range(motion.n_joints)]
+        positions, joints = file.skinned(animation, frame)
+        # The first corner of a bone is at its joint.
+        tolerance = 1e-6 * np.abs(expected).max()
+        np.testing.assert_allclose(
+            positions[::24], actual[k][joints[::24]], rtol=1e-5, atol=10 * tolerance
+        )
+    height = scale * mass_model(motion.skeleton).height
+    assert_equal_up_to_rotation(actual, expected, 1e-4 * height + 1e-6 * np.abs(expected).max())
+    times = file.array(animation["samplers"][-1]["input"])
+    np.testing.assert_allclose(times[-1], times[0] if len(times) == 1 else motion.duration, 1e-6)
+
+
+def test_write_glb_mesh_follows_bones_for_any_up_axis(motion, tmp_path):
+    for axes in ([0, 0, 0], [np.pi / 2, 0, 0], [0, 0, np.pi / 2], [np.pi, 0, 0]):
+        tilt = rotations.exp(np.array(axes, float))
+        quats, positions = motion.rotations.copy(), motion.positions.copy()
+        quats[:, 0] = rotations.multiply(np.broadcast_to(tilt, quats[:, 0].shape), quats[:, 0])
+        positions[:, 0] = rotations.rotate(tilt, positions[:, 0])
+        write_glb(replace(motion, rotations=quats, positions=positions), tmp_path / "m.glb")
+        file = Glb(tmp_path / "m.glb")
+        actual, joints = file.skinned(file.document["animations"][0], 40)
+        world = 0.01 * motion.world_positions()[40]
+        # Upright, not mirrored: equal to the original up to a rotation about y.
+        heights = actual[:, 1]
+        head = motion.skeleton.index("Head")
+        assert abs(heights[joints == head].min() - world[head, 1]) < 0.03
+        assert heights.min() > -0.1
+        corners = actual.reshape(-1, 8, 3, 3)
+        ends = np.stack([corners[:, 0, 0], corners[:, 1, 0]], axis=1)
+        skeleton = motion.skeleton
+        bones = [(int(p), world[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
+        quats, joint_positions = motion.world_transforms()
+        bones += [
+            (
+                s.parent,
+                0.01
+                * (joint_positions[40, s.parent] + rotations.rotate(quats[40, s.parent], s.offset)),
+            )
+            for s in skeleton.end_sites
+        ]
+        expected = np.array([[world[parent], end] for parent, end in bones])
+        assert_equal_up_to_rotation(ends, expected, 1e-4)
+        np.testing.assert_allclose(ends[..., 1], expected[..., 1], atol=1e-4)
+
+
+def test_write_glb_several_motions_become_animations(motion, tmp_path):
+    grown = replace(
+        motion[:30],
+        name="grown",
+        skeleton=motion.skeleton.with_offsets(1.5 * motion.skeleton.offsets),
+        positions=1.5 * motion[:30].positions,
+    )
+    write_glb([motion, grown], tmp_path / "m.glb", scale=1.0)
+    file = Glb(tmp_path / "m.glb")
+    names = [animation["name"] for animation in file.document["animations"]]
+    assert names == ["dance", "grown"]
+    for animation, expected in zip(file.document["animations"], (motion, grown), strict=True):
+        world = file.matrices(animation, 20)
+        actual = [world[joint][:3, 3] for joint in range(18)]
+        np.testing.assert_allclose(actual, expected.world_positions()[20], atol=0.01)
+    other = Skeleton(["a"], [-1], [[0, 0, 0]])
+    still = Motion(other, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
+    with pytest.raises(SkeletonMismatchError):
+        write_glb([motion, still], tmp_path / "x.glb")
+    assert not (tmp_path / "x.glb").exists()
+
+
+@pytest.mark.parametrize(
+    ("size", "unit"), [(1, "cm"), (0.01, "m"), (10, "mm"), (0.01 / 0.0254, "inch"), (0.17, "CMU")]
+)
+def test_write_glb_guesses_unit_from_height(motion, tmp_path, size, unit):
+    skeleton = motion.skeleton.with_offsets(size * motion.skeleton.offsets)
+    assert guess_unit(skeleton) == unit
+    scaled = replace(motion, skeleton=skeleton, positions=size * motion.positions)
+    scale = write_glb(scaled, tmp_path / "m.glb")
+    extras = Glb(tmp_path / "m.glb").document["asset"]["extras"]
+    assert extras == {"metres_in_a_unit": scale, "unit": unit, "up_in_the_motion": "y"}
+    world = Glb(tmp_path / "m.glb").matrices({"channels": []}, 0)
+    head, foot = (world[motion.skeleton.index(name)][1, 3] for name in ("Head", "LeftFoot"))
+    assert 1.2 < head - foot < 1.7
+
+
+def test_write_glb_invalid_argument_raises_value_error(motion, tmp_path):
+    with pytest.raises(ValueError, match="motions must hold at least one"):
+        write_glb([], tmp_path / "m.glb")
+    for scale in (0, -1, np.nan, np.inf):
+        with pytest.raises(ValueError, match="scale must be above 0"):
+            write_glb(motion, tmp_path / "m.glb", scale=scale)
+    with pytest.raises(ValueError, match="preset must be one of"):
+        write_glb(motion, tmp_path / "m.glb", groups="wings")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.client
+def test_write_glb_passes_khronos_validator(motion, tmp_path):
+    validate = gltf_validator()
+    rng = np.random.default_rng(0)
+    lone = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
+    many = strategies.skeletons(rng, 300)
+    quats = strategies.wander(rng, 3, 300)
+    motions = {
+        "dance": motion,
+        "two": [motion, motion[:1]],
+        "lone": Motion(lone, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]]),
+        "many": Motion(many, 0.1, quats, np.tile(many.offsets, (3, 1, 1))),
+        "far": replace(motion, positions=motion.positions + 1e5),
+        "hostile": replace(motion, name=HOSTILE_NAMES[-2]),
+    }
+    for name, item in motions.items():
+        write_glb(item, tmp_path / f"{name}.glb")
+        assert validate(tmp_path / f"{name}.glb") == [], name
+
+
+@pytest.mark.client
+@pytest.mark.parametrize("ending", ["bvh", "glb"])
+def test_blender_joint_positions_agree(motion, tmp_path, ending):
+    run = blender()
+    path = tmp_path / f"m.{ending}"
+    scale = 1.0
+    if ending == "bvh":
+        write_bvh(motion, path)
+    else:
+        scale = write_glb(motion, path)
+    frames = [0, 1, 44, motion.n_frames - 1]
+    report = run(path, frames, motion.rate)
+    height = scale * mass_model(motion.skeleton).height
+    world = scale * motion.world_positions()[frames]
+    names = motion.skeleton.names
+    actual = np.array([[heads[name] for name in names] for heads in report["heads"]])
+    # In Blender, z is up.
+    expected = np.stack([world[..., 0], -world[..., 2], world[..., 1]], axis=-1)
+    assert np.abs(actual - expected).max() < 1e-4 * height
+
+
+def test_clients_absent_skips_test(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.delenv("MOGRAFT_BPY_PYTHON", raising=False)
+    for client in (gltf_validator, blender):
+        with pytest.raises(pytest.skip.Exception):
+            client()
+    assert subprocess.run(["true"], check=False).returncode == 0
