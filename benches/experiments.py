@@ -257,7 +257,8 @@ def collisions(results):
     lines += [
         f"**Result.** The exchanges remove all collisions in {solved} of {places} cases. In "
         f"{local} of these cases at most half of the frames change; the blended "
-        "frames beside an exchange count as changed. The paper claims a low cost and shows pictures. The exchange of a few "
+        "frames beside an exchange count as changed. The paper claims a low cost and shows "
+        "pictures. The exchange of a few "
         "segments is often sufficient, but not always.",
         "",
         *(
@@ -361,7 +362,8 @@ def naturalness(results):
         lines += [
             f"Background for {name}, {step}: {gap.kappa.n} of {found.segments} segments have "
             "donors by both methods in their test fold. Of the donors of similar length, "
-            f"contact patterns accept {100 * result.selectivity['contact pattern']:.0f} % and analogy "
+            f"contact patterns accept {100 * result.selectivity['contact pattern']:.0f} % and "
+            "analogy "
             f"{100 * result.selectivity['analogy']:.0f} %. The classifier scores a captured part "
             f"higher than a random one in {found.auc.text(0, 100, ' %')} of the pairs. A method "
             "that accepts more donors is closer to random choice. Fewer segments and a weaker "
