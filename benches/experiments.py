@@ -1,10 +1,10 @@
-"""The paper's experiments 5.1 to 5.5, beside its tables, with a plain reading.
+"""The experiments 5.1 to 5.5 of the paper, with its tables for comparison.
 
-``python benches/experiments.py [--data FOLDER] [--only NAME...] [--write]`` looks for the
-recordings below FOLDER (default: ``../shared/data`` beside the checkout), takes them to 30
-frames a second and prints a page of Markdown; with ``--write`` it becomes ``docs/experiments.md``
-with its plots in ``docs/experiments``. What is not at hand is left out and said so; without any
-recording the built-in dancer is measured.
+``python benches/experiments.py [--data FOLDER] [--only NAME...] [--write]`` reads the recordings
+in FOLDER (default: ``../shared/data`` beside the checkout), resamples them to 30 frames per second
+and prints a page of Markdown. With ``--write`` it writes the page to ``docs/experiments.md`` and
+its figures to ``docs/experiments``. The page lists missing recordings. Without any recording it
+measures the built-in dancer.
 """
 
 import argparse
@@ -52,9 +52,9 @@ SOURCES = {
     "indian": "dance_cmu94_indian_30fps/*.bvh",
     "basketball": "database_vsports_basket/*.bvh",
 }
-TOLD = {
-    "salsa A": "CMU subject 60, four takes in one file of 57 DoF, 6572 frames at 120 fps as the "
-    "paper's first dance has frames",
+DESCRIPTIONS = {
+    "salsa A": "CMU subject 60, four takes in one file with 57 DoF, 6572 frames at 120 fps: as "
+    "many frames as the first dance of the paper",
     "salsa B": "the same dancer, three takes, 6652 frames at 120 fps",
     "perfume": "three dancers, one take each (Perfume Global Site Project)",
     "indian": "CMU subject 94, Indian dance, four takes",
@@ -62,14 +62,14 @@ TOLD = {
     "dancer": "the built-in procedural dancer, whose arms do not depend on its legs",
 }
 STEPS = (("analogy", "contact pattern"), ("contact pattern", "random"))
-BARELY = 0.05
-LONGEST = 1500
-"""Frames of a clip that collisions are sought in: trying all places for a copy takes time."""
+SMALL_DIFFERENCE = 0.05
+MAX_COLLISION_FRAMES = 1500
+"""Frames of the clip of experiment 5.2: the search for the distance of the copy takes long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What was found on one set of recordings."""
+    """Results for one set of recordings."""
 
     evaluation: Evaluation
     three: Evaluation | None
@@ -77,11 +77,11 @@ class Result:
     swept: tuple[Enrichment, ...]
     clusters: dict[int, dict[str, int]]
     collision: dict[str, float] | None
-    passes: dict[str, float]
+    selectivity: dict[str, float]
 
 
 def read(paths):
-    """Motions at the rate of the paper's frames, without a rest pose before them."""
+    """Return motions at the frame rate of the paper, without a leading rest pose."""
     motions = []
     for path in paths:
         motion = mg.read_bvh(path)
@@ -91,9 +91,9 @@ def read(paths):
     return motions
 
 
-def collided(motion, step=1):
-    """Experiment 5.2: a copy in the way, and what repair changes to get around it."""
-    clip = motion[:LONGEST]
+def repair_collisions(motion, step=1):
+    """Experiment 5.2: repair collisions of the arms with a copy of the motion."""
+    clip = motion[:MAX_COLLISION_FRAMES]
     library = mg.Library.build(clip)
     scenario = library.segments.of_clip(0)
     problem = SearchProblem.build(
@@ -118,22 +118,22 @@ def collided(motion, step=1):
 
 
 def selectivity(library):
-    """How many of the donors of fitting length each rule lets pass, on average."""
-    some = np.unique(np.linspace(0, len(library.segments) - 1, 200).astype(int))
-    fitting = RandomLength().candidates(library, some)
+    """Return the mean share of the donors of similar length that each method accepts."""
+    segments = np.unique(np.linspace(0, len(library.segments) - 1, 200).astype(int))
+    similar = RandomLength().candidates(library, segments)
     found = {}
-    for way in (ContactPattern(), Analogy()):
+    for method in (ContactPattern(), Analogy()):
         shares = [
-            (len(own) - 1) / (len(mates) - 1)
-            for own, mates in zip(way.candidates(library, some), fitting, strict=True)
-            if len(mates) > 1
+            (len(accepted) - 1) / (len(donors) - 1)
+            for accepted, donors in zip(method.candidates(library, segments), similar, strict=True)
+            if len(donors) > 1
         ]
-        found[way.name] = float(np.mean(shares))
+        found[method.name] = float(np.mean(shares))
     return found
 
 
-def measured(motions, seed, *, runs=10, step=1):
-    """All that is measured on one set of recordings."""
+def measure(motions, seed, *, runs=10, step=1):
+    """Run all experiments on one set of recordings."""
     library = mg.Library.build(motions)
     found = evaluate(library, ["balance", "naturalness", "quality"], runs=runs, seed=seed)
     three = evaluate(
@@ -146,13 +146,13 @@ def measured(motions, seed, *, runs=10, step=1):
     literal = mg.Library.build(motions, config=mg.Config.paper())
     counts = {"paper": enrichment(literal), "default": enrichment(library)}
     return Result(
-        found,
-        three,
-        counts,
-        sweep(library),
-        cluster_numbers(library),
-        collided(motions[0], step),
-        selectivity(library),
+        evaluation=found,
+        three=three,
+        paper=counts,
+        swept=sweep(library),
+        clusters=cluster_numbers(library),
+        collision=repair_collisions(motions[0], step),
+        selectivity=selectivity(library),
     )
 
 
@@ -165,22 +165,23 @@ def number(value):
     return f"{value:,}".replace(",", "\N{NO-BREAK SPACE}")
 
 
-def percent(own, digits=1):
-    return own.text(digits, 100, " %")
+def percent(estimate, digits=1):
+    return estimate.text(digits, 100, " %")
 
 
 def new_motions(results):
-    """5.1: what grafts are like."""
+    """5.1: quality of grafts."""
     lines = ["## 5.1 New motions", ""]
     lines += [
-        "The paper keeps the legs, exchanges the upper body, in a second run head and torso and "
-        "arms apart, and finds the result natural by eye. Measured instead, with means over ten "
-        "grafts, five for three groups, on each of up to four takes:",
+        "The paper keeps the legs and exchanges the upper body. In a second run it exchanges the "
+        "torso with the head and the arms as separate groups. It judges the results by eye and "
+        "finds them natural. The table has measures instead: means over ten grafts (five grafts "
+        "with three groups) of each of up to four takes.",
         "",
     ]
     rows = []
-    for name, own in results.items():
-        for groups, evaluation in (("2", own.evaluation), ("3", own.three)):
+    for name, result in results.items():
+        for groups, evaluation in (("2", result.evaluation), ("3", result.three)):
             for one in () if evaluation is None else evaluation.quality:
                 if one.method in ("random", "analogy", "analogy, by cost"):
                     rows.append(
@@ -199,7 +200,9 @@ def new_motions(results):
                     )
     head = ["recording", "groups", "donors", "new parts", "seam gap", "acceleration", "jerk"]
     lines += table([*head, "foot skate added", "between grafts", "grafts"], rows)
-    pairs = [(name, {q.method: q for q in own.evaluation.quality}) for name, own in results.items()]
+    pairs = [
+        (name, {q.method: q for q in result.evaluation.quality}) for name, result in results.items()
+    ]
     smoother = [
         name
         for name, q in pairs
@@ -208,30 +211,31 @@ def new_motions(results):
     ]
     widths = [q["analogy, by cost"].seam_gap.value / q["random"].seam_gap.value for _, q in pairs]
     lines += [
-        f"**Reading.** The base is kept bit for bit, so no foot skates more. By cost, seams are "
-        f"{min(widths):.2f} to {max(widths):.2f} times as wide as those of random donors, and "
-        f"acceleration is nearer to the recording's in {len(smoother)} of {len(pairs)} sets. We "
-        "agree with the paper as far as numbers go; whether people find the result natural these "
-        "numbers do not say.",
+        "**Result.** The base part is unchanged to the bit, so foot skate does not increase. The "
+        f"seam gaps of choice by cost are {min(widths):.2f} to {max(widths):.2f} times those of "
+        "random donors. The acceleration of choice by cost is closer to that of the recording in "
+        f"{len(smoother)} of {len(pairs)} sets. These measures agree with the paper. They do not "
+        "show whether people find the results natural.",
         "",
     ]
     return lines
 
 
 def collisions(results):
-    """5.2: only what collides is replaced."""
+    """5.2: exchange of colliding segments."""
     lines = ["## 5.2 Collisions", ""]
     lines += [
-        "Two figures do the same dance side by side, where their arms meet in the most frames and "
-        f"the rest of their bodies never does (first take, up to {LONGEST} frames). Only segments "
-        "whose arms collide, and neighbours where that is cheaper, may be exchanged.",
+        "Two figures perform the same dance side by side. Their distance is the one at which the "
+        "arms collide in the most frames and no other parts do (first take, up to "
+        f"{MAX_COLLISION_FRAMES} frames). Only segments with colliding arms are exchanged, and "
+        "neighbours of such segments if that reduces the cost.",
         "",
     ]
     rows, solved, places = [], 0, 0
-    for name, own in results.items():
-        c = own.collision
+    for name, result in results.items():
+        c = result.collision
         if c is None:
-            rows.append([name, "", "no place where only arms collide", "", "", ""])
+            rows.append([name, "", "no distance at which only arms collide", "", "", ""])
             continue
         places += 1
         solved += c["after"] == 0
@@ -245,20 +249,21 @@ def collisions(results):
                 f"{100 * c['touched']:.0f} %",
             ]
         )
-    found = [(name, own.collision) for name, own in results.items() if own.collision]
+    found = [(name, result.collision) for name, result in results.items() if result.collision]
     left = [(name, c) for name, c in found if c["after"]]
     local = sum(c["after"] == 0 and c["touched"] <= 0.5 for _, c in found)
     head = ["recording", "frames", "colliding before", "after", "segments exchanged"]
     lines += table([*head, "frames changed"], rows)
     lines += [
-        f"**Reading.** All collisions are gone in {solved} of {places} cases, with at most half of "
-        f"the frames changed in {local} of them; the seams beside an exchange count as changed. "
-        "The paper claims a low cost and shows pictures: we agree that exchanging a few segments "
-        "is often enough, and not always.",
+        f"**Result.** The exchanges remove all collisions in {solved} of {places} cases. In "
+        f"{local} of these cases at most half of the frames change; the blended "
+        "frames beside an exchange count as changed. The paper claims a low cost and shows "
+        "pictures. The exchange of a few "
+        "segments is often sufficient, but not always.",
         "",
         *(
             f"Not solved, {name}: {c['after']} of {c['before']} frames still collide. No donor of "
-            "the clusters, however wide, reaches around there."
+            "the clusters, even of the widest ones, avoids these collisions."
             for name, c in left
         ),
         "",
@@ -267,30 +272,31 @@ def collisions(results):
 
 
 def naturalness(results):
-    """5.3: compatibility instead of a classifier that was tuned on its test."""
+    """5.3: compatibility, since there are no labels."""
     corrected = rogan_gladen(823 / 906, 0.77, 0.77)
     lines = ["## 5.3 Naturalness", ""]
     lines += [
-        "The paper has a person label 500 random grafts, trains an SVM on 300, chooses its "
-        "parameters by its accuracy on the other 200 (0.77), and finds 823 of 906 segments "
-        "natural, 90.8 %. With 0.77 for both kinds of error the share behind that would be "
-        f"{100 * corrected:.1f} %, which cannot be: the classifier leans to natural. It is "
-        "set against 44 % of Ikemoto and Forsyth on other data.",
+        "In the paper a person labels 500 random grafts. A support vector machine is trained on "
+        "300 of them, and its parameters are selected by its accuracy on the other 200 (0.77). It "
+        "classifies 823 of 906 segments as natural, 90.8 %. If sensitivity and specificity were "
+        f"both 0.77, the true share would be {100 * corrected:.1f} %, which is impossible: the "
+        "classifier is biased towards natural. The paper compares with 44 % of Ikemoto and "
+        "Forsyth, on other data.",
         "",
-        "No person labelled these recordings (`mograft evaluate label` is made for it), so there "
-        "is no share of natural motions here. What can be had without people is κ: whether such "
-        "combinations occur in the recordings, 0 as random parts, 1 as captured ones "
-        "([how](evaluation.md)).",
+        "No person has labelled these recordings (`mograft evaluate label` writes a page for it), "
+        "so this page has no share of natural motions. The measure without labels is κ: whether "
+        "such combinations occur in the recordings. Random parts have 0, captured parts have 1 "
+        "([definition](evaluation.md)).",
         "",
     ]
     rows, refused, order = [], [], []
-    for name, own in results.items():
+    for name, result in results.items():
         refused += [
             f"- {name}: {what}: {why}."
-            for what, why in own.evaluation.refusals.items()
+            for what, why in result.evaluation.refusals.items()
             if what.startswith("naturalness")
         ]
-        for found in own.evaluation.naturalness:
+        for found in result.evaluation.naturalness:
             rows += [
                 [
                     name,
@@ -317,53 +323,56 @@ def naturalness(results):
             order += [(name, sentence) for sentence in compare_methods(found)]
     head = ["recording", "donors", "κ", "κ, same segments", "accepted", "with a donor", "n"]
     lines += table(head, rows)
-    several = {name: found for name, own in results.items() for found in own.evaluation.naturalness}
+    several = {
+        name: found for name, result in results.items() for found in result.evaluation.naturalness
+    }
     if several:
-        lines += ["![κ of each way](experiments/kappa.svg)", ""]
+        lines += ["![κ of each method](experiments/kappa.svg)", ""]
     steps = [
-        "**Reading.** Expected is analogy > contact pattern > random, outside of intervals.",
+        "**Result.** The expected order of κ is analogy > contact pattern > random.",
         "",
     ]
     steps += [f"- {name}: {sentence}" for name, sentence in order]
     lines += [*steps, *refused, ""]
-    held = [step for step in order if "above, outside" in step[1]]
-    reversed_steps = [step for step in order if "against the order" in step[1]]
+    expected = [step for step in order if "as expected" in step[1]]
+    reversed_steps = [step for step in order if "against the expected order" in step[1]]
     undecided = [step for step in order if "undecided" in step[1]]
     lines += [
-        f"The order holds outside of the intervals in {len(held)} of {len(order)} steps, and is "
-        f"reversed in {len(reversed_steps)}.",
+        f"The interval agrees with the expected order in {len(expected)} of {len(order)} "
+        f"comparisons and contradicts it in {len(reversed_steps)}.",
         "",
     ]
     barely = [
-        (name, f"{gap.first} less {gap.second}")
-        for name, own in results.items()
-        for found in own.evaluation.naturalness
+        (name, f"κ of {gap.first} minus {gap.second}")
+        for name, result in results.items()
+        for found in result.evaluation.naturalness
         for gap in found.differences
-        if (gap.first, gap.second) in STEPS and 0 < gap.kappa.low < BARELY
+        if (gap.first, gap.second) in STEPS and 0 < gap.kappa.low < SMALL_DIFFERENCE
     ]
     lines += [
-        f"Barely for {name}, {step}: the interval ends at less than {BARELY} above 0, so another "
-        "seed or a few frames more may decide otherwise."
+        f"Small difference for {name}, {step}: the interval begins less than {SMALL_DIFFERENCE} "
+        "above 0, so another seed or a few more frames may change the result."
         for name, step in barely
     ] + [""] * bool(barely)
     for name, sentence in undecided + reversed_steps + barely:
-        own = results[name]
-        found = own.evaluation.naturalness[0]
+        result = results[name]
+        found = result.evaluation.naturalness[0]
         step = sentence.split(":")[0]
-        gap = found.difference(*step.split(" less "))
+        gap = found.difference(*step.removeprefix("κ of ").split(" minus "))
         lines += [
-            f"Why, for {name}, {step}: {gap.kappa.n} of {found.segments} segments have donors of "
-            "both ways among the held out; contact patterns let "
-            f"{100 * own.passes['contact pattern']:.0f} % of the donors of fitting length pass, "
-            f"analogy {100 * own.passes['analogy']:.0f} %; the classifier tells captured parts "
-            f"from random ones in {found.auc.text(0, 100, ' %')} of the pairs. The more a rule "
-            "lets pass, the nearer to chance it must be; the fewer segments and the less the "
-            "classifier knows, the wider the interval.",
+            f"Background for {name}, {step}: {gap.kappa.n} of {found.segments} segments have "
+            "donors by both methods in their test fold. Of the donors of similar length, "
+            f"contact patterns accept {100 * result.selectivity['contact pattern']:.0f} % and "
+            "analogy "
+            f"{100 * result.selectivity['analogy']:.0f} %. The classifier scores a captured part "
+            f"higher than a random one in {found.auc.text(0, 100, ' %')} of the pairs. A method "
+            "that accepts more donors is closer to random choice. Fewer segments and a weaker "
+            "classifier widen the interval.",
             "",
         ]
     lines += [
-        "We agree with the paper in the order of the ways, and can neither confirm nor refute its "
-        "share: 90.8 % has no counterpart here.",
+        "The order of the methods agrees with the paper. The share of 90.8 % can be neither "
+        "confirmed nor refuted, since it has no counterpart here.",
         "",
     ]
     return lines
@@ -379,57 +388,66 @@ def counts(results):
         return [f"{number(v)} ({v / n:.1f})" for v in values]
 
     rows = [
-        [f"paper, {name}, {frames} frames", "", n, "", *cells([own[k] for k in (2, 3, 4, 5)], n)]
-        for name, (frames, n, own) in PAPER_TABLES.items()
+        [
+            f"paper, {name}, {frames} frames",
+            "",
+            n,
+            "",
+            *cells([numbers[k] for k in (2, 3, 4, 5)], n),
+        ]
+        for name, (frames, n, numbers) in PAPER_TABLES.items()
     ]
-    for name, own in results.items():
-        for reading, found in own.paper.items():
+    for name, result in results.items():
+        for reading, found in result.paper.items():
             for kind in ("unfiltered", "filtered"):
                 values = [getattr(count, kind) for count in found.counts]
                 what = f"{reading}, {'no limit' if kind == 'unfiltered' else 'length limit'}"
                 sizes = [name, what, found.segments, found.clusters]
                 rows.append([*sizes, *cells(values, found.segments)])
-    lines += ["Combinations, in all and per segment; the captured ones are among them.", ""]
+    lines += ["Number of combinations, including the captured ones, and number per segment.", ""]
     lines += table(head, rows)
     lines += ["![Combinations by scale](experiments/counts.svg)", ""]
     lines += [
-        "Lines: clusters alone; dots: with the limit of length; triangles: the paper's.",
+        "Solid lines have no length limit, dotted lines have it. Triangles are those of the paper.",
         "",
-        "Clusters of each group, default threshold:",
+        "Number of clusters of each group with the default threshold:",
         "",
     ]
     shown = [
-        [name, k, ", ".join(f"{group} {n}" for group, n in own.items())]
+        [name, k, ", ".join(f"{group} {n}" for group, n in numbers.items())]
         for name, result in results.items()
-        for k, own in result.clusters.items()
+        for k, numbers in result.clusters.items()
     ]
     lines += table(["recording", "K", "clusters"], shown)
     failed = {
-        name: [law for law in moment_laws(n, own) if not law.holds]
-        for name, (_, n, own) in PAPER_TABLES.items()
+        name: [law for law in moment_laws(n, numbers) if not law.holds]
+        for name, (_, n, numbers) in PAPER_TABLES.items()
     }
     factors, defaults = (
-        [own.paper[which].counts[0].unfiltered / own.paper[which].segments for own in sets]
+        [result.paper[which].counts[0].unfiltered / result.paper[which].segments for result in sets]
         for which, sets in ((w, results.values()) for w in ("paper", "default"))
     )
     lines += [
-        "Counts of one clustering are moments of its sizes and obey their laws; ours do, since "
-        "they are counted so. The paper's do not:",
+        "The counts of a single clustering are moments of the cluster sizes, which satisfy certain "
+        "inequalities. The counts of mograft satisfy them by construction. Those of the paper do "
+        "not:",
         "",
         *(
-            f"- {name}: {law.name} fails, {law.margin:.2f} of what it should be at least."
+            f"- {name}: {law.name} fails: the side that must be greater is {law.margin:.2f} times "
+            "the other side."
             for name, laws in failed.items()
             for law in laws
         ),
         "",
-        "**Reading.** We agree in kind: each further group multiplies by more than the one before. "
-        f"With the threshold as printed our sets of recordings give {min(factors):.1f} to "
-        f"{max(factors):.1f} combinations a segment for two groups, where the paper has 4.2 and "
-        "4.7; with the default threshold and no limit of length "
-        f"{min(defaults):.1f} to {max(defaults):.1f}. A set with fewer segments, or less alike "
-        "ones, has fewer. The paper's numbers for five groups, and in table 1 those for four, come "
-        "from no single clustering: with K the base group, the clusters or a filter must have "
-        "changed. And it is segments that multiply, not frames as the text says.",
+        "**Result.** The trend agrees with the paper: each additional group multiplies the number "
+        "by a larger factor than the one before. For two groups, the threshold of the paper gives "
+        f"{min(factors):.1f} to {max(factors):.1f} combinations per segment on these recordings; "
+        "the paper has 4.2 and 4.7. The default threshold without a length limit gives "
+        f"{min(defaults):.1f} to {max(defaults):.1f}. Recordings with fewer segments, or with "
+        "segments that are less similar, have fewer combinations. The numbers of the paper for "
+        "five groups, and those for four groups in table 1, cannot come from a single clustering: "
+        "the base group, the clusters or a filter must have changed with K. The numbers count "
+        "segments, not frames as the text of the paper says.",
         "",
     ]
     return lines
@@ -439,65 +457,68 @@ def balance(results):
     """5.5: table 3."""
     lines = ["## 5.5 Static balance", ""]
     lines += [
-        "Share of segments whose centre of mass is outside of the feet's hull in all grounded "
-        "frames; ten grafts on each of up to four takes. The change is paired: exchanged segments "
-        "against the recording's own.",
+        "Share of segments whose projected centre of mass is outside of the hull of the soles in "
+        "all grounded frames, for ten grafts of each of up to four takes. The change is paired: it "
+        "compares exchanged segments with the same segments of the recording.",
         "",
     ]
     rows = [
         ["paper", method, f"{100 * hits / n:.2f} %", "", "", "", n]
         for method, (hits, n) in PAPER_TABLE.items()
     ]
-    told = []
-    for name, own in results.items():
-        every = [r for r in own.evaluation.balance if (r.rule, r.margin) == ("all", 0.0)]
+    compared = []
+    for name, result in results.items():
+        every = [r for r in result.evaluation.balance if (r.rule, r.margin) == ("all", 0.0)]
         dynamic = {r.method: r for r in every if r.kind == "dynamic"}
         for row in every:
             if row.kind != "static":
                 continue
-            kept = row.method == "recording"
+            is_recording = row.method == "recording"
             rows.append(
                 [
                     name,
                     row.method,
                     percent(row.rate),
-                    "" if kept else f"± {100 * row.spread:.1f}",
-                    "" if kept else row.difference.text(1, 100),
+                    "" if is_recording else f"± {100 * row.spread:.1f}",
+                    "" if is_recording else row.difference.text(1, 100),
                     percent(dynamic[row.method].rate) if row.method in dynamic else "",
-                    row.rate.n if kept else row.difference.n,
+                    row.rate.n if is_recording else row.difference.n,
                 ]
             )
         static = {r.method: r for r in every if r.kind == "static"}
         if {"analogy", "contact pattern"} <= static.keys():
-            told.append((name, static["analogy"], static["contact pattern"], static["recording"]))
+            compared.append(
+                (name, static["analogy"], static["contact pattern"], static["recording"])
+            )
     head = ["recording", "donors", "unbalanced", "run to run", "change, points", "dynamic", "n"]
     lines += table(head, rows)
     other = [
         [name, row.method, row.rule, percent(row.rate)]
-        for name, own in results.items()
-        for row in own.evaluation.balance
+        for name, result in results.items()
+        for row in result.evaluation.balance
         if row.kind == "static" and row.rule != "all" and row.method in ("recording", "analogy")
     ]
     lines += [
-        "By the other rules:",
+        "The same by the other rules:",
         "",
         *table(["recording", "donors", "rule", "unbalanced"], other),
     ]
     lines += ["![Unbalanced segments](experiments/balance.svg)", ""]
-    sure = [n for n, analogy, _, _ in told if analogy.difference.low > 0]
-    lower = [n for n, a, c, _ in told if a.rate.value < c.rate.value]
-    recorded = [100 * own.rate.value for *_, own in told]
+    significant = [n for n, analogy, _, _ in compared if analogy.difference.low > 0]
+    lower = [n for n, a, c, _ in compared if a.rate.value < c.rate.value]
+    recorded = [100 * recording.rate.value for *_, recording in compared]
     se = np.sqrt(0.18 * 0.82 / 478) * 100
     lines += [
-        f"**Reading.** Analogy leaves fewer segments out of balance than contact patterns in "
-        f"{len(lower)} of {len(told)} sets, as in the paper; the interval of its change against "
-        f"the recording lies above 0 in {len(sure)} of {len(told)}. The recordings' own rates "
-        f"reach from {min(recorded):.1f} to {max(recorded):.1f} %, so the paper's 13.39 % says "
-        "more of its dance than of the method. Its 17.95 against 17.09 % differ by 0.86 points, "
-        f"where one run of 478 segments alone has a standard error of {se:.1f}: not a difference. "
-        "Segments that kept their own part count as grafts there, which flatters tight clusters; "
-        "the paired change does not. We agree that grafting hardly costs static balance where the "
-        "legs are kept, and that is all that can be said: who walks is out of balance too.",
+        "**Result.** Analogy has fewer unbalanced segments than contact patterns in "
+        f"{len(lower)} of {len(compared)} sets, as in the paper. The interval of its change lies "
+        f"above 0 in {len(significant)} of {len(compared)} sets. The rates of the recordings range "
+        f"from {min(recorded):.1f} to {max(recorded):.1f} %, so the 13.39 % of the paper depend "
+        "more on the dance than on the method. Its 17.95 % and 17.09 % differ by 0.86 points, but "
+        f"the standard error of a single run of 478 segments is {se:.1f} points: the difference is "
+        "not significant. The paper counts segments that keep their part as grafts, which favours "
+        "small clusters; the paired change does not. Grafting hardly affects static balance if the "
+        "legs are kept. This is no evidence of naturalness, since walking is statically unbalanced "
+        "too.",
         "",
     ]
     return lines
@@ -507,44 +528,46 @@ def page(results, missing):
     lines = [
         "# The paper's experiments",
         "",
-        "Printed by `python benches/experiments.py --write`. In brackets: 95 % intervals; they "
-        "hold the choice of segments and donors, not that of the recordings. Seed 0. All "
-        "recordings are taken to 30 frames a second, since the paper's segments of 7.3 frames "
-        "tell that its frames were about that long. What each measure is and what it does not say: "
-        "[Evaluation](evaluation.md).",
+        "`python benches/experiments.py --write` writes this page. The numbers in brackets are "
+        "95 % intervals. They cover the choice of segments and donors, but not the choice of the "
+        "recordings. The seed is 0. All recordings are resampled to 30 frames per second, since "
+        "the segments of the paper have 7.3 frames on average, as those at this rate do. "
+        "[Evaluation](evaluation.md) defines the measures and states their limitations.",
         "",
     ]
     rows = []
-    for name, own in results.items():
-        library = own.evaluation.library
+    for name, result in results.items():
+        library = result.evaluation.library
         frames = sum(clip.n_frames for clip in library.clips)
         n = len(library.segments)
         faulty = int((~library.is_donor).sum())
-        rows.append([name, TOLD[name], len(library.clips), frames, n, f"{frames / n:.1f}", faulty])
-    head = ["name", "what", "takes", "frames", "segments", "frames each", "with faults"]
+        rows.append(
+            [name, DESCRIPTIONS[name], len(library.clips), frames, n, f"{frames / n:.1f}", faulty]
+        )
+    head = ["name", "recordings", "takes", "frames", "segments", "frames per segment", "excluded"]
     lines += table(head, rows)
     if missing:
-        lines += [f"Not at hand: {', '.join(missing)}.", ""]
+        lines += [f"Missing recordings: {', '.join(missing)}.", ""]
     for part in (new_motions, collisions, naturalness, counts, balance):
         lines += part(results)
     return "\n".join(lines).rstrip() + "\n"
 
 
 def pictures(results):
-    """The plots of the page, as SVG by name."""
+    """Return the figures of the page as SVG, by name."""
     drawn = {}
-    several = {n: f for n, own in results.items() for f in own.evaluation.naturalness}
+    several = {n: f for n, result in results.items() for f in result.evaluation.naturalness}
     if several:
         drawn["kappa"] = plots.draw_kappa(several)
-    paper = {k: [own[k] / n for _, n, own in PAPER_TABLES.values()] for k in (2, 3, 4, 5)}
-    drawn["counts"] = plots.draw_counts({n: own.swept for n, own in results.items()}, paper)
+    paper = {k: [numbers[k] / n for _, n, numbers in PAPER_TABLES.values()] for k in (2, 3, 4, 5)}
+    drawn["counts"] = plots.draw_counts({n: result.swept for n, result in results.items()}, paper)
     static = {
         name: [
             replace(row)
-            for row in own.evaluation.balance
+            for row in result.evaluation.balance
             if (row.kind, row.rule, row.margin) == ("static", "all", 0.0)
         ]
-        for name, own in results.items()
+        for name, result in results.items()
     }
     drawn["balance"] = plots.draw_balance({name: rows for name, rows in static.items() if rows})
     return {name: plots.as_svg(figure) for name, figure in drawn.items()}
@@ -553,14 +576,19 @@ def pictures(results):
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
-    parser.add_argument("--only", nargs="+", choices=SOURCES, help="some of the recordings")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=SOURCES,
+        help="names of the recordings to measure (default: all)",
+    )
     parser.add_argument("--write", action="store_true", help="write docs/experiments.md")
     run(parser, report, argv)
 
 
 def report(options):
     if options.tiny:
-        results = {"dancer": measured([tiny_motion()], seed=0, runs=1, step=3)}
+        results = {"dancer": measure([tiny_motion()], seed=0, runs=1, step=3)}
         page(results, [])
         pictures(results)
         return
@@ -571,12 +599,12 @@ def report(options):
             missing.append(name)
             continue
         start = time.perf_counter()
-        results[name] = measured(read(paths), seed=0)
+        results[name] = measure(read(paths), seed=0)
         print(f"{name}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     if not results:
         from mograft.dancer import dance
 
-        results["dancer"] = measured([dance().motion.resample(RATE)], seed=0)
+        results["dancer"] = measure([dance().motion.resample(RATE)], seed=0)
     text = page(results, missing)
     print(text)
     if options.write:

@@ -124,8 +124,8 @@ class Law:
     holds : bool
         Whether the given counts satisfy it.
     margin : float
-        Left side divided by right side of the inequality, with the side that must be greater
-        on the left; below 1 if it fails.
+        The side that must be greater divided by the other side; below 1 if the inequality
+        fails.
     """
 
     name: str
