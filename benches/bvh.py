@@ -1,8 +1,8 @@
 """Time BVH reading and writing against pybvh, pymotion, bvhio and numpy.loadtxt.
 
 Run with a release build: ``maturin develop --release && python benches/bvh.py``. Prints a
-Markdown table. All readers of a file take turns in the same run, so that ratios hold on a
-busy machine; a reader that is slow takes fewer turns.
+Markdown table. The readers of a file run alternately, so that their ratios hold on a busy machine.
+A reader that has used its time budget is not run again.
 """
 
 import argparse
@@ -23,13 +23,13 @@ from benches._common import run
 
 N_JOINTS = 31
 SMALL, LARGE = 2_700, 98_000
-TURNS = 9
-# Seconds that one reader may take on one file before it takes no further turns.
-BUDGET = 15.0
+N_RUNS = 9
+# Seconds after which a reader is not run again on the same file.
+BUDGET_SECONDS = 15.0
 
 
 def make_clip(path, n_frames):
-    """Write a clip of smooth angles with four decimals, as motion capture has."""
+    """Write a clip of smooth angles with four decimals, typical of motion capture."""
     rng = np.random.default_rng(7)
     block = 2_700
     steps = rng.normal(size=(block, 3 + 3 * N_JOINTS))
@@ -57,12 +57,12 @@ def make_clip(path, n_frames):
     return len(lines)
 
 
-def take_turns(tasks, turns):
-    """Return the seconds of each task, run in turns."""
+def run_alternately(tasks, n_runs):
+    """Return the seconds of each run of each task; the tasks alternate."""
     seconds = {name: [] for name in tasks}
-    for _ in range(turns):
+    for _ in range(n_runs):
         for name, task in tasks.items():
-            if sum(seconds[name]) > BUDGET:
+            if sum(seconds[name]) > BUDGET_SECONDS:
                 continue
             start = time.perf_counter()
             task()
@@ -71,7 +71,7 @@ def take_turns(tasks, turns):
 
 
 def peers():
-    """Return the peers that are installed, by name."""
+    """Return the other BVH libraries that are installed, by name."""
     found = {}
     try:
         import pybvh
@@ -95,7 +95,7 @@ def peers():
 
 
 def readers(path, n_head, installed):
-    """Return what reads the file: to numbers, and to quaternions."""
+    """Return functions that read the file to numbers, and to quaternions."""
     numbers = {
         "mograft scan_bvh": lambda: mg.scan_bvh(path),
         "mograft read_bvh": lambda: mg.read_bvh(path),
@@ -121,12 +121,14 @@ def readers(path, n_head, installed):
 
 
 def writers(path, folder, installed):
-    """Return what writes the file's motion."""
+    """Return functions that write the motion of the file."""
     motion = mg.read_bvh(path)
-    derived = mg.Motion(motion.skeleton, motion.frame_time, motion.rotations, motion.positions)
+    recomputed = mg.Motion(motion.skeleton, motion.frame_time, motion.rotations, motion.positions)
     tasks = {
         "mograft write_bvh": lambda: mg.write_bvh(motion, folder / "a.bvh"),
-        "mograft write_bvh, all angles new": lambda: mg.write_bvh(derived, folder / "b.bvh"),
+        "mograft write_bvh, all angles recomputed": lambda: mg.write_bvh(
+            recomputed, folder / "b.bvh"
+        ),
     }
     if "pybvh" in installed:
         clip = installed["pybvh"].read_bvh_file(path, world_up="+y")
@@ -138,10 +140,10 @@ def writers(path, folder, installed):
     return tasks
 
 
-def print_table(title, tasks, size, ours, turns):
-    seconds = take_turns(tasks, turns)
-    medians = {name: statistics.median(turns) for name, turns in seconds.items()}
-    print(f"\n| {title} | turns | median ms | MB/s | times {ours} |")
+def print_table(title, tasks, size, ours, n_runs):
+    seconds = run_alternately(tasks, n_runs)
+    medians = {name: statistics.median(runs) for name, runs in seconds.items()}
+    print(f"\n| {title} | runs | median ms | MB/s | times {ours} |")
     print("|---|--:|--:|--:|--:|")
     for name, median in medians.items():
         ratio = median / medians[ours]
@@ -154,7 +156,7 @@ def main(argv=None):
 
 
 def report(options):
-    turns = 1 if options.tiny else TURNS
+    n_runs = 1 if options.tiny else N_RUNS
     installed = peers()
     versions = [f"Python {platform.python_version()}", f"NumPy {np.__version__}"]
     print(f"{platform.machine()}, {os.cpu_count()} cores, {', '.join(versions)}, release build")
@@ -164,14 +166,14 @@ def report(options):
             path = folder / f"{n_frames}.bvh"
             n_head = make_clip(path, n_frames)
             size = path.stat().st_size
-            what = f"{size / 1e6:.1f} MB, {n_frames} frames of {N_JOINTS} joints"
+            label = f"{size / 1e6:.1f} MB, {n_frames} frames of {N_JOINTS} joints"
             numbers, quaternions = readers(path, n_head, installed)
-            print_table(f"read, {what}", numbers, size, "mograft read_bvh", turns)
+            print_table(f"read, {label}", numbers, size, "mograft read_bvh", n_runs)
             print_table(
-                f"read to quaternions, {what}", quaternions, size, "mograft read_bvh", turns
+                f"read to quaternions, {label}", quaternions, size, "mograft read_bvh", n_runs
             )
             tasks = writers(path, folder, installed)
-            print_table(f"write, {what}", tasks, size, "mograft write_bvh", turns)
+            print_table(f"write, {label}", tasks, size, "mograft write_bvh", n_runs)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,20 @@
-"""Time complete linkage against SciPy and fastcluster, and where they cannot follow.
+"""Time complete linkage against SciPy and fastcluster, and on inputs too large for them.
 
-Every figure is the median of runs in a process of its own, which also tells how much memory
-the call took beyond its input. Ratios are of runs that followed one another. Usage:
+Every figure is the median of runs in a separate process, which also reports the memory that the
+call used in addition to its input. Ratios are of consecutive runs. Usage:
 
     python benches/linkage.py [PART ...] [--kinds KIND ...] [--json FILE]
 
-peers   SciPy and fastcluster, up to the 30,000 points for which they need 7 GB
+peers   SciPy and fastcluster, up to 30,000 points, for which they need 7 GB
 large   50,000 to 500,000 points, the tree and the cut at the standard deviation; growth
 real    the segments of a real motion database, the tree and its cuts at both sigmas
-hard    what is hard, each in a way of its own, at 100,000 points
-chain   the nearest-neighbour chain over all n(n - 1)/2 distances, on inputs that allow no saving
-stop    how long after Ctrl-C the call ends
-counts  instructions, by Valgrind: what a change of the code alone moves
+hard    adverse point sets of 100,000 points
+chain   the nearest-neighbour chain over all n(n-1)/2 distances, on adverse point sets
+stop    time from Ctrl-C to the end of the call
+counts  instructions, by Valgrind: independent of the load of the machine
 
-Without a part all are run, which takes half an hour, nearly all of it the peers'. A file of
-figures is added to; benches/linkage_figure.py draws it.
+Without PART all parts run, which takes half an hour, mostly for the peers. Figures are appended to
+FILE; benches/linkage_figure.py draws them.
 """
 
 import argparse
@@ -47,22 +47,22 @@ SIGMAS = {"literal": 3.525, "rms": 13.590}
 
 
 def make(kind, n, n_axes=10):
-    """Return points of a kind, the same at every call."""
+    """Return points of a kind; deterministic."""
     rng = np.random.default_rng(n)
     decay = np.sqrt(1.0 / np.arange(1, n_axes + 1))
     if kind == "white":  # whitened scores of a principal component analysis
         return rng.standard_normal((n, n_axes))
-    if kind == "mixture":  # twenty groups, seven tenths of the variance between them
+    if kind == "mixture":  # 20 groups; 70 % of the variance is between them
         fixed = np.random.default_rng(12345)
         centres = fixed.standard_normal((20, n_axes)) * np.sqrt(0.7) * decay
         chosen = rng.choice(20, n, p=fixed.dirichlet(np.ones(20)))
         return centres[chosen] + rng.standard_normal((n, n_axes)) * np.sqrt(0.3) * decay
-    if kind == "walk":  # phrases of motion: noisy points of closed curves, some visited often
+    if kind == "walk":  # phrases of motion: noisy points on closed curves of unequal frequency
         fixed = np.random.default_rng(99)
         centres = fixed.standard_normal((200, n_axes)) * decay
         waves = fixed.standard_normal((2, 200, 3, n_axes)) * 0.5 * decay
-        share = fixed.pareto(1.2, 200) + 0.05
-        chosen = rng.choice(200, n, p=share / share.sum())
+        weight = fixed.pareto(1.2, 200) + 0.05
+        chosen = rng.choice(200, n, p=weight / weight.sum())
         angle = rng.random(n) * 2 * np.pi
         points = centres[chosen] + 0.05 * rng.standard_normal((n, n_axes)) * decay
         for h in range(3):
@@ -73,19 +73,19 @@ def make(kind, n, n_axes=10):
         points = rng.standard_normal((n, n_axes))
         points[: n // 2] *= 1e-9
         return points
-    if kind == "scale-free":  # radii of all sizes alike
+    if kind == "scale-free":  # radii distributed uniformly on a logarithmic scale
         return rng.standard_normal((n, n_axes)) * 10.0 ** (-8 * rng.random((n, 1)))
-    if kind == "lattice":  # ties without number
+    if kind == "lattice":  # many tied distances
         return rng.integers(0, 8, (n, n_axes)).astype(float)
     if kind == "tails":
         return rng.standard_cauchy((n, n_axes))
-    if kind == "300 axes":  # no direction in which anything is apart
+    if kind == "300 axes":  # distances differ little in every direction
         return rng.standard_normal((n, 300))
-    if kind == "binary":  # single distances that a twentieth of all pairs have
+    if kind == "binary":  # some distances occur in 5 % of all pairs
         return rng.integers(0, 2, (n, 64)).astype(float)
     if kind == "real":
         return np.load(REAL).astype(np.float64)
-    raise ValueError(f"kind must be one of those above, got {kind!r}")
+    raise ValueError(f"unknown kind of points: {kind!r}")
 
 
 def run_scipy(points):
@@ -108,10 +108,10 @@ def run_chain(points):
 
 
 def measure(who, kind, n, runs, diameter=None):
-    """Return the seconds of runs in this process, and the memory that they took."""
+    """Return the seconds of runs in this process, and the memory that they used."""
     points = make(kind, n)[:n]
     if who == "stop":
-        return {"wall": stopped(points, runs), "cpu": [0], "MB": 0}
+        return {"wall": interrupt_delays(points, runs), "cpu": [0], "MB": 0}
     if diameter == "rms":
         diameter = mg.threshold(points)
     call = {
@@ -124,7 +124,7 @@ def measure(who, kind, n, runs, diameter=None):
     }[who]
     if who in ("SciPy", "fastcluster", "chain"):
         call_once = {"SciPy": run_scipy, "fastcluster": run_fastcluster, "chain": run_chain}[who]
-        call_once(points[:10])  # the import of SciPy is not measured
+        call_once(points[:10])  # exclude the import from the measurement
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     walls, cpus = [], []
     for _ in range(runs):
@@ -132,13 +132,13 @@ def measure(who, kind, n, runs, diameter=None):
         call()
         walls.append(time.perf_counter() - wall)
         cpus.append(time.process_time() - cpu)
-    more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    return {"wall": walls, "cpu": cpus, "MB": more / 1024}
+    added = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    return {"wall": walls, "cpu": cpus, "MB": added / 1024}
 
 
-def stopped(points, runs):
-    """Return how long calls went on after they were interrupted, each later than the last."""
-    waits = []
+def interrupt_delays(points, runs):
+    """Return the seconds from an interrupt to the end of the call; each interrupt is later."""
+    delays = []
     for run in range(runs):
         sent = []
 
@@ -151,13 +151,13 @@ def stopped(points, runs):
         try:
             mg.linkage(points)
         except KeyboardInterrupt:
-            waits.append(time.perf_counter() - sent[0])
+            delays.append(time.perf_counter() - sent[0])
         timer.cancel()
-    return waits or [np.nan]
+    return delays or [np.nan]
 
 
 def child(who, kind, n, runs=3, diameter=None):
-    """Measure in a process of its own."""
+    """Measure in a separate process."""
     task = json.dumps([who, kind, n, runs, diameter])
     command = [sys.executable, __file__, CHILD, task]
     run = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -165,15 +165,15 @@ def child(who, kind, n, runs=3, diameter=None):
 
 
 def tiny_child(who, kind, n, runs=3, diameter=None):  # noqa: ARG001 - as `child`
-    """Measure a few points in this process, but in a new one what an interrupt may end."""
+    """Measure a few points in this process; interrupts are measured in a new one."""
     if who == "stop":
         return child(who, kind, 10_000, runs=1)
     return summary(who, kind, n, measure(who, kind, 40, 1, diameter))
 
 
-def summary(who, kind, n, found):
-    wall, cpu = statistics.median(found["wall"]), statistics.median(found["cpu"])
-    return {"who": who, "kind": kind, "n": n, "wall": wall, "cpu": cpu, "MB": found["MB"]}
+def summary(who, kind, n, measured):
+    wall, cpu = statistics.median(measured["wall"]), statistics.median(measured["cpu"])
+    return {"who": who, "kind": kind, "n": n, "wall": wall, "cpu": cpu, "MB": measured["MB"]}
 
 
 def show(row, note=""):
@@ -186,16 +186,16 @@ def peers(kinds, child):
     rows = []
     for kind in (kind for kind in kinds if kind != "walk"):
         for n in (1_000, 2_000, 5_000, 10_000, 20_000, 30_000):
-            own = child("mograft", kind, n, runs=7)
-            show(own)
-            rows.append(own)
+            ours = child("mograft", kind, n, runs=7)
+            show(ours)
+            rows.append(ours)
             for who in ("SciPy", "fastcluster"):
                 try:
                     metadata.version(who.lower())
                 except metadata.PackageNotFoundError:
                     continue
                 row = child(who, kind, n, runs=3 if n <= 10_000 else 1)
-                show(row, f"{row['wall'] / own['wall']:.1f} times mograft")
+                show(row, f"{row['wall'] / ours['wall']:.1f} times mograft")
                 rows.append(row)
     return rows
 
@@ -212,7 +212,7 @@ def large(kinds, child):
                 np.log(line[-1][time] / line[0][time]) / np.log(LARGE[-1] / LARGE[0])
                 for time in ("wall", "cpu")
             )
-            print(f"{'':>12} grows as n to {exponent:.2f}, in CPU time {exponent_cpu:.2f}")
+            print(f"{'':>12} exponent of n {exponent:.2f}, of CPU time {exponent_cpu:.2f}")
             rows += line
     return rows
 
@@ -260,7 +260,7 @@ def stop(_, child):
 
 
 def instructions(kind, n):
-    """Count those of a process that grows the tree of n points on one thread."""
+    """Count the instructions of a process that computes the tree of n points on one thread."""
     task = json.dumps(["one thread", kind, n, 1, None])
     valgrind = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
     command = [*valgrind, sys.executable, __file__, CHILD, task]
@@ -275,8 +275,8 @@ def counts(*_):
         return []
     for kind in ("white", "mixture", "scale-free"):
         n = 10_000
-        made = instructions(kind, n) - instructions(kind, 2)
-        print(f"{'instructions':>12} {kind:>10} {n:>8,} {made / 1e6:9.1f} million")
+        count = instructions(kind, n) - instructions(kind, 2)
+        print(f"{'instructions':>12} {kind:>10} {n:>8,} {count / 1e6:9.1f} million")
     return []
 
 
@@ -305,11 +305,17 @@ KINDS = ("white", "mixture", "walk")
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="what to run; all")
     parser.add_argument(
-        "--kinds", nargs="+", choices=KINDS, default=KINDS, help="of peers and large; all"
+        "parts", nargs="*", choices=[*PARTS, []], help="parts to run (default: all)"
     )
-    parser.add_argument("--json", type=Path, help="add the figures to this file")
+    parser.add_argument(
+        "--kinds",
+        nargs="+",
+        choices=KINDS,
+        default=KINDS,
+        help="kinds of points for peers and large (default: all)",
+    )
+    parser.add_argument("--json", type=Path, help="file to which the figures are appended")
     _common.run(parser, report, argv, is_timing=True)
 
 

@@ -1,9 +1,9 @@
-"""Draw the pictures of docs/linkage.md.
+"""Draw the figures of docs/linkage.md.
 
     python benches/linkage_figure.py [FIGURES.json]
 
-draws two stages of complete linkage into docs/linkage-stages.svg and, given what
-``benches/linkage.py --json FIGURES.json`` has written, seconds over the number of points into
+draws two stages of complete linkage into docs/linkage-stages.svg. With the output of
+``benches/linkage.py --json FIGURES.json`` it also draws the run time over the number of points into
 docs/linkage-speed.svg.
 """
 
@@ -44,13 +44,13 @@ def draw_stages(folder):
         for a in range(before.max() + 1):
             for b in range(a):
                 one, other = points[before == a], points[before == b]
-                ways = np.linalg.norm(one[:, None] - other, axis=-1)
-                if ways.max() <= limit:
-                    p, q = np.unravel_index(ways.argmax(), ways.shape)
+                distances = np.linalg.norm(one[:, None] - other, axis=-1)
+                if distances.max() <= limit:
+                    p, q = np.unravel_index(distances.argmax(), distances.shape)
                     graph.plot(*np.stack([one[p], other[q]]).T, c="tab:orange", lw=0.9)
         for panel, labels in ((graph, before), (merged, after)):
             for label in range(labels.max() + 1):
-                ring(panel, points[labels == label])
+                draw_circle(panel, points[labels == label])
             panel.plot(*points.T, "k.", ms=4)
             panel.set(aspect="equal", xticks=[], yticks=[], xlim=(-1.6, 4.3), ylim=(-1.6, 3.7))
         before = after
@@ -58,8 +58,8 @@ def draw_stages(folder):
     figure.savefig(folder / "linkage-stages.svg", metadata={"Date": None})
 
 
-def ring(panel, members):
-    """Draw a circle around a cluster of two or more."""
+def draw_circle(panel, members):
+    """Draw a circle around a cluster of two or more points."""
     if len(members) > 1:
         centre = (members.min(axis=0) + members.max(axis=0)) / 2
         radius = np.linalg.norm(members - centre, axis=1).max() + 0.09
@@ -72,11 +72,11 @@ def draw_speed(rows, folder):
     axes = figure.subplots()
     colours = {"SciPy": "tab:red", "fastcluster": "tab:orange", "mograft": "tab:blue"}
     dashes = {"white": "-", "mixture": "--", "walk": ":"}
-    for who, colour in colours.items():
+    for library, colour in colours.items():
         for kind, dash in dashes.items():
-            line = {r["n"]: r["wall"] for r in rows if (r["who"], r["kind"]) == (who, kind)}
+            line = {r["n"]: r["wall"] for r in rows if (r["who"], r["kind"]) == (library, kind)}
             if line:
-                label = f"{who}, {kind}"
+                label = f"{library}, {kind}"
                 axes.loglog(*zip(*sorted(line.items()), strict=True), dash, c=colour, label=label)
     axes.set(xlabel="points of ten axes", ylabel="seconds for the tree, two processors")
     axes.grid(visible=True, alpha=0.3)

@@ -95,26 +95,27 @@ def write_usd(
 
     # The stage is in memory, so an interrupted call leaves no file.
     stage = Usd.Stage.CreateInMemory()
-    _define_stage(stage, motion)
-    layer = stage.GetRootLayer()
-    layer.customLayerData = {
-        "mograft": {
-            "metres_in_a_unit": scale,
-            "unit": unit,
-            "up_in_the_motion": "xyz"[up_axis(motion)],
-        }
+    metadata: dict[str, float | str] = {
+        "metres_in_a_unit": scale,
+        "unit": unit,
+        "up_in_the_motion": "xyz"[up_axis(motion)],
     }
+    _define_stage(stage, motion, metadata)
     _define_skeleton(stage, skeleton, scale, to_y_up)
     _define_animation(stage, motion, scale, to_y_up)
     _define_mesh(stage, bone_mesh(skeleton, scale, to_y_up), group_indices)
     with atomic_path(target) as draft:
-        if not layer.Export(str(draft)):
+        if not stage.GetRootLayer().Export(str(draft)):
             raise OSError(f"{target}: cannot be written")
     return scale
 
 
-def _define_stage(stage: Any, motion: Motion) -> None:  # noqa: ANN401 - pxr has no types
-    """Set units, axes and times, and define the figure that contains the other prims."""
+def _define_stage(
+    stage: Any,  # noqa: ANN401 - pxr has no types
+    motion: Motion,
+    metadata: dict[str, float | str],
+) -> None:
+    """Set units, axes, times and metadata, and define the figure that contains the other prims."""
     from pxr import UsdGeom, UsdSkel
 
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
@@ -123,6 +124,7 @@ def _define_stage(stage: Any, motion: Motion) -> None:  # noqa: ANN401 - pxr has
     stage.SetFramesPerSecond(motion.rate)
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(motion.n_frames - 1)
+    stage.GetRootLayer().customLayerData = {"mograft": metadata}
     figure = UsdSkel.Root.Define(stage, _FIGURE)
     stage.SetDefaultPrim(figure.GetPrim())
     figure.GetPrim().SetDisplayName(_to_usd_text(motion.name or "motion"))
