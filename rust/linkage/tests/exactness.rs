@@ -136,8 +136,8 @@ fn linkage_2500_points_is_same_for_all_tunings() {
 
 #[test]
 #[ignore = "takes minutes: cargo test --release -p mograft-linkage -- --ignored"]
-fn linkage_100000_points_is_same_for_all_tunings() {
-    assert_tunings_agree(100_000);
+fn linkage_20000_points_is_same_for_all_tunings() {
+    assert_tunings_agree(20_000);
 }
 
 #[test]
