@@ -128,7 +128,7 @@ class Trial:
     after: np.ndarray
 
     @classmethod
-    def run(cls, motion, step):
+    def run(cls, motion, step=1):
         library = mg.Library.build(motion)
         scenario = library.segments.of_clip(0)
         segments = library.segments[scenario]
@@ -195,7 +195,7 @@ def main(argv=None):
 def report(options):
     if options.tiny:
         with tempfile.TemporaryDirectory() as folder:
-            run(_common.tiny_motion(), Path(folder), step=3)
+            run(_common.tiny_motion(n_frames=150), Path(folder), step=3)
         return 0
     if options.files:
         motions = [mg.read_bvh(path) for path in options.files]

@@ -140,15 +140,15 @@ def speeds(repeats, n_segments=10_000, n_positions=900):
     print_times("collision, 30 candidates x 8 frames x 11 x 11 capsules", ours, theirs)
 
 
-def stream(n_dances=13, strides=4):
+def stream(n_dances=13, n_frames=None):
     """Time the decisions of a stream that receives frame by frame, on a library in a folder."""
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/dances.mograft"
-        mg.Library.build(
-            [dance(seed=seed, strides=strides).motion for seed in range(n_dances)]
-        ).save(path)
+        mg.Library.build([dance(seed=seed).motion[:n_frames] for seed in range(n_dances)]).save(
+            path
+        )
         library = mg.Library.open(path)
-        base = dance(seed=99, strides=strides).motion
+        base = dance(seed=99).motion[:n_frames]
         sphere = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0))
         print(f"\nstream on {library}\n{'':44} {'median':>9} {'99 %':>9} {'maximum':>9}")
         for name, constraints in (
@@ -336,11 +336,11 @@ def lead(paths, count=20):
 
 def report_tiny():
     speeds(repeats=1, n_segments=300, n_positions=30)
-    stream(n_dances=1, strides=1)
+    stream(n_dances=1, n_frames=240)
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / f"{seed}.bvh" for seed in (1, 2)]
         for seed, path in enumerate(paths):
-            mg.write_bvh(tiny_motion(seed), path)
+            mg.write_bvh(tiny_motion(seed, 120), path)
         gains(paths)
         reach(paths[:1], count=1)
         lead(paths[:1], count=1)

@@ -68,7 +68,7 @@ def make_pictures() -> None:
     for name, draw in drawings.items():
         draw().get_figure(root=True).savefig(MADE / f"{name}.png", dpi=110)
         pyplot.close("all")
-    collides = Trial.of(dance(seed=3, strides=1).motion)
+    collides = Trial.run(dance(seed=3, strides=1).motion)
     assert collides is not None
     collides.draw(MADE / "collision.png")
     mg.view(new.base[:900], new.motion[:900], title="A graft", show=False).save(

@@ -1,6 +1,7 @@
 """Skeletons for tests: from one line of text, or from the hierarchy of a recording."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -150,7 +151,8 @@ def read_hierarchy(path):
     """Return the skeleton of a valid BVH file, read independently of mograft."""
     names, parents, offsets, channels, sites, stack = [], [], [], [], [], []
     current = None
-    for line in Path(path).read_text(encoding="utf-8", errors="replace").splitlines():
+    text = Path(path).read_text(encoding="utf-8", errors="replace")
+    for line in text.partition("\nMOTION")[0].splitlines():
         words = line.split()
         head = words[0].upper() if words else ""
         if head in ("ROOT", "JOINT"):
@@ -177,6 +179,7 @@ def read_hierarchy(path):
     return Skeleton(names, parents, offsets, channels, tuple(sites))
 
 
+@cache
 def distinct_recordings():
     """Return one file per distinct hierarchy of the recordings; none if they are missing."""
     paths = {}
@@ -184,3 +187,12 @@ def distinct_recordings():
         skeleton = read_hierarchy(path)
         paths.setdefault((skeleton.names, tuple(skeleton.parents)), path)
     return sorted(paths.values())
+
+
+def mark_repeated_hierarchies(paths):
+    """Return test parameters for files; of each hierarchy, all but one need `--thorough`."""
+    firsts = set(distinct_recordings())
+    return [
+        path if path in firsts or path is None else pytest.param(path, marks=pytest.mark.thorough)
+        for path in paths
+    ]

@@ -1,8 +1,9 @@
-"""Hypothesis strategies for rotations and motions."""
+"""Hypothesis strategies for rotations and motions, and settings of slow tests."""
 
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
@@ -24,6 +25,12 @@ HOSTILE_NAMES = [
     "",
 ]
 """Names that break out of HTML, scripts or XML unless they are escaped."""
+
+
+def few_examples(count):
+    """Return the settings of a test with slow examples: `count` of them, all with --thorough."""
+    is_thorough = settings.default.max_examples > 100
+    return settings() if is_thorough else settings(max_examples=count)
 
 
 def vectors(shape, size=3.0):

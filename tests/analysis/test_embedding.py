@@ -29,7 +29,15 @@ from mograft.analysis.principal_components import pca as components_of
 from mograft.motion import rotations
 from tests.hierarchies import DATA
 from tests.oracles import analysis as oracle
-from tests.strategies import SEEDS, motions, quaternions, same_rotations, skeletons, wander
+from tests.strategies import (
+    SEEDS,
+    few_examples,
+    motions,
+    quaternions,
+    same_rotations,
+    skeletons,
+    wander,
+)
 
 ROBUST, PAPER = Config(), Config.paper()
 LONG = motions(min_frames=60, max_frames=150, min_joints=2)
@@ -79,6 +87,7 @@ def test_kernels_any_precision_and_joint_order_equal_numpy(seed, n, n_samples, n
         np.testing.assert_array_equal(matrix[:, vectors.shape[1] :], tail)
 
 
+@few_examples(20)
 @given(LONG, st.sampled_from((ROBUST, PAPER)))
 def test_features_equal_oracle(motion, config):
     segments = segment(motion, config)

@@ -12,7 +12,7 @@ from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.oracles.capsules import capsule_distances
-from tests.strategies import SEEDS, quaternions, skeletons, vectors, wander
+from tests.strategies import SEEDS, few_examples, quaternions, skeletons, vectors, wander
 
 ALL_PAIRS = np.array([(i, j) for i in range(3) for j in range(2)])
 
@@ -29,7 +29,7 @@ def bodies(seed, *, flat=False):
     return ends, rng.uniform(0, 0.3, 3), others, rng.uniform(0, 0.3, 2)
 
 
-def dense_points(capsule, n=400):
+def dense_points(capsule, n=300):
     share = np.linspace(0, 1, n)[:, None]
     return capsule[0] * (1 - share) + capsule[1] * share
 
@@ -49,7 +49,7 @@ def dense_clearance(ends, radii, others, other_radii, pairs):
     return np.array(found)
 
 
-@settings(max_examples=25, deadline=None)
+@few_examples(10)
 @given(SEEDS, st.booleans())
 def test_clearance_matches_dense_points(seed, flat):
     ends, radii, others, other_radii = bodies(seed, flat=flat)

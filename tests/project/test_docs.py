@@ -7,8 +7,11 @@ import inspect
 import io
 import re
 import shlex
+import shutil
 import subprocess
 import sys
+import tempfile
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +29,31 @@ FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 pytest.importorskip("matplotlib", reason="the examples draw with matplotlib").use("agg")
 
 
+def run_command(words):
+    """Return the output of a command that must succeed."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
+        assert main(words) == 0, words
+    return out.getvalue()
+
+
+@cache
+def make_demo(folder):
+    """Run the demo once for all pages; return its output and a temporary copy of its folder."""
+    output = run_command(["demo", "-o", folder])
+    copy = tempfile.TemporaryDirectory()
+    shutil.copytree(folder, copy.name, dirs_exist_ok=True)
+    return output, copy
+
+
+def run_demo(folder):
+    """Return the output of the demo, and copy its folder if another page has made it."""
+    output, copy = make_demo(folder)
+    if not Path(folder).exists():
+        shutil.copytree(copy.name, folder)
+    return output
+
+
 def run_console(text):
     """Run the commands of a block; compare their output with that in the block."""
     commands = re.split(r"^\$ ", text, flags=re.MULTILINE)
@@ -34,14 +62,10 @@ def run_console(text):
         command, _, expected_output = part.partition("\n")
         words = shlex.split(command)
         assert words[0] == "mograft", f"a console block must run mograft, got {words[0]}"
-        out = io.StringIO()
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
-            assert main(words[1:]) == 0, command
+        is_demo = words[1:3] == ["demo", "-o"] and len(words) == 4
+        output = run_demo(words[3]) if is_demo else run_command(words[1:])
         checker = doctest.OutputChecker()
-        assert checker.check_output(expected_output, out.getvalue(), FLAGS), (
-            command,
-            out.getvalue(),
-        )
+        assert checker.check_output(expected_output, output, FLAGS), (command, output)
 
 
 def run_python(text, names, page):
