@@ -151,7 +151,7 @@ class Config:
     >>> Config(sigma_scale=-1)
     Traceback (most recent call last):
     ...
-    ValueError: sigma_scale must be above 0, got -1
+    ValueError: `sigma_scale` must be above 0, got -1
     """
 
     smoothing: float = 2 * FRAME
@@ -195,32 +195,32 @@ class Config:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
                 raise ValueError(
-                    f"{name} must be a whole number of at least {minimum}, got {value!r}"
+                    f"`{name}` must be a whole number of at least {minimum}, got {value!r}"
                 )
         if not isinstance(self.keep_heading, bool):
-            raise ValueError(f"keep_heading must be True or False, got {self.keep_heading!r}")
+            raise ValueError(f"`keep_heading` must be True or False, got {self.keep_heading!r}")
         if self.sigma not in _NAMED_SIGMAS:
             if isinstance(self.sigma, str):
                 raise ValueError(
-                    f"sigma must be one of {_NAMED_SIGMAS} or a number, got {self.sigma!r}"
+                    f"`sigma` must be one of {_NAMED_SIGMAS} or a number, got {self.sigma!r}"
                 )
             self._check_number("sigma")
         for name in _POSITIVE + _NOT_NEGATIVE:
             self._check_number(name)
         if self.max_length < 2 * self.min_length:
             raise ValueError(
-                f"max_length must be at least twice min_length, {self.min_length:.4g} s, "
+                f"`max_length` must be at least twice min_length, {self.min_length:.4g} s, "
                 f"got {self.max_length:.4g}"
             )
 
     def _check_number(self, name: str) -> None:
         value = getattr(self, name)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{name} must be a number, got {value!r}")
+            raise ValueError(f"`{name}` must be a number, got {value!r}")
         if name not in _NOT_NEGATIVE and not value > 0:
-            raise ValueError(f"{name} must be above 0, got {value!r}")
+            raise ValueError(f"`{name}` must be above 0, got {value!r}")
         if not value >= 0:
-            raise ValueError(f"{name} must not be negative, got {value!r}")
+            raise ValueError(f"`{name}` must not be negative, got {value!r}")
 
     @classmethod
     def paper(cls, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value

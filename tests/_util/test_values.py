@@ -102,18 +102,18 @@ def test_config_invalid_value_raises_value_error_naming_field(name, value):
 @pytest.mark.parametrize(
     ("call", "arguments", "message"),
     [
-        (mg.segment, ["a.bvh"], "motion must be a Motion, got str"),
-        (mg.kinetic_energy, [None], "motion must be a Motion, got NoneType"),
-        (mg.mirror, ["a.bvh"], "motion must be a Motion, got str"),
-        (mg.find_faults, ["a.bvh"], "motion must be a Motion, got str"),
-        (mg.write_bvh, [3, "a.bvh"], "motion must be a Motion, got int"),
-        (mg.Avoid, [3], "obstacle must be an obstacle such as Sphere, Capsule or Box, got 3"),
-        (mg.KeepOut, ["Hips", None], "region must be an obstacle such as Sphere, Capsule or Box"),
-        (mg.Character, ["a.bvh"], "motion must be a Motion, got str"),
-        (mg.OnlyFrom, [3], "clips must be names, got 3"),
-        (mg.NotFrom, [["a", 3]], "clips must be names, got"),
-        (mg.MaxStretch, ["a"], "limit must be a number, got 'a'"),
-        (mg.Sphere, [(0, 0, 0), "a"], "radius must be a number, got 'a'"),
+        (mg.segment, ["a.bvh"], "`motion` must be a Motion, got str"),
+        (mg.kinetic_energy, [None], "`motion` must be a Motion, got NoneType"),
+        (mg.mirror, ["a.bvh"], "`motion` must be a Motion, got str"),
+        (mg.find_faults, ["a.bvh"], "`motion` must be a Motion, got str"),
+        (mg.write_bvh, [3, "a.bvh"], "`motion` must be a Motion, got int"),
+        (mg.Avoid, [3], "`obstacle` must be an obstacle such as Sphere, Capsule or Box, got 3"),
+        (mg.KeepOut, ["Hips", None], "`region` must be an obstacle such as Sphere, Capsule or Box"),
+        (mg.Character, ["a.bvh"], "`motion` must be a Motion, got str"),
+        (mg.OnlyFrom, [3], "`clips` must be names, got 3"),
+        (mg.NotFrom, [["a", 3]], "`clips` must be names, got"),
+        (mg.MaxStretch, ["a"], "`limit` must be a number, got 'a'"),
+        (mg.Sphere, [(0, 0, 0), "a"], "`radius` must be a number, got 'a'"),
     ],
     ids=lambda argument: getattr(argument, "__name__", ""),
 )
@@ -124,29 +124,33 @@ def test_public_functions_wrong_type_raises_type_error(call, arguments, message)
 
 def test_public_functions_invalid_collections_raise_type_error(library):
     motion = library.clips[0]
-    with pytest.raises(TypeError, match="library must be a Library, got Motion"):
+    with pytest.raises(TypeError, match="`library` must be a Library, got Motion"):
         mg.graft(motion)
     for base in (3, [motion]):
-        with pytest.raises(TypeError, match=r"base must be a Motion, got (int|list)"):
+        with pytest.raises(TypeError, match=r"`base` must be a Motion, got (int|list)"):
             mg.graft(library, base)
-    with pytest.raises(TypeError, match="constraints must be a list of constraints, got AvoidSelf"):
+    with pytest.raises(
+        TypeError, match="`constraints` must be a list of constraints, got AvoidSelf"
+    ):
         mg.graft(library, constraints=mg.AvoidSelf())
     for segment in (1.5, True, None, -1, np.int64(10**6)):
-        with pytest.raises(ValueError, match=f"segment must be 0 to .*, got {segment}"):
+        with pytest.raises(ValueError, match=f"`segment` must be 0 to .*, got {segment}"):
             library.candidates(segment, "upper")
     for feet in (mg.plant_feet, mg.foot_skate):
-        with pytest.raises(TypeError, match="motion must be a Motion, got int"):
+        with pytest.raises(TypeError, match="`motion` must be a Motion, got int"):
             feet(3)
-    with pytest.raises(TypeError, match="library must be a Library, got Motion"):
+    with pytest.raises(TypeError, match="`library` must be a Library, got Motion"):
         mg.Stream(motion)
-    with pytest.raises(TypeError, match="constraints must be a list of constraints, got AvoidSelf"):
+    with pytest.raises(
+        TypeError, match="`constraints` must be a list of constraints, got AvoidSelf"
+    ):
         mg.Stream(library, constraints=mg.AvoidSelf())
-    with pytest.raises(ValueError, match=r"horizon must be a whole number from 1, got 1\.5"):
+    with pytest.raises(ValueError, match=r"`horizon` must be a whole number from 1, got 1\.5"):
         mg.Stream(library, horizon=1.5)
     assert repr(mg.Stream(library, seed=np.int64(3))).endswith(", 0 segments committed)")
-    with pytest.raises(TypeError, match="swap must be a list of groups, got 'upper'"):
+    with pytest.raises(TypeError, match="`swap` must be a list of groups, got 'upper'"):
         mg.graft(library, swap="upper")
-    with pytest.raises(TypeError, match="target must be a path or a file object, got int"):
+    with pytest.raises(TypeError, match="`target` must be a path or a file object, got int"):
         mg.write_bvh(motion, 3)
 
 
@@ -155,20 +159,24 @@ def test_constraint_frames_must_be_ascending_pair(frames):
     if frames is None:
         assert mg.AvoidSelf(frames=None).frames is None
         return
-    with pytest.raises(ValueError, match="frames must be a first and a last frame, ascending"):
+    with pytest.raises(ValueError, match="`frames` must be a first and a last frame, ascending"):
         mg.AvoidSelf(frames=frames)
-    with pytest.raises(ValueError, match="clip_frames must be a first and a last frame, ascending"):
+    with pytest.raises(
+        ValueError, match="`clip_frames` must be a first and a last frame, ascending"
+    ):
         mg.OnlyFrom("a", clip_frames=frames)
 
 
 @pytest.mark.parametrize("frame", [-1, 1.5, True, "1"])
 def test_constraint_frame_must_be_integer(frame):
-    with pytest.raises(ValueError, match="frame must be a whole number from 0"):
+    with pytest.raises(ValueError, match="`frame` must be a whole number from 0"):
         mg.Reach("LeftHand", (0, 0, 0), frame)
 
 
 def test_linkage_ragged_rows_raise_value_error():
-    with pytest.raises(ValueError, match="points must be an array, got rows of different lengths"):
+    with pytest.raises(
+        ValueError, match="`points` must be an array, got rows of different lengths"
+    ):
         mg.linkage([[1.0, 2.0], [3.0]])
 
 
@@ -183,7 +191,7 @@ def test_resample_excessive_rate_raises_value_error(library, rate):
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_obstacle_non_finite_values_raise_value_error(library, value):
     for name in ("yaw", "delay"):
-        with pytest.raises(ValueError, match=f"{name} must be finite, got {value}"):
+        with pytest.raises(ValueError, match=f"`{name}` must be finite, got {value}"):
             mg.Character(library.clips[0], **{name: value})
-    with pytest.raises(ValueError, match=f"margin must be finite, got {value}"):
+    with pytest.raises(ValueError, match=f"`margin` must be finite, got {value}"):
         mg.Avoid(mg.Sphere((0, 0, 0), 1), margin=value)

@@ -309,7 +309,7 @@ def test_linkage_and_cut_up_to_two_points(n):
     if n:
         np.testing.assert_array_equal(mg.linkage(points), greedy(points))
     else:
-        with pytest.raises(ValueError, match="points must have shape"):
+        with pytest.raises(ValueError, match="`points` must have shape"):
             mg.linkage(points)
 
 
@@ -318,13 +318,15 @@ def test_linkage_non_finite_coordinate_raises_value_error(bad):
     points = np.zeros((4, 3))
     points[2, 1] = bad
     for refuse in (mg.linkage, lambda points: mg.cut(points, 1.0)):
-        with pytest.raises(ValueError, match=r"points must be finite, got -?(nan|inf) at \[2, 1\]"):
+        with pytest.raises(
+            ValueError, match=r"`points` must be finite, got -?(nan|inf) at \[2, 1\]"
+        ):
             refuse(points)
 
 
 @pytest.mark.parametrize("diameter", [-1.0, np.nan])
 def test_cut_negative_or_nan_diameter_raises_value_error(diameter):
-    with pytest.raises(ValueError, match="max_diameter must be 0 or more, got"):
+    with pytest.raises(ValueError, match="`max_diameter` must be 0 or more, got"):
         mg.cut([[0.0]], diameter)
 
 
@@ -346,14 +348,14 @@ def test_threshold_equals_deviation_from_mean_point():
         0.5 * np.sqrt(distances.mean())
     )
     assert mg.threshold(points, 2.5, scale=3.0) == 2.5
-    with pytest.raises(ValueError, match="kind must be 'rms', 'literal' or a number, got 'std'"):
+    with pytest.raises(ValueError, match="`kind` must be 'rms', 'literal' or a number, got 'std'"):
         mg.threshold(points, "std")
 
 
 @pytest.mark.parametrize(("name", "value"), [("threads", 0), ("memory_limit", -1)])
 def test_linkage_threads_or_memory_out_of_range_raises_value_error(name, value):
     for cluster in (mg.linkage, lambda points, **options: mg.cut(points, 1.0, **options)):
-        with pytest.raises(ValueError, match=f"{name} must be . or more, got {value}"):
+        with pytest.raises(ValueError, match=f"`{name}` must be . or more, got {value}"):
             cluster([[0.0], [1.0]], **{name: value})
 
 
@@ -385,9 +387,9 @@ def test_complete_linkage_default_and_conflicting_parameters():
     np.testing.assert_array_equal(labels, mg.cut(points, mg.threshold(points)))
     with pytest.raises(ValueError, match=r"must not both be given, got 1\.0 and 2"):
         mg.CompleteLinkage(1.0, n_clusters=2).fit(points)
-    with pytest.raises(ValueError, match="n_clusters must be 1 to n_samples = 60, got 61"):
+    with pytest.raises(ValueError, match="`n_clusters` must be 1 to n_samples = 60, got 61"):
         mg.CompleteLinkage(n_clusters=61).fit(points)
-    with pytest.raises(ValueError, match=r"params must be among max_diameter, .*, got 'linkage'"):
+    with pytest.raises(ValueError, match=r"`params` must be among max_diameter, .*, got 'linkage'"):
         mg.CompleteLinkage().set_params(linkage="complete")
     assert repr(mg.CompleteLinkage(n_clusters=3)) == "CompleteLinkage(n_clusters=3)"
 

@@ -227,13 +227,13 @@ def test_plant_feet_without_contacts_returns_same_motion(sample):
 
 def test_plant_feet_invalid_arguments_raise_value_error(sample):
     with pytest.raises(
-        ValueError, match=r"foot_contacts must have shape \(\d+, 2, 2\), got \(3, 2\)"
+        ValueError, match=r"`foot_contacts` must have shape \(\d+, 2, 2\), got \(3, 2\)"
     ):
         plant_feet(sample.motion, np.zeros((3, 2), bool))
-    with pytest.raises(ValueError, match="movable_legs must have 2 entries, got 1"):
+    with pytest.raises(ValueError, match="`movable_legs` must have 2 entries, got 1"):
         plant_feet(sample.motion, movable_legs=[True])
     with pytest.raises(
-        ValueError, match=r"min_heights must have shape \(\d+, 2, 2\), got \(3, 2\)"
+        ValueError, match=r"`min_heights` must have shape \(\d+, 2, 2\), got \(3, 2\)"
     ):
         plant_feet(sample.motion, min_heights=np.zeros((3, 2)))
     with pytest.raises(ValueError, match="`feet` must be one of"):

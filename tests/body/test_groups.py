@@ -252,12 +252,12 @@ def test_resolve_duplicate_names_show_index():
         ({"lower": ["a"]}, "lower", ValueError, "at least two entries, a base.*got \\['lower'\\]"),
         ({}, "lower", ValueError, "at least two entries"),
         ({"lower": ["a"], "upper": []}, "lower", ValueError, "'upper' must have at least one"),
-        ({"legs": ["a"], "arms": ["b"]}, "lower", ValueError, "base must be one of legs, arms"),
+        ({"legs": ["a"], "arms": ["b"]}, "lower", ValueError, "`base` must be one of legs, arms"),
         ({"lower": "Hips", "upper": ["b"]}, "lower", TypeError, "'lower' must be a list"),
         ({"lower": [1.5], "upper": ["b"]}, "lower", TypeError, "'lower' must contain names.*1.5"),
         ({"lower": [True], "upper": ["b"]}, "lower", TypeError, "must contain names"),
         ({1: ["a"], "lower": ["b"]}, "lower", TypeError, "group names must be str, got 1"),
-        (["a", "b"], "lower", TypeError, "groups must map names to joints"),
+        (["a", "b"], "lower", TypeError, "`groups` must map names to joints"),
     ],
 )
 def test_groups_invalid_arguments_raise(groups, base, error, message):
@@ -268,7 +268,7 @@ def test_groups_invalid_arguments_raise(groups, base, error, message):
 def test_groups_entry_types_are_checked():
     groups = JointGroups({"lower": np.array([0, 1]), "upper": [2]})
     assert groups.to_toml().count("    0,") == 1
-    with pytest.raises(TypeError, match=r"joint must be a name or an index, got \['Spine'\]"):
+    with pytest.raises(TypeError, match=r"`joint` must be a name or an index, got \['Spine'\]"):
         subtree(["Spine"])
 
 
@@ -283,8 +283,8 @@ def test_groups_entry_types_are_checked():
         ('[groups]\na = [1.5]\nlower = ["b"]\n', "group 'a' must contain names, indices or"),
         ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must contain names"),
         ('[groups]\na = [{subtree = true}]\nlower = ["b"]\n', "group 'a' must contain names"),
-        ('[groups]\nlower = ["b"]\n', "groups: groups must have at least two"),
-        ('base = 3\n[groups]\nlower = ["b"]\nupper = ["c"]\n', "base must be one of.*got 3"),
+        ('[groups]\nlower = ["b"]\n', "groups: `groups` must have at least two"),
+        ('base = 3\n[groups]\nlower = ["b"]\nupper = ["c"]\n', "`base` must be one of.*got 3"),
     ],
 )
 def test_from_toml_invalid_text_raises_value_error(text, message):
@@ -302,7 +302,7 @@ def test_from_toml_errors_name_the_file(tmp_path):
 
 
 def test_preset_unknown_name_raises_value_error():
-    with pytest.raises(ValueError, match=r"preset must be one of lower_upper.*got 'upper_lower'"):
+    with pytest.raises(ValueError, match=r"`preset` must be one of lower_upper.*got 'upper_lower'"):
         JointGroups.preset("upper_lower", human())
 
 

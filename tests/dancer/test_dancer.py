@@ -211,24 +211,24 @@ def test_takes_partition_the_dance():
 
 @pytest.mark.parametrize("n", [0, -1, 10**6])
 def test_takes_invalid_count_raises_value_error(n):
-    with pytest.raises(ValueError, match=rf"n must be 1 to \d+.*got {n}"):
+    with pytest.raises(ValueError, match=rf"`n` must be 1 to \d+.*got {n}"):
         placed_dance(0, 1).dance.takes(n)
 
 
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"rate": 0}, ValueError, "rate must be above 0.*got 0"),
-        ({"rate": -30.0}, ValueError, "rate must be above 0.*got -30"),
-        ({"rate": np.nan}, ValueError, "rate must be finite"),
-        ({"rate": "fast"}, TypeError, "rate must be real numbers"),
-        ({"strides": 0}, ValueError, "strides must be 1 or more, got 0"),
-        ({"strides": 1.5}, TypeError, "strides must be a whole number, got 1.5"),
-        ({"strides": True}, TypeError, "strides must be a whole number, got True"),
-        ({"seed": -1}, ValueError, "seed must be 0 or more, got -1"),
-        ({"seed": 0.5}, TypeError, "seed must be a whole number or a .*Generator, got 0.5"),
-        ({"seed": None}, TypeError, "seed must be a whole number or a .*Generator, got None"),
-        ({"seed": True}, TypeError, "seed must be a whole number or a .*Generator, got True"),
+        ({"rate": 0}, ValueError, "`rate` must be above 0.*got 0"),
+        ({"rate": -30.0}, ValueError, "`rate` must be above 0.*got -30"),
+        ({"rate": np.nan}, ValueError, "`rate` must be finite"),
+        ({"rate": "fast"}, TypeError, "`rate` must be real numbers"),
+        ({"strides": 0}, ValueError, "`strides` must be 1 or more, got 0"),
+        ({"strides": 1.5}, TypeError, "`strides` must be a whole number, got 1.5"),
+        ({"strides": True}, TypeError, "`strides` must be a whole number, got True"),
+        ({"seed": -1}, ValueError, "`seed` must be 0 or more, got -1"),
+        ({"seed": 0.5}, TypeError, "`seed` must be a whole number or a .*Generator, got 0.5"),
+        ({"seed": None}, TypeError, "`seed` must be a whole number or a .*Generator, got None"),
+        ({"seed": True}, TypeError, "`seed` must be a whole number or a .*Generator, got True"),
     ],
 )
 def test_dance_invalid_argument_raises_error_naming_it(arguments, error, message):

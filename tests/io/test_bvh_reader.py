@@ -122,7 +122,7 @@ def test_bvh_chain_deeper_than_recursion_limit_round_trips():
 
 
 def test_read_bvh_invalid_source_raises_error():
-    with pytest.raises(TypeError, match="source must be a path or a file object, got int"):
+    with pytest.raises(TypeError, match="`source` must be a path or a file object, got int"):
         mg.read_bvh(3)
     with pytest.raises(FileNotFoundError):
         mg.read_bvh("no/such/file.bvh")

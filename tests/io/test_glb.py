@@ -122,12 +122,12 @@ def test_write_glb_guesses_unit_from_height(motion, tmp_path, size, unit):
 
 
 def test_write_glb_invalid_argument_raises_value_error(motion, tmp_path):
-    with pytest.raises(ValueError, match="motions must hold at least one"):
+    with pytest.raises(ValueError, match="`motions` must hold at least one"):
         write_glb([], tmp_path / "m.glb")
     for scale in (0, -1, np.nan, np.inf):
-        with pytest.raises(ValueError, match="scale must be above 0"):
+        with pytest.raises(ValueError, match="`scale` must be above 0"):
             write_glb(motion, tmp_path / "m.glb", scale=scale)
-    with pytest.raises(ValueError, match="preset must be one of"):
+    with pytest.raises(ValueError, match="`preset` must be one of"):
         write_glb(motion, tmp_path / "m.glb", groups="wings")
     assert not list(tmp_path.iterdir())
 

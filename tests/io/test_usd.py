@@ -155,11 +155,11 @@ def test_write_usd_is_deterministic(motion, tmp_path, ending):
 
 
 def test_write_usd_invalid_argument_raises_error(motion, tmp_path):
-    with pytest.raises(ValueError, match=r"path must end in \.usd, \.usda, \.usdc, got m\.usdz"):
+    with pytest.raises(ValueError, match=r"`path` must end in \.usd, \.usda, \.usdc, got m\.usdz"):
         write_usd(motion, tmp_path / "m.usdz")
-    with pytest.raises(ValueError, match="scale must be above 0"):
+    with pytest.raises(ValueError, match="`scale` must be above 0"):
         write_usd(motion, tmp_path / "m.usd", scale=0)
-    with pytest.raises(ValueError, match="preset must be one of"):
+    with pytest.raises(ValueError, match="`preset` must be one of"):
         write_usd(motion, tmp_path / "m.usd", groups="wings")
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(FileNotFoundError, match=r"no such folder: '.*none'"):

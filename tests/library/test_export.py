@@ -35,5 +35,5 @@ def test_export_tables_hold_library_tables(stored_library, tmp_path, kind):
             if actual.dtype.kind == "U" and expected.dtype.kind == "b":
                 actual = actual == "True"
             np.testing.assert_array_equal(actual.astype(expected.dtype), expected)
-    with pytest.raises(ValueError, match="kind must be"):
+    with pytest.raises(ValueError, match="`kind` must be"):
         export_tables(stored_library, tmp_path / "x", "xlsx")

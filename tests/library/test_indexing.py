@@ -110,7 +110,7 @@ def test_index_frame_rates_override_file_rates(clip_folder, tmp_path):
     assert library.entries[1].rate_override == 15
     assert library.clips[1].duration == 2 * uncorrected.clips[1].duration
     assert library.clips[1].rate == pytest.approx(30)
-    with pytest.raises(ValueError, match="frame_rates must be above 0"):
+    with pytest.raises(ValueError, match="`frame_rates` must be above 0"):
         Library.index(folder, tmp_path / "no", frame_rates={"*": 0})
     assert not (tmp_path / "no").exists()
 

@@ -110,9 +110,9 @@ def test_build_other_hierarchy_raises_skeleton_mismatch(motion):
 
 
 def test_build_single_frame_or_no_clip_raises_value_error(motion):
-    with pytest.raises(ValueError, match="single must have at least 2 frames, got 1"):
+    with pytest.raises(ValueError, match="`single` must have at least 2 frames, got 1"):
         Library.build([motion, replace(motion[:1], name="single")])
-    with pytest.raises(ValueError, match="sources must hold at least one clip"):
+    with pytest.raises(ValueError, match="`sources` must hold at least one clip"):
         Library.build([])
 
 
@@ -175,7 +175,7 @@ def test_resolve_base_moved_copy_joins_the_same_clusters(motion, library):
     assert not extended.is_donor[new].any()
     assert library.resolve_base(motion)[1] == 0
     assert library.resolve_base("dance")[1] == 0
-    with pytest.raises(ValueError, match="base must be a clip, one of dance; got 'walk'"):
+    with pytest.raises(ValueError, match="`base` must be a clip, one of dance; got 'walk'"):
         library.resolve_base("walk")
 
 
@@ -215,7 +215,7 @@ def test_relabelled_changes_labels_only(library):
     assert wider.segments is library.segments
     back = wider.relabelled(library.config)
     np.testing.assert_array_equal(back.labels["lower"], library.labels["lower"])
-    with pytest.raises(ValueError, match=r"samples must be 10, .* the library was built; got 5"):
+    with pytest.raises(ValueError, match=r"`samples` must be 10, .* the library was built; got 5"):
         library.relabelled(replace(library.config, samples=5))
 
 
@@ -224,11 +224,11 @@ def test_candidates_list_reasons_and_check_arguments(library):
         candidates = library.candidates(segment, "upper")
         assert candidates.allowed[0].segment == segment
         assert all(candidate.refused for candidate in candidates.refused)
-    with pytest.raises(ValueError, match="group must not be the base group, 'lower'"):
+    with pytest.raises(ValueError, match="`group` must not be the base group, 'lower'"):
         library.candidates(0, "lower")
-    with pytest.raises(ValueError, match="group must be one of lower, upper, got 'tail'"):
+    with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'tail'"):
         library.candidates(0, "tail")
-    with pytest.raises(ValueError, match="segment must be 0 to"):
+    with pytest.raises(ValueError, match="`segment` must be 0 to"):
         library.candidates(99_999, "upper")
 
 

@@ -139,7 +139,7 @@ def test_motion_resample_keeps_duration_and_end_frames(motion, rate):
     [
         ([0.0], "shape"),
         ([0.0, 0.0], "strictly increase"),
-        ([0.0, np.inf], r"times must be finite, got inf at \[1\]"),
+        ([0.0, np.inf], r"`times` must be finite, got inf at \[1\]"),
     ],
 )
 @BOTH
@@ -154,8 +154,8 @@ def test_resample_invalid_frames_raise_value_error(curve, times, message):
     [
         (([0], [5], [3]), "segment 0 must lie within the clip"),
         (([0, 2], [1, 2], [3, 3]), "segment 1 must lie within the clip and span"),
-        (([-1], [1], [3]), "starts must not be negative, got -1"),
-        (([0], [1, 2], [3]), "stops must have shape"),
+        (([-1], [1], [3]), "`starts` must not be negative, got -1"),
+        (([0], [1, 2], [3]), "`stops` must have shape"),
     ],
 )
 def test_resample_segments_outside_clip_raise_value_error(bounds, message):

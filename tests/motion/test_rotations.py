@@ -130,14 +130,17 @@ def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reachin
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rotations.log([0, 0, 0, 2.0]), "rotations must be unit quaternions, got norm 2"),
-        (lambda: rotations.log([0, 0, 1.0]), r"rotations must have shape \(..., 4\), got \(3,\)"),
-        (lambda: rotations.exp([0, np.nan, 0]), r"vectors must be finite, got nan at \[1\]"),
-        (lambda: rotations.from_euler([1.0], "Q"), "order must consist of the letters X, Y and Z"),
-        (lambda: rotations.from_euler([1.0, 2.0], "X"), r"angles must have shape \(..., 1\)"),
+        (lambda: rotations.log([0, 0, 0, 2.0]), "`rotations` must be unit quaternions, got norm 2"),
+        (lambda: rotations.log([0, 0, 1.0]), r"`rotations` must have shape \(..., 4\), got \(3,\)"),
+        (lambda: rotations.exp([0, np.nan, 0]), r"`vectors` must be finite, got nan at \[1\]"),
+        (
+            lambda: rotations.from_euler([1.0], "Q"),
+            "`order` must consist of the letters X, Y and Z",
+        ),
+        (lambda: rotations.from_euler([1.0, 2.0], "X"), r"`angles` must have shape \(..., 1\)"),
         (
             lambda: rotations.to_euler([[0, 0, 0, 1.0]], "ZXZ"),
-            "order must consist of different letters",
+            "`order` must consist of different letters",
         ),
     ],
 )
@@ -148,5 +151,5 @@ def test_rotations_invalid_argument_raises_value_error(call, message):
 
 def test_rotations_of_strings_raise_type_error():
     for other in (["a", "b", "c"], [1j, 0, 0], np.zeros(3, "timedelta64[s]")):
-        with pytest.raises(TypeError, match="vectors must be real numbers"):
+        with pytest.raises(TypeError, match="`vectors` must be real numbers"):
             rotations.exp(other)

@@ -8,13 +8,13 @@ from mograft import Config
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"samples": 1}, "samples must be a whole number of at least 2, got 1"),
-        ({"sigma": "big"}, "sigma must be one of"),
-        ({"sigma": -1.0}, "sigma must be above 0"),
-        ({"min_length": 2.0}, "max_length must be at least twice min_length"),
-        ({"max_angle": float("nan")}, "max_angle must be above 0, got nan"),
+        ({"samples": 1}, "`samples` must be a whole number of at least 2, got 1"),
+        ({"sigma": "big"}, "`sigma` must be one of"),
+        ({"sigma": -1.0}, "`sigma` must be above 0"),
+        ({"min_length": 2.0}, "`max_length` must be at least twice min_length"),
+        ({"max_angle": float("nan")}, "`max_angle` must be above 0, got nan"),
         ({"seam": "glue"}, "`seam` must be one of"),
-        ({"smoothing": "a"}, "smoothing must be a number, got 'a'"),
+        ({"smoothing": "a"}, "`smoothing` must be a number, got 'a'"),
     ],
 )
 def test_config_invalid_parameter_raises_value_error(changes, message):

@@ -85,7 +85,7 @@ def test_mean_walking_speed_standing_segments_are_ignored(segments, more):
 
 
 def test_follow_invalid_path_raises_value_error(library):
-    with pytest.raises(ValueError, match="path must have at least two different points"):
+    with pytest.raises(ValueError, match="`path` must have at least two different points"):
         follow(library, [[1.0, 2.0], [1.0, 2.0]])
-    with pytest.raises(ValueError, match=r"path must have shape \(n_points, 2\)"):
+    with pytest.raises(ValueError, match=r"`path` must have shape \(n_points, 2\)"):
         follow(library, [[1.0, 2.0, 3.0]])

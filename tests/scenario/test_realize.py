@@ -111,18 +111,18 @@ def test_graft_one_minute_walk_root_is_no_faster_than_its_segments(name, library
 
 
 def test_scenario_invalid_arguments_raise_value_error():
-    with pytest.raises(ValueError, match="segments must hold at least one, got none"):
+    with pytest.raises(ValueError, match="`segments` must hold at least one, got none"):
         Scenario([])
-    with pytest.raises(ValueError, match="lengths must be at least 1, got 0"):
+    with pytest.raises(ValueError, match="`lengths` must be at least 1, got 0"):
         Scenario([1, 2], [3, 0])
 
 
 def test_graft_invalid_scenario_raises_value_error(library):
     n = len(library.segments)
     for scenario in ([0, n], Scenario([n])):
-        with pytest.raises(ValueError, match=f"scenario must .* 0 to {n - 1}, got {n}"):
+        with pytest.raises(ValueError, match=f"`scenario` must .* 0 to {n - 1}, got {n}"):
             graft(library, scenario=scenario)
-    with pytest.raises(ValueError, match="scenario must hold at least one segment, got none"):
+    with pytest.raises(ValueError, match="`scenario` must hold at least one segment, got none"):
         graft(library, scenario=[])
-    with pytest.raises(ValueError, match="base must not be given with a scenario"):
+    with pytest.raises(ValueError, match="`base` must not be given with a scenario"):
         graft(library, library.clips[0], scenario=[0, 1])

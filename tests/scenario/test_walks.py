@@ -127,32 +127,32 @@ def test_walk_long_duration_on_few_segments_uses_all_evenly(library):
 
 
 def test_walk_invalid_duration_raises_value_error(library):
-    with pytest.raises(ValueError, match="duration must be above 0 seconds, got 0"):
+    with pytest.raises(ValueError, match="`duration` must be above 0 seconds, got 0"):
         walk(library, 0)
     for endless in (np.inf, np.nan):
-        with pytest.raises(ValueError, match="duration must be finite"):
+        with pytest.raises(ValueError, match="`duration` must be finite"):
             walk(library, endless)
 
 
 def test_walk_seed_must_be_a_non_negative_integer(library):
-    with pytest.raises(ValueError, match=r"seed must be .*, got -1"):
+    with pytest.raises(ValueError, match=r"`seed` must be .*, got -1"):
         walk(library, 1.0, -1)
     assert len(walk(library, np.int64(1), np.int64(3))) > 0
 
 
 def test_fill_invalid_frames_raises_value_error(library):
-    too_many = r"frames must be at most \d+ with \d+ segments, got 1000000001"
+    too_many = r"`frames` must be at most \d+ with \d+ segments, got 1000000001"
     with pytest.raises(ValueError, match=too_many):
         fill(library, 10**9 + 1)
     for frames in (1, 2.5, True):
-        with pytest.raises(ValueError, match=f"frames must be .*, got {frames}"):
+        with pytest.raises(ValueError, match=f"`frames` must be .*, got {frames}"):
             fill(library, frames)
 
 
 def test_to_beats_invalid_beats_raises_value_error(library):
-    with pytest.raises(ValueError, match=r"frames must be at most \d+ with \d+ segments"):
+    with pytest.raises(ValueError, match=r"`frames` must be at most \d+ with \d+ segments"):
         to_beats(library, [0.0, 1.0, 1e9])
-    with pytest.raises(ValueError, match="beats must be at least 2 times in seconds, got 1"):
+    with pytest.raises(ValueError, match="`beats` must be at least 2 times in seconds, got 1"):
         to_beats(library, [0.0])
-    with pytest.raises(ValueError, match="beats must ascend, got 1 after 1"):
+    with pytest.raises(ValueError, match="`beats` must ascend, got 1 after 1"):
         to_beats(library, [0.0, 1.0, 1.0])

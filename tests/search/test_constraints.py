@@ -509,7 +509,7 @@ def test_custom_function_receives_every_pose(library):
     world = graft.motion.world_positions()[250:351, graft.motion.skeleton.index(HAND), 1]
     assert (world.max() <= 140.0) == (not graft.violations)
     wrong_shape = mg.Custom(lambda _: np.zeros(3), name="short")
-    with pytest.raises(ValueError, match="the result of short must have shape"):
+    with pytest.raises(ValueError, match="`result of short` must have shape"):
         mg.graft(library, constraints=[wrong_shape])
 
 
@@ -568,17 +568,20 @@ def test_report_lists_every_substitution(library):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: mg.Sphere((0, 0, 0), -1), "radius must not be negative, got -1"),
-        (lambda: mg.Sphere((0, 0), 1), "center must have shape"),
-        (lambda: mg.Box((0, 0, 0), (1, 1, 1), (0, 0, 0, 2)), "rotation must be a unit quaternion"),
-        (lambda: mg.HalfSpace((0, 0, 0), (0, 0, 0)), "normal must not be zero"),
-        (lambda: mg.Avoid(mg.Sphere((0, 0, 0), 1), tolerance=0), "tolerance must be above 0"),
-        (lambda: mg.Reach(HAND, (0, 0, 0), -1), "frame must be a whole number from 0, got -1"),
-        (lambda: mg.NotFrom("a", weight=-1), "weight must not be negative, got -1"),
+        (lambda: mg.Sphere((0, 0, 0), -1), "`radius` must not be negative, got -1"),
+        (lambda: mg.Sphere((0, 0), 1), "`center` must have shape"),
+        (
+            lambda: mg.Box((0, 0, 0), (1, 1, 1), (0, 0, 0, 2)),
+            "`rotation` must be a unit quaternion",
+        ),
+        (lambda: mg.HalfSpace((0, 0, 0), (0, 0, 0)), "`normal` must not be zero"),
+        (lambda: mg.Avoid(mg.Sphere((0, 0, 0), 1), tolerance=0), "`tolerance` must be above 0"),
+        (lambda: mg.Reach(HAND, (0, 0, 0), -1), "`frame` must be a whole number from 0, got -1"),
+        (lambda: mg.NotFrom("a", weight=-1), "`weight` must not be negative, got -1"),
         (lambda: mg.NotFrom(), "clips or tags must select clips, got neither"),
         (
             lambda: mg.KeepOriginal(frames=(5, 2)),
-            "frames must be a first and a last frame, ascending",
+            "`frames` must be a first and a last frame, ascending",
         ),
         (lambda: mg.MaxAngle(0.1, weight=1.0), "MaxAngle accepts neither weight nor frames"),
     ],
@@ -591,10 +594,10 @@ def test_constraint_invalid_arguments_raise(make, message):
 @pytest.mark.parametrize(
     ("constraint", "error", "message"),
     [
-        ("no constraint", TypeError, "constraints must be mograft constraints, got 'no"),
+        ("no constraint", TypeError, "`constraints` must be mograft constraints, got 'no"),
         (mg.Reach("Wing", (0, 0, 0), 5), ValueError, "no joint is named 'Wing'"),
         (mg.Reach(HAND, (0, 0, 0), 99_999), ValueError, "frames of Reach must be within 0 to"),
-        (mg.NotFrom("waltz*"), ValueError, r"clips must match names of .*; got 'waltz\*'"),
+        (mg.NotFrom("waltz*"), ValueError, r"`clips` must match names of .*; got 'waltz\*'"),
         (mg.OnlyFrom(tags="happy"), ValueError, "tags exist on no clip; got 'happy'"),
     ],
 )

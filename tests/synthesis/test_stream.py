@@ -410,11 +410,11 @@ def test_stream_long_base_holds_limited_frames(library):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"horizon": 0}, ValueError, "horizon must be a whole number from 1, got 0"),
-        ({"seed": -1}, ValueError, "seed must be a whole number from 0, got -1"),
-        ({"swap": ["lower"]}, ValueError, "swap must name groups other than the base 'lower'"),
-        ({"constraints": ["none"]}, TypeError, "constraints must be mograft constraints, got 'n"),
-        ({"constraints": [mg.NotFrom("waltz")]}, ValueError, "clips must match names of clip0, "),
+        ({"horizon": 0}, ValueError, "`horizon` must be a whole number from 1, got 0"),
+        ({"seed": -1}, ValueError, "`seed` must be a whole number from 0, got -1"),
+        ({"swap": ["lower"]}, ValueError, "`swap` must name groups other than the base 'lower'"),
+        ({"constraints": ["none"]}, TypeError, "`constraints` must be mograft constraints, got 'n"),
+        ({"constraints": [mg.NotFrom("waltz")]}, ValueError, "`clips` must match names of clip0, "),
         ({"constraints": [mg.Reach("Wing", (0, 0, 0), 5)]}, ValueError, "no joint is named 'Wing'"),
     ],
 )
@@ -435,7 +435,7 @@ def test_stream_close_below_two_frames_raises_value_error(library, base):
     stream.close()
     assert join_pieces(stream.pieces()).n_frames == 2
     assert stream.advance() is None
-    with pytest.raises(ValueError, match="frames must be pushed before the stream is closed"):
+    with pytest.raises(ValueError, match="`frames` must be pushed before the stream is closed"):
         stream.push(base[2:4])
 
 
@@ -445,7 +445,7 @@ def test_stream_push_of_other_rate_or_skeleton_raises_error(library, base):
         stream.push(base[::2])
     stream.push(base[:1])
     longer = replace(base.skeleton, offsets=base.skeleton.offsets * 2)
-    with pytest.raises(ValueError, match="frames must all have the same skeleton"):
+    with pytest.raises(ValueError, match="`frames` must all have the same skeleton"):
         stream.push(replace(base, skeleton=longer))
     odd = mg.Motion(mg.Skeleton(["a"], [-1], [[0, 0, 0]]), 1 / 30, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
     with pytest.raises(mg.SkeletonMismatchError):

@@ -111,9 +111,9 @@ def test_report_hostile_names_remain_text(name):
 
 
 def test_report_wrong_number_of_grafts_or_files_raises_value_error(grafts):
-    with pytest.raises(ValueError, match="grafts must contain at least one"):
+    with pytest.raises(ValueError, match="`grafts` must contain at least one"):
         report_page([])
-    with pytest.raises(ValueError, match="files must be given for 2 grafts, got 1"):
+    with pytest.raises(ValueError, match="`files` must be given for 2 grafts, got 1"):
         report_page(grafts, [None])
 
 

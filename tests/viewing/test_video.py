@@ -130,20 +130,20 @@ def test_write_video_hostile_names_succeed(tmp_path, name):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"size": (161, 120)}, "size must be even numbers from 64 to 4096, got 161x120"),
-        ({"size": (62, 120)}, "size must be even numbers"),
-        ({"rate": 0}, r"rate must be above 0 and at most 50 for \.gif, got 0"),
-        ({"rate": 51}, "rate must be above 0 and at most 50"),
-        ({"rate": np.nan}, "rate must be above 0"),
-        ({"groups": "wings"}, "preset must be one of"),
+        ({"size": (161, 120)}, "`size` must be even numbers from 64 to 4096, got 161x120"),
+        ({"size": (62, 120)}, "`size` must be even numbers"),
+        ({"rate": 0}, r"`rate` must be above 0 and at most 50 for \.gif, got 0"),
+        ({"rate": 51}, "`rate` must be above 0 and at most 50"),
+        ({"rate": np.nan}, "`rate` must be above 0"),
+        ({"groups": "wings"}, "`preset` must be one of"),
     ],
 )
 def test_write_video_invalid_arguments_raise_value_error(motion, tmp_path, options, message):
     with pytest.raises(ValueError, match=message):
         write_video(motion, tmp_path / "m.gif", **options)
-    with pytest.raises(ValueError, match="motions must contain at least one"):
+    with pytest.raises(ValueError, match="`motions` must contain at least one"):
         write_video([], tmp_path / "m.gif")
-    with pytest.raises(ValueError, match=r"path must end in \.mp4 or \.gif, got m\.avi"):
+    with pytest.raises(ValueError, match=r"`path` must end in \.mp4 or \.gif, got m\.avi"):
         write_video(motion, tmp_path / "m.avi")
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(FileNotFoundError):

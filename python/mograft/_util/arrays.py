@@ -40,7 +40,7 @@ def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> Fl
     finite = np.isfinite(array)
     if not finite.all():
         place = tuple(int(i) for i in np.argwhere(~finite)[0])
-        raise ValueError(f"{name} must be finite, got {array[place]} at {list(place)}")
+        raise ValueError(f"`{name}` must be finite, got {array[place]} at {list(place)}")
     return array
 
 
@@ -65,14 +65,14 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
     quats = _as_array(name, value, None if shape is None else (*shape, 4))
     if quats.shape[-1:] != (4,):
         as_floats(name, quats)
-        raise ValueError(f"{name} must have shape (..., 4), got {quats.shape}")
+        raise ValueError(f"`{name}` must have shape (..., 4), got {quats.shape}")
     # A norm within 1e-6 of 1 has a square within 2e-6 of 1. Non-finite values fail the test.
     unit = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
     if not unit.all():
         as_floats(name, quats)
         place = tuple(int(i) for i in np.argwhere(~unit)[0])
         norm = np.linalg.norm(quats[place])
-        raise ValueError(f"{name} must be unit quaternions, got norm {norm:.6g} at {list(place)}")
+        raise ValueError(f"`{name}` must be unit quaternions, got norm {norm:.6g} at {list(place)}")
     return quats
 
 
@@ -96,7 +96,7 @@ def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> F
     """
     vectors = as_floats(name, value, None if shape is None else (*shape, 3))
     if vectors.shape[-1:] != (3,):
-        raise ValueError(f"{name} must have shape (..., 3), got {vectors.shape}")
+        raise ValueError(f"`{name}` must have shape (..., 3), got {vectors.shape}")
     return vectors
 
 
@@ -122,7 +122,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
     """
     array = np.asarray(value, order="C")
     if array.size and array.dtype.kind not in "iu":
-        raise TypeError(f"{name} must be whole numbers, got {array.dtype}")
+        raise TypeError(f"`{name}` must be whole numbers, got {array.dtype}")
     indices = array.astype(np.int64, copy=False)
     _check_shape(name, indices.shape, shape)
     return indices
@@ -145,9 +145,9 @@ def _as_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> FloatArra
     try:
         array = np.asarray(value)
     except ValueError:
-        raise ValueError(f"{name} must be an array, got rows of different lengths") from None
+        raise ValueError(f"`{name}` must be an array, got rows of different lengths") from None
     if array.size and array.dtype.kind not in "fiu":
-        raise TypeError(f"{name} must be real numbers, got {array.dtype}")
+        raise TypeError(f"`{name}` must be real numbers, got {array.dtype}")
     floats = np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
     _check_shape(name, floats.shape, shape)
     return floats
@@ -161,4 +161,4 @@ def _check_shape(name: str, got: tuple[int, ...], shape: Shape | None) -> None:
     )
     if not agree:
         wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
-        raise ValueError(f"{name} must have shape ({wanted}), got {got}")
+        raise ValueError(f"`{name}` must have shape ({wanted}), got {got}")

@@ -16,14 +16,14 @@ def is_integer(value: object) -> TypeGuard[int]:
 def as_integer(name: str, value: object, minimum: int = 0) -> int:
     """Return an integer of Python or NumPy as a Python int; raise ValueError otherwise."""
     if not is_integer(value) or value < minimum:
-        raise ValueError(f"{name} must be a whole number from {minimum}, got {value!r}")
+        raise ValueError(f"`{name}` must be a whole number from {minimum}, got {value!r}")
     return int(value)
 
 
 def check_type(name: str, value: object, kind: type) -> None:
     """Raise TypeError unless `value` is an instance of `kind`."""
     if not isinstance(value, kind):
-        raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
+        raise TypeError(f"`{name}` must be a {kind.__name__}, got {type(value).__name__}")
 
 
 def coerce_vector(owner: object, name: str) -> None:
@@ -35,19 +35,19 @@ def coerce_vector(owner: object, name: str) -> None:
 def check_positive(owner: object, name: str) -> None:
     """Raise ValueError unless a field is a number above 0."""
     if not _number(owner, name) > 0:
-        raise ValueError(f"{name} must be above 0, got {getattr(owner, name)}")
+        raise ValueError(f"`{name}` must be above 0, got {getattr(owner, name)}")
 
 
 def check_not_negative(owner: object, name: str) -> None:
     """Raise ValueError unless a field is a number of at least 0."""
     if not _number(owner, name) >= 0:
-        raise ValueError(f"{name} must not be negative, got {getattr(owner, name)}")
+        raise ValueError(f"`{name}` must not be negative, got {getattr(owner, name)}")
 
 
 def check_finite(owner: object, name: str) -> None:
     """Raise ValueError unless a field is a finite number."""
     if not math.isfinite(_number(owner, name)):
-        raise ValueError(f"{name} must be finite, got {getattr(owner, name)}")
+        raise ValueError(f"`{name}` must be finite, got {getattr(owner, name)}")
 
 
 def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
@@ -62,5 +62,5 @@ def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever t
 def _number(owner: object, name: str) -> float:
     value: float = python_scalar(owner, name)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"{name} must be a number, got {value!r}")
+        raise TypeError(f"`{name}` must be a number, got {value!r}")
     return value

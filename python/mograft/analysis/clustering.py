@@ -136,7 +136,7 @@ def cut(
     """
     diameter = float(max_diameter)
     if not diameter >= 0.0:
-        raise ValueError(f"max_diameter must be 0 or more, got {max_diameter}")
+        raise ValueError(f"`max_diameter` must be 0 or more, got {max_diameter}")
     memory = _MATRIX_BYTES if memory_limit is None else _as_count("memory_limit", memory_limit, 0)
     array = _as_points(points, min_points=0)
     return _core.cut(array, diameter, _as_threads(threads), memory, progress)
@@ -239,7 +239,7 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
         _check_amount("kind", kind)
         return float(kind)
     if kind not in ("rms", "literal"):
-        raise ValueError(f"kind must be 'rms', 'literal' or a number, got {kind!r}")
+        raise ValueError(f"`kind` must be 'rms', 'literal' or a number, got {kind!r}")
     cloud = _as_points(points)
     squared = np.square(cloud - cloud.mean(axis=0)).sum(axis=1)
     return float(scale * np.sqrt(np.mean(squared if kind == "rms" else np.sqrt(squared))))
@@ -323,7 +323,7 @@ class CompleteLinkage:
         for name, value in params.items():
             if name not in self.get_params():
                 known = ", ".join(self.get_params())
-                raise ValueError(f"params must be among {known}, got {name!r}")
+                raise ValueError(f"`params` must be among {known}, got {name!r}")
             setattr(self, name, value)
         return self
 
@@ -356,7 +356,7 @@ class CompleteLinkage:
         points = _as_samples(X)
         n = len(points)
         if self.n_clusters is not None and not 1 <= self.n_clusters <= n:
-            raise ValueError(f"n_clusters must be 1 to n_samples = {n}, got {self.n_clusters}")
+            raise ValueError(f"`n_clusters` must be 1 to n_samples = {n}, got {self.n_clusters}")
         tree = linkage(points, threads=self.threads)
         if self.n_clusters is not None:
             n_merges = n - self.n_clusters
@@ -420,7 +420,7 @@ def _as_points(points: npt.ArrayLike, min_points: int = 1) -> FloatArray:
     array = as_floats("points", points, ("n", "n_axes"))
     if array.shape[0] < min_points or array.shape[1] < 1:
         raise ValueError(
-            f"points must have shape (n >= {min_points}, n_axes >= 1), got {array.shape}"
+            f"`points` must have shape (n >= {min_points}, n_axes >= 1), got {array.shape}"
         )
     return array
 
@@ -432,10 +432,10 @@ def _as_threads(threads: int | None) -> int:
 def _as_count(name: str, value: int, minimum: int) -> int:
     count = operator.index(value)
     if count < minimum:
-        raise ValueError(f"{name} must be {minimum} or more, got {value}")
+        raise ValueError(f"`{name}` must be {minimum} or more, got {value}")
     return count
 
 
 def _check_amount(name: str, value: float) -> None:
     if not 0.0 <= value < np.inf:
-        raise ValueError(f"{name} must be a finite number of at least 0, got {value}")
+        raise ValueError(f"`{name}` must be a finite number of at least 0, got {value}")

@@ -112,7 +112,7 @@ def plant_feet(
     legs = find_legs(motion.skeleton)
     contacts, movable = _checked_arguments(motion, len(legs), foot_contacts, movable_legs)
     if min_heights is not None and min_heights.shape != contacts.shape:
-        raise ValueError(f"min_heights must have shape {contacts.shape}, got {min_heights.shape}")
+        raise ValueError(f"`min_heights` must have shape {contacts.shape}, got {min_heights.shape}")
     ground = Ground.of(motion if floor_reference is None else floor_reference)
     skate_before = skating_share(motion, ground)
     if (min_heights is None and not contacts.any()) or not movable.any():
@@ -186,10 +186,10 @@ def _checked_arguments(
     contacts = detect_contacts(motion) if foot_contacts is None else np.asarray(foot_contacts, bool)
     expected = (motion.n_frames, n_legs, 2)
     if contacts.shape != expected:
-        raise ValueError(f"foot_contacts must have shape {expected}, got {contacts.shape}")
+        raise ValueError(f"`foot_contacts` must have shape {expected}, got {contacts.shape}")
     movable = np.ones(n_legs, bool) if movable_legs is None else np.array(movable_legs, bool)
     if len(movable) != n_legs:
-        raise ValueError(f"movable_legs must have {n_legs} entries, got {len(movable)}")
+        raise ValueError(f"`movable_legs` must have {n_legs} entries, got {len(movable)}")
     return contacts, movable
 
 

@@ -132,7 +132,7 @@ def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Ca
     changed = {} if radii is None else dict(radii)
     for part, radius in changed.items():
         if part not in RADII:
-            raise ValueError(f"radii must have keys of {', '.join(RADII)}, got {part!r}")
+            raise ValueError(f"`radii` must have keys of {', '.join(RADII)}, got {part!r}")
         if not radius >= 0:
             raise ValueError(f"the radius of {part!r} must not be negative, got {radius}")
     radius_of_part = {**RADII, **changed}

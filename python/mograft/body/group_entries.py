@@ -40,7 +40,7 @@ def subtree(joint: str | int) -> Subtree:
     JointGroups(lower: Hips subtree('*UpLeg'); upper: subtree('Spine'); base lower)
     """
     if not isinstance(joint, str | int) or isinstance(joint, bool):
-        raise TypeError(f"joint must be a name or an index, got {joint!r}")
+        raise TypeError(f"`joint` must be a name or an index, got {joint!r}")
     return Subtree(joint)
 
 

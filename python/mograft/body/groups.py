@@ -74,7 +74,7 @@ class JointGroups:
 
     def __post_init__(self) -> None:
         if not isinstance(self.groups, Mapping):
-            raise TypeError(f"groups must map names to joints, got {self.groups!r}")
+            raise TypeError(f"`groups` must map names to joints, got {self.groups!r}")
         groups = {}
         for name, entries in self.groups.items():
             if not isinstance(name, str):
@@ -92,11 +92,11 @@ class JointGroups:
             groups[name] = checked
         if len(groups) < 2:
             raise ValueError(
-                f"groups must have at least two entries, a base and one to exchange, "
+                f"`groups` must have at least two entries, a base and one to exchange, "
                 f"got {list(groups)}"
             )
         if self.base not in groups:
-            raise ValueError(f"base must be one of {', '.join(groups)}, got {self.base!r}")
+            raise ValueError(f"`base` must be one of {', '.join(groups)}, got {self.base!r}")
         object.__setattr__(self, "groups", groups)
 
     def __repr__(self) -> str:
@@ -146,7 +146,7 @@ class JointGroups:
         JointGroups(lower: Hips LeftHip RightHip; upper: Chest Head; base lower)
         """
         if name not in PRESETS:
-            raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {name!r}")
+            raise ValueError(f"`preset` must be one of {', '.join(PRESETS)}, got {name!r}")
         found: dict[str, list[int]] = {group: [] for group in PRESETS[name]}
         for joint, group in enumerate(_assign(skeleton, PRESETS[name])):
             found[group].append(joint)

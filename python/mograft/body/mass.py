@@ -155,7 +155,7 @@ def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
     169
     """
     if sex not in COLUMNS_OF_SEX:
-        raise ValueError(f"sex must be one of {', '.join(COLUMNS_OF_SEX)}, got {sex!r}")
+        raise ValueError(f"`sex` must be one of {', '.join(COLUMNS_OF_SEX)}, got {sex!r}")
     return _cached_mass_model(_SkeletonKey.of(skeleton), sex)
 
 
@@ -243,7 +243,7 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -
     array([1., 1., 0.])
     """
     if kind not in ("own", "subtree", "unit"):
-        raise ValueError(f"kind must be 'own', 'subtree' or 'unit', got {kind!r}")
+        raise ValueError(f"`kind` must be 'own', 'subtree' or 'unit', got {kind!r}")
     if kind == "own":
         return body.inertia
     lengths = np.linalg.norm(body.bone, axis=1)

@@ -97,7 +97,7 @@ class Dance:
             If `n` is below 1 or above the number of frames.
         """
         if not 1 <= n <= len(self):
-            raise ValueError(f"n must be 1 to {len(self)}, the number of frames, got {n}")
+            raise ValueError(f"`n` must be 1 to {len(self)}, the number of frames, got {n}")
         bounds = np.linspace(0, len(self), n + 1).round().astype(int)
         clips = [self[start:stop] for start, stop in pairwise(bounds)]
         return tuple(
@@ -144,11 +144,11 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     generator = _generator(seed)
     frames_per_second = float(as_floats("rate", rate, ()))
     if frames_per_second <= 0:
-        raise ValueError(f"rate must be above 0 frames per second, got {frames_per_second}")
+        raise ValueError(f"`rate` must be above 0 frames per second, got {frames_per_second}")
     if isinstance(strides, bool) or not isinstance(strides, int | np.integer):
-        raise TypeError(f"strides must be a whole number, got {strides!r}")
+        raise TypeError(f"`strides` must be a whole number, got {strides!r}")
     if strides < 1:
-        raise ValueError(f"strides must be 1 or more, got {strides}")
+        raise ValueError(f"`strides` must be 1 or more, got {strides}")
 
     plan = make_plan(generator, int(strides))
     clock = make_clock(plan, frames_per_second)
@@ -185,7 +185,7 @@ def _generator(seed: int | np.random.Generator) -> np.random.Generator:
     if isinstance(seed, np.random.Generator):
         return seed
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
-        raise TypeError(f"seed must be a whole number or a numpy.random.Generator, got {seed!r}")
+        raise TypeError(f"`seed` must be a whole number or a numpy.random.Generator, got {seed!r}")
     if seed < 0:
-        raise ValueError(f"seed must be 0 or more, got {seed}")
+        raise ValueError(f"`seed` must be 0 or more, got {seed}")
     return np.random.default_rng(int(seed))

@@ -81,7 +81,7 @@ def write_glb(
     """
     clips = [motions] if isinstance(motions, Motion) else list(motions)
     if not clips:
-        raise ValueError("motions must hold at least one motion, got none")
+        raise ValueError("`motions` must hold at least one motion, got none")
     first = clips[0]
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")

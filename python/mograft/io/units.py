@@ -66,7 +66,7 @@ def metres_per_unit(skeleton: Skeleton, scale: float | None) -> tuple[float, str
         unit = guess_unit(skeleton)
         return UNITS[unit], unit
     if not (np.isfinite(scale) and scale > 0):
-        raise ValueError(f"scale must be above 0 metres per unit, got {scale}")
+        raise ValueError(f"`scale` must be above 0 metres per unit, got {scale}")
     return float(scale), "given"
 
 

@@ -81,7 +81,7 @@ def write_usd(
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"path must end in {', '.join(SUFFIXES)}, got {target.name}")
+        raise ValueError(f"`path` must end in {', '.join(SUFFIXES)}, got {target.name}")
     try:
         from pxr import Usd
     except ImportError as error:

@@ -124,4 +124,4 @@ class LibraryData:
 
 def _check_group(group: str, groups: Mapping[str, object]) -> None:
     if group not in groups:
-        raise ValueError(f"group must be one of {', '.join(groups)}, got {group!r}")
+        raise ValueError(f"`group` must be one of {', '.join(groups)}, got {group!r}")

@@ -101,7 +101,7 @@ class DerivableLibrary(LibraryData):
         if isinstance(base, str):
             names = [info.name for info in self.entries]
             if base not in names:
-                raise ValueError(f"base must be a clip, one of {join_names(names)}; got {base!r}")
+                raise ValueError(f"`base` must be a clip, one of {join_names(names)}; got {base!r}")
             return self, names.index(base)
         check_type("base", base, Motion)
         self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
@@ -155,7 +155,7 @@ def _relabel(library: L, config: Config) -> L:
     for name in _BUILD_FIELDS:
         if getattr(config, name) != getattr(library.config, name):
             raise ValueError(
-                f"{name} must be {getattr(library.config, name)!r}, the value with which the "
+                f"`{name}` must be {getattr(library.config, name)!r}, the value with which the "
                 f"library was built; got {getattr(config, name)!r}"
             )
     current = library.config

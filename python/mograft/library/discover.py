@@ -77,7 +77,7 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
     for source in several:
         clips += [FoundClip(source)] if isinstance(source, Motion) else _find_files(fspath(source))
     if not clips:
-        raise ValueError("sources must hold at least one clip, got none")
+        raise ValueError("`sources` must hold at least one clip, got none")
     return clips
 
 
@@ -107,7 +107,7 @@ def sort_by_path(clips: Sequence[FoundClip], folder: Path) -> dict[tuple[str, ..
     for clip in clips:
         if isinstance(clip.source, Motion):
             raise TypeError(
-                "sources must be files, got a Motion: use Library.build and Library.save"
+                "`sources` must be files, got a Motion: use Library.build and Library.save"
             )
         by_path[relative_path(clip.source, folder).parts] = clip
     return {path: by_path[path] for path in sorted(by_path)}

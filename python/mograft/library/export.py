@@ -96,7 +96,7 @@ def export_tables(
         If `kind` is another one.
     """
     if kind not in ("parquet", "csv", "npz"):
-        raise ValueError(f"kind must be 'parquet', 'csv' or 'npz', got {kind!r}")
+        raise ValueError(f"`kind` must be 'parquet', 'csv' or 'npz', got {kind!r}")
     tables = library_tables(library)
     target = Path(path)
     with _replace_when_complete(target) as draft:

@@ -124,7 +124,7 @@ class GenerationWriter:
     def write_clip(self, clip: IngestedClip) -> ClipLocation:
         """Write the packed motion, the samples and the boundary states of a clip."""
         if not isinstance(clip.clip, PackedMotion):
-            raise TypeError("clip must be packed")
+            raise TypeError("`clip` must be packed")
         samples = self._writers.get(f"samples-{self._generation}")
         location = self.write_frames(clip.clip, 0 if samples is None else samples.n_rows)
         self.write_samples(clip.samples)

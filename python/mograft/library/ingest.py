@@ -234,7 +234,7 @@ def _read(task: IngestTask) -> tuple[IngestTask, Motion]:
         source = read_bvh(source)
         task = replace(task, source=source, source_file=source_file, as_read=True)
     if source.n_frames < 2:
-        raise ValueError(f"{label} must have at least 2 frames, got 1")
+        raise ValueError(f"`{label}` must have at least 2 frames, got 1")
     rate = task.rate_override
     return task, source if rate is None else replace(source, frame_time=1.0 / rate)
 

@@ -172,7 +172,7 @@ class IngestRun:
         """Return a clip to ingest, with its rate if `frame_rates` gives one."""
         rates = matching_values(self.frame_rates, found)
         if rates and not 0 < rates[-1] < float("inf"):
-            raise ValueError(f"frame_rates must be above 0 frames per second, got {rates[-1]}")
+            raise ValueError(f"`frame_rates` must be above 0 frames per second, got {rates[-1]}")
         return PendingClip(order, found, float(rates[-1]) if rates else None)
 
     def ingest_and_choose_spec(

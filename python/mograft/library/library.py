@@ -318,9 +318,9 @@ class Library(DerivableLibrary):
             If the segment or the group does not exist, or the group is the base.
         """
         if not is_integer(segment) or not 0 <= segment < len(self.segments):
-            raise ValueError(f"segment must be 0 to {len(self.segments) - 1}, got {segment}")
+            raise ValueError(f"`segment` must be 0 to {len(self.segments) - 1}, got {segment}")
         if group == self.groups.base:
-            raise ValueError(f"group must not be the base group, {group!r}, which is kept")
+            raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
         pool, config, verdicts = self.pool(group), self.config, None
         if constraints:
             from mograft.synthesis import candidate_verdicts  # layer exception: a convenience

@@ -81,14 +81,14 @@ class Motion:
         quats = as_quaternions("rotations", self.rotations, ("n_frames", n_joints))
         places = as_vectors("positions", self.positions, (len(quats), n_joints))
         if not len(quats):
-            raise ValueError("rotations must hold at least one frame, got none")
+            raise ValueError("`rotations` must hold at least one frame, got none")
         frame_time = float(as_floats("frame_time", self.frame_time, ()))
         if frame_time <= 0:
-            raise ValueError(f"frame_time must be above 0 seconds, got {frame_time}")
+            raise ValueError(f"`frame_time` must be above 0 seconds, got {frame_time}")
         shape = (len(quats), self.skeleton.n_channels)
         if self.channel_values is not None and self.channel_values.shape != shape:
             got = self.channel_values.shape
-            raise ValueError(f"channel_values must have shape {shape}, got {got}")
+            raise ValueError(f"`channel_values` must have shape {shape}, got {got}")
         for name, array in (("rotations", quats), ("positions", places)):
             view = array.view()
             make_read_only(view)
@@ -119,7 +119,7 @@ class Motion:
     def __getitem__(self, frames: slice) -> "Motion":
         """Return a motion of some frames; a step multiplies the frame time."""
         if not isinstance(frames, slice):
-            raise TypeError(f"frames must be a slice such as motion[100:400], got {frames!r}")
+            raise TypeError(f"`frames` must be a slice such as motion[100:400], got {frames!r}")
         step = 1 if frames.step is None else frames.step
         if step < 1:
             raise ValueError(f"the step must be 1 or more, got {step}")
@@ -198,9 +198,9 @@ class Motion:
         """
         rate = float(as_floats("rate", rate, ()))
         if rate <= 0:
-            raise ValueError(f"rate must be above 0 frames per second, got {rate}")
+            raise ValueError(f"`rate` must be above 0 frames per second, got {rate}")
         if self.duration * rate >= 2**53:
-            raise ValueError(f"rate must give fewer than 2**53 frames, got {rate:g}")
+            raise ValueError(f"`rate` must give fewer than 2**53 frames, got {rate:g}")
         intervals = max(round(self.duration * rate), 1)
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self

@@ -206,5 +206,5 @@ def _bounds(
     n_frames = as_indices("counts", counts, (len(first),))
     for name, indices in (("starts", first), ("stops", last), ("counts", n_frames)):
         if (indices < 0).any():
-            raise ValueError(f"{name} must not be negative, got {indices.min()}")
+            raise ValueError(f"`{name}` must not be negative, got {indices.min()}")
     return first, last, n_frames

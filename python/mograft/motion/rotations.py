@@ -346,9 +346,9 @@ def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
     """
     floats = as_floats("angles", angles)
     if not set(order) <= set(_AXES):
-        raise ValueError(f"order must consist of the letters X, Y and Z, got {order!r}")
+        raise ValueError(f"`order` must consist of the letters X, Y and Z, got {order!r}")
     if floats.shape[-1:] != (len(order),):
-        raise ValueError(f"angles must have shape (..., {len(order)}), got {floats.shape}")
+        raise ValueError(f"`angles` must have shape (..., {len(order)}), got {floats.shape}")
     return _core.from_euler(floats, [_AXES[letter] for letter in order])
 
 
@@ -387,7 +387,7 @@ def to_euler(
     """
     quats = as_quaternions("rotations", rotations, ("n_frames",))
     if not set(order) <= set(_AXES) or len(set(order)) != len(order):
-        raise ValueError(f"order must consist of different letters of X, Y and Z, got {order!r}")
+        raise ValueError(f"`order` must consist of different letters of X, Y and Z, got {order!r}")
     axes = [_AXES[letter] for letter in order]
     axes += [axis for axis in range(3) if axis not in axes]
     start = as_floats("near", near, (3,))

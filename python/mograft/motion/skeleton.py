@@ -98,7 +98,7 @@ class Skeleton:
         names = tuple(self.names)
         n_joints = len(names)
         if not n_joints:
-            raise ValueError("names must hold at least one joint, got none")
+            raise ValueError("`names` must hold at least one joint, got none")
         parents = as_indices("parents", self.parents, (n_joints,)).copy()
         invalid = np.flatnonzero(parents >= np.arange(n_joints))
         if len(invalid):
@@ -106,14 +106,14 @@ class Skeleton:
                 f"the parent of joint {invalid[0]} ({names[invalid[0]]}) must precede it"
             )
         if parents[0] != -1 or (parents[1:] < 0).any():
-            raise ValueError("parents must be -1 at joint 0, the root, and nowhere else")
+            raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
         offsets = as_vectors("offsets", self.offsets, (n_joints,)).copy()
         rotation = ("Zrotation", "Xrotation", "Yrotation")
         default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
         channels = tuple(tuple(names) for names in self.channels) or default
         if len(channels) != n_joints:
             raise ValueError(
-                f"channels must have {n_joints} entries, one per joint, got {len(channels)}"
+                f"`channels` must have {n_joints} entries, one per joint, got {len(channels)}"
             )
         for name, joint_channels in zip(names, channels, strict=True):
             distinct = set(joint_channels)

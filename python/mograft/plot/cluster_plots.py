@@ -54,7 +54,7 @@ def pca(
     name, points, labels = _points(library, group)
     for component in components:
         if not 1 <= component <= points.shape[1]:
-            raise ValueError(f"components must be 1 to {points.shape[1]}, got {component}")
+            raise ValueError(f"`components` must be 1 to {points.shape[1]}, got {component}")
     axes = ensure_axes(ax, (6, 5))
     x, y = (points[:, component - 1] for component in components)
     sizes = np.bincount(labels)
@@ -203,7 +203,7 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
 def _labels(library: Library, group: str | None) -> tuple[str, IntArray]:
     name = library.groups.base if group is None else group
     if name not in library.labels:
-        raise ValueError(f"group must be one of {', '.join(library.labels)}, got {name!r}")
+        raise ValueError(f"`group` must be one of {', '.join(library.labels)}, got {name!r}")
     return name, library.labels[name]
 
 

@@ -35,7 +35,7 @@ def axes_width(axes: "Axes") -> float:
     """Return the width of axes in inches."""
     figure = axes.get_figure(root=True)
     if figure is None:
-        raise ValueError("ax must belong to a figure")
+        raise ValueError("`ax` must belong to a figure")
     width: float = axes.get_position().width * figure.get_figwidth()
     return width
 

@@ -65,7 +65,7 @@ def strip(
     8
     """
     if poses < 1:
-        raise ValueError(f"poses must be at least 1, got {poses}")
+        raise ValueError(f"`poses` must be at least 1, got {poses}")
     frames = np.unique(np.linspace(0, motion.n_frames - 1, poses).round().astype(int))
     members = Scene.of([motion], groups).figures[0].members
     sideways, upright = _project(motion, frames)

@@ -50,7 +50,7 @@ def timeline(
     longest = max(figure.motion.n_frames for figure in figures) - 1
     first, last = (0, longest) if frames is None else frames
     if not first < last:
-        raise ValueError(f"frames must be ascending, got {frames}")
+        raise ValueError(f"`frames` must be ascending, got {frames}")
     axes = ensure_axes(ax, (10, 0.5 + 0.32 * max(len(lines), 1)))
     inches_per_frame = axes_width(axes) / (last - first)
     for height, (_, row) in enumerate(lines):

@@ -71,7 +71,7 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     corners = as_floats("path", path, ("n_points", 2))
     is_new = np.concatenate([[True], (np.diff(corners, axis=0) != 0).any(axis=1)])
     if is_new.sum() < 2:
-        raise ValueError("path must have at least two different points, got 1")
+        raise ValueError("`path` must have at least two different points, got 1")
     graph = transitions(library) if graph is None else graph
     search = _PathSearch.prepare(library, graph, corners[is_new])
     nodes, turn = search.run()

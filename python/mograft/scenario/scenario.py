@@ -43,14 +43,14 @@ class Scenario:
     def __post_init__(self) -> None:
         segments = as_indices("segments", self.segments, ("n",)).copy()
         if not len(segments):
-            raise ValueError("segments must hold at least one, got none")
+            raise ValueError("`segments` must hold at least one, got none")
         make_read_only(segments)
         object.__setattr__(self, "segments", segments)
         object.__setattr__(self, "turn", float(as_floats("turn", self.turn, ())))
         if self.lengths is not None:
             lengths = as_indices("lengths", self.lengths, (len(segments),)).copy()
             if (lengths < 1).any():
-                raise ValueError(f"lengths must be at least 1, got {lengths.min()}")
+                raise ValueError(f"`lengths` must be at least 1, got {lengths.min()}")
             make_read_only(lengths)
             object.__setattr__(self, "lengths", lengths)
         if self.place is not None:

@@ -177,7 +177,7 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
         names = [entry.name for entry in library.entries]
         for pattern in patterns:
             if not any(fnmatchcase(name, pattern) or name == pattern for name in names):
-                raise ValueError(f"clips must name clips of the library, got {pattern!r}")
+                raise ValueError(f"`clips` must name clips of the library, got {pattern!r}")
         is_named = [
             any(fnmatchcase(name, pattern) or name == pattern for pattern in patterns)
             for name in names

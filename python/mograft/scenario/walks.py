@@ -65,7 +65,7 @@ def walk(
     True
     """
     if isinstance(duration, bool) or not as_floats("duration", duration, ()) > 0.0:
-        raise ValueError(f"duration must be above 0 seconds, got {duration!r}")
+        raise ValueError(f"`duration` must be above 0 seconds, got {duration!r}")
     rng = _generator(seed)
     graph = transitions(library) if graph is None else graph
     probabilities = graph.probabilities()
@@ -211,10 +211,10 @@ def to_beats(
     """
     times = as_floats("beats", beats, ("n_beats",))
     if len(times) < 2:
-        raise ValueError(f"beats must be at least 2 times in seconds, got {len(times)}")
+        raise ValueError(f"`beats` must be at least 2 times in seconds, got {len(times)}")
     if (steps := np.diff(times)).min() <= 0:
         first = int(np.argmax(steps <= 0))
-        raise ValueError(f"beats must ascend, got {times[first + 1]:g} after {times[first]:g}")
+        raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")
     rng = _generator(seed)
     graph = transitions(library) if graph is None else graph
     lengths = library.segments.lengths[graph.segments]
@@ -352,7 +352,7 @@ def _check_table_size(n_intervals: int, graph: Transitions) -> None:
     limit = _MAX_TABLE // n
     if n_intervals > limit:
         raise ValueError(
-            f"frames must be at most {limit + 1} with {n} segments, got {n_intervals + 1}: use "
+            f"`frames` must be at most {limit + 1} with {n} segments, got {n_intervals + 1}: use "
             "the segments of fewer clips"
         )
 

@@ -214,7 +214,7 @@ def as_span(name: str, span: object) -> Span:
     except ValueError:
         first, last = 0, -1
     if first > last:
-        raise ValueError(f"{name} must be a first and a last frame, ascending, got {span}")
+        raise ValueError(f"`{name}` must be a first and a last frame, ascending, got {span}")
     return first, last
 
 

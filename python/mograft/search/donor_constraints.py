@@ -232,7 +232,7 @@ def _is_same(base: Segments, donors: Segments) -> BoolArray:
 def _check_origin(origin: "OnlyFrom | NotFrom") -> None:
     for name, words in (("clips", origin.clips), ("tags", origin.tags)):
         if not isinstance(words, Collection) or not all(isinstance(word, str) for word in words):
-            raise TypeError(f"{name} must be names, got {words!r}")
+            raise TypeError(f"`{name}` must be names, got {words!r}")
     if not origin.clips and not origin.tags:
         raise ValueError("clips or tags must select clips, got neither")
     if origin.clip_frames is not None:
@@ -251,7 +251,7 @@ def _is_selected(
     for pattern in _as_names(origin.clips):
         matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
         if not any(matches):
-            raise ValueError(f"clips must match names of {join_names(names)}; got {pattern!r}")
+            raise ValueError(f"`clips` must match names of {join_names(names)}; got {pattern!r}")
         selected |= matches
     for tag in _as_names(origin.tags):
         tagged = [tag in clip.tags for clip in clips]

@@ -135,10 +135,10 @@ class Box:
         coerce_vector(self, "center")
         coerce_vector(self, "half")
         if min(self.half) < 0:
-            raise ValueError(f"half must not be negative, got {self.half}")
+            raise ValueError(f"`half` must not be negative, got {self.half}")
         quat = as_floats("rotation", self.rotation, (4,))
         if abs(np.linalg.norm(quat) - 1) > 1e-6:
-            raise ValueError(f"rotation must be a unit quaternion, got {self.rotation}")
+            raise ValueError(f"`rotation` must be a unit quaternion, got {self.rotation}")
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
@@ -176,7 +176,7 @@ class HalfSpace:
         coerce_vector(self, "point")
         coerce_vector(self, "normal")
         if not any(self.normal):
-            raise ValueError("normal must not be zero")
+            raise ValueError("`normal` must not be zero")
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""

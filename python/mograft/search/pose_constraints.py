@@ -225,7 +225,7 @@ class Face(PoseConstraint):
         if self.joint is not None:
             at = poses.skeleton.index(self.joint)
         if at is None:
-            raise ValueError("joint must be given: the skeleton has no head")
+            raise ValueError("`joint` must be given: the skeleton has no head")
         if joints is not None and not joints[at]:
             return no_errors(poses)
         forward = np.broadcast_to(_rest_forward(poses.skeleton, poses.up), (len(poses), 3))
@@ -329,7 +329,7 @@ class Custom(PoseConstraint):
         at = -1 if self.joint is None else poses.skeleton.index(self.joint)
         if joints is not None and at >= 0 and not joints[at]:
             return no_errors(poses)
-        label = f"the result of {self.name}"
+        label = f"result of {self.name}"
         error = as_floats(label, self.function(poses), (len(poses),))
         return error, np.full(len(poses), at)
 
@@ -389,4 +389,6 @@ def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
 
 def _check_obstacle(name: str, value: object) -> None:
     if not callable(getattr(value, "distances", None)):
-        raise TypeError(f"{name} must be an obstacle such as Sphere, Capsule or Box, got {value!r}")
+        raise TypeError(
+            f"`{name}` must be an obstacle such as Sphere, Capsule or Box, got {value!r}"
+        )

@@ -65,7 +65,7 @@ class GraftPlan:
             indices = library.segments.of_clip(clip)
             motion, segments = library.clips[clip], library.segments[indices]
         elif base is not None:
-            raise ValueError("base must not be given with a scenario, which is the base itself")
+            raise ValueError("`base` must not be given with a scenario, which is the base itself")
         else:
             if not isinstance(scenario, Scenario):
                 scenario = Scenario(_as_scenario(scenario))
@@ -230,16 +230,16 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]
     if isinstance(swap, str):
-        raise TypeError(f"swap must be a list of groups, got {swap!r}")
+        raise TypeError(f"`swap` must be a list of groups, got {swap!r}")
     wanted = others if swap is None else list(swap)
     for name in wanted:
         if name not in others:
             raise ValueError(
-                f"swap must name groups other than the base {base!r}, of {', '.join(others)}; "
+                f"`swap` must name groups other than the base {base!r}, of {', '.join(others)}; "
                 f"got {name!r}"
             )
     if not wanted:
-        raise ValueError(f"swap must name at least one group of {', '.join(others)}, got none")
+        raise ValueError(f"`swap` must name at least one group of {', '.join(others)}, got none")
     return [name for name in others if name in wanted]
 
 
@@ -264,7 +264,7 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
 def _as_scenario(scenario: Sequence[int] | IntArray) -> IntArray:
     indices = as_indices("scenario", scenario, ("n",))
     if not len(indices):
-        raise ValueError("scenario must hold at least one segment, got none")
+        raise ValueError("`scenario` must hold at least one segment, got none")
     return indices
 
 
@@ -273,7 +273,7 @@ def _check_segments(scenario: IntArray, library: Library) -> IntArray:
     n = len(library.segments)
     wrong = scenario[(scenario < 0) | (scenario >= n)]
     if len(wrong):
-        raise ValueError(f"scenario must be of segments 0 to {n - 1}, got {wrong[0]}")
+        raise ValueError(f"`scenario` must be of segments 0 to {n - 1}, got {wrong[0]}")
     return scenario
 
 

@@ -48,10 +48,10 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
         If a constraint names a joint that the skeleton does not have.
     """
     if isinstance(constraints, Constraint):
-        raise TypeError(f"constraints must be a list of constraints, got {constraints!r}")
+        raise TypeError(f"`constraints` must be a list of constraints, got {constraints!r}")
     for constraint in constraints:
         if not isinstance(constraint, Constraint):
-            raise TypeError(f"constraints must be mograft constraints, got {constraint!r}")
+            raise TypeError(f"`constraints` must be mograft constraints, got {constraint!r}")
         frame = 0 if constraint.frames is None else constraint.frames[0]
         # Evaluating a pose looks up every joint that the constraint names.
         first = poses.with_poses(np.array([frame]), poses.rotations[:1], poses.positions[:1])

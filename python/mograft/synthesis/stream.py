@@ -205,7 +205,7 @@ class Stream:
             before, or the stream is closed.
         """
         if self._is_closed:
-            raise ValueError("frames must be pushed before the stream is closed")
+            raise ValueError("`frames` must be pushed before the stream is closed")
         if self._base is None:
             check_stream_frames(frames, self._library, None)
             self._base = BaseBuffer(frames)

@@ -40,7 +40,7 @@ def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
         if single_channels[group]:
             joints = ", ".join(names[joint] for joint in single_channels[group])
             raise ValueError(
-                f"swap must name groups of whole joints in a stream, got {group!r}, "
+                f"`swap` must name groups of whole joints in a stream, got {group!r}, "
                 f"which holds single channels of {joints}"
             )
     legs = find_legs(library.skeleton)
@@ -48,7 +48,7 @@ def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
     for group in groups:
         if not kept.isdisjoint(library.joints(group).tolist()):
             raise ValueError(
-                "swap must name groups without root and legs in a stream, which keeps those of "
+                "`swap` must name groups without root and legs in a stream, which keeps those of "
                 f"the base; got {group!r}"
             )
 
@@ -96,12 +96,12 @@ def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | N
         library.skeleton.check_same_hierarchy(frames.skeleton, frames.name or "the base")
     elif not _is_same_skeleton(frames.skeleton, skeleton):
         raise ValueError(
-            "frames must all have the same skeleton, got joint names or offsets that differ from "
+            "`frames` must all have the same skeleton, got joint names or offsets that differ from "
             "those of the first frames"
         )
     if not rates_match(frames.rate, library.rate):
         raise ValueError(
-            f"frames must have the library's rate of {library.rate:.6g} frames/s, "
+            f"`frames` must have the library's rate of {library.rate:.6g} frames/s, "
             f"got {frames.rate:.6g}: resample the base first"
         )
 

@@ -97,9 +97,9 @@ def report_page(
     'dance: 1 new motion'
     """
     if not grafts:
-        raise ValueError("grafts must contain at least one graft, got none")
+        raise ValueError("`grafts` must contain at least one graft, got none")
     if files and len(files) != len(grafts):
-        raise ValueError(f"files must be given for {len(grafts)} grafts, got {len(files)}")
+        raise ValueError(f"`files` must be given for {len(grafts)} grafts, got {len(files)}")
     first = grafts[0]
     library = first.library
     count = "1 new motion" if len(grafts) == 1 else f"{len(grafts)} new motions"

@@ -92,7 +92,7 @@ def write_video(
         rate = motions[0].rate / np.ceil(motions[0].rate / _MAX_DEFAULT_RATE[ending] - 1e-6)
     if not 0 < rate <= _MAX_RATE[ending]:
         limit = f"above 0 and at most {_MAX_RATE[ending]} for {ending}"
-        raise ValueError(f"rate must be {limit}, got {rate:g}")
+        raise ValueError(f"`rate` must be {limit}, got {rate:g}")
     try:
         import PIL  # noqa: F401 - only whether it is installed
     except ImportError as error:
@@ -113,12 +113,12 @@ def write_video(
 
 def _check(motions: Sequence[Motion], target: Path, size: tuple[int, int]) -> None:
     if not motions:
-        raise ValueError("motions must contain at least one motion, got none")
+        raise ValueError("`motions` must contain at least one motion, got none")
     if target.suffix.lower() not in _MAX_RATE:
-        raise ValueError(f"path must end in {' or '.join(_MAX_RATE)}, got {target.name}")
+        raise ValueError(f"`path` must end in {' or '.join(_MAX_RATE)}, got {target.name}")
     if any(not _MIN_SIDE <= side <= _MAX_SIDE or side % 2 for side in size):
         raise ValueError(
-            f"size must be even numbers from {_MIN_SIDE} to {_MAX_SIDE}, got {size[0]}x{size[1]}"
+            f"`size` must be even numbers from {_MIN_SIDE} to {_MAX_SIDE}, got {size[0]}x{size[1]}"
         )
 
 

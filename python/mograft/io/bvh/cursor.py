@@ -286,7 +286,7 @@ def open_cursor(file: BvhFile, *, strict: bool) -> Iterator[Cursor]:
         name = getattr(file, "name", None)
         yield Cursor(file, name if isinstance(name, str) else "<stream>", strict=strict)
     else:
-        raise TypeError(f"source must be a path or a file object, got {type(file).__name__}")
+        raise TypeError(f"`source` must be a path or a file object, got {type(file).__name__}")
 
 
 def _file_bytes(stream: IO[Any]) -> int:

@@ -72,7 +72,7 @@ def write_bvh(motion: Motion, target: BvhFile) -> None:
     if not isinstance(target, str | os.PathLike):
         if not hasattr(target, "write"):
             kind = type(target).__name__
-            raise TypeError(f"target must be a path or a file object, got {kind}")
+            raise TypeError(f"`target` must be a path or a file object, got {kind}")
         is_text = _is_text_file(target)
         for block in blocks:
             target.write(block.decode() if is_text else block)
