@@ -101,7 +101,7 @@ def test_evaluate_one_topic_measures_only_it(library):
 
 @pytest.mark.parametrize("topics", [[], ["beauty"]])
 def test_evaluate_unknown_topic_raises_value_error(library, topics):
-    with pytest.raises(ValueError, match="`topics` must be of"):
+    with pytest.raises(ValueError, match="`topics` must be among"):
         evaluate(library, topics)
 
 

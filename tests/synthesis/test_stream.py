@@ -459,7 +459,9 @@ def test_stream_group_with_legs_or_root_raises_value_error(library):
         for group, joints in members.items()
     }
     upper_base = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
-    with pytest.raises(ValueError, match=r"groups without root and legs.*got 'lower'"):
+    with pytest.raises(
+        ValueError, match=r"must not name a group that holds the root or a leg.*got 'lower'"
+    ):
         mg.Stream(upper_base)
 
 
