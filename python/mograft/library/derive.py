@@ -112,8 +112,8 @@ class DerivableLibrary(LibraryData):
         """Return the library with one more clip, whose segments are excluded as donors.
 
         Each new segment joins the cluster whose members are all within the cluster diameter
-        threshold of it; of several clusters, the one with the nearest member. If there is none, the segment forms a
-        cluster by itself. Other segments, embeddings and clusters do not change.
+        threshold of it; of several clusters, the one with the nearest member. If there is none,
+        the segment forms a cluster by itself. Other segments, embeddings and clusters do not change.
 
         Parameters
         ----------
