@@ -113,7 +113,8 @@ class DerivableLibrary(LibraryData):
 
         Each new segment joins the cluster whose members are all within the cluster diameter
         threshold of it; of several clusters, the one with the nearest member. If there is none,
-        the segment forms a cluster by itself. Other segments, embeddings and clusters do not change.
+        the segment forms a cluster by itself. Other segments, embeddings and clusters
+        do not change.
 
         Parameters
         ----------
