@@ -72,7 +72,7 @@ def worst_collision(motion, problem, step=1):
     return None
 
 
-def strip(path, base, graft, other, frames, flesh):
+def strip(path, base, graft, other, frames, body):
     """Draw both motions at some frames, before and after."""
     import matplotlib
 
@@ -86,17 +86,17 @@ def strip(path, base, graft, other, frames, flesh):
     figure, axes = plt.subplots(2, len(frames), figsize=(3.2 * len(frames), 7), squeeze=False)
     theirs, radii = other._capsule_ends_and_radii
     for row, (name, motion) in enumerate((("before", base), ("after", graft.motion))):
-        own = mg.Poses.from_motion(motion)
-        error, joint = mg.Avoid(other).errors(own)
+        figure_poses = mg.Poses.from_motion(motion)
+        error, joint = mg.Avoid(other).errors(figure_poses)
         for axis, frame in zip(axes[row], frames, strict=True):
             for ends, widths, color in (
-                (own.ends[frame], flesh.radii, "tab:blue"),
+                (figure_poses.ends[frame], body.radii, "tab:blue"),
                 (theirs[frame], radii, "tab:gray"),
             ):
                 for capsule, radius in zip(ends, widths, strict=True):
                     x, y = capsule[:, level] @ across, capsule[:, poses.up]
                     hit = color == "tab:blue" and error[frame] > 1
-                    at = flesh.joints[int(np.argmin(np.abs(ends[:, 0] - capsule[0]).sum(axis=1)))]
+                    at = body.joints[int(np.argmin(np.abs(ends[:, 0] - capsule[0]).sum(axis=1)))]
                     shade = "tab:red" if hit and at == joint[frame] else color
                     axis.plot(
                         x,
@@ -141,7 +141,7 @@ class Trial:
         avoid = mg.Avoid(other)
         graft = mg.repair(library, constraints=[avoid])
         before, after = (
-            avoid.errors(mg.Poses.from_motion(own))[0] for own in (motion, graft.motion)
+            avoid.errors(mg.Poses.from_motion(each))[0] for each in (motion, graft.motion)
         )
         return cls(motion, library, avoid, where, graft, before, after)
 
@@ -152,8 +152,8 @@ class Trial:
             key=lambda run: -self.before[run[0] : run[1]].max(),
         )
         frames = sorted(run[0] + int(self.before[run[0] : run[1]].argmax()) for run in runs[:4])
-        flesh = mg.Poses.from_motion(self.motion).capsules
-        strip(path, self.motion, self.graft, self.avoid.obstacle, frames, flesh)
+        body = mg.Poses.from_motion(self.motion).capsules
+        strip(path, self.motion, self.graft, self.avoid.obstacle, frames, body)
 
 
 def run(motion, folder, step=1):

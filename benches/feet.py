@@ -62,9 +62,9 @@ def report(options):
     print("|---|---|---|---|---|---|")
     for motion in motions:
         fallen, planted, moved, missed = measure_feet(upper_body_library(motion), options.seeds)
-        own = mg.foot_skate(motion)
+        skate = mg.foot_skate(motion)
         print(
-            f"| {motion.name} | {own:.3f} | {fallen:.3f} | {planted:.3f} | {moved:.3f} | "
+            f"| {motion.name} | {skate:.3f} | {fallen:.3f} | {planted:.3f} | {moved:.3f} | "
             f"{missed:.1f} |",
             flush=True,
         )

@@ -52,7 +52,7 @@ def measure_treatments(motion, seeds, blend):
     library = mg.Library.build(motion)
     joints = feature_joints(motion.skeleton, library.joints("upper"))
     track = np.ascontiguousarray(motion.rotations[:, joints])
-    own = derivatives(track, RATE)
+    original = derivatives(track, RATE)
     rows = {name: [] for name in TREATMENTS}
     gaps, kinks = [], []
     for seed in range(seeds):
@@ -76,13 +76,13 @@ def measure_treatments(motion, seeds, blend):
             off = rotations.angle(quats, bare)
             rows[name].append(
                 [
-                    *(a / b for a, b in zip(derivatives(quats, RATE), own, strict=True)),
+                    *(a / b for a, b in zip(derivatives(quats, RATE), original, strict=True)),
                     np.degrees(off.mean()),
                     100.0 * (off > 1e-9).any(axis=1).mean(),
                 ]
             )
     means = {name: np.mean(values, axis=0) for name, values in rows.items()}
-    return means, own, np.degrees(np.concatenate(gaps)), np.degrees(np.concatenate(kinks))
+    return means, original, np.degrees(np.concatenate(gaps)), np.degrees(np.concatenate(kinks))
 
 
 def mean_foot_skate(motion, seeds, blend):
@@ -92,19 +92,21 @@ def mean_foot_skate(motion, seeds, blend):
     library = upper_body_library(motion)
     skate = {"none": float("nan")}
     for name in TREATMENTS[1:]:
-        own = replace(library, config=replace(library.config, seam=name, seam_blend=blend))
-        skate[name] = np.mean([mg.foot_skate(mg.graft(own, seed=s).motion) for s in range(seeds)])
+        configured = replace(library, config=replace(library.config, seam=name, seam_blend=blend))
+        skate[name] = np.mean(
+            [mg.foot_skate(mg.graft(configured, seed=s).motion) for s in range(seeds)]
+        )
     return skate
 
 
 def trunk(motion):
     """The parent of the trunk's first joint, and the trunk's last joint."""
-    known, parents = anatomy(motion.skeleton), motion.skeleton.parents
-    column = [j for j in known.joints("trunk") if known.parts[parents[j]] != "trunk"]
+    body, parents = anatomy(motion.skeleton), motion.skeleton.parents
+    column = [j for j in body.joints("trunk") if body.parts[parents[j]] != "trunk"]
     first = last = max(
         column, key=lambda j: sum(_hangs(parents, k, j) for k in range(len(parents)))
     )
-    while below := [j for j in motion.skeleton.children[last] if known.parts[j] == "trunk"]:
+    while below := [j for j in motion.skeleton.children[last] if body.parts[j] == "trunk"]:
         last = below[0]
     return int(parents[first]), last
 
@@ -136,9 +138,12 @@ def measure_torso(motion, seeds):
     rows = {}
     for torso in ("pelvis", "world"):
         library = mg.Library.build(motion, config=mg.Config(torso=torso))
-        own = figures(motion, library.up)
+        original = figures(motion, library.up)
         rows[torso] = np.mean(
-            [figures(mg.graft(library, seed=s).motion, library.up) / own for s in range(seeds)],
+            [
+                figures(mg.graft(library, seed=s).motion, library.up) / original
+                for s in range(seeds)
+            ],
             axis=0,
         )
     return rows
@@ -162,9 +167,9 @@ def report(options):
 
         motions = [dance().motion]
     for motion in motions:
-        treatments, own, gaps, kinks = measure_treatments(motion, options.seeds, options.blend)
+        treatments, original, gaps, kinks = measure_treatments(motion, options.seeds, options.blend)
         print(f"\n{motion.name}: {motion.n_frames} frames, {options.seeds} seeds")
-        print(f"original: acceleration {own[0]:.1f} rad/s², jerk {own[1]:.0f} rad/s³")
+        print(f"original: acceleration {original[0]:.1f} rad/s², jerk {original[1]:.0f} rad/s³")
         for what, values, unit in (("gap", gaps, "°"), ("velocity gap", kinks, "°/s")):
             mean, high = values.mean(), np.percentile(values, 95)
             print(f"{what} at seams: mean {mean:.1f}{unit}, 95th percentile {high:.1f}{unit}")

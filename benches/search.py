@@ -87,7 +87,7 @@ def speeds(repeats, n_segments=10_000, n_positions=900):
     def list_candidates():
         for pool in pools:
             lists = pool.candidate_lists(scenario, CONFIG)
-            counts = [len(own) for own in lists]
+            counts = [len(candidates) for candidates in lists]
             model = cost_model(CONFIG, pool)
             pool.unary_costs(np.repeat(scenario, counts), np.concatenate(lists), model)
 
@@ -224,7 +224,7 @@ def compare_seams(name, width, library):
 
 
 def count_from_tenth(reductions):
-    return sum(own >= 0.1 for own in reductions)
+    return sum(reduction >= 0.1 for reduction in reductions)
 
 
 def gains(paths):
@@ -233,9 +233,10 @@ def gains(paths):
     width = max([len(path.name) for path in motions] + [len(p.parent.name) for p in motions]) + 10
     print(f"\n{'mean seam gap':{width}} {'random':>8} {'sample':>8} {'viterbi':>8}   exchanged")
     found = [
-        compare_seams(path.name, width, mg.Library.build(own)) for path, own in motions.items()
+        compare_seams(path.name, width, mg.Library.build(motion))
+        for path, motion in motions.items()
     ]
-    reductions = [own for own in found if own is not None]
+    reductions = [reduction for reduction in found if reduction is not None]
     print(
         f"at least 10 % below random: {count_from_tenth(reductions)} of {len(reductions)} clips\n"
     )
@@ -243,11 +244,11 @@ def gains(paths):
     for path, motion in motions.items():
         sources.setdefault((path.parent.name, motion.skeleton.names), []).append(motion)
     found = [
-        compare_seams(f"{folder}, {len(own)}", width, mg.Library.build(own))
-        for (folder, _), own in sources.items()
-        if len(own) > 1
+        compare_seams(f"{folder}, {len(clips)}", width, mg.Library.build(clips))
+        for (folder, _), clips in sources.items()
+        if len(clips) > 1
     ]
-    reductions = [own for own in found if own is not None]
+    reductions = [reduction for reduction in found if reduction is not None]
     print(
         f"at least 10 % below random: {count_from_tenth(reductions)} of {len(reductions)} libraries"
     )
@@ -263,7 +264,7 @@ def reach(paths, count=20):
         segments = library.segments[scenario]
         problem = SearchProblem.build(library, base, scenario, segments, ["upper"], [])
         hand = next((name for name in HANDS if name in base.skeleton.names), None)
-        counts = [len(own) for own in problem.candidates["upper"]]
+        counts = [len(candidates) for candidates in problem.candidates["upper"]]
         if hand is None or max(counts) < 2:
             print(f"{Path(path).name}: no left hand with a known name, or no other candidate")
             continue
@@ -285,7 +286,7 @@ def satisfiable_constraints(library, kind, count=20):
     """Return constraints that a graft violates and one of twenty random grafts satisfies.
 
     A target of the hips or the left hand in the random graft, a wall across the path of the hips,
-    or a pole in the way of the body.
+    or a pole on the path of the body.
     """
     rng = np.random.default_rng(0)
     random_library = replace(library, config=replace(library.config, choice="random"))

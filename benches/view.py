@@ -42,7 +42,7 @@ def random_motions(n_joints=31, n_frames=1000):
     rng = np.random.default_rng(0)
     skeleton = strategies.skeletons(rng, n_joints)
     for name in ("one", "two"):
-        quats = strategies.wander(rng, n_frames, n_joints, speed=0.05)
+        quats = strategies.smooth_rotations(rng, n_frames, n_joints, speed=0.05)
         positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
         positions[:, 0] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
         yield mg.Motion(skeleton, 1 / 120, quats, positions, name=name)

@@ -55,7 +55,7 @@ def rotation_tracks(draw, max_frames=8):
     return np.concatenate([[0.0], steps.cumsum()]), draw(quaternions((n_frames, n_joints)))
 
 
-def wander(rng, n_frames, n_joints, speed=0.3):
+def smooth_rotations(rng, n_frames, n_joints, speed=0.3):
     """Rotations that change direction from time to time, as limbs do: (F, J, 4)."""
     phase = rng.uniform(0, 2 * np.pi, (n_joints, 3))
     pace = rng.uniform(0.5, 2.0, (n_joints, 3)) * speed
@@ -76,10 +76,10 @@ def motions(draw, min_frames=2, max_frames=120, min_joints=1, max_joints=6):
     rng = np.random.default_rng(draw(SEEDS))
     n_frames = draw(st.integers(min_frames, max_frames))
     skeleton = skeletons(rng, draw(st.integers(min_joints, max_joints)))
-    quats = wander(rng, n_frames, skeleton.n_joints)
-    places = np.tile(skeleton.offsets, (n_frames, 1, 1))
-    places[:, 0] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
-    return Motion(skeleton, 1 / 30, quats, places, name="wander")
+    quats = smooth_rotations(rng, n_frames, skeleton.n_joints)
+    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    positions[:, 0] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
+    return Motion(skeleton, 1 / 30, quats, positions, name="wander")
 
 
 def tile_segments(lengths):
@@ -94,11 +94,11 @@ def star_skeleton(n_joints):
     return Skeleton([f"j{i}" for i in range(n_joints)], [-1] + [0] * (n_joints - 1), offsets)
 
 
-def star_clip(rng, segments, n_joints=4, moving=()):
+def random_star_clip(rng, segments, n_joints=4, moving=()):
     """A clip as long as its segments, with channel values; the root and `moving` translate."""
     skeleton = star_skeleton(n_joints)
     n_frames = int(segments.stop[-1]) + 1
-    quats = wander(rng, n_frames, n_joints)
+    quats = smooth_rotations(rng, n_frames, n_joints)
     positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
     for joint in (0, *moving):
         positions[:, joint] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
@@ -118,13 +118,13 @@ def person(seed, n_frames=40):
     """A human who leans and turns at random."""
     rng = np.random.default_rng(seed)
     skeleton = human()
-    quats = wander(rng, n_frames, skeleton.n_joints, speed=0.2)
+    quats = smooth_rotations(rng, n_frames, skeleton.n_joints, speed=0.2)
     positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
     quats = rotations.continuous_signs(quats)
     return Motion(skeleton, 1 / 30, quats, positions, name=f"person{seed}")
 
 
-def same_rotations(actual, desired, atol=1e-12):
+def assert_same_rotations(actual, desired, atol=1e-12):
     """Assert that rotations are equal; `q` and `-q` are."""
     gaps = np.abs([actual - desired, actual + desired]).max(axis=-1).min(axis=0)
     np.testing.assert_array_less(gaps, atol)

@@ -13,7 +13,7 @@ from tests.strategies import SEEDS
 SIZES = st.integers(1, 40)
 
 
-def standardised(seed, *shape):
+def random_rows(seed, *shape):
     """Return numbers whose products with `directions` are exact: norms stay below 8192."""
     rng = np.random.default_rng(seed)
     return rng.normal(size=shape) * np.exp(rng.uniform(-12, 4, shape))
@@ -40,21 +40,21 @@ def test_round_to_grid_returns_positive_zeros():
 
 @given(SEEDS, SIZES, st.integers(1, 300), SIZES)
 def test_product_reordered_sums_keeps_bits(seed, m, k, n):
-    a, b = standardised(seed, m, k), directions(seed + 1, k, n)
+    a, b = random_rows(seed, m, k), directions(seed + 1, k, n)
     order = np.random.default_rng(seed).permutation(k)
     assert product(a[:, order], b[order]).tobytes() == product(a, b).tobytes()
 
 
 @given(SEEDS, SIZES, st.integers(1, 300), SIZES)
 def test_product_row_does_not_depend_on_other_rows(seed, m, k, n):
-    a, b = standardised(seed, m, k), directions(seed + 1, k, n)
+    a, b = random_rows(seed, m, k), directions(seed + 1, k, n)
     alone = np.concatenate([product(row[None], b) for row in a])
     assert alone.tobytes() == product(a, b).tobytes()
 
 
 @given(SEEDS, st.integers(1, 5), st.integers(1, 20), st.integers(1, 5))
 def test_product_of_rounded_matrices_is_exact(seed, m, k, n):
-    a, b = standardised(seed, m, k), directions(seed + 1, k, n)
+    a, b = random_rows(seed, m, k), directions(seed + 1, k, n)
     found, on_grid = product(a, b), (round_to_grid(a), round_to_grid(b))
     for i in range(m):
         for j in range(n):

@@ -27,10 +27,10 @@ from mograft.motion import rotations
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
-    same_rotations,
-    star_clip,
+    assert_same_rotations,
+    random_star_clip,
+    smooth_rotations,
     tile_segments,
-    wander,
 )
 
 AXES = st.sampled_from(["X", "Y", "Z", "ZX", "XY", "ZY"])
@@ -40,7 +40,7 @@ AXES = st.sampled_from(["X", "Y", "Z", "ZX", "XY", "ZY"])
 def test_transplant_divided_joint_changes_only_held_channels(lengths, seed, axes, seam):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     donors = cut[rng.integers(0, len(cut), len(cut))]
     held = {3: axes}
     group = GraftedGroup(np.array([1, 3]), held=held)
@@ -58,14 +58,16 @@ def test_transplant_divided_joint_changes_only_held_channels(lengths, seed, axes
     # The channel values agree with the rotations.
     order = base.skeleton.rotation_order(3)
     numbers = new.channel_numbers()[:, list(base.skeleton.channel_columns[3])]
-    same_rotations(rotations.from_euler(np.radians(numbers), order), new.rotations[:, 3], 1e-9)
+    assert_same_rotations(
+        rotations.from_euler(np.radians(numbers), order), new.rotations[:, 3], 1e-9
+    )
     assert part.joints.tolist() == [1]
 
 
 @given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
 def test_transplant_own_donors_keep_every_bit(lengths, seed, axes, seam):
     cut = tile_segments(lengths)
-    base = star_clip(np.random.default_rng(seed), cut)
+    base = random_star_clip(np.random.default_rng(seed), cut)
     joints = np.array([1, 3])
     group = GraftedGroup(joints, held={3: axes})
     part = transplant(base, cut, cut, [base], group, Config(seam=seam))
@@ -79,7 +81,7 @@ def test_transplant_single_channel_equals_translation_blending(lengths, seed):
     """Blending the angle as a number equals blending it as a translation, within a half turn."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     donors = cut[rng.integers(0, len(cut), len(cut))]
     order = base.skeleton.rotation_order(3)
     angle = euler_angles(base, 3)[:, order.index("Y")]
@@ -103,8 +105,8 @@ def test_transplant_single_channel_equals_translation_blending(lengths, seed):
 def test_restrict_samples_changes_only_divided_joint(seed, axes, is_single):
     rng = np.random.default_rng(seed)
     cut = tile_segments([3, 4])
-    skeleton = star_clip(rng, cut).skeleton
-    quats = wander(rng, 9 * 2, skeleton.n_joints).reshape(9, 2, skeleton.n_joints, 4)
+    skeleton = random_star_clip(rng, cut).skeleton
+    quats = smooth_rotations(rng, 9 * 2, skeleton.n_joints).reshape(9, 2, skeleton.n_joints, 4)
     rows = np.concatenate([quats.reshape(9, -1), rng.normal(size=(9, 7))], axis=1)
     whole = Samples(rows.astype(np.float32) if is_single else rows, 2, skeleton.n_joints)
     restricted = restrict_samples(whole, skeleton, {3: axes})
@@ -125,18 +127,18 @@ def test_restrict_rotations_product_of_axes_is_whole_rotation(seed, order):
     rng = np.random.default_rng(seed)
     wide = rng.uniform(-1, 1, (20, 3)) * [np.pi, 1.5, np.pi]
     quats = rotations.from_euler(wide, order)
-    same_rotations(restrict_rotations(quats, order, order), quats, 1e-9)
-    same_rotations(
+    assert_same_rotations(restrict_rotations(quats, order, order), quats, 1e-9)
+    assert_same_rotations(
         restrict_rotations(quats, order, ""), np.tile(rotations.IDENTITY, (20, 1)), 1e-12
     )
     parts = [restrict_rotations(quats, order, axis) for axis in order]
     whole = rotations.multiply(rotations.multiply(parts[0], parts[1]), parts[2])
-    same_rotations(whole, quats, 1e-9)
-    same_rotations(restrict_rotations(-quats, order, order[0]), parts[0], 1e-9)
+    assert_same_rotations(whole, quats, 1e-9)
+    assert_same_rotations(restrict_rotations(-quats, order, order[0]), parts[0], 1e-9)
 
 
 def test_merge_axes_inverts_split_axes():
-    base = star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
+    base = random_star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
     held = {2: "ZY", 3: "X"}
     found = merge_axes(split_axes(base, held), held)
     assert list(found) == [(2, "Z"), (2, "Y"), (3, "X")]

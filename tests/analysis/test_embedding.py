@@ -31,12 +31,12 @@ from tests.hierarchies import DATA
 from tests.oracles import analysis as oracle
 from tests.strategies import (
     SEEDS,
+    assert_same_rotations,
     few_examples,
     motions,
     quaternions,
-    same_rotations,
     skeletons,
-    wander,
+    smooth_rotations,
 )
 
 ROBUST, PAPER = Config(), Config.paper()
@@ -68,7 +68,7 @@ def poses(quats):
 def test_kernels_any_precision_and_joint_order_equal_numpy(seed, n, n_samples, n_joints, is_single):
     """`moments` and `features` equal NumPy formulas for any precision and order of joints."""
     rng = np.random.default_rng(seed)
-    quats = wander(rng, n * n_samples, n_joints).reshape(n, n_samples, n_joints, 4)
+    quats = smooth_rotations(rng, n * n_samples, n_joints).reshape(n, n_samples, n_joints, 4)
     rest = rng.normal(size=(n, 3 * n_samples + 1))
     rows = np.concatenate([quats.reshape(n, -1), rest], axis=1)
     samples = Samples(rows.astype(np.float32) if is_single else rows, n_samples, n_joints)
@@ -77,7 +77,7 @@ def test_kernels_any_precision_and_joint_order_equal_numpy(seed, n, n_samples, n
     summed = products.reshape(-1, n_joints, 4, 4).cumsum(axis=0)[-1]
     np.testing.assert_array_equal(moments(samples), summed)
     joints = rng.permutation(n_joints)[: rng.integers(n_joints + 1)]
-    reference = wander(rng, 1, len(joints))[0]
+    reference = smooth_rotations(rng, 1, len(joints))[0]
     unit = quats[:, :, joints] / np.linalg.norm(quats[:, :, joints], axis=-1, keepdims=True)
     vectors = rotations.log(rotations.multiply(rotations.inverse(reference), unit))
     vectors = vectors.swapaxes(1, 2).reshape(n, -1)
@@ -122,7 +122,7 @@ def random_motion(rng, n_joints):
     skeleton = skeletons(rng, n_joints)
     positions = np.tile(skeleton.offsets, (200, 1, 1))
     positions[:, 0] += np.cumsum(rng.normal(size=(200, 3)), axis=0)
-    return Motion(skeleton, 1 / 30, wander(rng, 200, n_joints), positions)
+    return Motion(skeleton, 1 / 30, smooth_rotations(rng, 200, n_joints), positions)
 
 
 @given(LONG, npst.arrays(float, 3, elements=st.floats(-1e3, 1e3)), st.floats(-3, 3))
@@ -150,10 +150,10 @@ def test_features_ignore_quaternion_signs(motion, seed):
 
 @given(SEEDS, quaternions(()))
 def test_mean_rotations_commute_with_rotation_and_are_central(seed, turn):
-    quats = wander(np.random.default_rng(seed), 30, 2)
+    quats = smooth_rotations(np.random.default_rng(seed), 30, 2)
     mean = mean_rotations(moments(poses(quats)))
     turned = mean_rotations(moments(poses(rotations.multiply(turn, quats))))
-    same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
+    assert_same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
     assert (
         rotations.angle(quats, mean).mean(axis=0)
         <= rotations.angle(quats, quats[0]).mean(axis=0) + 0.2

@@ -19,11 +19,11 @@ from tests.hierarchies import DANCES, recording
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
+    assert_same_rotations,
     quaternions,
-    same_rotations,
+    smooth_rotations,
     tile_segments,
     vectors,
-    wander,
 )
 
 RATE = 30.0
@@ -36,7 +36,7 @@ def random_layout(lengths, seed, seam):
     """A track of two joints whose segments are replaced by one another at random."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    track = wander(rng, int(cut.stop[-1]) + 1, 2)
+    track = smooth_rotations(rng, int(cut.stop[-1]) + 1, 2)
     donors = cut[rng.integers(0, len(cut), len(cut))]
     timeline = DonorTimeline(cut, donors, RATE)
     positions = np.ascontiguousarray(rotations.log(track))
@@ -124,11 +124,11 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
 @given(SEEDS, st.sampled_from(NAMES))
 def test_close_pieces_that_already_meet_are_unchanged(seed, seam):
     rng = np.random.default_rng(seed)
-    pose, speed = wander(rng, 1, 3), rng.normal(size=(1, 3, 3))
+    pose, speed = smooth_rotations(rng, 1, 3), rng.normal(size=(1, 3, 3))
     boundaries = SeamBoundaries(pose, pose, speed, speed)
     seconds = np.array([0.1, 0.2, 0.0, 0.1])
     times = PieceTimes(np.array([0, 0, 1, 1]), seconds, np.array([0.2, 0.3]))
-    values = wander(rng, 4, 3)
+    values = smooth_rotations(rng, 4, 3)
     closed = SEAM_TREATMENTS.get(seam).close(ROTATIONS, values, times, boundaries, 0.3)
     np.testing.assert_array_equal(closed, values)
 
@@ -136,10 +136,10 @@ def test_close_pieces_that_already_meet_are_unchanged(seed, seam):
 @given(SEEDS, st.sampled_from(CAUSAL))
 def test_close_causal_treatment_keeps_frames_before_the_seam(seed, seam):
     rng = np.random.default_rng(seed)
-    poses, speeds = wander(rng, 2, 3), rng.normal(size=(2, 3, 3))
+    poses, speeds = smooth_rotations(rng, 2, 3), rng.normal(size=(2, 3, 3))
     boundaries = SeamBoundaries(poses[:1], poses[1:], speeds[:1], speeds[1:])
     times = PieceTimes(np.zeros(5, int), np.linspace(0, 0.2, 5), np.array([0.2, 0.3]))
-    values = wander(rng, 5, 3)
+    values = smooth_rotations(rng, 5, 3)
     closed = SEAM_TREATMENTS.get(seam).close(ROTATIONS, values, times, boundaries, 0.3)
     np.testing.assert_array_equal(closed, values)
 
@@ -177,7 +177,7 @@ def test_displacement_meets_in_slerp_halfway_pose(a, b):
     poses = np.concatenate([before, after])
     closed = SEAM_TREATMENTS.get("displacement").close(ROTATIONS, poses, times, boundaries, 0.3)
     halfway = slerp([0.0, 1.0], poses, [0.5])
-    same_rotations(closed, np.concatenate([halfway, halfway]), 1e-12)
+    assert_same_rotations(closed, np.concatenate([halfway, halfway]), 1e-12)
 
 
 @pytest.mark.filterwarnings("ignore")  # of faults in the recordings

@@ -23,8 +23,8 @@ from tests.blend.continuity import jumps
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
-    same_rotations,
-    star_clip,
+    assert_same_rotations,
+    random_star_clip,
     tile_segments,
 )
 
@@ -67,7 +67,7 @@ def test_warping_path_is_shortest_of_all_paths(gaps):
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_by_dtw_segment_onto_itself_is_not_warped(lengths, seed):
     cut = tile_segments(lengths)
-    base = star_clip(np.random.default_rng(seed), cut)
+    base = random_star_clip(np.random.default_rng(seed), cut)
     warp = TimeWarp.by_dtw(base, cut, cut, [base], BASE_JOINTS)
     assert not warp.is_warped.any()
     part = transplant(base, cut, cut, [base], GROUP, DTW)
@@ -78,7 +78,7 @@ def test_by_dtw_segment_onto_itself_is_not_warped(lengths, seed):
 def test_donor_share_is_monotone_and_keeps_ends(lengths, seed):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     donors = cut[rng.integers(0, len(cut), len(cut))]
     warp = TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
     shares = np.linspace(0.0, 1.0, 201)
@@ -98,7 +98,7 @@ def test_transplant_dtw_undoes_a_known_time_warp(seed, bend):
     rng = np.random.default_rng(seed)
     n = 40
     cut = tile_segments(np.array([n]))
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     shares = np.arange(n + 1) / n
     late = shares + bend * 0.15 * np.sin(np.pi * shares) ** 2
     quats = cubic(np.arange(n + 1), base.rotations, (late * n).clip(0, n))
@@ -119,7 +119,7 @@ def test_transplant_dtw_undoes_a_known_time_warp(seed, bend):
 def test_close_warped_pieces_are_continuous(lengths, seed, seam):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     donors = cut[rng.integers(0, len(cut), len(cut))]
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
     timeline = DonorTimeline(
@@ -135,7 +135,7 @@ def test_close_warped_pieces_are_continuous(lengths, seed, seam):
 def test_find_seams_one_warped_neighbour_makes_a_seam():
     """Both donors have the length of their base segments, but one is warped."""
     cut = tile_segments(np.array([20, 20, 20, 20]))
-    base = star_clip(np.random.default_rng(8), cut)
+    base = random_star_clip(np.random.default_rng(8), cut)
     donors = cut[np.array([2, 3, 2, 3])]
     timeline = DonorTimeline(cut, donors, 30.0)
     track = np.ascontiguousarray(base.rotations[:, JOINTS])
@@ -155,12 +155,12 @@ def test_graft_alignment_dtw_changes_donors_in_time_only():
     assert [s.donor for s in even.substitutions] == [s.donor for s in warped.substitutions]
     assert (even.motion.rotations != warped.motion.rotations).any()
     np.testing.assert_array_equal(warped.motion.rotations[:, :7], motion.rotations[:, :7])
-    same_rotations(warped.motion.rotations[:1], even.motion.rotations[:1], 0.5)
+    assert_same_rotations(warped.motion.rotations[:1], even.motion.rotations[:1], 0.5)
 
 
 def test_transplant_dtw_without_base_joints_equals_uniform():
     cut = tile_segments(np.array([9, 12]))
-    base = star_clip(np.random.default_rng(5), cut)
+    base = random_star_clip(np.random.default_rng(5), cut)
     donors = Segments(cut.start[::-1], cut.stop[::-1])
     even = transplant(base, cut, donors, [base], GROUP, Config())
     for joints in (None, np.zeros(0, np.int64)):

@@ -17,11 +17,11 @@ from tests.oracles import blend as oracle
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
+    assert_same_rotations,
     person,
-    same_rotations,
-    star_clip,
+    random_star_clip,
+    smooth_rotations,
     tile_segments,
-    wander,
 )
 
 CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
@@ -36,7 +36,7 @@ GROUP = GraftedGroup(JOINTS)
 def test_transplant_segments_onto_themselves_change_no_bit(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut, moving=(3,))
+    base = random_star_clip(rng, cut, moving=(3,))
     part = transplant(base, cut, cut, [base], GROUP, config)
     new = recombine(base, [part], "same")
     np.testing.assert_array_equal(new.rotations, base.rotations)
@@ -49,7 +49,7 @@ def test_transplant_segments_onto_themselves_change_no_bit(lengths, seed, config
 def test_transplant_from_copy_of_base_changes_no_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     twin = replace(cut, clip=np.ones(len(cut), int))
     part = transplant(base, cut, twin, [base, base], GROUP, config)
     np.testing.assert_array_equal(
@@ -61,7 +61,7 @@ def test_transplant_from_copy_of_base_changes_no_number(lengths, seed, config):
 def test_recombine_other_joints_keep_every_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut, moving=(3,))
+    base = random_star_clip(rng, cut, moving=(3,))
     chosen = rng.integers(0, len(cut), len(cut))
     part = transplant(base, cut, cut[chosen], [base], GROUP, config)
     new = recombine(base, [part], "new")
@@ -85,7 +85,7 @@ def test_recombine_other_joints_keep_every_number(lengths, seed, config):
             if name.endswith("rotation")
         ]
         written = rotations.from_euler(np.radians(new.channel_numbers()[:, own]), order)
-        same_rotations(written, new.rotations[:, joint], 1e-9)
+        assert_same_rotations(written, new.rotations[:, joint], 1e-9)
 
 
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
@@ -93,7 +93,7 @@ def test_recombine_unchanged_frames_of_grafted_joint_keep_channel_values(lengths
     """Files may hold angles beyond a full turn; these are kept."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     turns = 360.0 * rng.integers(-2, 3, base.channel_values.shape)
     base = replace(base, channel_values=base.channel_values + turns)
     chosen = np.where(rng.random(len(cut)) < 0.7, np.arange(len(cut)), rng.integers(len(cut)))
@@ -110,7 +110,7 @@ def test_recombine_new_angles_continue_kept_ones(lengths, seed, turns):
     """Angles offset by full turns keep the offset: no jump at the start of a graft."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(np.array([9, *lengths]))
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     base = replace(base, channel_values=base.channel_values + 360.0 * turns)
     chosen = np.concatenate([[0], rng.integers(0, len(cut), len(lengths))])
     part = transplant(base, cut, cut[chosen], [base], GROUP, Config())
@@ -127,20 +127,20 @@ def test_recombine_new_angles_continue_kept_ones(lengths, seed, turns):
 def test_transplant_rotations_match_oracle(lengths, seed, config):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     chosen = rng.integers(0, len(cut), len(cut))
     part = transplant(base, cut, cut[chosen], [base], GROUP, config)
     bounds = np.array([0, *cut.stop])
     expected = oracle.transplant(base.rotations[:, JOINTS], bounds, chosen, base.rate, config)
     # The oracle of "offset" differentiates numerically.
-    same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
+    assert_same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
 
 
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_displacement_closes_every_gap_half_way(lengths, seed):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut, moving=(1,))
+    base = random_star_clip(rng, cut, moving=(1,))
     chosen = rng.integers(0, len(cut), len(cut))
     donors = cut[chosen]
     part = transplant(base, cut, donors, [base], GROUP, Config(seam="displacement"))
@@ -158,8 +158,8 @@ def test_displacement_closes_every_gap_half_way(lengths, seed):
 def kink(seed, before, after, fine, seam):
     """The greatest second difference of rotations near a seam, and the part."""
     cut = tile_segments(np.array([before, after, 7]) * fine)
-    base = star_clip(np.random.default_rng(seed), cut)
-    quats = wander(np.random.default_rng(seed), base.n_frames, 4, speed=0.3 / fine)
+    base = random_star_clip(np.random.default_rng(seed), cut)
+    quats = smooth_rotations(np.random.default_rng(seed), base.n_frames, 4, speed=0.3 / fine)
     base = replace(base, rotations=quats, channel_values=None)
     config = Config(seam=seam, seam_window=fine / 6)
     part = transplant(base, cut, cut[np.array([0, 2, 2])], [base], GROUP, config)
@@ -204,7 +204,7 @@ def test_smoothing_windows_stay_in_nearer_half_of_segments():
 def test_transplant_equal_poses_at_seam_change_nothing(seam):
     """Equal segments that are not neighbours: no gap at the seam."""
     cut = tile_segments(np.array([10, 10, 10]))
-    base = star_clip(np.random.default_rng(0), cut)
+    base = random_star_clip(np.random.default_rng(0), cut)
     still = replace(base, rotations=np.tile(rotations.IDENTITY, (31, 4, 1)), channel_values=None)
     part = transplant(still, cut, cut[np.array([0, 2, 1])], [still], GROUP, Config(seam=seam))
     np.testing.assert_array_equal(part.rotations, still.rotations[:, JOINTS])
@@ -212,7 +212,7 @@ def test_transplant_equal_poses_at_seam_change_nothing(seam):
 
 def test_transplant_stretched_neighbours_keep_shared_pose():
     cut = tile_segments(np.array([10, 10, 8, 8]))
-    base = star_clip(np.random.default_rng(1), cut)
+    base = random_star_clip(np.random.default_rng(1), cut)
     part = transplant(
         base,
         cut,
@@ -229,9 +229,9 @@ def test_transplant_stretched_neighbours_keep_shared_pose():
 def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, seed):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
-    base = star_clip(rng, cut)
+    base = random_star_clip(rng, cut)
     grown = replace(
-        star_clip(rng, cut),
+        random_star_clip(rng, cut),
         skeleton=base.skeleton.with_offsets(base.skeleton.offsets * 2),
         positions=base.positions * 2,
     )
@@ -242,7 +242,7 @@ def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, see
 
 def test_recombine_without_channel_values_has_none():
     cut = tile_segments(np.array([5, 6]))
-    base = replace(star_clip(np.random.default_rng(1), cut), channel_values=None)
+    base = replace(random_star_clip(np.random.default_rng(1), cut), channel_values=None)
     part = transplant(base, cut, cut[np.array([1, 0])], [base], GROUP, Config())
     new = recombine(base, [part], "new")
     assert new.channel_values is None
@@ -271,7 +271,9 @@ def test_transplant_torso_world_combines_donor_lean_and_base_heading(a, b):
     hips, chest = 0, 7
     (_, facing), (above, _) = leans(base, hips), leans(donor, hips)
     upright = rotations.multiply(above, donor.rotations[:, chest])
-    same_rotations(new.world_transforms()[0][:, chest], rotations.multiply(facing, upright), 1e-9)
+    assert_same_rotations(
+        new.world_transforms()[0][:, chest], rotations.multiply(facing, upright), 1e-9
+    )
     # Joints below the chest have the donor's local rotations.
     np.testing.assert_array_equal(new.rotations[:, 8:], donor.rotations[:, 8:])
     np.testing.assert_array_equal(new.rotations[:, :7], base.rotations[:, :7])
@@ -290,7 +292,7 @@ def test_transplant_torso_world_is_independent_of_donor_heading(a, b, yaw):
     own, twin = (
         transplant(base, cut, cut, [one], UPPER, Config(torso="world")) for one in (donor, other)
     )
-    same_rotations(own.rotations, twin.rotations, 1e-9)
+    assert_same_rotations(own.rotations, twin.rotations, 1e-9)
 
 
 @given(

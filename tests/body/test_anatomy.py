@@ -385,7 +385,7 @@ def test_anatomy_joints_selects_parts_and_sides():
     found = anatomy(human())
     assert found.joints("shank", "foot", side="right") == [5, 6]
     assert found.joints("shank") == [2, 5]
-    with pytest.raises(ValueError, match=r"`parts` must be of pelvis, .*, got \['knee'\]"):
+    with pytest.raises(ValueError, match=r"`parts` must be among pelvis, .*, got \['knee'\]"):
         found.joints("knee")
 
 

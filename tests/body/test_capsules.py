@@ -12,7 +12,7 @@ from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.oracles.capsules import capsule_distances
-from tests.strategies import SEEDS, few_examples, quaternions, skeletons, vectors, wander
+from tests.strategies import SEEDS, few_examples, quaternions, skeletons, smooth_rotations, vectors
 
 ALL_PAIRS = np.array([(i, j) for i in range(3) for j in range(2)])
 
@@ -136,7 +136,7 @@ def test_box_clearance_matches_dense_points(seed, turn, center):
 @given(SEEDS, st.lists(st.integers(0, 4), max_size=4))
 def test_capsule_ends_follow_joint_and_rotated_bone(seed, joints):
     rng = np.random.default_rng(seed)
-    quats, positions = wander(rng, 6, 5), rng.normal(size=(6, 5, 3))
+    quats, positions = smooth_rotations(rng, 6, 5), rng.normal(size=(6, 5, 3))
     bones, names = rng.normal(size=(len(joints), 3)), ("",) * len(joints)
     body = Capsules(np.array(joints, np.int64), names, names, bones, np.ones(len(joints)))
     ends = body.ends(quats[::2], positions[::2])

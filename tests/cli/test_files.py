@@ -176,7 +176,7 @@ def test_index_unmatched_rates_and_tags_print_warning(run, folder, tmp_path):
     words = ["--tags", tags, "--true-rate", "b=60", "--true-rate", "c=60"]
     code, _, err = run("index", folder, "-o", tmp_path / "lib", *words)
     assert code == 0
-    assert "--true-rate or --tags match no clip of these files: c, z*" in err
+    assert "no clip matches these names of --true-rate or --tags: c, z*" in err
 
 
 def test_plot_strip_unknown_body_needs_no_groups(run, tmp_path):

@@ -133,7 +133,7 @@ def test_graft_unsatisfied_constraint_returns_4_and_prints_violation(run, folder
     assert code == 4
     assert "LeftHand is " in err
     assert "heights" in err
-    assert "no donor sequence satisfies the constraints" in err
+    assert "because no donor sequence satisfies them; no motion was written" in err
     assert out == ""
     assert not (tmp_path / "b.bvh").exists()
     code, out, err = run("graft", folder, "--reach", far, "-o", tmp_path / "b.bvh", "--best-effort")

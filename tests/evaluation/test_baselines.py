@@ -33,7 +33,7 @@ from mograft.evaluation.baselines import (
 )
 from mograft.motion import rotations
 from mograft.search.costs import length_fits
-from tests.strategies import wander
+from tests.strategies import smooth_rotations
 
 RANDOM_METHODS = (
     Random(),
@@ -192,7 +192,7 @@ def test_candidates_of_base_class_raises_not_implemented_error(library):
 @pytest.fixture
 def pole():
     skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
-    quats = wander(np.random.default_rng(0), 90, 3)
+    quats = smooth_rotations(np.random.default_rng(0), 90, 3)
     return Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (90, 1, 1)))
 
 

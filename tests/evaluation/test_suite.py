@@ -18,7 +18,7 @@ from mograft.evaluation import (
     evaluation_page,
 )
 from mograft.evaluation.report import summarize
-from tests.strategies import wander
+from tests.strategies import smooth_rotations
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
@@ -101,7 +101,7 @@ def test_evaluate_one_topic_measures_only_it(library):
 
 @pytest.mark.parametrize("topics", [[], ["beauty"]])
 def test_evaluate_unknown_topic_raises_value_error(library, topics):
-    with pytest.raises(ValueError, match="`topics` must be of"):
+    with pytest.raises(ValueError, match="`topics` must be among"):
         evaluate(library, topics)
 
 
@@ -113,7 +113,7 @@ def test_evaluate_zero_count_raises_value_error(library, name):
 
 def test_evaluate_skeleton_without_legs_omits_measures_of_feet():
     skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
-    quats = wander(np.random.default_rng(0), 300, 3)
+    quats = smooth_rotations(np.random.default_rng(0), 300, 3)
     motion = Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (300, 1, 1)), name="pole")
     poles = Library.build(motion, JointGroups({"lower": ["a"], "upper": ["b", "c"]}), Config())
     found = evaluate(poles, runs=1)

@@ -138,7 +138,7 @@ def test_write_glb_passes_khronos_validator(motion, tmp_path):
     rng = np.random.default_rng(0)
     lone = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     many = strategies.skeletons(rng, 300)
-    quats = strategies.wander(rng, 3, 300)
+    quats = strategies.smooth_rotations(rng, 3, 300)
     motions = {
         "dance": motion,
         "two": [motion, motion[:1]],

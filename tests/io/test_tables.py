@@ -21,7 +21,7 @@ def test_npz_round_trip_has_precision_of_float32(tmp_path_factory, motion):
     path = tmp_path_factory.mktemp("npz") / "m.npz"
     write_npz(motion, path)
     again = read_npz(path)
-    strategies.same_rotations(again.rotations, motion.rotations, atol=1e-6)
+    strategies.assert_same_rotations(again.rotations, motion.rotations, atol=1e-6)
     np.testing.assert_allclose(again.positions, motion.positions, rtol=1e-6, atol=1e-30)
     assert again.frame_time == motion.frame_time
     assert again.skeleton.names == motion.skeleton.names

@@ -130,7 +130,9 @@ def test_build_globs_are_sorted_by_name(motion, tmp_path):
 
 def test_build_other_rate_is_resampled_with_warning(motion):
     fast = replace(motion[:400].resample(60.0), name="fast")
-    with pytest.warns(UserWarning, match="resampled to 30 fps, the rate of most frames: fast"):
+    with pytest.warns(
+        UserWarning, match="resampled to 30 fps, the frame rate of the library: fast"
+    ):
         mixed = Library.build([motion, fast])
     assert mixed.clips[1].rate == pytest.approx(30.0)
 

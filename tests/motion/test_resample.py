@@ -9,12 +9,12 @@ from mograft.motion import resample, rotations
 from tests.oracles import rotations as oracle
 from tests.strategies import (
     SEEDS,
+    assert_same_rotations,
     motions,
     quaternions,
     rotation_tracks,
-    same_rotations,
+    smooth_rotations,
     vectors,
-    wander,
 )
 
 BOTH = pytest.mark.parametrize("curve", [resample.slerp, resample.cubic])
@@ -29,7 +29,7 @@ def half_turns(quats):
 @given(track=rotation_tracks())
 def test_curve_at_frame_times_returns_frames(curve, track):
     times, quats = track
-    same_rotations(curve(times, quats, times), quats)
+    assert_same_rotations(curve(times, quats, times), quats)
     np.testing.assert_array_equal(curve(times, quats, times[:1]), quats[:1])
 
 
@@ -45,7 +45,7 @@ def test_curve_quaternions_have_unit_norm(curve, track, time):
 def test_rotated_frames_give_rotated_curve(curve, track, turn, time):
     times, quats = track
     assume(not half_turns(quats))  # a half turn has two arcs of equal length
-    same_rotations(
+    assert_same_rotations(
         curve(times, rotations.multiply(turn, quats), [time]),
         rotations.multiply(turn, curve(times, quats, [time])),
         1e-10,
@@ -57,7 +57,7 @@ def test_rotated_frames_give_rotated_curve(curve, track, turn, time):
 def test_constant_velocity_motion_is_reproduced(curve, velocity, time):
     times = np.array([0.0, 0.1, 0.4, 0.5, 0.9, 1.0])
     quats = rotations.exp(velocity * times[:, None, None])
-    same_rotations(curve(times, quats, [time])[0], rotations.exp(velocity * time), 1e-12)
+    assert_same_rotations(curve(times, quats, [time])[0], rotations.exp(velocity * time), 1e-12)
 
 
 @given(quaternions(()), quaternions(()), st.floats(0, 1))
@@ -65,7 +65,7 @@ def test_slerp_reversed_arguments_give_same_rotation(a, b, t):
     assume(abs(a @ b) > 1e-6)
     forward = resample.slerp([0.0, 1.0], [[a], [b]], [t])
     backward = resample.slerp([0.0, 1.0], [[b], [a]], [1.0 - t])
-    same_rotations(forward, backward, 1e-12)
+    assert_same_rotations(forward, backward, 1e-12)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=8), st.floats(0, 1))
@@ -82,12 +82,12 @@ def test_cubic_about_one_axis_matches_scalar_hermite(angles, share):
 
 @given(SEEDS, st.integers(3, 9), st.integers(2, 40))
 def test_resample_segments_matches_cubic_of_segment_frames(seed, n_frames, count):
-    quats = wander(np.random.default_rng(seed), n_frames + 4, 2)
+    quats = smooth_rotations(np.random.default_rng(seed), n_frames + 4, 2)
     segment = quats[2 : 2 + n_frames]
     resampled = resample.resample_segments(quats, [2], [1 + n_frames], [count])
     times = np.linspace(0, n_frames - 1, count)
-    same_rotations(resampled, resample.cubic(np.arange(n_frames), segment, times), 1e-12)
-    same_rotations(resampled, oracle.resample(segment, count), 1e-12)
+    assert_same_rotations(resampled, resample.cubic(np.arange(n_frames), segment, times), 1e-12)
+    assert_same_rotations(resampled, oracle.resample(segment, count), 1e-12)
 
 
 @given(motions(min_frames=6), st.integers(1, 5))
@@ -108,7 +108,7 @@ def test_resample_segments_same_or_multiple_count_keeps_frames(motion, times):
 @given(SEEDS)
 def test_resample_segments_many_equal_one_by_one(seed):
     rng = np.random.default_rng(seed)
-    quats, positions = wander(rng, 40, 3), rng.normal(size=(40, 3, 3))
+    quats, positions = smooth_rotations(rng, 40, 3), rng.normal(size=(40, 3, 3))
     starts = rng.integers(0, 30, 7)
     stops = starts + rng.integers(1, 10, 7)
     counts = rng.integers(0, 15, 7)
@@ -169,5 +169,7 @@ def test_segments_of_two_frames_equal_slerp(a, b, count):
     assume(abs(a @ b) > 1e-6)
     quats = np.array([[a], [b]])
     expected = resample.slerp([0.0, 1.0], quats, np.linspace(0.0, 1.0, count))
-    same_rotations(resample.resample_segments(quats, [0], [1], [count]), expected, 1e-12)
-    same_rotations(resample.cubic([0.0, 1.0], quats, np.linspace(0.0, 1.0, count)), expected, 1e-12)
+    assert_same_rotations(resample.resample_segments(quats, [0], [1], [count]), expected, 1e-12)
+    assert_same_rotations(
+        resample.cubic([0.0, 1.0], quats, np.linspace(0.0, 1.0, count)), expected, 1e-12
+    )

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mograft.motion import rotations
 from tests.oracles import rotations as oracle
-from tests.strategies import SEEDS, quaternions, same_rotations, vectors, wander
+from tests.strategies import SEEDS, assert_same_rotations, quaternions, smooth_rotations, vectors
 
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
@@ -17,7 +17,7 @@ ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 def test_exp_inverts_log_and_log_is_shortest(q):
     logs = rotations.log(q)
     assert (np.linalg.norm(logs, axis=-1) <= np.pi + 1e-15).all()
-    same_rotations(rotations.exp(logs), q, 1e-12)
+    assert_same_rotations(rotations.exp(logs), q, 1e-12)
 
 
 @given(quaternions((5,)))
@@ -29,7 +29,7 @@ def test_log_and_angle_ignore_quaternion_sign(q):
 @given(quaternions((4,)), quaternions((4,)), vectors((4,)))
 def test_multiply_and_rotate_match_scipy(a, b, v):
     scipy_a, scipy_b = Rotation.from_quat(a), Rotation.from_quat(b)
-    same_rotations(rotations.multiply(a, b), (scipy_a * scipy_b).as_quat(), 1e-14)
+    assert_same_rotations(rotations.multiply(a, b), (scipy_a * scipy_b).as_quat(), 1e-14)
     np.testing.assert_allclose(rotations.rotate(a, v), scipy_a.apply(v), atol=1e-13)
     np.testing.assert_allclose(
         rotations.angle(a, b), (scipy_a.inv() * scipy_b).magnitude(), atol=1e-12
@@ -67,22 +67,22 @@ def test_angle_near_zero_is_accurate(v):
 @given(vectors((3,), size=10.0), st.sampled_from(ORDERS))
 def test_to_euler_matches_scipy_and_round_trips(angles, order):
     q = rotations.from_euler(angles, order)
-    same_rotations(q, Rotation.from_euler(order, angles).as_quat(), 1e-12)
-    same_rotations(rotations.from_euler(rotations.to_euler(q, order), order), q, 1e-9)
+    assert_same_rotations(q, Rotation.from_euler(order, angles).as_quat(), 1e-12)
+    assert_same_rotations(rotations.from_euler(rotations.to_euler(q, order), order), q, 1e-9)
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3), st.sampled_from((-0.5, 0.5)), st.sampled_from(ORDERS))
 def test_to_euler_gimbal_lock_keeps_rotation_and_first_angle(first, last, middle, order):
     q = rotations.from_euler([[first, middle * np.pi, last]], order)
     angles = rotations.to_euler(q, order, [first + 0.1, middle * np.pi, 0.0])
-    same_rotations(rotations.from_euler(angles, order), q, 1e-9)
+    assert_same_rotations(rotations.from_euler(angles, order), q, 1e-9)
     np.testing.assert_allclose(angles[0, 0], first + 0.1, atol=1e-9)
 
 
 @given(SEEDS, st.sampled_from(ORDERS))
 def test_to_euler_continuous_rotation_gives_continuous_angles(seed, order):
     """Angles do not jump, except near gimbal lock, where the outer angles may change fast."""
-    q = wander(np.random.default_rng(seed), 60, 1, speed=0.05)[:, 0]
+    q = smooth_rotations(np.random.default_rng(seed), 60, 1, speed=0.05)[:, 0]
     angles = rotations.to_euler(q, order)
     free = np.abs(np.cos(angles[:, 1])) > 0.3
     jumps = np.abs(np.diff(angles, axis=0))[free[1:] & free[:-1]]
@@ -99,9 +99,9 @@ def test_to_euler_fewer_axes_round_trips(angles, order):
 @given(SEEDS)
 def test_continuous_signs_keeps_rotations_and_removes_jumps(seed):
     rng = np.random.default_rng(seed)
-    q = wander(rng, 20, 2) * rng.choice([-1.0, 1.0], (20, 2, 1))
+    q = smooth_rotations(rng, 20, 2) * rng.choice([-1.0, 1.0], (20, 2, 1))
     smooth = rotations.continuous_signs(q)
-    same_rotations(smooth, q, 1e-15)
+    assert_same_rotations(smooth, q, 1e-15)
     assert (smooth[0, :, 3] >= 0).all()
     assert (np.einsum("fji,fji->fj", smooth[1:], smooth[:-1]) >= 0).all()
 

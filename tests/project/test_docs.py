@@ -120,8 +120,7 @@ def test_paper_table_names_existing_code():
             else:
                 value = getattr(value, part)
     for row in rows:
-        for path in re.findall(r"`(tests/\w+\.py)`", row):
-            assert (ROOT / path).exists(), path
+        assert re.search(r"`tests/[\w/]+\.py`", row), row
 
 
 def test_documentation_builds_without_warnings(tmp_path):
@@ -159,3 +158,12 @@ def test_documentation_links_resolve(page):
     for target in LINK.findall(page.read_text(encoding="utf-8")):
         if "_made/" not in target:
             assert (page.parent / target).exists(), target
+
+
+SCRIPT = re.compile(r"\b(?:tests|benches)/[\w/]+\.py\b")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
+def test_documentation_named_tests_and_benches_exist(page):
+    for path in SCRIPT.findall(page.read_text(encoding="utf-8")):
+        assert (ROOT / path).exists(), path

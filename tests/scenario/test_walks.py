@@ -152,7 +152,7 @@ def test_fill_invalid_frames_raises_value_error(library):
 def test_to_beats_invalid_beats_raises_value_error(library):
     with pytest.raises(ValueError, match=r"`frames` must be at most \d+ with \d+ segments"):
         to_beats(library, [0.0, 1.0, 1e9])
-    with pytest.raises(ValueError, match="`beats` must be at least 2 times in seconds, got 1"):
+    with pytest.raises(ValueError, match="`beats` must hold at least two times, in seconds, got 1"):
         to_beats(library, [0.0])
     with pytest.raises(ValueError, match="`beats` must ascend, got 1 after 1"):
         to_beats(library, [0.0, 1.0, 1.0])

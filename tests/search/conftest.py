@@ -6,7 +6,7 @@ import pytest
 from mograft import Segments
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.candidates import SegmentPool
-from tests.strategies import wander
+from tests.strategies import smooth_rotations
 
 
 @pytest.fixture(scope="session")
@@ -17,7 +17,7 @@ def make_pool():
         rng = np.random.default_rng(seed)
         lengths = rng.integers(1, 12, n)
         stops = np.cumsum(lengths)
-        poses = wander(rng, n + 1, 3, speed=spread)
+        poses = smooth_rotations(rng, n + 1, 3, speed=spread)
         velocities = rng.normal(size=(n + 1, 3, 3))
         return SegmentPool(
             segments=Segments(stops - lengths, stops),

@@ -10,20 +10,20 @@ from mograft.motion import rotations
 from mograft.motion.resample import cubic
 from mograft.synthesis.donor_frames import frames_with_neighbours
 from mograft.synthesis.placed_donors import VELOCITY_STEP, PlacedDonors, SampledDonors
-from tests.strategies import SEEDS, same_rotations, wander
+from tests.strategies import SEEDS, assert_same_rotations, smooth_rotations
 
 
 @given(SEEDS, st.integers(2, 12))
 def test_frames_with_neighbours_give_the_values_and_velocities_of_the_whole_clip(seed, n):
     """Also if the segment starts or ends with the clip."""
     rng = np.random.default_rng(seed)
-    clip = wander(rng, n, 2)
+    clip = smooth_rotations(rng, n, 2)
     start, stop = sorted(rng.choice(n, 2, replace=False).tolist())
     track = frames_with_neighbours(clip, start, stop)
     assert len(track) == stop - start + 3
     np.testing.assert_array_equal(track[1:-1], clip[start : stop + 1])
     times = rng.uniform(0, stop - start, 5)
-    same_rotations(
+    assert_same_rotations(
         cubic(np.arange(len(track)), track, 1 + times),
         cubic(np.arange(n), clip, start + times),
         1e-9,
@@ -38,14 +38,16 @@ def test_frames_with_neighbours_give_the_values_and_velocities_of_the_whole_clip
 @given(SEEDS, st.sampled_from([24.0, 120.0]))
 def test_placed_donors_end_velocity_is_the_slope_if_changed_else_that_of_the_donor(seed, rate):
     rng = np.random.default_rng(seed)
-    pose, velocity = wander(rng, 4, 3), rng.normal(size=(4, 3, 3))
+    pose, velocity = smooth_rotations(rng, 4, 3), rng.normal(size=(4, 3, 3))
     acceleration = rng.normal(size=(4, 3, 3))
     frames = np.array([-1.0, 0.0, -VELOCITY_STEP, -2 * VELOCITY_STEP])
     seconds = frames[:, None, None, None] / rate
     change = velocity * seconds + 0.5 * acceleration * seconds**2
     values = np.moveaxis(rotations.multiply(pose, rotations.exp(change)), 0, 1)
     donor_velocity, donor_values = rng.normal(size=(4, 3, 3)), values.copy()
-    donor_values[:2, 1:] = wander(rng, 3, 3)  # seam treatment changes the first two donors
+    donor_values[:2, 1:] = smooth_rotations(
+        rng, 3, 3
+    )  # seam treatment changes the first two donors
     sampled = SampledDonors(donor_values, donor_velocity, donor_velocity)
     placed = PlacedDonors(sampled, values, rate)
     np.testing.assert_allclose(placed.end_velocity[:2], velocity[:2], atol=1e-4)

@@ -113,7 +113,7 @@ CONFIG_OPTIONS: Mapping[str, Registry[str]] = MappingProxyType(
             ),
             _describe(
                 "choice",
-                viterbi="minimum total cost; each further motion pays for repeated donors",
+                viterbi="minimum total cost; in further motions, repeated donors cost more",
                 best="the motions of the lowest total costs",
                 sample="drawn with probability exp(-cost / temperature)",
                 nearest="most similar base segments; seams only have to satisfy the limit",

@@ -124,7 +124,7 @@ class OnlineSegmenter:
             self._first_frame = first_used
 
     def _tentative_bounds(self, turns: list[int]) -> list[int]:
-        """Return the bounds from the last final one on that `segment` would place."""
+        """Return the last final bound, then the bounds that `segment` would place after it."""
         bounds = np.array([self._final_bound, *turns]) - self._first_frame
         bounds = merge_short_segments(bounds, np.array(self._curve), self._min_length)
         bounds = split_long_segments(bounds, self._max_length)

@@ -51,7 +51,7 @@ class Anatomy:
         """Return the joints of some parts, of one side or of all sides."""
         unknown = set(parts) - set(PARTS)
         if unknown:
-            raise ValueError(f"`parts` must be of {', '.join(PARTS)}, got {sorted(unknown)}")
+            raise ValueError(f"`parts` must be among {', '.join(PARTS)}, got {sorted(unknown)}")
         return [
             joint
             for joint, (part, joint_side) in enumerate(zip(self.parts, self.sides, strict=True))

@@ -28,5 +28,5 @@ COMMAND = Command(
     '"$(mograft completion bash)" in ~/.bashrc; zsh: save it as _mograft in a folder of $fpath; '
     "fish: save it as ~/.config/fish/completions/mograft.fish. Needs the extra completion.",
     run=run,
-    arguments=(positional("shell", choices=_SHELLS, help="shell that reads the script"),),
+    arguments=(positional("shell", choices=_SHELLS, help="shell for which the script is written"),),
 )

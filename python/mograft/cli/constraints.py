@@ -116,7 +116,11 @@ _DONOR_OPTIONS = (
         metavar="CLIP,...",
         help="clips that may provide donors, globs as waltz* (default: all)",
     ),
-    option("--not-from", metavar="CLIP,...", help="clips that provide no donors (default: none)"),
+    option(
+        "--not-from",
+        metavar="CLIP,...",
+        help="clips that are excluded as donors, globs as waltz* (default: none)",
+    ),
     option(
         "--only-tagged",
         metavar="TAG,...",

@@ -146,7 +146,7 @@ COMMAND = Command(
             is_path=True,
             nargs="+",
             metavar="FILE",
-            help="BVH files: one; several of one skeleton for a .glb; several for a film",
+            help="BVH file; for a .glb also several of one skeleton, for a film also several",
         ),
         option(
             "-o",

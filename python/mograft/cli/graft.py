@@ -75,7 +75,8 @@ def run(options: argparse.Namespace) -> int:
     grafts = _make_grafts(library, base, constraints, options)
     if constraints:
         grafts = list(grafts)
-        if _print_violations(grafts) and not options.best_effort:
+        best_effort = options.best_effort
+        if _print_violations(grafts, best_effort=best_effort) and not best_effort:
             return EXIT_UNSATISFIED
     documents = _write_grafts(grafts, outputs, options)
     if options.json:
@@ -155,16 +156,19 @@ def _make_grafts(
     return grafts
 
 
-def _print_violations(grafts: "Sequence[Graft]") -> bool:
+def _print_violations(grafts: "Sequence[Graft]", *, best_effort: bool) -> bool:
     """Print the violations of the constraints; return whether there are any."""
     violating = [graft for graft in grafts if graft.violations]
     for graft in violating:
         for violation in graft.violations:
             print_remark(f"{graft.motion.name}: {violation.message}")
-    if violating:
+    counts = f"{len(violating)} of {len(grafts)} motions"
+    if violating and best_effort:
+        print_remark(f"warning: {counts} violate the constraints; all {len(grafts)} are written")
+    elif violating:
         print_remark(
-            f"error: no donor sequence satisfies the constraints in {len(violating)} of "
-            f"{len(grafts)} motions; --best-effort writes them all the same"
+            f"error: {counts} violate the constraints, because no donor sequence satisfies them; "
+            "no motion was written; --best-effort writes all"
         )
     return bool(violating)
 
@@ -200,10 +204,10 @@ _CONFIG_OPTIONS = (
         "--sigma-scale",
         type=positive_number,
         metavar="X",
-        help="cluster diameter threshold, as a multiple of sigma; larger gives more variety, "
-        "smaller more similarity (default: that of the configuration, 0.75 unless --preset or "
-        "the library sets another, increased in steps of one third until COUNT different motions "
-        "exist)",
+        help="cluster diameter threshold, as a multiple of sigma; a larger value gives more "
+        "variety, a smaller one more similarity (default: that of the configuration, usually "
+        "0.75; if fewer than COUNT different motions exist, it is multiplied by 4/3 repeatedly, "
+        "up to 4)",
     ),
     config_option("choice", "selection of donors", "sample, with --preset paper random"),
     option(

@@ -77,7 +77,8 @@ def _warn_of_unused(
     unused = [key for key in table if key not in used]
     if unused:
         print_remark(
-            f"warning: --true-rate or --tags match no clip of these files: {join_names(unused)}"
+            f"warning: no clip matches these names of --true-rate or --tags: {join_names(unused)}; "
+            "they have no effect"
         )
 
 

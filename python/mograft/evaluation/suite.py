@@ -204,7 +204,7 @@ def evaluate(
     unknown = [topic for topic in topics if topic not in TOPICS]
     if unknown or not topics:
         given = ", ".join(unknown) or "none"
-        raise ValueError(f"`topics` must be of {', '.join(TOPICS)}, got {given}")
+        raise ValueError(f"`topics` must be among {', '.join(TOPICS)}, got {given}")
     for name, value in (("runs", runs), ("bases", bases)):
         if value < 1:
             raise ValueError(f"`{name}` must be at least 1, got {value}")

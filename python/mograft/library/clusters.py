@@ -96,7 +96,7 @@ def cluster_groups(
     labels : dict of str to ndarray of int, shape (n_segments,)
         The cluster of each segment. Without an embedding each segment is a cluster.
     sigma : dict of str to float
-        The greatest diameter of a cluster.
+        The cluster diameter threshold of each group; 0 without an embedding.
     """
     labels: dict[str, IntArray] = {}
     sigma: dict[str, float] = {}
@@ -141,7 +141,7 @@ class ClusterMembers:
         point : ndarray, shape (n_components,)
             The point.
         sigma : float
-            The greatest diameter of a cluster.
+            The cluster diameter threshold.
 
         Returns
         -------
@@ -180,7 +180,7 @@ def nearest_clusters(
     n_new : int
         Number of new segments.
     sigma : float
-        The greatest diameter of a cluster.
+        The cluster diameter threshold.
 
     Returns
     -------

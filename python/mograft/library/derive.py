@@ -111,9 +111,10 @@ class DerivableLibrary(LibraryData):
     def extended(self, motion: Motion) -> Self:
         """Return the library with one more clip, whose segments are excluded as donors.
 
-        Each new segment joins the cluster whose members are all within the greatest diameter
-        of it; of several the one with the nearest member. If there is none, the segment forms a
-        cluster by itself. Other segments, embeddings and clusters do not change.
+        Each new segment joins the cluster whose members are all within the cluster diameter
+        threshold of it; of several clusters, the one with the nearest member. If there is none,
+        the segment forms a cluster by itself. Other segments, embeddings and clusters
+        do not change.
 
         Parameters
         ----------

@@ -272,7 +272,7 @@ def warn_of_clips(entries: Sequence[ClipInfo], rate: float, *, stacklevel: int) 
     resampled = [info.name for info in entries if not rates_match(info.source_rate, rate)]
     if resampled:
         names = _join_first(resampled, _MAX_WARNINGS, ", ", " and {} more")
-        warn(f"resampled to {rate:.6g} fps, the rate of most frames: {names}")
+        warn(f"resampled to {rate:.6g} fps, the frame rate of the library: {names}")
     faulty = [info for info in entries if info.faults]
     for info in faulty[:_MAX_WARNINGS]:
         faults = _join_first(info.faults, _MAX_FAULTS, "; ", "; and {} more")

@@ -58,7 +58,7 @@ class Library(DerivableLibrary):
     labels : dict of str to ndarray of int, shape (n_segments,)
         For each group the cluster of each segment, numbered by first member from 0.
     sigma : dict of str to float
-        For each group the greatest diameter of a cluster.
+        For each group the cluster diameter threshold.
     boundary_states : dict of str to dict of str to ndarray
         For each group the poses and velocities of its joints at the first and last frame of
         the segments, as in `SegmentPool`.
@@ -282,12 +282,13 @@ class Library(DerivableLibrary):
         Returns
         -------
         Library
-            With mapped arrays, which do not change when another process adds clips.
+            With memory-mapped arrays, which do not change when another process adds clips.
 
         Raises
         ------
         LibraryError
-            If the library is damaged, foreign, or written by a newer version.
+            If the folder is not a mograft library, is damaged, was written by a newer version or
+            is rewritten repeatedly while it is read.
         FileNotFoundError
             If the folder does not exist.
         """

@@ -117,7 +117,7 @@ class _Beam:
         )
 
     def select(self, rows: IntArray) -> "_Beam":
-        """Return some states."""
+        """Return the states of the given rows."""
         return _Beam(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
 

@@ -211,7 +211,7 @@ def to_beats(
     """
     times = as_floats("beats", beats, ("n_beats",))
     if len(times) < 2:
-        raise ValueError(f"`beats` must be at least 2 times in seconds, got {len(times)}")
+        raise ValueError(f"`beats` must hold at least two times, in seconds, got {len(times)}")
     if (steps := np.diff(times)).min() <= 0:
         first = int(np.argmax(steps <= 0))
         raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")

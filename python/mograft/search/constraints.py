@@ -140,9 +140,9 @@ class Violation:
     worst : int
         Frame of the largest error.
     error : float
-        Largest error, in tolerances.
+        Largest error, as a multiple of the tolerance.
     joint : str
-        Joint of the largest error; empty for none.
+        Joint of the largest error; empty if no joint is responsible.
     message : str
         Description with the error and the tolerance.
     """

@@ -351,7 +351,7 @@ def _sequences(
     paths: Mapping[str, Sequence[IntArray]],
     combinations: Sequence[tuple[int, ...]],
 ) -> list[DonorSequences]:
-    """Return the donor sequences of combinations of one path per group."""
+    """Return the donor sequences of combinations, each with one path index per group."""
     return [
         {
             group: source.trellises[group].donor_sequence(own[index])

@@ -273,7 +273,7 @@ def _check_segments(scenario: IntArray, library: Library) -> IntArray:
     n = len(library.segments)
     wrong = scenario[(scenario < 0) | (scenario >= n)]
     if len(wrong):
-        raise ValueError(f"`scenario` must be of segments 0 to {n - 1}, got {wrong[0]}")
+        raise ValueError(f"`scenario` must contain segments 0 to {n - 1}, got {wrong[0]}")
     return scenario
 
 

@@ -274,7 +274,7 @@ class Stream:
         """Return the piece of a choice, and store its end for the next seam."""
         # The first frame belongs to the previous piece.
         new = slice(1 if self._n_committed else 0, None)
-        base = segment.base[segment.rows][new]
+        base = segment.base[segment.offset + new.start : segment.rows.stop]
         substitutions, violations, parts = [], [], []
         for group, index in chosen.candidates.items():
             boundary, placed = segment.groups[group].boundary, chosen.placed[group]

@@ -48,8 +48,8 @@ def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
     for group in groups:
         if not kept.isdisjoint(library.joints(group).tolist()):
             raise ValueError(
-                "`swap` must name groups without root and legs in a stream, which keeps those of "
-                f"the base; got {group!r}"
+                "`swap` must not name a group that holds the root or a leg joint in a stream, "
+                f"got {group!r}"
             )
 
 

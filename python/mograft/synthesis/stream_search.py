@@ -77,6 +77,7 @@ class StreamSearch:
     def __init__(self, donors: StreamDonors, frame: Motion) -> None:
         library = donors.library
         self._donors, self._library = donors, library
+        self._lengths = library.segments.lengths
         self._body = StreamBody(frame, donors.joints, library.up)
         self._clusters = BaseClusters.build(library, mass_model(frame.skeleton).height)
 
@@ -108,7 +109,7 @@ class StreamSearch:
         members, distances = self._clusters.find_members(motion, excerpt)
         is_kept = self._library.is_donor[members] & length_fits(
             segment.lengths,
-            self._library.segments[members].lengths,
+            self._lengths[members],
             self._library.rate,
             rules.config,
         )
@@ -116,7 +117,7 @@ class StreamSearch:
         origin = self._origin_violations(segment, members, rules)
         members, distances = members[origin.is_feasible], distances[origin.is_feasible]
         # The base segment is the last candidate: distance 0, no origin costs, always feasible.
-        lengths = np.append(self._library.segments[members].lengths, segment.lengths)
+        lengths = np.append(self._lengths[members], segment.lengths)
         origin_costs = np.append(origin.soft[origin.is_feasible], 0.0)
         is_base = np.arange(len(lengths)) == len(members)
         # Unary costs do not depend on seam scales, the only difference between the groups' models.

@@ -286,7 +286,8 @@ impl<'a> ClusterDistances<'a> {
             (c_offsets.as_slice(), c_candidates.as_slice())
         };
 
-        // In f32, for each candidate of A the distance of C's farthest candidate.
+        // In f32: for each candidate of A, the largest squared distance to the candidates of C, or to
+        // all its members if there are no candidates.
         a_offsets.clear();
         for &i in &*a_candidates {
             self.push_offset(pair, i as usize, shift, a_offsets);
@@ -353,8 +354,8 @@ impl<'a> ClusterDistances<'a> {
 
     /// How many of C's leading blocks may hold a member of a pair at least `distance` apart.
     ///
-    /// By the triangle inequality such a member is at least `distance` less the distance of the
-    /// centres less A's radius away from C's centre.
+    /// By the triangle inequality, the distance of such a member from C's centre is at least
+    /// `distance` - (distance of the centres) - (radius of A).
     fn n_blocks_beyond(&self, pair: &Pair, distance: f64) -> usize {
         let block_radii = self.packed.block_radii(pair.c);
         if self.clusters.members(pair.c).len() < SORTED_SIZE {

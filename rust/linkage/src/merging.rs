@@ -114,7 +114,7 @@ fn reciprocal_pairs(
 struct State {
     lists: Vec<Vec<Neighbour>>,
     roots: Vec<u32>,
-    /// Counts of the clusters that were merged into each.
+    /// For each cluster, the number of initial clusters that it consists of, itself included.
     sizes: Vec<u32>,
     /// The nearest neighbour of each cluster and its squared distance.
     nearest: Vec<(u32, f64)>,

@@ -95,7 +95,7 @@ fn merge_parents(n: usize, merges: &[Merge]) -> (Vec<u32>, Vec<u8>) {
 ///
 /// `merges` may be in any order. Takes O(n) time.
 pub(crate) fn labels(n: usize, merges: &[Merge]) -> Vec<i64> {
-    // Each representative but the smallest of a cluster points to a smaller one.
+    // Every point except the smallest of its cluster points to a smaller point of that cluster.
     let mut targets: Vec<u32> = (0..n as u32).collect();
     for merge in merges {
         targets[merge.high as usize] = merge.low;

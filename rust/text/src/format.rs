@@ -4,7 +4,7 @@ use std::io::Write as _;
 
 use zmij::Buffer;
 
-/// Numbers of at most six decimals are written without an exponent.
+/// 10^6: a number that is an integer after multiplication by this has at most six decimals.
 const DECIMALS_SCALE: f64 = 1e6;
 
 /// Scaled numbers below this have at most 15 significant digits.

@@ -38,7 +38,7 @@ def read_frames(cursor: Cursor, header: Header) -> FloatArray:
 
 
 def count_frames(cursor: Cursor, header: Header) -> int:
-    """Check the numbers as `read_frames` does, without keeping them; return the frames found."""
+    """Return the number of frames, after checking the numbers as `read_frames` does."""
     lines, scratch = _LineCheck(cursor, header), np.empty(_BLOCK_LENGTH)
     while _read_numbers(cursor, lines, scratch):
         pass

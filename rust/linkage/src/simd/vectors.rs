@@ -28,7 +28,8 @@ pub(super) fn add_squared_difference<V: F32x16>(sums: &mut V, lanes: V, x: f32) 
     *sums = lanes.sub(V::splat(x)).square_add(*sums);
 }
 
-/// The largest lane. The lanes are halved, so that each step is one vector operation.
+/// The largest lane. Each step compares one half of the remaining lanes with the other half, in one
+/// vector operation.
 #[inline(always)]
 pub(super) fn max_lane<V: F32x16>(vector: V) -> f32 {
     let mut lanes = Aligned([0.0; LANES]);
