@@ -125,6 +125,7 @@ def random_motion(rng, n_joints):
     return Motion(skeleton, 1 / 30, smooth_rotations(rng, 200, n_joints), positions)
 
 
+@few_examples(40)
 @given(LONG, npst.arrays(float, 3, elements=st.floats(-1e3, 1e3)), st.floats(-3, 3))
 def test_features_ignore_translation_and_by_default_heading(motion, shift, yaw):
     turn = rotations.from_axis_angle([0, 1, 0], yaw)
@@ -167,6 +168,7 @@ MATRICES = npst.arrays(
 ).filter(lambda m: ((m.std(axis=0) > 1e-3) | (m.std(axis=0) == 0)).all() and m.std(axis=0).any())
 
 
+@few_examples(40)
 @given(MATRICES)
 def test_pca_components_are_orthonormal_and_scores_uncorrelated(matrix):
     mean, scale, components, variances = pca(matrix, 10, np.zeros(matrix.shape[1]))
@@ -188,6 +190,7 @@ def test_pca_components_are_orthonormal_and_scores_uncorrelated(matrix):
     assert (components[largest, np.arange(kept)] > 0).all()
 
 
+@few_examples(40)
 @given(MATRICES, SEEDS)
 def test_pca_matches_scikit_learn_in_any_order_of_segments(matrix, seed):
     floors = np.zeros(matrix.shape[1])

@@ -20,6 +20,7 @@ from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
     assert_same_rotations,
+    few_examples,
     quaternions,
     smooth_rotations,
     tile_segments,
@@ -44,7 +45,7 @@ def random_layout(lengths, seed, seam):
     return DonorLayout(timeline, [track], [positions], seams, Config(seam=seam))
 
 
-@settings(deadline=None)
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
 def test_close_any_treatment_makes_rotations_continuous(lengths, seed, seam):
     value, velocity = jumps(random_layout(lengths, seed, seam), ROTATIONS)
@@ -53,7 +54,7 @@ def test_close_any_treatment_makes_rotations_continuous(lengths, seed, seam):
         assert velocity < 1e-5
 
 
-@settings(deadline=None)
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
 def test_close_any_treatment_makes_translations_continuous(lengths, seed, seam):
     value, velocity = jumps(random_layout(lengths, seed, seam), TRANSLATIONS)

@@ -18,6 +18,7 @@ from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
     assert_same_rotations,
+    few_examples,
     person,
     random_star_clip,
     smooth_rotations,
@@ -123,6 +124,7 @@ def test_recombine_new_angles_continue_kept_ones(lengths, seed, turns):
         assert (np.abs(steps) <= 180.0 + 1e-9).all()
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, PLAIN)
 def test_transplant_rotations_match_oracle(lengths, seed, config):
     rng = np.random.default_rng(seed)
@@ -136,6 +138,7 @@ def test_transplant_rotations_match_oracle(lengths, seed, config):
     assert_same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_displacement_closes_every_gap_half_way(lengths, seed):
     rng = np.random.default_rng(seed)
@@ -168,6 +171,7 @@ def kink(seed, before, after, fine, seam):
     return np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(), part
 
 
+@few_examples(40)
 @given(st.integers(2, 15), st.integers(2, 15), SEEDS)
 def test_paper_curve_at_seam_has_no_kink(before, after, seed):
     """At four times the rate, second differences fall by 16 on a smooth curve, by 4 at a kink."""
@@ -180,6 +184,7 @@ def test_displacement_leaves_a_kink():
     assert fine > 0.2 * coarse
 
 
+@few_examples(40)
 @given(st.integers(1, 15), st.integers(1, 15), SEEDS)
 def test_paper_frames_outside_window_equal_displacement(before, after, seed):
     smooth, moved = (kink(seed, before, after, 4, seam)[1] for seam in ("paper", "displacement"))
@@ -262,6 +267,7 @@ def leans(motion, joint):
     return rotations.multiply(rotations.inverse(yaw), turned), yaw
 
 
+@few_examples(40)
 @given(SEEDS, SEEDS)
 def test_transplant_torso_world_combines_donor_lean_and_base_heading(a, b):
     base, donor = person(a), person(b)
@@ -282,6 +288,7 @@ def test_transplant_torso_world_combines_donor_lean_and_base_heading(a, b):
     np.testing.assert_array_equal(plain_part.rotations, donor.rotations[:, UPPER.joints])
 
 
+@few_examples(40)
 @given(SEEDS, SEEDS, st.floats(-3, 3))
 def test_transplant_torso_world_is_independent_of_donor_heading(a, b, yaw):
     base, donor = person(a), person(b)

@@ -21,6 +21,7 @@ from tests.hierarchies import (
     with_names,
     with_order,
 )
+from tests.strategies import few_examples
 
 LIMBS = {
     "left": ("Left", "L", "l", "_L", ".L"),
@@ -371,6 +372,7 @@ def test_anatomy_every_joint_has_a_part(skeleton):
                 parent = int(skeleton.parents[parent])
 
 
+@few_examples(40)
 @given(skeletons(names=st.text(max_size=12)))
 def test_anatomy_arbitrary_names_do_not_fail(skeleton):
     assert len(anatomy(skeleton).parts) == skeleton.n_joints

@@ -15,6 +15,7 @@ import mograft as mg
 from mograft.body.faults import KINDS
 from mograft.motion import rotations
 from tests.dialects import Dialect, clips, to_text
+from tests.strategies import few_examples
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 N_FRAMES = 60
@@ -177,6 +178,7 @@ def test_find_faults_figure_without_height_is_accepted():
     assert fault_list(mg.Motion(skeleton, 0.1, identity, positions)) == []
 
 
+@few_examples(40)
 @given(clips())
 def test_find_faults_arbitrary_motion_does_not_fail(clip):
     motion = mg.read_bvh(io.BytesIO(to_text(clip, Dialect())))

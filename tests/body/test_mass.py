@@ -21,6 +21,7 @@ from tests.hierarchies import (
     with_names,
     with_order,
 )
+from tests.strategies import few_examples
 
 SEXES = st.sampled_from(["mean", "female", "male"])
 KINDS = ["own", "subtree", "unit"]
@@ -45,6 +46,7 @@ def rest_motion(skeleton, axes=(0, 1, 2)):
     return Motion(permuted, 1 / 30, quats, np.tile(offsets, (2, 1, 1)))
 
 
+@few_examples(40)
 @given(skeletons(), SEXES)
 def test_mass_model_masses_sum_to_one(skeleton, sex):
     found = mass_model(skeleton, sex=sex)
@@ -90,6 +92,7 @@ def test_mass_model_missing_part_adds_to_proximal_part():
     assert trunk == pytest.approx(0.4346 + 0.0694)
 
 
+@few_examples(40)
 @given(skeletons(), st.floats(1e-3, 1e3))
 def test_mass_model_scale_changes_only_height(skeleton, factor):
     assume(skeleton.offsets[1:].any())

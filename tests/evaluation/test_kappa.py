@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 
 from mograft.evaluation.kappa import Kappas
-from tests.strategies import SEEDS
+from tests.strategies import SEEDS, few_examples
 
 
+@few_examples(40)
 @given(SEEDS)
 def test_kappas_random_rates_equal_definition(seed):
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ from tests.io.bvh_helpers import (
     TEXT_VALUES,
     read,
 )
+from tests.strategies import few_examples
 
 REPAIRS = {
     "a mark": ("HIERARCHY", "\ufeffHIERARCHY", "line 1: a byte-order mark: the text is UTF-8"),
@@ -98,6 +99,7 @@ def test_read_bvh_same_surplus_on_each_line_is_ignored():
     )
 
 
+@few_examples(40)
 @given(clips(), dialects())
 def test_read_bvh_strict_refuses_exactly_the_repairs(clip, dialect):
     text = to_text(clip, dialect)

@@ -20,8 +20,10 @@ from tests.io.bvh_helpers import (
     read,
     round_trip,
 )
+from tests.strategies import few_examples
 
 
+@few_examples(40)
 @given(clips(), dialects())
 def test_read_bvh_any_dialect_gives_same_clip(clip, dialect):
     motion = read(to_text(clip, dialect))
@@ -30,6 +32,7 @@ def test_read_bvh_any_dialect_gives_same_clip(clip, dialect):
     assert_same_numbers(motion.channel_values, clip.values)
 
 
+@few_examples(40)
 @given(clips(), layouts())
 def test_read_bvh_white_space_is_not_a_repair(clip, layout):
     plain, other = (read(to_text(clip, dialect)).repairs for dialect in (Dialect(), layout))
@@ -51,6 +54,7 @@ def test_read_bvh_any_chunk_size_gives_same_motion(clip, dialect, size):
     assert summary.n_frames == whole.n_frames
 
 
+@few_examples(40)
 @given(clips())
 def test_read_bvh_path_text_and_binary_files_are_equal(tmp_path_factory, clip):
     text = to_text(clip, Dialect())
@@ -67,6 +71,7 @@ def test_read_bvh_path_text_and_binary_files_are_equal(tmp_path_factory, clip):
         assert_same_numbers(other.channel_values, from_path.channel_values)
 
 
+@few_examples(40)
 @given(clips())
 def test_read_bvh_rotations_are_products_of_channels_in_order(clip):
     values = np.clip(clip.values, -1e4, 1e4)
@@ -84,6 +89,7 @@ def test_read_bvh_rotations_are_products_of_channels_in_order(clip):
         )
 
 
+@few_examples(40)
 @given(clips())
 def test_read_bvh_quaternion_signs_are_continuous(clip):
     quats = read(to_text(clip, Dialect())).rotations
@@ -91,6 +97,7 @@ def test_read_bvh_quaternion_signs_are_continuous(clip):
     assert (quats[0, :, 3] >= 0).all()
 
 
+@few_examples(40)
 @given(clips(), st.booleans())
 def test_read_bvh_position_channels_replace_or_add_to_offsets(clip, add_offsets):
     motion = read(to_text(clip, Dialect()), add_offsets=add_offsets)

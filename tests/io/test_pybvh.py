@@ -14,6 +14,7 @@ from mograft.motion import rotations
 from tests.dialects import motions
 from tests.hierarchies import mark_repeated_hierarchies
 from tests.io.recorded_files import DATA, RECORDINGS, file_id, require
+from tests.strategies import few_examples
 
 ONE_PER_HIERARCHY = mark_repeated_hierarchies(RECORDINGS)
 # As a fraction of the height of the skeleton.
@@ -137,6 +138,7 @@ def test_world_positions_equal_bvhio(path):
     assert_close(np.array(positions), motion.world_positions()[frames])
 
 
+@few_examples(40)
 @given(motions(), st.permutations("XYZ"))
 def test_to_pybvh_from_pybvh_round_trips(motion, order):
     pytest.importorskip("pybvh", reason="pybvh is not installed")

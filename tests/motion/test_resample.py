@@ -10,6 +10,7 @@ from tests.oracles import rotations as oracle
 from tests.strategies import (
     SEEDS,
     assert_same_rotations,
+    few_examples,
     motions,
     quaternions,
     rotation_tracks,
@@ -25,6 +26,7 @@ def half_turns(quats):
     return (np.abs(np.sum(quats[1:] * quats[:-1], axis=-1)) < 1e-6).any()
 
 
+@few_examples(40)
 @BOTH
 @given(track=rotation_tracks())
 def test_curve_at_frame_times_returns_frames(curve, track):
@@ -33,6 +35,7 @@ def test_curve_at_frame_times_returns_frames(curve, track):
     np.testing.assert_array_equal(curve(times, quats, times[:1]), quats[:1])
 
 
+@few_examples(40)
 @BOTH
 @given(track=rotation_tracks(), time=st.floats(-1, 9))
 def test_curve_quaternions_have_unit_norm(curve, track, time):
@@ -40,6 +43,7 @@ def test_curve_quaternions_have_unit_norm(curve, track, time):
     np.testing.assert_allclose(norms, 1.0, atol=1e-14)
 
 
+@few_examples(40)
 @BOTH
 @given(track=rotation_tracks(), turn=quaternions(()), time=st.floats(0, 8))
 def test_rotated_frames_give_rotated_curve(curve, track, turn, time):

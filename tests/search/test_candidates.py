@@ -17,7 +17,7 @@ from mograft.search.trellis import DonorTrellis
 from mograft.synthesis.donor_trellis import build_trellis
 from mograft.synthesis.search_problem import SearchProblem
 from tests.oracles import search as oracle
-from tests.strategies import SEEDS
+from tests.strategies import SEEDS, few_examples
 
 ROBUST, PAPER = Config(), Config.paper()
 CHOICES = ("viterbi", "best", "sample", "nearest", "random")
@@ -128,6 +128,7 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
         assert total == len(pool.segments)
 
 
+@few_examples(40)
 @pytest.mark.parametrize("choice", CHOICES)
 @given(SEEDS, st.integers(1, 3), st.floats(0.05, 3.0))
 def test_listed_cost_is_that_of_the_trellis_beside_the_base_neighbours(

@@ -22,7 +22,7 @@ from mograft.search.donor_choice import (
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import Trellis, viterbi
 from tests.oracles import search as oracle
-from tests.strategies import SEEDS
+from tests.strategies import SEEDS, few_examples
 
 ROBUST = Config()
 
@@ -54,6 +54,7 @@ class Source:
         return self.pools[group].candidate_lists(self.scenario, self.config)
 
 
+@few_examples(40)
 @pytest.mark.parametrize("name", DONOR_CHOICES.names)
 @given(SEEDS, st.integers(1, 6))
 def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, count):
@@ -79,6 +80,7 @@ def test_draw_same_generator_state_gives_the_same_sequences(make_pool, name):
         np.testing.assert_array_equal(one["upper"], other["upper"])
 
 
+@few_examples(40)
 @pytest.mark.parametrize("name", ["viterbi", "best", "nearest"])
 @given(SEEDS)
 def test_choose_path_deterministic_choices_take_the_cheapest_path(make_pool, name, seed):
@@ -113,6 +115,7 @@ def test_draw_uniform_stays_within_cluster_and_limit(make_pool, seed, limit):
     assert (pool.seam_angles_along(donors) <= limit).all()
 
 
+@few_examples(40)
 @given(SEEDS)
 def test_draw_uniform_matches_the_oracle(make_pool, seed):
     pool = make_pool(seed, n_labels=2)

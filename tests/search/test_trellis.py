@@ -13,7 +13,7 @@ from mograft.search.donor_choice import cost_model
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import viterbi
 from tests.oracles import search as oracle
-from tests.strategies import SEEDS
+from tests.strategies import SEEDS, few_examples
 
 ROBUST = Config()
 
@@ -24,6 +24,7 @@ def build(pool, config):
     return DonorTrellis.build(pool, scenario, lists, cost_model(config, pool))
 
 
+@few_examples(40)
 @given(SEEDS, st.sampled_from([1, 3, 100]))
 def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, most):
     pool = make_pool(seed)
