@@ -97,7 +97,7 @@ class DonorTimeline:
         return SegmentTimes(segment, frames.astype(np.float64))
 
     def merge_frames(self, values: FloatArray) -> FloatArray:
-        """Return one row per frame of rows at `frame_times`; shared frames have the later one."""
+        """Merge rows at `frame_times` to one per frame; of a shared frame, keep the later row."""
         times = self.frame_times()
         frames = np.empty((self.cut.stop[-1] + 1, *values.shape[1:]))
         frames[self.cut.start[times.segment] + times.frames.astype(np.int64)] = values

@@ -114,12 +114,12 @@ _DONOR_OPTIONS = (
     option(
         "--only-from",
         metavar="CLIP,...",
-        help="clips that may provide donors, globs as waltz* (default: all)",
+        help="clips that may provide donors, globs such as waltz* (default: all)",
     ),
     option(
         "--not-from",
         metavar="CLIP,...",
-        help="clips that are excluded as donors, globs as waltz* (default: none)",
+        help="clips that are excluded as donors, globs such as waltz* (default: none)",
     ),
     option(
         "--only-tagged",

@@ -186,7 +186,7 @@ COMMAND = Command(
             "--labels",
             type=Path,
             metavar="CSV",
-            help=f"labels that a person gave on the page of {_LABEL} (default: none)",
+            help=f"labels that a person gave on the page that {_LABEL} writes (default: none)",
         ),
         option(
             "-n",
@@ -194,7 +194,7 @@ COMMAND = Command(
             is_setting=False,
             type=positive_integer,
             default=500,
-            help=f"number of pieces on the page of {_LABEL} (default: 500, as in the paper)",
+            help=f"with {_LABEL}, number of pieces on the page (default: 500, as in the paper)",
         ),
         JSON,
         SEED,

@@ -138,7 +138,7 @@ COMMAND = Command(
         repeated_option(
             "--clip",
             metavar="NAME",
-            help="clips of a library for strip, energy or timeline, globs as walk* (default: "
+            help="clips of a library for strip, energy or timeline, globs such as walk* (default: "
             "all); may be repeated",
         ),
         option(

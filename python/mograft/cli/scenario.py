@@ -57,7 +57,7 @@ SCENARIO_OPTIONS = (
     option(
         "--among",
         metavar="CLIP,...",
-        help="clips that --scenario graph uses, globs as waltz* (default: all)",
+        help="clips that --scenario graph uses, globs such as waltz* (default: all)",
     ),
 )
 

@@ -58,7 +58,7 @@ COMMAND = Command(
         repeated_option(
             "--clip",
             metavar="NAME",
-            help="clips of a library, globs as walk* (default: all); may be repeated",
+            help="clips of a library, globs such as walk* (default: all); may be repeated",
         ),
         option(
             "--groups",

@@ -224,7 +224,7 @@ def _to_matrices(quats: FloatArray, positions: FloatArray) -> Any:  # noqa: ANN4
 
 
 def _joint_paths(skeleton: Skeleton) -> list[str]:
-    """Return the path of each joint from the root, unique and of identifiers that USD allows."""
+    """Return a unique path from the root for each joint, made of valid USD identifiers."""
     paths: list[str] = []
     for joint, name in enumerate(skeleton.names):
         identifier = re.sub(r"[^0-9A-Za-z_]", "_", name)

@@ -56,7 +56,7 @@ class ClipProperties:
     skeleton : Skeleton
         Its skeleton.
     rate : float
-        Frames per second; the override, if there is one.
+        Frames per second; the override of the file's rate, if the caller gave one.
     n_frames : int
         Number of frames at that rate.
     root : int

@@ -35,8 +35,8 @@ def timeline(
     Returns
     -------
     matplotlib Axes
-        One line per figure and group. Exchanged segments are hatched. Segments contain the
-        number of their cluster if it fits.
+        One row of bars per motion and joint group. Exchanged segments are hatched. Segments
+        show their cluster number if there is room for it.
 
     Raises
     ------

@@ -162,7 +162,9 @@ class Scene:
                 for figure in item.figures:
                     _add(figures, figure)
             else:
-                raise TypeError(f"`items` must be motions, grafts or libraries, got {item!r}")
+                raise TypeError(
+                    f"`items` must be motions, grafts, libraries or scenes, got {item!r}"
+                )
         if not figures:
             raise ValueError("`items` must contain at least one motion, got none")
         return cls(tuple(figures))

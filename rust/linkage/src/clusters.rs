@@ -48,7 +48,7 @@ pub(crate) struct Clusters {
     pub representatives: Vec<u32>,
     /// For each cluster, the index of its first member; then the count of points.
     starts: Vec<u32>,
-    /// Rows of the points of one cluster after the other.
+    /// Row indices of the points, grouped by cluster.
     members: Vec<u32>,
     /// Centres of the balls, row-major.
     centres: Vec<f64>,

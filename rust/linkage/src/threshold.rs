@@ -23,8 +23,8 @@ const MEASURED_PER_NEIGHBOUR: f64 = 4.0;
 
 /// Largest count, per neighbour wanted, of clusters that the bound does not exclude.
 ///
-/// Each of them is measured without effect. In many dimensions the bound is loose, and this count
-/// determines the threshold instead of the count of neighbours.
+/// The exact distance to each of them is computed, mostly in vain. In many dimensions the bound is
+/// loose, and this count determines the threshold instead of the count of neighbours.
 const SUSPECTS_PER_NEIGHBOUR: f64 = 40.0;
 
 /// Suspects of all clusters together that a stage may have in any case. Measuring them costs no
