@@ -239,7 +239,9 @@ def test_page_save_writes_file_and_refuses_to_overwrite(motion, tmp_path):
 
 
 def test_view_invalid_items_raise(motion):
-    with pytest.raises(TypeError, match="`items` must be motions, grafts, libraries or scenes, got 3"):
+    with pytest.raises(
+        TypeError, match="`items` must be motions, grafts, libraries or scenes, got 3"
+    ):
         view(3, show=False)
     with pytest.raises(ValueError, match="`items` must contain at least one motion"):
         view(show=False)
