@@ -209,7 +209,7 @@ class Config:
             self._check_number(name)
         if self.max_length < 2 * self.min_length:
             raise ValueError(
-                f"`max_length` must be at least twice min_length, {self.min_length:.4g} s, "
+                f"`max_length` must be at least {2 * self.min_length:.4g} s, twice `min_length`, "
                 f"got {self.max_length:.4g}"
             )
 

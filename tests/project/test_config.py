@@ -11,7 +11,7 @@ from mograft import Config
         ({"samples": 1}, "`samples` must be a whole number of at least 2, got 1"),
         ({"sigma": "big"}, "`sigma` must be one of"),
         ({"sigma": -1.0}, "`sigma` must be above 0"),
-        ({"min_length": 2.0}, "`max_length` must be at least twice min_length"),
+        ({"min_length": 2.0}, "`max_length` must be at least 4 s, twice `min_length`, got 2"),
         ({"max_angle": float("nan")}, "`max_angle` must be above 0, got nan"),
         ({"seam": "glue"}, "`seam` must be one of"),
         ({"smoothing": "a"}, "`smoothing` must be a number, got 'a'"),

@@ -196,7 +196,7 @@ COMMAND = Command(
             metavar="CSV",
             help="table of clips and their tags; names of folders are tags as well",
         ),
-        switch("--strict", help="fail, instead of excluding the file, if a file cannot be used"),
+        switch("--strict", help="fail if a file cannot be used, instead of excluding it"),
         switch("--force", is_setting=False, help="replace an existing library"),
         JSON,
     ),

@@ -314,7 +314,7 @@ def moment_laws(segments: int, counts: Mapping[int, int]) -> tuple[Law, ...]:
     """
     known = {1: int(segments), **{int(k): int(b) for k, b in counts.items()}}
     if min(known.values()) < 1:
-        raise ValueError(f"`counts` must be at least 1, got {min(known.values())}")
+        raise ValueError(f"`segments` and `counts` must be at least 1, got {min(known.values())}")
     laws = []
     for k in sorted(known):
         if k - 1 in known and k + 1 in known:

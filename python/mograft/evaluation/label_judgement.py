@@ -147,7 +147,7 @@ def judgement(
     library : Library
         Library with the segments.
     labels : Labels
-        Labels of a person.
+        Labels given by a person.
     methods : sequence of Method, optional
         Methods that select donors. Default: `default_methods` of the library.
     seed : int
@@ -239,7 +239,7 @@ def _check_labels(natural: BoolArray) -> None:
 
 
 def _split_labels(blocks: IntArray, seed: int) -> BoolArray:
-    """Select the training labels: whole blocks with at least three fifths of the labels."""
+    """Select random whole blocks for training that together have at least 3/5 of the labels."""
     distinct, index = np.unique(blocks, return_inverse=True)
     order = np.random.default_rng(seed).permutation(len(distinct))
     sizes = np.bincount(index)[order]

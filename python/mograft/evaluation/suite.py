@@ -175,7 +175,7 @@ def evaluate(
     bases : int
         Number of clips that serve as base, at most. They are evenly spaced in the library.
     labels : Labels, optional
-        Labels of a person, for naturalness.
+        Labels given by a person, for naturalness.
     seed : int
         Seed of all random choices.
     progress : callable, optional

@@ -101,7 +101,7 @@ class PendingClip:
     def updated_info(
         self, clip: IngestedClip, tags: Mapping[str, Iterable[str]] | None
     ) -> ClipInfo:
-        """Return the metadata of the ingested clip; the name may not be unique."""
+        """Return the metadata of the ingested clip; another clip may have the same name."""
         if self.info is not None:
             return replace(self.info, n_frames=clip.n_frames, faults=clip.faults)
         words: list[str] = []

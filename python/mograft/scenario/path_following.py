@@ -219,7 +219,10 @@ class _PathSearch:
         return rows
 
     def _expand(self, beam: _Beam) -> _Beam:
-        """Return the states at the start of all next segments, but not back to the one before."""
+        """Return the states at the start of all next segments.
+
+        Transitions back to the previous segment are left out, unless all transitions lead back.
+        """
         graph = self.graph
         counts = np.diff(graph.first_edge)[beam.node]
         parent = np.repeat(np.arange(len(beam.node)), counts)

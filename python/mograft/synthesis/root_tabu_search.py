@@ -192,7 +192,7 @@ def _add_excess_after(
     moves: AlignmentTransform,
     violations: FloatArray,
 ) -> None:
-    """Add to each violation that of all frames after an end once they are moved rigidly."""
+    """Add to each violation an estimate of that of the constrained frames after its end."""
     frames = np.flatnonzero(problem.is_constrained_frame)
     stride = max(1, int(np.ceil(len(frames) * len(ends) / (2 * _MAX_RANKING_POSES))))
     frames = frames[::stride]

@@ -59,7 +59,7 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
-    """Return for each joint group the joints whose nearest grouped ancestor is in the group.
+    """Return for each joint group its joints and the ungrouped joints that move with them.
 
     Parameters
     ----------

@@ -82,7 +82,8 @@ fn is_white_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
-/// Return the end of the white space at `position`, and append its line ends to `line_ends`.
+/// Return the end of the white space at `position`; append `n_values` to `line_ends` for each line
+/// end in it.
 ///
 /// Unless `is_last`, a CR at the very end is not skipped, because an LF may follow.
 fn skip_white_space(
