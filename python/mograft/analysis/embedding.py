@@ -395,7 +395,7 @@ class _HalfTurnCounter:
         share = self._n_near / max(self._n_total, 1)
         if share > 0.001:
             warnings.warn(
-                f"group {group}: {share:.1%} of its joint rotations are nearly a half turn from the "
-                "mean; similar segments may fall into different clusters",
+                f"group {group}: {share:.1%} of its joint rotations are nearly a half turn from "
+                "the mean; similar segments may fall into different clusters",
                 stacklevel=3,
             )
