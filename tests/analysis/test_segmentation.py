@@ -157,3 +157,20 @@ def test_segments_concatenate_keeps_order_and_clips():
     assert joined.start.tolist() == [0, 4, 2]
     assert joined.stop.tolist() == [4, 9, 7]
     assert joined.clip.tolist() == [0, 0, 3]
+
+
+@given(SEEDS)
+def test_segments_indexing_keeps_start_stop_and_clip_together(seed):
+    rng = np.random.default_rng(seed)
+    start, clip = rng.integers(0, 50, 12), rng.integers(0, 4, 12)
+    stop = start + rng.integers(1, 9, 12)
+    segments = Segments(start, stop, clip)
+    rows = rng.integers(0, 12, 20)
+    for chosen, expected in (
+        (segments[rows], rows),
+        (segments[clip == clip[0]], np.flatnonzero(clip == clip[0])),
+        (segments[3:7], np.arange(3, 7)),
+    ):
+        assert chosen.start.tolist() == start[expected].tolist()
+        assert chosen.stop.tolist() == stop[expected].tolist()
+        assert chosen.clip.tolist() == clip[expected].tolist()

@@ -130,7 +130,7 @@ def integrate_root(
     is_same = (leaning == source.rotations).all(axis=1, keepdims=True)
     facing = np.where(is_same, leaning, facing)
     extra = velocities[:, 3] - captured[:, 3]
-    # A change of lean changes the yaw rate slightly, perhaps where it is greatest.
+    # A change of lean alters the yaw rate slightly, possibly at its maximum.
     rate = yaw_rates(facing, up)
     limit = np.abs(captured[:, 3]).max(initial=0.0)
     is_too_fast = np.abs(rate + extra) > limit
