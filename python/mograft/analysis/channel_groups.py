@@ -1,7 +1,6 @@
-"""Groups that hold single rotation channels of a joint instead of the whole joint.
+"""Groups that hold single rotation channels of a joint; see `JointGroups.divided_channels`.
 
-Such a joint is divided between groups; see `JointGroups.divided_channels`. Each channel of a
-divided joint is treated as a joint that rotates about one axis. Its angle is then compared,
+Each such channel is treated as a joint that rotates about one axis. Its angle is compared,
 resampled and blended like a number, without jumps at half turns.
 """
 
@@ -18,18 +17,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = [
-    "ChannelKey",
-    "DividedChannels",
-    "RestrictedSamples",
-    "euler_angles",
-    "merge_axes",
-    "restrict_ends",
-    "restrict_rotations",
-    "restrict_samples",
-    "split_axes",
-]
-
 DividedChannels: TypeAlias = Mapping[int, str]
 """For each divided joint, the axes of the channels that a group holds, such as ``"ZX"``."""
 
@@ -45,19 +32,10 @@ def _channel_keys(channels: DividedChannels) -> list[ChannelKey]:
 
 
 def euler_angles(motion: Motion, joint: int) -> FloatArray:
-    """Return the Euler angles of a joint, as the file has them if they are known.
+    """Return the Euler angles of a joint in radians, shape (n_frames, n_rotation_channels).
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-    joint : int
-        Index of the joint.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_rotation_channels)
-        The angles in radians, in channel order.
+    Columns are in channel order. Angles that the motion keeps from its file are returned as they
+    are; otherwise `rotations.to_euler` computes them.
     """
     skeleton = motion.skeleton
     names, columns = skeleton.channels[joint], skeleton.channel_columns[joint]
@@ -71,19 +49,9 @@ def euler_angles(motion: Motion, joint: int) -> FloatArray:
 
 
 def split_axes(motion: Motion, channels: DividedChannels) -> FloatArray:
-    """Return each channel as the rotation of a joint about one axis.
+    """Return each channel as a rotation about one axis, shape (n_frames, n_channels, 4).
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-    channels : dict of int to str
-        For each divided joint, the axes of the channels.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_channels, 4)
-        Unit quaternions, xyzw; channels ordered by joint.
+    The channels are ordered by joint and, within a joint, as in `channels`.
     """
     keys = _channel_keys(channels)
     quats = np.empty((motion.n_frames, len(keys), 4))
@@ -95,19 +63,10 @@ def split_axes(motion: Motion, channels: DividedChannels) -> FloatArray:
 
 
 def merge_axes(quats: FloatArray, channels: DividedChannels) -> dict[ChannelKey, FloatArray]:
-    """Return the angle of each channel; the inverse of `split_axes`.
+    """Return the angle of each channel in radians; the inverse of `split_axes`.
 
-    Parameters
-    ----------
-    quats : ndarray, shape (n_frames, n_channels, 4)
-        Rotations about single axes, as `split_axes` returns them.
-    channels : dict of int to str
-        As for `split_axes`.
-
-    Returns
-    -------
-    dict of (int, str) to ndarray, shape (n_frames,)
-        For each joint and axis the angle in radians, without jumps of a turn.
+    `quats` has shape (n_frames, n_channels, 4). Each result has shape (n_frames,) and is
+    unwrapped: it has no jumps of a full turn.
     """
     angles = {}
     for column, key in enumerate(_channel_keys(channels)):
@@ -118,22 +77,10 @@ def merge_axes(quats: FloatArray, channels: DividedChannels) -> dict[ChannelKey,
 
 
 def restrict_rotations(quats: FloatArray, order: str, axes: str) -> FloatArray:
-    """Return rotations with all Euler angles set to 0 except those of the given axes.
+    """Return rotations, shape (..., 4), with all Euler angles set to 0 except those about `axes`.
 
-    Parameters
-    ----------
-    quats : ndarray, shape (..., 4)
-        Unit quaternions.
-    order : str
-        The axes of the joint's channels, such as ``"ZXY"``.
-    axes : str
-        The axes whose angles are kept.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Unit quaternions. Of the two triples of Euler angles that give a rotation, the one whose
-        middle angle is within 90 degrees is used.
+    `order` gives the axes of the joint's channels, such as ``"ZXY"``. Two triples of Euler angles
+    give the same rotation; the one whose middle angle is within 90 degrees is used.
     """
     flat = quats.reshape(-1, 4)
     flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
@@ -154,16 +101,8 @@ def restrict_ends(
 ) -> Mapping[str, FloatArray]:
     """Return poses and velocities at the ends of segments, restricted to a group's channels.
 
-    Parameters
-    ----------
-    ends : dict of str to ndarray, shape (n_segments, n_joints, 4 or 3)
-        As `mograft.library.ingest.boundary_states` names them.
-    joints : ndarray of int
-        The joints of the group; the joints of `ends` are the feature joints among them.
-    skeleton : Skeleton
-        The skeleton.
-    channels : dict of int to str
-        For each divided joint, the axes of the channels that the group holds.
+    The arrays of `ends` have shape (n_segments, n_feature_joints, 4 or 3) and the keys of
+    `mograft.library.ingest.boundary_states`. Their joints are the feature joints of `joints`.
     """
     if not channels:
         return ends
@@ -199,17 +138,7 @@ def restrict_samples(samples: Samples, skeleton: Skeleton, channels: DividedChan
 
 @dataclass(frozen=True, eq=False)
 class RestrictedSamples:
-    """Samples of a library with the divided joints restricted to a group's channels.
-
-    Parameters
-    ----------
-    samples : Source
-        The samples of all joints.
-    skeleton : Skeleton
-        The skeleton.
-    channels : dict of int to str
-        For each divided joint, the axes of the channels that the group holds.
-    """
+    """Samples of a library with the divided joints restricted to a group's channels."""
 
     samples: Source
     skeleton: Skeleton

@@ -18,8 +18,6 @@ import numpy.typing as npt
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray, as_floats
 
-__all__ = ["CompleteLinkage", "cut", "linkage", "linkage_condensed", "threshold"]
-
 # Default limit for the distance matrix, which holds 1,448 points. For fewer points the matrix is
 # faster than the algorithm that avoids it.
 _MATRIX_BYTES = 16 << 20

@@ -19,16 +19,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segment_positions, resample_segments
 
-__all__ = [
-    "Embedding",
-    "Samples",
-    "Source",
-    "embed",
-    "features",
-    "means_of",
-    "normalise",
-]
-
 CHUNK = 1024
 """Number of segments in memory at a time. Sums run chunk by chunk in the order of segments, so
 their last bits depend on this number only."""
@@ -41,18 +31,13 @@ _CACHE_BYTES = 1 << 27
 class Samples:
     """Segments resampled to equal length, without position and, by default, without heading.
 
-    Attributes
-    ----------
-    rows : ndarray, shape (n_segments, 4·samples·joints + 3·samples + 1)
-        One row per segment, in single precision as stored or in double as computed: local
-        rotations, sample by sample, of the locomotion root in the world; the root's
-        displacement from the previous sample in skeleton heights, 0 at the first; the length
-        before resampling in frames of 1/30 s.
-    n_samples, n_joints : int
-        Number of samples per segment and of joints.
+    A row holds the local rotations, sample by sample, with that of the locomotion root in the
+    world; the root's displacement from the previous sample in skeleton heights, 0 at the first; and
+    the length before resampling in frames of 1/30 s. Rows are in single precision as stored and in
+    double precision as computed.
     """
 
-    rows: Packed | FloatArray
+    rows: Packed | FloatArray  # (n_segments, 4·samples·joints + 3·samples + 1)
     n_samples: int
     n_joints: int
 
@@ -94,36 +79,16 @@ class Source(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Embedding:
-    """Segments of one joint group as points; similar motions are close.
+    """Segments of one joint group as points; similar motions are close."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_segments, n_components)
-        Principal component scores.
-    joints : ndarray of int
-        The joints whose rotations are features.
-    has_root : bool
-        Whether the root's rotation, without heading, and its displacements are features.
-    reference : ndarray, shape (n_joints, 4)
-        Mean rotation of each joint; features are rotation vectors relative to it.
-    mean, scale : ndarray, shape (n_features,)
-        A feature is standardised by subtracting its mean and dividing by its scale, which is
-        infinite for dropped features.
-    components : ndarray, shape (n_features, n_components)
-        Loadings in columns, orthonormal and rounded to multiples of 2^-20. In each column the
-        entry of largest absolute value is positive; ties go to the first.
-    variances : ndarray
-        Variance along all principal components, descending.
-    """
-
-    points: FloatArray
-    joints: IntArray
-    has_root: bool
-    reference: FloatArray
-    mean: FloatArray
-    scale: FloatArray
-    components: FloatArray
-    variances: FloatArray
+    points: FloatArray  # principal component scores, (n_segments, n_components)
+    joints: IntArray  # the joints whose rotations are features
+    has_root: bool  # whether the root's rotation, without heading, and displacements are features
+    reference: FloatArray  # mean rotations (n_joints, 4); features are relative to them
+    mean: FloatArray  # (n_features,); a standardised feature is (x - mean) / scale
+    scale: FloatArray  # (n_features,); infinite for dropped features
+    components: FloatArray  # (n_features, n_components), loadings in columns, see `eigenvectors`
+    variances: FloatArray  # along all principal components, descending
 
     def __repr__(self) -> str:
         n, axes = self.points.shape
@@ -131,18 +96,10 @@ class Embedding:
         return f"Embedding({n} points of {axes} axes, {part:.0%} of the variance)"
 
     def project(self, matrix: FloatArray) -> FloatArray:
-        """Return the points of feature vectors.
+        """Return the points of feature vectors, shape (n, n_features).
 
-        Parameters
-        ----------
-        matrix : ndarray, shape (n, n_features)
-            Feature vectors.
-
-        Returns
-        -------
-        ndarray, shape (n, n_components)
-            Scores of the standardised features, which are rounded to multiples of 2^-20. The
-            bits of a row depend neither on the other rows nor on the number of BLAS threads.
+        The standardised features are rounded to multiples of 2^-20. The bits of a row depend
+        neither on the other rows nor on the number of BLAS threads.
         """
         return product((matrix - self.mean) / self.scale, self.components)
 
@@ -156,27 +113,12 @@ def normalise(
     up: int,
     heights: Sequence[float],
 ) -> Samples:
-    """Resample all segments to the same number of frames; remove position and heading.
+    """Resample all segments to `config.samples` frames; remove position and heading.
 
-    Parameters
-    ----------
-    clips : sequence of Motion
-        Clips of one hierarchy.
-    cut : Segments
-        The segments of the clips, in the order of the clips.
-    config : Config
-        `samples` and `keep_heading` apply.
-    root : int
-        The locomotion root: the joint that moves the body through the world.
-    up : int
-        The vertical axis: 0, 1 or 2.
-    heights : sequence of float
-        Skeleton height of each clip in the unit of its file.
-
-    Returns
-    -------
-    Samples
-        The segments in the order of `cut`.
+    The clips share a hierarchy and are in the order of `cut`. `root` is the locomotion root, the
+    joint that moves the body through the world; `up` is the vertical axis, 0 to 2; `heights` are
+    the skeleton heights of the clips in the units of their files. Heading is kept if
+    `config.keep_heading` is set.
     """
     m = config.samples
     rows = []
@@ -224,22 +166,9 @@ def features(
 ) -> FloatArray:
     """Return the feature vectors of one joint group.
 
-    Parameters
-    ----------
-    samples : Samples
-        The normalised segments.
-    joints : ndarray of int
-        The joints of the group.
-    reference : ndarray, shape (len(joints), 4)
-        For each joint the rotation to which its rotation vectors are relative.
-    has_root : bool
-        Whether to add the displacements of the root.
-
-    Returns
-    -------
-    ndarray, shape (n_segments, 3·joints·samples [+ 3·samples] + 1)
-        For each joint and sample a rotation vector in radians, then the displacements of the
-        root in skeleton heights, then the length in frames of 1/30 s.
+    Shape (n_segments, 3·joints·samples [+ 3·samples] + 1): for each joint and sample a rotation
+    vector in radians relative to `reference`, shape (n_joints, 4); if `has_root`, the root's
+    displacements in skeleton heights; the length in frames of 1/30 s.
     """
     return _core.features(
         samples.rows,
@@ -252,34 +181,18 @@ def features(
 
 
 def moments(samples: Samples) -> FloatArray:
-    """Return Σ q qᵀ of each joint, the input of `mean_rotations`.
+    """Return Σ q qᵀ of each joint, shape (n_joints, 4, 4).
 
-    Parameters
-    ----------
-    samples : Samples
-        The normalised segments.
-
-    Returns
-    -------
-    ndarray, shape (n_joints, 4, 4)
-        The moments of a union of disjoint sets are the sum of the sets' moments.
+    The moments of a union of disjoint sets are the sum of the moments of the sets.
     """
     return _core.moments(samples.rows, (samples.n_samples, samples.n_joints))
 
 
 def mean_rotations(summed: FloatArray) -> FloatArray:
-    """Return the mean rotation of each joint.
+    """Return the mean rotation of each joint, shape (n_joints, 4), from the sum of `moments`.
 
-    Parameters
-    ----------
-    summed : ndarray, shape (n_joints, 4, 4)
-        The result of `moments`.
-
-    Returns
-    -------
-    ndarray, shape (n_joints, 4)
-        For each joint the unit quaternion with the largest Σ (q·mean)² and w ≥ 0. The signs
-        of the quaternions have no effect (Markley et al. 2007).
+    It is the unit quaternion with the largest Σ (q·mean)² and w ≥ 0, so the signs of the
+    quaternions have no effect (Markley et al. 2007).
     """
     means = np.linalg.eigh(summed)[1][..., -1]
     signed: FloatArray = np.where(means[:, 3:] < 0, -means, means)
@@ -303,27 +216,11 @@ def embed(
     root: int,
     group: str,
 ) -> Embedding | None:
-    """Embed the segments of one joint group.
+    """Embed the segments of one joint group; `joints` are those whose rotations are features.
 
-    Parameters
-    ----------
-    samples : Source
-        The normalised segments. They are read twice, chunk by chunk.
-    joints : ndarray of int
-        The joints of the group whose rotations are features.
-    means : ndarray, shape (n_joints, 4)
-        The mean rotation of each joint of the skeleton.
-    config : Config
-        `components`, the floors and `keep_heading` apply.
-    root : int
-        The locomotion root: the joint that moves the body through the world.
-    group : str
-        Name of the group, for warnings.
-
-    Returns
-    -------
-    Embedding or None
-        None, with a warning, if there are fewer than three segments or all are alike.
+    `samples` is read twice, chunk by chunk. `means`, shape (n_joints, 4), are the mean rotations of
+    all joints of the skeleton, and `root` is the locomotion root. Returns None, with a warning that
+    names `group`, if there are fewer than three segments or all are alike.
     """
     n, n_joints = len(samples), len(joints)
     has_root = bool((joints == root).any())

@@ -7,34 +7,19 @@ from mograft._util.gaussian import gaussian_filter, gaussian_kernel
 from mograft.analysis.segmentation import merge_short_segments, split_long_segments
 from mograft.config import Config
 
-__all__ = ["OnlineSegmenter"]
-
 
 class OnlineSegmenter:
     """Segments a growing motion at the extrema of its kinetic energy.
 
-    Parameters
-    ----------
-    rate : float
-        Frames per second.
-    config : Config
-        Provides `smoothing`, `min_length` and `max_length`.
-
-    Attributes
-    ----------
-    bounds : list of int
-        The frames at which segments meet, ascending from 0, as far as they are final: further
-        frames do not change them. The caller may remove entries from the front.
-
-    Notes
-    -----
-    The result may differ from `segment`. `segment` merges the shortest segment of the whole
-    motion first; this class merges the shortest segment that is not final. A segment is final as
+    The result may differ from that of `segment`, which merges the shortest segment of the whole
+    motion first: this class merges the shortest segment that is not final. A segment is final as
     soon as another one follows it. A stretch of `Config.max_length` without an extremum is cut at
     that length, not into equal parts.
     """
 
     def __init__(self, rate: float, config: Config) -> None:
+        # The frames at which segments meet, ascending from 0: those that further frames do not
+        # change. The caller may remove entries from the front.
         self.bounds: list[int] = []
         self._sigma = config.smoothing * rate
         self._min_length = max(round(config.min_length * rate), 1)
@@ -57,13 +42,7 @@ class OnlineSegmenter:
         return self._first_frame + len(self._energies)
 
     def push(self, energies: FloatArray) -> None:
-        """Add the kinetic energy of the next frames.
-
-        Parameters
-        ----------
-        energies : ndarray, shape (n,)
-            The energies, as `kinetic_energy` returns them.
-        """
+        """Add the energies of the next frames, shape (n,), as `kinetic_energy` returns them."""
         radius = len(self._kernel) // 2
         for energy in energies.tolist():
             self._energies.append(energy)

@@ -8,8 +8,6 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft._util.linalg import eigenvectors
 
-__all__ = ["MIN_DEVIATION", "Spread", "pca"]
-
 MIN_DEVIATION = 1e-6
 """Features with a smaller standard deviation are dropped. Samples are stored in single
 precision, which rounds rotations by 6e-8."""
@@ -23,30 +21,21 @@ thousandth of the first component's, and the rounding of the samples decides the
 class Spread:
     """Mean and scatter matrix of rows.
 
-    Attributes
-    ----------
-    n : int
-        Number of rows.
-    mean : ndarray, shape (n_features,)
-        Mean of the rows.
-    scatter : ndarray, shape (n_features, n_features)
-        Σ (row - mean)(row - mean)ᵀ. The bits of its diagonal do not depend on the number of
-        BLAS threads; the last bits of the other entries do.
+    The bits of the mean and of the diagonal of the scatter matrix do not depend on the number of
+    BLAS threads; the last bits of the other entries do.
     """
 
-    n: int
-    mean: FloatArray
-    scatter: FloatArray
+    n: int  # number of rows
+    mean: FloatArray  # (n_features,)
+    scatter: FloatArray  # Σ (row - mean)(row - mean)ᵀ, (n_features, n_features)
 
     @classmethod
     def of(cls, chunks: Iterable[FloatArray]) -> "Spread":
         """Compute mean and scatter from chunks of rows, at least one, in their order.
 
-        Notes
-        -----
-        Each chunk is centred on its own mean before it is squared, and the chunks are merged
-        by the formula of Chan, Golub and LeVeque. Hence nothing cancels, and the scatter of a
-        constant feature is zero up to rounding.
+        Each chunk is centred on its own mean before it is squared, and the chunks are merged by the
+        formula of Chan, Golub and LeVeque. Hence nothing cancels, and the scatter of a constant
+        feature is zero up to rounding.
         """
         n, mean, scatter = 0, np.zeros(0), np.zeros((0, 0))
         for rows in chunks:
@@ -75,32 +64,12 @@ class Spread:
 def pca(
     spread: Spread, n_components: int, floors: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Compute the principal components of standardised features (correlation matrix).
+    """Compute the principal components of the correlation matrix (eq. 7 to 11).
 
-    Parameters
-    ----------
-    spread : Spread
-        Mean and scatter matrix of the features of all segments.
-    n_components : int
-        Maximum number of components; fewer are returned if the rank is smaller.
-    floors : ndarray, shape (n_features,)
-        Minimum scale of each feature. Features with a standard deviation below 1e-6 are
-        dropped.
-
-    Returns
-    -------
-    scale : ndarray, shape (n_features,)
-        The standard deviation or its floor; infinite for dropped features.
-    components : ndarray, shape (n_features, n_components)
-        Loadings in columns by descending variance, orthonormal and rounded to multiples of
-        2^-20. In each column the entry of largest absolute value is positive; ties go to the
-        first. Components with less than 1e-6 of the largest variance are dropped.
-    variances : ndarray, shape (n_features,)
-        Variance along every principal component, descending.
-
-    Notes
-    -----
-    Equations 7 to 11 of the paper, by `numpy.linalg.eigh`.
+    Returns the scale of each feature: its standard deviation or its entry of `floors`, whichever is
+    larger, and infinity for a dropped feature; at most `n_components` loadings in columns, shape
+    (n_features, n_components), as `eigenvectors` rounds and orders them; and the variance along
+    every component, descending.
     """
     deviation = spread.deviation
     scale = np.where(deviation < MIN_DEVIATION, np.inf, np.maximum(deviation, floors))

@@ -21,15 +21,6 @@ from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
-__all__ = [
-    "Segments",
-    "extrema",
-    "kinetic_energy",
-    "merge_short_segments",
-    "segment",
-    "split_long_segments",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Segments:
@@ -98,18 +89,7 @@ class Segments:
 
     @classmethod
     def concatenate(cls, parts: Iterable["Segments"]) -> "Segments":
-        """Join segments one part after the other; clip indices are kept.
-
-        Parameters
-        ----------
-        parts : iterable of Segments
-            The parts, at least one.
-
-        Returns
-        -------
-        Segments
-            The segments of all parts.
-        """
+        """Join parts, at least one, in their order; clip indices are kept."""
         several = list(parts)
         return cls(
             np.concatenate([part.start for part in several]),
@@ -173,18 +153,10 @@ def kinetic_energy(
 
 
 def extrema(curve: FloatArray) -> IntArray:
-    """Return the frames of the local maxima and minima of a curve.
+    """Return the frames of the local maxima and minima of a curve, ascending, without the ends.
 
-    Parameters
-    ----------
-    curve : ndarray, shape (n,)
-        The curve.
-
-    Returns
-    -------
-    ndarray of int
-        Indices, ascending, without the ends. Differences of at most 1e-12 times the largest
-        absolute value count as zero; of a level maximum or minimum, the middle is returned.
+    Differences of at most 1e-12 times the largest absolute value count as zero; of a level maximum
+    or minimum, the middle is returned.
     """
     steps = np.diff(curve)
     steps[np.abs(steps) <= 1e-12 * np.abs(curve).max(initial=0.0)] = 0.0
@@ -238,27 +210,11 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
 
 
 def merge_short_segments(bounds: IntArray, curve: FloatArray, min_length: int) -> IntArray:
-    """Remove bounds until no segment is shorter than `min_length`, or one segment is left.
+    """Remove bounds until no segment is shorter than `min_length` intervals, or one is left.
 
-    Parameters
-    ----------
-    bounds : ndarray of int
-        The frames at which segments meet, and both ends.
-    curve : ndarray
-        The smoothed energy.
-    min_length : int
-        Shortest length in intervals.
-
-    Returns
-    -------
-    ndarray of int
-        The remaining bounds, ascending; both ends are kept.
-
-    Notes
-    -----
-    The shortest segment is merged first; ties go to the first. Of its inner bounds, the one is
-    removed at which the curve differs less from the mean of its values at the two neighbouring
-    bounds; ties go to the first.
+    The shortest segment is merged first. Of its inner bounds, the one is removed at which the curve
+    differs less from the mean of its values at the two neighbouring bounds. Ties go to the first.
+    Both ends are kept.
     """
     bounds = np.unique(bounds)
     while len(bounds) > 2:
@@ -276,17 +232,7 @@ def merge_short_segments(bounds: IntArray, curve: FloatArray, min_length: int) -
 def split_long_segments(bounds: IntArray, max_length: float) -> IntArray:
     """Split segments longer than `max_length` intervals into the fewest equal parts.
 
-    Parameters
-    ----------
-    bounds : ndarray of int
-        The frames at which segments meet, and both ends.
-    max_length : float
-        Greatest length in intervals.
-
-    Returns
-    -------
-    ndarray of int
-        The bounds, ascending; the lengths of the parts differ by at most one interval.
+    The lengths of the parts differ by at most one interval.
     """
     n_parts = np.maximum(np.ceil(np.diff(bounds) / max_length), 1).astype(np.int64)
     if (n_parts == 1).all():

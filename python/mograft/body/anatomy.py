@@ -11,41 +11,23 @@ from mograft.body.joint_names import ANIMAL_WORDS, part_of_words, read_names
 from mograft.body.limb_structure import recognise_structure
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["Anatomy", "anatomy", "feature_joints"]
-
 
 @dataclass(frozen=True)
 class Anatomy:
     """Body part and side of each joint of a skeleton.
 
-    Parameters
-    ----------
-    parts : tuple of str
-        One of `mograft.body.body_parts.PARTS` per joint: the part that the joint moves. An elbow
-        is ``"forearm"``, a knee ``"shank"``. ``"pelvis"`` is every joint above the legs;
-        ``"other"`` is a joint above the hips, which moves the body as a whole.
-    sides : tuple of str
-        ``"left"``, ``"right"`` or ``""`` per joint.
-    hips : int
-        The lowest joint above all body parts: the root, or a joint below helper joints.
-    unmatched : tuple of int
-        Joints whose names are unknown.
-    details : tuple of int
-        Joints of the face, markers and ends of bones.
-    scheme : str
-        ``"names"``, or ``"structure"`` if the names contain no arms or no legs and the symmetry of
-        the skeleton decided.
-    human : bool
-        Whether the names describe a human body: two legs below hips, no tail, no paws.
+    The part of a joint is the one that it moves: an elbow is ``"forearm"``, a knee ``"shank"``.
+    ``"pelvis"`` is every joint above the legs. ``"other"`` is a joint above the hips, which moves
+    the body as a whole.
     """
 
-    parts: tuple[str, ...]
-    sides: tuple[str, ...]
-    hips: int
-    unmatched: tuple[int, ...]
-    details: tuple[int, ...]
-    scheme: str
-    human: bool
+    parts: tuple[str, ...]  # of `mograft.body.body_parts.PARTS`, per joint
+    sides: tuple[str, ...]  # "left", "right" or "", per joint
+    hips: int  # the lowest joint above all body parts: the root, or a joint below helper joints
+    unmatched: tuple[int, ...]  # joints whose names are unknown
+    details: tuple[int, ...]  # joints of the face, markers and ends of bones
+    scheme: str  # "names", or "structure" if symmetry decided because of missing names
+    human: bool  # whether the names describe a human: two legs below hips, no tail, no paws
 
     def joints(self, *parts: str, side: str | None = None) -> list[int]:
         """Return the joints of some parts, of one side or of all sides."""
@@ -60,39 +42,14 @@ class Anatomy:
 
 
 def anatomy(skeleton: Skeleton) -> Anatomy:
-    """Recognise the body part and the side of each joint.
+    """Recognise the body part and the side of each joint of a human or an animal.
 
     Known names decide first. Namespace, case, separators and a prefix shared by at least 90 % of
-    the names are ignored. Naming schemes of MotionBuilder, Mixamo, 3ds Max Biped, CMU, Biovision,
-    Poser, Daz, MakeHuman, Unreal, SMPL and others are known. The hierarchy resolves ambiguous
-    names: ``LeftShoulder`` is the upper arm if an elbow follows, and the clavicle if an arm
-    follows. A joint of unknown name has the part of its parent. If the names contain no legs or
-    no arms, symmetry decides: of all mirrored pairs of limbs, the legs are nearest to the root.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        A human or an animal.
-
-    Returns
-    -------
-    Anatomy
-        Part and side of each joint, in the order of the skeleton.
-
-    Notes
-    -----
-    Sides that no name states are derived from the rest pose. The feet point forward; without
-    feet, the positive axis points left.
-
-    Examples
-    --------
-    >>> skeleton = Skeleton(
-    ...     ["Hips", "LeftHip", "LeftKnee", "LeftAnkle", "Chest", "Neck"],
-    ...     [-1, 0, 1, 2, 0, 4],
-    ...     [[0, 0, 0], [9, 0, 0], [0, -42, 0], [0, -41, 0], [0, 20, 0], [0, 25, 0]],
-    ... )
-    >>> anatomy(skeleton).parts
-    ('pelvis', 'thigh', 'shank', 'foot', 'trunk', 'neck')
+    the names are ignored. The hierarchy resolves ambiguous names: ``LeftShoulder`` is the upper arm
+    if an elbow follows, and the clavicle if an arm follows. A joint of unknown name has the part of
+    its parent. If the names contain no legs or no arms, symmetry decides: of all mirrored pairs of
+    limbs, the legs are nearest to the root. Sides that no name states are derived from the rest
+    pose: the feet point forward; without feet, the positive axis points left.
     """
     words, sides = read_names(skeleton.names)
     named = _resolve_ambiguous(
@@ -142,30 +99,10 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
 
 
 def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
-    """Return the joints of a group that are compared between segments.
+    """Return the joints of a group that are compared between segments, in the given order.
 
-    Fingers, toes, joints of the face and markers are excluded: they are many and would outweigh
-    the limbs. They are still grafted with their group.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        Skeleton of the joints.
-    joints : array_like of int, shape (n,)
-        Indices of joints.
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
-        The remaining joints in the same order; all joints if none would remain.
-
-    Examples
-    --------
-    >>> skeleton = Skeleton(
-    ...     ["Hips", "LeftLeg", "LeftFoot", "LeftToeBase"], [-1, 0, 1, 2], [[0, 0, 0]] * 4
-    ... )
-    >>> feature_joints(skeleton, [1, 2, 3])
-    array([1, 2])
+    Fingers, toes, joints of the face and markers are excluded, because they are many and would
+    outweigh the limbs. If no joint remained, all joints are returned.
     """
     indices = as_indices("joints", joints, ("n",))
     known = anatomy(skeleton)

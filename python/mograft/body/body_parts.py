@@ -1,7 +1,5 @@
 """Names of body parts and the order of parts along a limb."""
 
-__all__ = ["ARM", "LEG", "PARTS"]
-
 PARTS = (
     "pelvis",
     "trunk",

@@ -1,7 +1,4 @@
-"""Foot contacts: legs, floor heights and frames in which feet stand or skate.
-
-Thresholds are in skeleton heights, so they do not depend on the unit of the file.
-"""
+"""Foot contacts: legs, floor heights and frames in which feet stand or skate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,19 +15,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = [
-    "CONTACT_HEIGHT",
-    "SLIDING_SPEED",
-    "Ground",
-    "Leg",
-    "detect_contacts",
-    "find_legs",
-    "foot_heights",
-    "foot_skate",
-    "point_speeds",
-    "skating_share",
-]
-
 CONTACT_HEIGHT = 0.03
 """Maximum height above the floor of a heel or toe in contact, in skeleton heights."""
 _CONTACT_SPEED = 0.25
@@ -45,47 +29,18 @@ _MAX_GAP_SECONDS = 2 * FRAME
 
 @dataclass(frozen=True)
 class Leg:
-    """The joints of one leg, or of the foreleg of an animal.
+    """The joints of one leg, or of the foreleg of an animal."""
 
-    Attributes
-    ----------
-    side : str
-        ``"left"``, ``"right"`` or ``""``.
-    hip, knee, ankle : int
-        Joints at the upper end of the leg, at the knee and at the foot.
-    toe : int or None
-        The joint at the ball of the foot, if there is one.
-    tip : tuple of float
-        If there is none: offset of the end of the foot bone from the ankle; 0 if unknown.
-    """
-
-    side: str
-    hip: int
+    side: str  # "left", "right" or ""
+    hip: int  # upper end of the leg
     knee: int
     ankle: int
-    toe: int | None
-    tip: tuple[float, float, float]
+    toe: int | None  # the joint at the ball of the foot, if there is one
+    tip: tuple[float, float, float]  # without `toe`: from the ankle to the end of its bone
 
 
 def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
-    """Return the legs of a skeleton that have a knee joint.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        A human or an animal; the forelegs of an animal count as legs.
-
-    Returns
-    -------
-    tuple of Leg
-        Left before right, hind before fore. Empty if no leg is known.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> [leg.side for leg in find_legs(dance(strides=1).motion.skeleton)]
-    ['left', 'right']
-    """
+    """Return the legs that have a knee joint, left before right; the forelegs of animals follow."""
     known, found = anatomy(skeleton), mass_model(skeleton)
     ends: list[tuple[str, int, int | None]] = [(f.side, f.ankle, f.toe) for f in found.feet]
     if not known.human:
@@ -112,20 +67,12 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
 
 
 def detect_contacts(motion: Motion) -> BoolArray:
-    """Detect frames in which heels and toes stand on the floor.
+    """Detect frames in which heels and toes stand on a level floor, shape (n_frames, n_legs, 2).
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion, on a level floor.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_frames, n_legs, 2)
-        Contact of heel (the ankle joint) and toe of each leg of `find_legs`. The floor of a point
-        is the 5th percentile of its height. A point is in contact if it is within 0.03 skeleton
-        heights of its floor and slower than 0.25 heights per second for at least 0.1 s. The
-        contact extends to adjacent frames in which the point is slower than 0.6.
+    The floor of a point is the 5th percentile of its height. A point is in contact if it is within
+    0.03 skeleton heights of its floor and slower than 0.25 heights per second for at least 0.1 s.
+    The contact extends to adjacent frames in which the point is slower than 0.6. The heel is the
+    ankle joint.
     """
     ground = Ground.of(motion)
     points = ground.points(motion)
@@ -141,17 +88,9 @@ def detect_contacts(motion: Motion) -> BoolArray:
 
 
 def foot_heights(motion: Motion) -> FloatArray:
-    """Return the heights of heels and toes above their floor; see `detect_contacts`.
+    """Return the heights of heels and toes above their floor, shape (n_frames, n_legs, 2).
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_legs, 2)
-        In skeleton heights; negative below the 5th percentile of the height.
+    In skeleton heights; the floor is that of `detect_contacts`, so 5 % of the heights are negative.
     """
     ground = Ground.of(motion)
     heights: FloatArray = ground.above(ground.points(motion)) / ground.height
@@ -161,6 +100,10 @@ def foot_heights(motion: Motion) -> FloatArray:
 def foot_skate(motion: Motion) -> float:
     """Return the share of feet and frames in which a foot slides over the floor.
 
+    A foot slides if heel or toe is less than 0.03 skeleton heights above its floor and the slowest
+    such point moves horizontally faster than 0.3 heights per second. A foot that rolls over its toe
+    does not slide.
+
     Parameters
     ----------
     motion : Motion
@@ -169,9 +112,7 @@ def foot_skate(motion: Motion) -> float:
     Returns
     -------
     float
-        0 to 1; 0 without legs. A foot slides if heel or toe is less than 0.03 skeleton heights
-        above its floor and the slowest such point moves horizontally faster than 0.3 heights
-        per second. A foot that rolls over its toe does not slide.
+        0 to 1; 0 without legs.
 
     Examples
     --------
@@ -185,16 +126,12 @@ def foot_skate(motion: Motion) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Height of the floor below each heel and toe.
-
-    `up` is the unit vector that points up, `floors` (n_legs, 2) the floor height of heel and toe
-    along `up`, `height` the stature.
-    """
+    """Height of the floor below each heel and toe."""
 
     limbs: tuple[Leg, ...]
-    up: FloatArray
-    floors: FloatArray
-    height: float
+    up: FloatArray  # unit vector
+    floors: FloatArray  # of heel and toe along `up`, (n_legs, 2)
+    height: float  # stature
 
     @classmethod
     def of(cls, motion: Motion) -> "Ground":

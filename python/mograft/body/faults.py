@@ -16,8 +16,6 @@ from mograft._util.validate import check_type
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["KINDS", "Fault", "find_faults"]
-
 KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
 
 # Minimum mean joint speed of a teleport, in heights per second. The fastest frames of breakdance

@@ -7,8 +7,6 @@ from fnmatch import fnmatchcase
 
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["Entry", "Subtree", "channels_of_entry", "channels_of_joint", "joint_label", "subtree"]
-
 
 @dataclass(frozen=True)
 class Subtree:

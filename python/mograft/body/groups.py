@@ -23,8 +23,6 @@ from mograft.body.group_entries import (
 )
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["PRESETS", "JointGroups", "Subtree", "subtree"]
-
 # Groups of each preset. The first is the base: the hips, the legs and the joints above them.
 PRESETS: Mapping[str, tuple[str, ...]] = {
     "lower_upper": ("lower", "upper"),
@@ -137,13 +135,9 @@ class JointGroups:
 
         Examples
         --------
-        >>> skeleton = Skeleton(
-        ...     ["Hips", "LeftHip", "RightHip", "Chest", "Head"],
-        ...     [-1, 0, 0, 0, 3],
-        ...     [[0, 0, 0]] * 5,
-        ... )
+        >>> skeleton = Skeleton(["Hips", "LeftHip", "Chest"], [-1, 0, 0], [[0, 0, 0]] * 3)
         >>> JointGroups.preset("lower_upper", skeleton)
-        JointGroups(lower: Hips LeftHip RightHip; upper: Chest Head; base lower)
+        JointGroups(lower: Hips LeftHip; upper: Chest; base lower)
         """
         if name not in PRESETS:
             raise ValueError(f"`preset` must be one of {', '.join(PRESETS)}, got {name!r}")

@@ -4,8 +4,6 @@ import re
 from collections import Counter
 from functools import lru_cache
 
-__all__ = ["ANIMAL_WORDS", "part_of_words", "read_names"]
-
 
 def _words_of(text: str) -> frozenset[str]:
     """Return the words of a table row."""
@@ -66,19 +64,9 @@ _CAMEL = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
 def read_names(names: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return the known words and the side of each joint name.
+    """Return the known words, in lower case, and the side of each joint name of one skeleton.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Joint names of one skeleton.
-
-    Returns
-    -------
-    words : list of tuple of str
-        Known words of each name, in lower case.
-    sides : list of str
-        ``"left"``, ``"right"`` or ``""``.
+    A side is ``"left"``, ``"right"`` or ``""``.
     """
     prefix = _common_prefix(names)
     read = []

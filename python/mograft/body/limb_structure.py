@@ -9,23 +9,11 @@ from mograft._util.arrays import FloatArray
 from mograft.body.body_parts import ARM, LEG
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["recognise_structure"]
-
 
 def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     """Return the part and the side of every joint, from the rest pose alone.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton; its joint names are not used.
-
-    Returns
-    -------
-    parts : list of str
-        Part of each joint; ``""`` for a joint that has the part of its parent.
-    sides : list of str
-        ``"left"``, ``"right"`` or ``""``.
+    The part ``""`` stands for the part of the parent. A side is ``"left"``, ``"right"`` or ``""``.
     """
     n_joints = skeleton.n_joints
     parts, sides = [""] * n_joints, [""] * n_joints
@@ -58,20 +46,15 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Rest positions and sizes of all subtrees of a skeleton.
-
-    `positions` is the rest pose. For each joint, `subtree` lists the joint and all joints below
-    it, `middle` is their mean rest position, `reach` the longest path down along the bones and
-    `tips` the length of the longest end site.
-    """
+    """Rest positions and sizes of all subtrees of a skeleton, one entry per joint."""
 
     skeleton: Skeleton
-    positions: FloatArray
-    depth: list[int]
-    subtree: list[list[int]]
-    middle: FloatArray
-    reach: FloatArray
-    tips: FloatArray
+    positions: FloatArray  # rest pose
+    depth: list[int]  # number of ancestors
+    subtree: list[list[int]]  # the joint and all joints below it
+    middle: FloatArray  # mean rest position of the subtree
+    reach: FloatArray  # length of the longest path down along the bones
+    tips: FloatArray  # length of the longest end site
 
     @classmethod
     def from_skeleton(cls, skeleton: Skeleton) -> "_Shape":

@@ -20,8 +20,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["Foot", "MassModel", "center_of_mass", "mass_model", "moments_of_inertia", "up_axis"]
-
 # Lengths in statures: hips to ankles plus hips to head joint, and each alone. Rounded means over
 # human hierarchies of several sources. Each alone varies by 0.04 (standard deviation).
 _LEGS_AND_HEAD, _LEGS, _HEAD = 0.87, 0.525, 0.345
@@ -29,66 +27,28 @@ _LEGS_AND_HEAD, _LEGS, _HEAD = 0.87, 0.525, 0.345
 
 @dataclass(frozen=True)
 class Foot:
-    """One foot of a skeleton.
+    """One foot of a skeleton."""
 
-    Parameters
-    ----------
-    side : str
-        ``"left"``, ``"right"`` or ``""`` if unknown.
-    ankle : int
-        The ankle joint.
-    toe : int or None
-        The joint at the ball of the foot, if the skeleton has one.
-    """
-
-    side: str
+    side: str  # "left", "right" or "" if unknown
     ankle: int
-    toe: int | None
+    toe: int | None  # the joint at the ball of the foot, if the skeleton has one
 
 
 @dataclass(frozen=True, eq=False)
 class MassModel:
-    """Masses and lengths of the bones of a skeleton; created by `mass_model`.
+    """Masses and lengths of the bones of a skeleton; created by `mass_model`."""
 
-    Parameters
-    ----------
-    model : str
-        ``"de Leva"``: masses of a human. ``"rods"``: masses proportional to bone length, for
-        animals and skeletons with unknown joint names.
-    height : float
-        Stature in the unit of the file, independent of the pose.
-    height_from : str
-        How it was measured: ``"legs and head"``, ``"legs"``, ``"head"``, ``"longest path"``, or
-        ``"nothing"`` if all offsets are zero; the stature is then 1.
-    mass : ndarray, shape (n_joints,)
-        Mass of each joint's bone, as a share of body mass; the sum is 1.
-    bone : ndarray, shape (n_joints, 3)
-        Vector from the joint to the end of its bone, in the joint frame and the unit of the file.
-    center : ndarray, shape (n_joints,)
-        Centre of mass along the bone, in bone lengths from the joint.
-    gyration : ndarray, shape (n_joints,)
-        Transverse radius of gyration about the centre of mass, in bone lengths.
-    hips : int
-        The lowest joint above all body parts.
-    head : int or None
-        The head joint, if the skeleton has one.
-    feet : tuple of Foot
-        Left before right. Empty if the skeleton has no known leg.
-    unmatched : tuple of str
-        Joints whose names are unknown.
-    """
-
-    model: str
-    height: float
-    height_from: str
-    mass: FloatArray
-    bone: FloatArray
-    center: FloatArray
-    gyration: FloatArray
-    hips: int
+    model: str  # "de Leva" (human) or "rods": masses proportional to bone length
+    height: float  # stature in the unit of the file, independent of the pose; 1 if unknown
+    height_from: str  # "legs and head", "legs", "head", "longest path" or "nothing"
+    mass: FloatArray  # share of body mass of each joint's bone, (n_joints,); the sum is 1
+    bone: FloatArray  # from the joint to the end of its bone, in the joint frame, (n_joints, 3)
+    center: FloatArray  # centre of mass along the bone, in bone lengths from the joint
+    gyration: FloatArray  # transverse radius about the centre of mass, in bone lengths
+    hips: int  # the lowest joint above all body parts
     head: int | None
-    feet: tuple[Foot, ...]
-    unmatched: tuple[str, ...]
+    feet: tuple[Foot, ...]  # left before right; empty if the skeleton has no known leg
+    unmatched: tuple[str, ...]  # joints whose names are unknown
 
     def __post_init__(self) -> None:
         for array in (self.mass, self.bone, self.center, self.gyration):
@@ -102,9 +62,9 @@ class MassModel:
 
     @cached_property
     def inertia(self) -> FloatArray:
-        """Moment of inertia of each bone about its joint, transverse, shape (n_joints,).
+        """Transverse moment of inertia of each bone about its joint, shape (n_joints,).
 
-        In body masses times squared statures: ``m L² (c² + r²)``.
+        ``m L² (c² + r²)``, in body masses times squared statures.
         """
         lengths = np.linalg.norm(self.bone, axis=1) / self.height
         moments: FloatArray = self.mass * lengths**2 * (self.center**2 + self.gyration**2)
@@ -115,44 +75,11 @@ class MassModel:
 def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
     """Return the mass model, stature and feet of a skeleton.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        A human, an animal or any other hierarchy.
-    sex : str
-        ``"female"``, ``"male"`` or their ``"mean"``; applies to humans.
-
-    Returns
-    -------
-    MassModel
-        De Leva's masses for humans with known joint names, else uniform rods.
-
-    Raises
-    ------
-    ValueError
-        If `sex` is another value.
-
-    Notes
-    -----
-    de Leva, Journal of Biomechanics 29 (1996). A part with several joints divides
-    its mass in proportion to bone length, each bone a rod. The mass of a part without joints is
-    added to the next part towards the trunk. Joints of the face, markers and joints above the
-    hips have mass 0.
-
-    The bone of a joint ends at the child with the largest subtree. In pelvis and trunk it ends at
-    the mean of all children, at a leaf at the end site. The stature is (hips to ankles + hips to
-    head joint) / 0.87, measured along the bones. If only one of the two is known, it is hips to
-    ankles / 0.525 or hips to head / 0.345; else the longest path along the bones.
-
-    Examples
-    --------
-    >>> skeleton = Skeleton(
-    ...     ["Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "Neck", "Head"],
-    ...     [-1, 0, 1, 2, 0, 4],
-    ...     [[0, 0, 0], [9, 0, 0], [0, -40, 0], [0, -40, 0], [0, 48, 0], [0, 10, 0]],
-    ... )
-    >>> round(mass_model(skeleton).height)
-    169
+    Humans with known joint names have the masses of de Leva, Journal of Biomechanics 29 (1996), for
+    the given sex: ``"female"``, ``"male"`` or their ``"mean"``. A part with several joints divides
+    its mass in proportion to bone length, each bone a uniform rod. The mass of a part without
+    joints is added to the next part towards the trunk. Joints of the face, markers and joints above
+    the hips have mass 0. Other skeletons consist of uniform rods.
     """
     if sex not in COLUMNS_OF_SEX:
         raise ValueError(f"`sex` must be one of {', '.join(COLUMNS_OF_SEX)}, got {sex!r}")
@@ -212,35 +139,12 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
 
 
 def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -> FloatArray:
-    """Return the moment of inertia about each joint.
+    """Return the moment of inertia about each joint, shape (n_joints,).
 
-    Parameters
-    ----------
-    body : MassModel
-        Mass model of the skeleton.
-    skeleton : Skeleton
-        The skeleton.
-    kind : str
-        ``"own"``: of the joint's bone alone, for angular velocities relative to the world.
-        ``"subtree"``: of all bones below the joint in the rest pose, for angular velocities
-        relative to the parent. ``"unit"``: 1 for every bone of nonzero length.
-
-    Returns
-    -------
-    ndarray, shape (n_joints,)
-        In body masses times squared statures. 0 for joints above the hips and, except for
-        ``"subtree"``, for bones of length 0.
-
-    Raises
-    ------
-    ValueError
-        If `kind` is another value.
-
-    Examples
-    --------
-    >>> skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
-    >>> moments_of_inertia(mass_model(skeleton), skeleton, "unit")
-    array([1., 1., 0.])
+    ``"own"`` is that of the joint's bone alone, for angular velocities relative to the world;
+    ``"subtree"`` that of all bones below the joint in the rest pose, for angular velocities
+    relative to the parent; ``"unit"`` is 1 for every bone of nonzero length. The first two are in
+    body masses times squared statures. It is 0 above the hips.
     """
     if kind not in ("own", "subtree", "unit"):
         raise ValueError(f"`kind` must be 'own', 'subtree' or 'unit', got {kind!r}")
@@ -269,24 +173,7 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -
 
 
 def center_of_mass(motion: Motion) -> FloatArray:
-    """Return the centre of mass in every frame, by `mass_model`.
-
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, 3)
-        In the unit of the file.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> center_of_mass(dance(strides=1).motion)[0].round().tolist()
-    [-0.0, 91.0, 7.0]
-    """
+    """Return the centre of mass in every frame, shape (n_frames, 3), in the unit of the file."""
     known = mass_model(motion.skeleton)
     world_rotations, positions = motion.world_transforms()
     # One joint at a time, to bound the memory of long clips.
@@ -299,19 +186,11 @@ def center_of_mass(motion: Motion) -> FloatArray:
 
 
 def up_axis(motion: Motion) -> int:
-    """Return the vertical axis of the world: 0, 1 or 2 for x, y or z.
+    """Return the vertical axis of the world, 0 to 2, from a motion of a body that mostly stands.
 
-    Parameters
-    ----------
-    motion : Motion
-        Motion of a body that mostly stands.
-
-    Returns
-    -------
-    int
-        The axis of the largest mean distance between hips and feet. If that distance is below
-        0.1 statures (as in a split) or the feet are unknown, the axis of the largest distance
-        between head and feet or hips; 1 if neither is known.
+    It is the axis of the largest mean distance between hips and feet. If that distance is below 0.1
+    statures (as in a split) or the feet are unknown, it is the axis of the largest distance between
+    head and feet or hips; 1 if neither is known.
     """
     found = mass_model(motion.skeleton)
     means = motion.world_positions().mean(axis=0)
@@ -325,7 +204,11 @@ def up_axis(motion: Motion) -> int:
 
 
 def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
-    """Return the vector from each joint to the end of its bone."""
+    """Return the vector from each joint to the end of its bone.
+
+    A bone ends at the child with the largest subtree; in pelvis and trunk at the mean of all
+    children, at a leaf at the end site.
+    """
     size = np.ones(skeleton.n_joints, dtype=int)
     for joint in range(skeleton.n_joints - 1, 0, -1):
         size[skeleton.parents[joint]] += size[joint]
@@ -368,7 +251,11 @@ def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
 def _height(
     skeleton: Skeleton, hips: int, head: int | None, feet: tuple[Foot, ...]
 ) -> tuple[float, str]:
-    """Return the stature and how it was measured."""
+    """Return the stature and how it was measured, along the bones.
+
+    It is (hips to ankles + hips to head joint) / 0.87. If only one of the two is known, it is hips
+    to ankles / 0.525 or hips to head / 0.345; else the longest path.
+    """
     leg = float(np.mean([_path(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
     upper = _path(skeleton, hips, head) if head is not None else 0.0
     if leg > 0 and upper > 0:

@@ -14,8 +14,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
-__all__ = ["MirroredClips", "mirror", "partners"]
-
 _MAX_ASYMMETRY = 0.05
 """Maximum distance of a bone from the mirror image of its partner, in skeleton heights."""
 
@@ -23,35 +21,11 @@ _OPPOSITE = {"left": "right", "right": "left", "": ""}
 
 
 def partners(skeleton: Skeleton) -> IntArray:
-    """Return the corresponding joint on the other side of the body for each joint.
+    """Return the corresponding joint on the other side of the body, shape (n_joints,).
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        A human or an animal.
-
-    Returns
-    -------
-    ndarray of int, shape (n_joints,)
-        Index of the partner. A joint in the middle is its own partner.
-
-    Raises
-    ------
-    ValueError
-        If a joint has no partner; the message names it.
-
-    Notes
-    -----
-    Partners have the same body part on opposite sides, parents that are partners, and the same
-    rank among siblings of that part: the first finger of one hand belongs to the first finger of
-    the other.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> skeleton = dance(strides=1).motion.skeleton
-    >>> skeleton.names[3], skeleton.names[partners(skeleton)[3]]
-    ('LeftFoot', 'RightFoot')
+    Partners have the same body part on opposite sides, parents that are partners, and the same rank
+    among siblings of that part: the first finger of one hand belongs to the first finger of the
+    other. A joint in the middle is its own partner. A joint without a partner raises ValueError.
     """
     known = anatomy(skeleton)
     found = np.zeros(skeleton.n_joints, np.int64)
@@ -144,17 +118,13 @@ def mirror(motion: Motion) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class _Reflection:
-    """Reflection of the joints of a skeleton.
+    """Reflection of the joints of a skeleton at a vertical plane."""
 
-    `axis` is normal to the mirror. `frame` (n_joints, 4) rotates the reflected local axes of each
-    joint to the local axes of its partner; `parent_frame` (n_joints, 4) is that of its parent.
-    """
-
-    pair: IntArray
-    axis: int
-    frame: FloatArray
-    parent_frame: FloatArray
-    is_symmetric: bool
+    pair: IntArray  # partner of each joint
+    axis: int  # normal to the plane
+    frame: FloatArray  # from the reflected local axes to those of the partner, (n_joints, 4)
+    parent_frame: FloatArray  # `frame` of the parent, (n_joints, 4)
+    is_symmetric: bool  # whether the rest pose is symmetric; then `frame` is the identity
 
     @classmethod
     def of(cls, motion: Motion) -> "_Reflection":

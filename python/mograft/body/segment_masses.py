@@ -6,8 +6,6 @@ import numpy.typing as npt
 from mograft._util.arrays import FloatArray
 from mograft.body.anatomy import Anatomy
 
-__all__ = ["COLUMNS_OF_SEX", "ROD_CENTER", "ROD_GYRATION", "de_leva_masses", "normalise_weights"]
-
 # de Leva 1996, with hips and neck as the proximal ends of trunk and head. Mass in % of body mass,
 # then centre of mass from the proximal end and transverse radius of gyration, both in % of
 # segment length; each (male, female).

@@ -11,8 +11,6 @@ from mograft.body.mass import mass_model, up_axis
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["Poses"]
-
 
 @dataclass(frozen=True, eq=False)
 class Poses:
