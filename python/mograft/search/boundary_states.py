@@ -8,23 +8,12 @@ import numpy as np
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 
-__all__ = ["BoundaryStates", "pose_gaps", "velocity_gaps"]
-
 
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
     """Return the mean joint angle between every end pose and every start pose.
 
-    Parameters
-    ----------
-    ends : ndarray, shape (n_ends, n_joints, 4)
-        Local rotations, xyzw, in the last frames of some segments.
-    starts : ndarray, shape (n_starts, n_joints, 4)
-        Local rotations, xyzw, in the first frames of others.
-
-    Returns
-    -------
-    ndarray, shape (n_ends, n_starts)
-        Angles in radians, 0 to π.
+    `ends` and `starts` are local rotations, xyzw, of shapes (n_ends, n_joints, 4) and (n_starts,
+    n_joints, 4). The result, shape (n_ends, n_starts), is in radians, 0 to π.
     """
     return _core.pose_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
 
@@ -32,17 +21,9 @@ def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
 def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
     """Return the mean difference of joint velocities between every end and every start.
 
-    Parameters
-    ----------
-    ends : ndarray, shape (n_ends, n_joints, 3)
-        Angular velocities, each in its joint's local frame, at the ends of some segments.
-    starts : ndarray, shape (n_starts, n_joints, 3)
-        Angular velocities at the starts of others.
-
-    Returns
-    -------
-    ndarray, shape (n_ends, n_starts)
-        Mean norms of the differences, in the velocities' unit.
+    `ends` and `starts` are angular velocities, each in its joint's local frame, of shapes (n_ends,
+    n_joints, 3) and (n_starts, n_joints, 3). The result, shape (n_ends, n_starts), is the mean norm
+    of the differences, in the unit of the velocities.
     """
     return _core.velocity_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
 
@@ -51,12 +32,8 @@ def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
 class BoundaryStates:
     """Poses and velocities of one joint group in the first and last frame of each segment.
 
-    Attributes
-    ----------
-    first, last : ndarray, shape (n_segments, n_joints, 4)
-        Local rotations, xyzw.
-    first_velocity, last_velocity : ndarray, shape (n_segments, n_joints, 3)
-        Angular velocities in radians per second, each in its joint's local frame.
+    Poses are local rotations, xyzw, shape (n_segments, n_joints, 4). Velocities are angular, in
+    radians per second, each in its joint's local frame, shape (n_segments, n_joints, 3).
     """
 
     first: FloatArray
@@ -77,7 +54,7 @@ class BoundaryStates:
 
     @staticmethod
     def concatenate(parts: "Sequence[BoundaryStates]") -> "BoundaryStates":
-        """Return the states of several sets of segments, one set after the other."""
+        """Return the states of several sets of segments, in order."""
         return BoundaryStates(
             first=np.concatenate([part.first for part in parts]),
             last=np.concatenate([part.last for part in parts]),

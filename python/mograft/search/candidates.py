@@ -13,17 +13,7 @@ from mograft.motion import rotations
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
 from mograft.search.costs import CostModel, SeamScales, length_fits
 
-__all__ = [
-    "Candidate",
-    "Candidates",
-    "ConstraintVerdicts",
-    "SegmentPool",
-    "count_combinations",
-    "list_candidates",
-]
-
-_N_SAMPLED_SEAMS = 512
-"""Seams from which the typical gaps are measured, at most."""
+_N_SAMPLED_SEAMS = 512  # largest number of seams from which the typical gaps are measured
 
 
 @dataclass(frozen=True)
@@ -91,48 +81,21 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class SegmentPool:
-    """All segments of a library, with the data that the search for one group's donors needs.
-
-    Attributes
-    ----------
-    segments : Segments
-        The segments.
-    labels : ndarray of int, shape (n_segments,)
-        Clusters of their base parts.
-    is_donor : ndarray of bool, shape (n_segments,)
-        Whether a segment can replace others.
-    boundary : BoundaryStates
-        The grafted group's poses and velocities at the ends of each segment.
-    rate : float
-        Frames per second.
-    points : ndarray, shape (n_segments, n_components), optional
-        The embedding of the base parts. Without it all distances are 0.
-    sigma : float
-        Cluster diameter threshold: the largest distance of two points of one cluster.
-    """
+    """All segments of a library, with the data that the search for one group's donors needs."""
 
     segments: Segments
-    labels: IntArray
-    is_donor: BoolArray
-    boundary: BoundaryStates
-    rate: float
-    points: FloatArray | None = None
-    sigma: float = 0.0
+    labels: IntArray  # clusters of the base parts, shape (n_segments,)
+    is_donor: BoolArray  # whether a segment can replace others
+    boundary: BoundaryStates  # of the grafted group
+    rate: float  # frames per second
+    points: FloatArray | None = None  # embedding of the base parts; None: all distances are 0
+    sigma: float = 0.0  # largest distance of two points of one cluster
 
     def candidate_lists(self, scenario: IntArray, config: Config) -> list[IntArray]:
-        """Return the segments that can replace each of several by cluster and length.
+        """Return the segments that can replace each base segment by cluster and length.
 
-        Parameters
-        ----------
-        scenario : ndarray of int, shape (n_positions,)
-            The base segments, in any order.
-        config : Config
-            Gives the length rule.
-
-        Returns
-        -------
-        list of ndarray of int
-            One per position, each ascending; the base segment is always included.
+        `scenario` holds the base segments, in any order. There is one ascending list per position;
+        it always includes the base segment.
         """
         lengths, labels = self.segments.lengths, self.labels
         by_label = np.argsort(labels, kind="stable")
@@ -153,17 +116,10 @@ class SegmentPool:
         return lists
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
-        """Return the mean joint angles at the seams between segments, in radians.
+        """Return the mean joint angles, in radians, at the seams between segments.
 
-        Parameters
-        ----------
-        left, right : ndarray of int
-            Segments that end at the seam and segments that start at it.
-
-        Returns
-        -------
-        ndarray, shape (len(left), len(right))
-            0 if the right segment is the successor of the left one in its clip.
+        Shape (len(left), len(right)); segments in `left` end at the seam, those in `right` start at
+        it. The angle is 0 if the right segment is the successor of the left one in its clip.
         """
         return pose_gaps(self.boundary.last[left], self.boundary.first[right])
 
@@ -176,17 +132,9 @@ class SegmentPool:
         return np.concatenate([gap.ravel() for gap in pairs]) if pairs else np.zeros(0)
 
     def distances(self, base: IntArray, donors: IntArray) -> FloatArray:
-        """Return the distances between base parts, in cluster diameters.
+        """Return the distance between each base part and that of its donor, in cluster diameters.
 
-        Parameters
-        ----------
-        base, donors : ndarray of int, shape (n,)
-            Base segments and one donor for each.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            0 if there is no embedding.
+        Both arguments and the result have shape (n,). All are 0 if there is no embedding.
         """
         if self.points is None or not self.sigma > 0:
             return np.zeros(len(base))
@@ -194,39 +142,16 @@ class SegmentPool:
         return distances / self.sigma
 
     def unary_costs(self, base: IntArray, donors: IntArray, model: CostModel) -> FloatArray:
-        """Return the costs of donors by themselves, without seams and constraints.
+        """Return the cost of each donor for its base segment, without seams and constraints.
 
-        Parameters
-        ----------
-        base, donors : ndarray of int, shape (n,)
-            Base segments and one donor for each.
-        model : CostModel
-            The cost model.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The costs.
+        `base`, `donors` and the result have shape (n,).
         """
         lengths = self.segments.lengths
         distances = self.distances(base, donors)
         return model.unary(lengths[base], lengths[donors], distances, donors == base)
 
     def pairwise_costs(self, left: IntArray, right: IntArray, model: CostModel) -> FloatArray:
-        """Return the costs of the seams between segments.
-
-        Parameters
-        ----------
-        left, right : ndarray of int
-            Segments that end at the seam and segments that start at it.
-        model : CostModel
-            The cost model.
-
-        Returns
-        -------
-        ndarray, shape (len(left), len(right))
-            The costs.
-        """
+        """Return the costs of the seams between segments, shape (len(left), len(right))."""
         ends, starts = self.boundary.last_velocity[left], self.boundary.first_velocity[right]
         return model.pairwise(self.seam_angles(left, right), velocity_gaps(ends, starts))
 
@@ -264,18 +189,10 @@ class SegmentPool:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintVerdicts:
-    """What constraints say about the members of a base segment's cluster.
+    """Constraint costs and violated hard constraints of the members of a base segment's cluster."""
 
-    Attributes
-    ----------
-    costs : ndarray, shape (n_members,)
-        Constraint costs.
-    reasons : sequence of sequence of str
-        For each member the violated hard constraints.
-    """
-
-    costs: FloatArray
-    reasons: Sequence[Sequence[str]]
+    costs: FloatArray  # shape (n_members,)
+    reasons: Sequence[Sequence[str]]  # for each member the violated hard constraints
 
 
 def list_candidates(
@@ -286,21 +203,8 @@ def list_candidates(
 ) -> Candidates:
     """Return all members of a segment's cluster with costs and reasons for refusal.
 
-    Parameters
-    ----------
-    pool : SegmentPool
-        The segments.
-    segment : int
-        The base segment.
-    model : CostModel
-        Gives costs and limits.
-    verdicts : ConstraintVerdicts, optional
-        For the members of the cluster, ascending. Default: no constraints.
-
-    Returns
-    -------
-    Candidates
-        Seams are those with the base segment's neighbours in its clip.
+    Seams are those with the base segment's neighbours in its clip. `verdicts` are for the members
+    of the cluster, ascending.
     """
     segments, config = pool.segments, model.config
     members = np.flatnonzero(pool.labels == pool.labels[segment])
@@ -376,17 +280,8 @@ def _refusals(
 def count_combinations(labels: IntArray, n_groups: int) -> int:
     """Count the segments that can be made if only the clusters limit the choice of donors.
 
-    Parameters
-    ----------
-    labels : ndarray of int
-        Clusters of the base parts.
-    n_groups : int
-        Number of joint groups, the base group included.
-
-    Returns
-    -------
-    int
-        Σ |c|^K over the clusters c, the captured segments included (paper, tables 1 and 2).
+    Σ |c|^n_groups over the clusters c, the captured segments included; the base group counts as a
+    group (paper, tables 1 and 2).
 
     Examples
     --------

@@ -19,21 +19,9 @@ from mograft._util.validate import as_integer, check_not_negative
 from mograft.analysis.segmentation import Segments
 from mograft.body.world_poses import Poses
 
-__all__ = [
-    "Clip",
-    "Constraint",
-    "Errors",
-    "Span",
-    "Violation",
-    "as_span",
-    "find_violations",
-    "no_errors",
-]
-
 Span = tuple[int, int]
 
-Errors = tuple[FloatArray, IntArray]
-"""Error of each pose in tolerances, and the joint of that error; -1 for none."""
+Errors = tuple[FloatArray, IntArray]  # error of each pose in tolerances, and its joint or -1
 
 
 class Clip(Protocol):
@@ -160,19 +148,8 @@ def find_violations(
 ) -> list[Violation]:
     """Return the violations of hard constraints in successive frames.
 
-    Parameters
-    ----------
-    constraints : sequence of Constraint
-        The constraints; soft ones are ignored.
-    poses : Poses
-        Poses of successive frames.
-    joints : ndarray of bool, shape (J,), optional
-        The joints whose errors count. Default: all.
-
-    Returns
-    -------
-    list of Violation
-        One per run of frames, sorted by constraint and frame.
+    There is one per run of frames, sorted by constraint and frame. Only errors of the `joints` in a
+    mask of shape (J,) count; by default those of all joints.
     """
     found = []
     for constraint in constraints:

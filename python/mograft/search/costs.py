@@ -1,6 +1,5 @@
 """The cost model of the search: every cost and limit that a donor can incur.
 
-Candidate listing, trellis, stream, repair and reports take their numbers from this module.
 A donor sequence costs the sum of
 
 - one unary cost per position: length difference, dissimilarity of the base parts, novelty;
@@ -24,41 +23,16 @@ from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Clip, Constraint
 from mograft.search.donor_constraints import MaxAngle
 
-__all__ = [
-    "INFEASIBLE_PENALTY",
-    "ConstraintViolations",
-    "CostModel",
-    "SeamScales",
-    "SimilarityCostModel",
-    "infeasible_costs",
-    "length_fits",
-    "limit_config",
-    "origin_violations",
-    "pose_violations",
-]
-
-INFEASIBLE_PENALTY = 1e3
-"""Cost of exceeding a limit: more than any donor sequence within the limits costs at a seam."""
+INFEASIBLE_PENALTY = 1e3  # more than a sequence within the limits costs at any seam
 
 
 def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) -> BoolArray:
     """Return whether the lengths of donors are close enough to those of base segments (eq. 19).
 
-    Parameters
-    ----------
-    base, donor : ndarray of int
-        Lengths in intervals; the shapes broadcast.
-    rate : float
-        Frames per second.
-    config : Config
-        Gives `max_stretch` and `length_slack`.
-
-    Returns
-    -------
-    ndarray of bool
-        |base - donor| < max_stretch · base, strictly, as printed; with a slack,
-        ≤ max(max_stretch · base, slack). The rule is relative to the base segment, so it is
-        not symmetric.
+    Lengths are in intervals, `rate` in frames per second; the shapes broadcast. The rule is
+    ``|base - donor| < max_stretch · base``, strictly, as printed. With a length slack it is
+    ``|base - donor| <= max(max_stretch · base, length_slack · rate)``. The rule is relative to the
+    base segment, so it is not symmetric.
     """
     gap = np.abs(base - donor)
     limit = config.max_stretch * base
@@ -77,18 +51,10 @@ def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
 
 @dataclass(frozen=True)
 class SeamScales:
-    """Gaps at a seam that cost 1 each.
+    """Gaps at a seam that cost 1 each."""
 
-    Attributes
-    ----------
-    angle : float
-        Mean joint angle in radians.
-    velocity : float
-        Mean difference of joint velocities in radians per second.
-    """
-
-    angle: float
-    velocity: float
+    angle: float  # mean joint angle in radians
+    velocity: float  # mean difference of joint velocities in radians per second
 
     @classmethod
     def from_typical_gaps(cls, angle: float, velocity: float, config: Config) -> "SeamScales":
@@ -105,19 +71,10 @@ class SeamScales:
 class CostModel:
     """Unary and pairwise costs: the weighted sum of all terms.
 
-    Attributes
-    ----------
-    config : Config
-        Gives weights and limits.
-    scales : SeamScales
-        Gives the scales of the gaps at seams.
-
-    Notes
-    -----
-    A donor k of segment i costs ``length_weight · (1 - shorter / longer)
-    + distance_weight · d(i, k) / sigma``, minus `novelty` if k is not i. A seam costs
-    ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus `INFEASIBLE_PENALTY` if
-    the angle exceeds `max_angle`.
+    A donor k of segment i costs
+    ``length_weight · (1 - shorter / longer) + distance_weight · d(i, k) / sigma``, minus `novelty`
+    if k is not i. A seam costs ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus
+    `INFEASIBLE_PENALTY` if the angle exceeds `max_angle`.
     """
 
     config: Config
@@ -128,19 +85,9 @@ class CostModel:
     ) -> FloatArray:
         """Return the costs of donors by themselves, without seams and constraints.
 
-        Parameters
-        ----------
-        base, donors : ndarray of int, shape (n,)
-            Lengths of base segments and of their donors, in intervals.
-        distances : ndarray, shape (n,)
-            Distances between their base parts, in cluster diameters.
-        is_base : ndarray of bool, shape (n,)
-            Whether a donor is the base segment itself.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The costs.
+        All arrays have shape (n,). `base` and `donors` are lengths in intervals, `distances` those
+        of the base parts in cluster diameters; `is_base` is true where the donor is the base
+        segment.
         """
         ratio = np.minimum(base, donors) / np.maximum(base, donors)
         costs = self.config.length_weight * (1.0 - ratio)
@@ -148,31 +95,16 @@ class CostModel:
         return costs - np.where(is_base, 0.0, self.config.novelty)
 
     def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Return the costs of seams.
+        """Return the costs of seams, in the shape of `angles`.
 
-        Parameters
-        ----------
-        angles : ndarray
-            Mean joint angles in radians.
-        velocities : ndarray, shape of `angles`
-            Mean differences of joint velocities in radians per second.
-
-        Returns
-        -------
-        ndarray, shape of `angles`
-            The costs.
+        `angles` are mean joint angles in radians, `velocities` mean differences of joint velocities
+        in radians per second.
         """
         gaps = (angles / self.scales.angle) ** 2 + (velocities / self.scales.velocity) ** 2
         return self._angle_penalties(angles) + gaps
 
     def seam_costs(self, left: BoundaryStates, right: BoundaryStates) -> FloatArray:
-        """Return the costs of the seams from every segment of `left` to every one of `right`.
-
-        Returns
-        -------
-        ndarray, shape (len(left), len(right))
-            The costs.
-        """
+        """Return the costs of the seams from every segment of `left` to every one of `right`."""
         return self.pairwise(left.pose_gaps_to(right), left.velocity_gaps_to(right))
 
     def keep_cheapest(self, costs: FloatArray, is_base: BoolArray) -> IntArray:
@@ -193,10 +125,8 @@ class CostModel:
 class SimilarityCostModel(CostModel):
     """Unary and pairwise costs: the similarity of the base parts alone.
 
-    Notes
-    -----
-    A donor k of segment i costs d(i, k) / sigma, the base segment itself
-    `INFEASIBLE_PENALTY`. A seam costs 0 within the limit and `INFEASIBLE_PENALTY` above it.
+    A donor k of segment i costs d(i, k) / sigma, the base segment itself `INFEASIBLE_PENALTY`. A
+    seam costs 0 within the limit and `INFEASIBLE_PENALTY` above it.
     """
 
     def unary(
@@ -213,36 +143,19 @@ class SimilarityCostModel(CostModel):
 
 
 def infeasible_costs(amounts: FloatArray) -> FloatArray:
-    """Return the costs of violating hard constraints.
+    """Return the costs of violating hard constraints by some amounts, in tolerances.
 
-    Parameters
-    ----------
-    amounts : ndarray
-        Violation amounts in tolerances.
-
-    Returns
-    -------
-    ndarray, shape of `amounts`
-        ``INFEASIBLE_PENALTY · (1 + amount)`` for amounts above 1, else 0.
+    ``INFEASIBLE_PENALTY · (1 + amount)`` for amounts above 1, else 0.
     """
     return np.where(amounts > 1.0, INFEASIBLE_PENALTY * (1.0 + amounts), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class ConstraintViolations:
-    """How far several candidates violate constraints.
+    """How far each of n candidates violates constraints."""
 
-    Attributes
-    ----------
-    hard : ndarray, shape (n,)
-        Greatest violation amount of any hard constraint, in tolerances; at most 1 if all are
-        satisfied.
-    soft : ndarray, shape (n,)
-        Cost of the soft constraints: the sum of ``weight · amount²``.
-    """
-
-    hard: FloatArray
-    soft: FloatArray
+    hard: FloatArray  # greatest violation amount of a hard constraint; at most 1 if all hold
+    soft: FloatArray  # sum of weight · amount² over the soft constraints
 
     @classmethod
     def from_amounts(
@@ -277,21 +190,9 @@ def origin_violations(
 ) -> list[FloatArray]:
     """Return how far donors violate each constraint on the clip, frames and length of a donor.
 
-    Parameters
-    ----------
-    constraints : sequence of Constraint
-        The constraints.
-    base, donors : Segments
-        n base segments and one donor for each, in frames of their clips.
-    frames : Segments
-        The base segments in frames of the base motion.
-    clips : sequence of Clip
-        The clips that `base` and `donors` refer to.
-
-    Returns
-    -------
-    list of ndarray, each of shape (n,)
-        One per constraint: violation amounts, 0 outside the constraint's frames.
+    `base` and `donors` are n base segments and one donor for each, in frames of the clips that
+    `clips` lists; `frames` are the base segments in frames of the base motion. There is one array
+    of n violation amounts per constraint; amounts are 0 outside the constraint's frames.
     """
     amounts = []
     for constraint in constraints:
@@ -309,22 +210,10 @@ def pose_violations(
     joints: BoolArray,
     maximum: Callable[[FloatArray], FloatArray],
 ) -> list[FloatArray]:
-    """Return how far the poses of several candidates violate each constraint.
+    """Return how far the poses of n candidates violate each constraint.
 
-    Parameters
-    ----------
-    constraints : sequence of Constraint
-        The constraints.
-    poses : Poses
-        The frames of all candidates, one candidate after the other.
-    joints : ndarray of bool, shape (n_joints,)
-        The joints whose errors count.
-    maximum : callable
-        Reduces one value per frame to the maximum of each candidate, shape (n,).
-
-    Returns
-    -------
-    list of ndarray, each of shape (n,)
-        One per constraint: the maximum violation amount over each candidate's frames.
+    `poses` holds the frames of all candidates, one candidate after the other. Only errors of the
+    `joints` in a mask of shape (n_joints,) count. `maximum` reduces one value per frame to the
+    maximum of each candidate. There is one array of n violation amounts per constraint.
     """
     return [maximum(constraint.errors(poses, joints)[0]) for constraint in constraints]

@@ -15,20 +15,7 @@ from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostMo
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
 
-__all__ = [
-    "DONOR_CHOICES",
-    "DonorChoice",
-    "DonorSource",
-    "cheapest_combinations",
-    "cost_model",
-    "draw_uniform",
-    "interleaved_combinations",
-    "prune_dead_ends",
-    "unique_sequences",
-]
-
-_MAX_REPEATED_DRAWS = 100
-"""Draws in a row without a new result after which drawing ends."""
+_MAX_REPEATED_DRAWS = 100  # drawing ends after this many draws in a row without a new result
 
 
 class DonorSource(Protocol):
@@ -55,61 +42,20 @@ class DonorSource(Protocol):
 
 
 class DonorChoice(ABC):
-    """A strategy that chooses donor sequences.
+    """A strategy that chooses donor sequences."""
 
-    Attributes
-    ----------
-    cost_model : type of CostModel
-        How unary and pairwise costs are computed.
-    needs_costs : bool
-        Whether drawing needs costs, and not only limits.
-    is_limited : bool
-        Whether only the `Config.max_candidates` cheapest candidates are considered.
-    """
-
-    cost_model: ClassVar[type[CostModel]] = CostModel
-    needs_costs: ClassVar[bool] = True
-    is_limited: ClassVar[bool] = True
+    cost_model: ClassVar[type[CostModel]] = CostModel  # of the unary and pairwise costs
+    needs_costs: ClassVar[bool] = True  # whether drawing needs costs, and not only limits
+    is_limited: ClassVar[bool] = True  # whether only the `max_candidates` cheapest count
 
     @abstractmethod
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator
     ) -> list[DonorSequences]:
-        """Return different donor sequences for several motions.
-
-        Parameters
-        ----------
-        source : DonorSource
-            The candidates and their costs.
-        count : int
-            Number of motions.
-        rng : numpy.random.Generator
-            Source of randomness, for the strategies that use one.
-
-        Returns
-        -------
-        list of dict of str to ndarray of int
-            For every motion the donor sequence of each group; fewer than `count` if there are
-            no more.
-        """
+        """Return different donor sequences for `count` motions; fewer if there are no more."""
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
-        """Return one path through a trellis; `Stream` commits its first donor.
-
-        Parameters
-        ----------
-        trellis : Trellis
-            The costs.
-        config : Config
-            Gives `temperature`.
-        rng : numpy.random.Generator
-            Source of randomness, for the strategies that use one.
-
-        Returns
-        -------
-        ndarray of int, shape (n_positions,)
-            The path.
-        """
+        """Return one path through a trellis; `Stream` commits its first donor."""
         del config, rng
         return viterbi(trellis)
 
@@ -228,23 +174,9 @@ def prune_dead_ends(
 ) -> tuple[list[IntArray], list[FloatArray]]:
     """Keep the candidates from which the last position can be reached within `max_angle`.
 
-    Parameters
-    ----------
-    pool : SegmentPool
-        The segments.
-    candidates : sequence of ndarray of int
-        The candidates at each position, the base segment among them.
-    config : Config
-        Gives `max_angle`.
-
-    Returns
-    -------
-    kept : list of ndarray of int
-        For each position the candidates with at least one kept successor at a seam of at most
-        `max_angle`; all candidates if none has one.
-    angles : list of ndarray
-        For each position but the last the seam angles between its kept candidates and those
-        of the next.
+    The first result has for each position the candidates with at least one kept successor at a seam
+    of at most `max_angle`, or all candidates if none has one. The second has for each position but
+    the last the seam angles between its kept candidates and those of the next, in radians.
     """
     kept = [candidates[-1]] if len(candidates) else []
     kept_angles: list[FloatArray] = []
@@ -264,22 +196,10 @@ def draw_uniform(
     config: Config,
     rng: np.random.Generator,
 ) -> IntArray:
-    """Draw a donor at every position, uniformly among those within the limit.
+    """Draw a donor at every position; the arguments are those that `prune_dead_ends` returns.
 
-    Parameters
-    ----------
-    candidates, angles
-        As `prune_dead_ends` returns them.
-    config : Config
-        Gives `max_angle`.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    ndarray of int, shape (n_positions,)
-        Each donor is drawn uniformly from the candidates whose seam with its predecessor is
-        within the limit; if there are none it is the candidate with the narrowest seam.
+    Each donor is drawn uniformly from the candidates whose seam with its predecessor is within
+    `max_angle`; if there are none it is the candidate with the smallest seam angle.
     """
     sequence: list[int] = []
     index = 0
@@ -295,19 +215,10 @@ def draw_uniform(
 
 
 def cheapest_combinations(costs: Sequence[Sequence[float]], count: int) -> list[tuple[int, ...]]:
-    """Return the combinations of one item per list with the lowest total costs.
+    """Return the `count` combinations of one item per list with the lowest total costs.
 
-    Parameters
-    ----------
-    costs : sequence of sequence of float
-        Costs of each list's items, ascending.
-    count : int
-        Number of combinations.
-
-    Returns
-    -------
-    list of tuple of int
-        The index in each list, in ascending order of total cost; ties in order of the indices.
+    Each list of costs is ascending. A combination is the index in each list. They are in ascending
+    order of total cost; ties are in order of the indices.
     """
     sums: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
     for own in costs:
@@ -323,18 +234,8 @@ def cheapest_combinations(costs: Sequence[Sequence[float]], count: int) -> list[
 def interleaved_combinations(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
     """Return different combinations of one item per list that advance all lists together.
 
-    Parameters
-    ----------
-    lengths : sequence of int
-        Number of items in each list.
-    count : int
-        Number of combinations.
-
-    Returns
-    -------
-    list of tuple of int
-        The index in each list: first those with equal indices, modulo the lengths, then the
-        others in lexicographic order.
+    A combination is the index in each list. First come those with equal indices, modulo the
+    lengths, then the others in lexicographic order.
     """
     together = [tuple(i % length for length in lengths) for i in range(max(lengths))]
     others = product(*(range(length) for length in lengths))

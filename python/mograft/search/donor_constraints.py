@@ -12,15 +12,6 @@ from mograft.analysis.segmentation import Segments
 from mograft.errors import join_names
 from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span
 
-__all__ = [
-    "KeepOriginal",
-    "MaxAngle",
-    "MaxStretch",
-    "NotFrom",
-    "OnlyFrom",
-    "find_seam_violations",
-]
-
 
 @dataclass(frozen=True)
 class KeepOriginal(Constraint):
@@ -196,21 +187,9 @@ class MaxAngle(Constraint):
 def find_seam_violations(
     constraints: Sequence[Constraint], group: str, frames: Sequence[int], angles: Sequence[float]
 ) -> list[Violation]:
-    """Return the violations of `MaxAngle` at the seams of a group.
+    """Return the violations of `MaxAngle` at the seams of a group, by constraint and frame.
 
-    Parameters
-    ----------
-    constraints : sequence of Constraint
-        The constraints; only `MaxAngle` applies to seams.
-    group : str
-        The grafted group.
-    frames, angles : sequence of int, sequence of float
-        Frames of the seams in the base motion, and the mean joint angles there in radians.
-
-    Returns
-    -------
-    list of Violation
-        By constraint and frame.
+    `frames` are those of the base motion, `angles` the mean joint angles there in radians.
     """
     return [
         constraint.violation(group, frame, angle)

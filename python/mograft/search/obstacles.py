@@ -17,8 +17,6 @@ from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["Box", "Capsule", "Character", "HalfSpace", "Obstacle", "Sphere", "Vector"]
-
 Vector = tuple[float, float, float]
 
 
@@ -28,20 +26,8 @@ class Obstacle(Protocol):
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """Return the distance of the nearest of some capsules in each pose, and its index.
 
-        Parameters
-        ----------
-        poses : Poses
-            The poses of the body.
-        capsule_indices : ndarray of int
-            Indices of the capsules to test.
-
-        Returns
-        -------
-        distance : ndarray, shape (n,)
-            In the unit of the file; negative by the penetration depth, infinite without
-            capsules.
-        index : ndarray of int, shape (n,)
-            The nearest capsule; ties go to the first. -1 without capsules.
+        Distances, shape (n,), are in the unit of the file and negative by the penetration depth.
+        Ties go to the first capsule. Without capsules the distance is infinite and the index -1.
         """
         ...
 

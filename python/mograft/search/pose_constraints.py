@@ -16,8 +16,6 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint, Errors, no_errors
 from mograft.search.obstacles import Obstacle, Vector
 
-__all__ = ["Avoid", "AvoidSelf", "Custom", "Face", "KeepOut", "Reach", "with_captured_depth"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PoseConstraint(Constraint):
@@ -342,18 +340,8 @@ class Custom(PoseConstraint):
 def with_captured_depth(constraints: Sequence[Constraint], captured: Poses) -> list[Constraint]:
     """Return the constraints with `AvoidSelf.captured` measured where it is 0.
 
-    Parameters
-    ----------
-    constraints : sequence of Constraint
-        The constraints.
-    captured : Poses
-        The captured poses of all frames that are decided together: the whole base motion in a
-        graft, one base segment in a stream.
-
-    Returns
-    -------
-    list of Constraint
-        Other constraints, and depths that are given, stay as they are.
+    `captured` holds the captured poses of all frames that are decided together: the whole base
+    motion in a graft, one base segment in a stream.
     """
     return [
         replace(constraint, captured=constraint.self_collision_depth(captured))

@@ -11,30 +11,16 @@ from mograft.search.candidates import SegmentPool
 from mograft.search.costs import CostModel
 from mograft.search.viterbi import Trellis
 
-__all__ = ["DonorSequences", "DonorTrellis"]
-
 DonorSequences = dict[str, IntArray]
 """For every grafted group the donor sequence: the donor segment at each position."""
 
 
 @dataclass(frozen=True, eq=False)
 class DonorTrellis:
-    """The candidates at each position of a base segment sequence, and their costs.
+    """The candidates at each position of a base segment sequence, and their costs."""
 
-    Made by `DonorTrellis.build`.
-
-    Attributes
-    ----------
-    scenario : ndarray of int, shape (n_positions,)
-        The base segments.
-    candidates : tuple of ndarray of int
-        The considered segments at each position, ascending, the base segment among them.
-    costs : Trellis
-        Their unary and pairwise costs.
-    """
-
-    scenario: IntArray
-    candidates: tuple[IntArray, ...]
+    scenario: IntArray  # the base segments, shape (n_positions,)
+    candidates: tuple[IntArray, ...]  # at each position, ascending, the base segment among them
     costs: Trellis
 
     @classmethod
@@ -48,23 +34,8 @@ class DonorTrellis:
     ) -> "DonorTrellis":
         """Return the trellis of the cheapest candidates at each position.
 
-        Parameters
-        ----------
-        pool : SegmentPool
-            The segments.
-        scenario : ndarray of int, shape (n_positions,)
-            The base segments.
-        candidates : sequence of ndarray of int
-            The allowed segments at each position, ascending, the base segment among them.
-        model : CostModel
-            Gives unary and pairwise costs and the number of candidates to keep.
-        constraint_costs : sequence of ndarray, optional
-            Costs of each candidate for the constraints. Default: none.
-
-        Returns
-        -------
-        DonorTrellis
-            With the cheapest `max_candidates` at each position; ties go to the lowest index.
+        `candidates` holds the allowed segments at each position, ascending, the base segment among
+        them. The cheapest `max_candidates` are kept; ties go to the lowest index.
         """
         counts = [len(segments) for segments in candidates]
         costs = pool.unary_costs(np.repeat(scenario, counts), np.concatenate(candidates), model)

@@ -13,40 +13,19 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 
-__all__ = ["Trellis", "diverse", "k_best", "sample", "viterbi"]
-
 
 @dataclass(frozen=True, eq=False)
 class Trellis:
-    """Costs of the candidates at every position and of every pair of neighbours.
+    """Costs of the candidates at every position and of every pair of neighbours."""
 
-    Attributes
-    ----------
-    unary : tuple of ndarray, each of shape (n_candidates,)
-        Cost of each candidate by itself; infinite if it is forbidden.
-    pairwise : tuple of ndarray, each of shape (n_candidates, n_candidates of the next position)
-        For every position but the last, cost of each pair of neighbours.
-    """
-
-    unary: tuple[FloatArray, ...]
-    pairwise: tuple[FloatArray, ...]
+    unary: tuple[FloatArray, ...]  # for each position shape (n_candidates,); infinite if forbidden
+    pairwise: tuple[FloatArray, ...]  # for each position but the last shape (n, n of the next)
 
     def __len__(self) -> int:
         return len(self.unary)
 
     def cost(self, path: IntArray) -> float:
-        """Return the cost of a path.
-
-        Parameters
-        ----------
-        path : ndarray of int, shape (n_positions,)
-            Index of the candidate at each position.
-
-        Returns
-        -------
-        float
-            The sum of all unary and pairwise costs.
-        """
+        """Return the cost of a path, the candidate index at each position."""
         indices = path.tolist()
         unary = sum(float(costs[i]) for costs, i in zip(self.unary, indices, strict=True))
         pairs = zip(self.pairwise, indices[:-1], indices[1:], strict=True)
@@ -85,19 +64,8 @@ class Trellis:
 def viterbi(trellis: Trellis) -> IntArray:
     """Return the cheapest path.
 
-    Parameters
-    ----------
-    trellis : Trellis
-        The costs.
-
-    Returns
-    -------
-    ndarray of int, shape (n_positions,)
-        Ties go to the path with the lowest first index, then the lowest second, and so on.
-
-    Notes
-    -----
-    Viterbi, IEEE Trans. Information Theory 13 (1967), run backwards. Takes O(Σ n_p n_{p+1}).
+    Ties go to the path with the lowest first index, then the lowest second, and so on. Time is
+    O(Σ n_p n_{p+1}). Viterbi, IEEE Trans. Information Theory 13 (1967), run backwards.
 
     Examples
     --------
@@ -118,24 +86,10 @@ def viterbi(trellis: Trellis) -> IntArray:
 
 
 def k_best(trellis: Trellis, count: int) -> list[IntArray]:
-    """Return the cheapest paths, in ascending order of cost.
+    """Return the cheapest paths, in ascending order of cost; ties as in `viterbi`.
 
-    Parameters
-    ----------
-    trellis : Trellis
-        The costs.
-    count : int
-        Number of paths.
-
-    Returns
-    -------
-    list of ndarray of int, each of shape (n_positions,)
-        Different paths; fewer than `count` if fewer have a finite cost. Ties as in `viterbi`.
-
-    Notes
-    -----
-    List Viterbi: every candidate keeps its `count` cheapest continuations (Seshadri and
-    Sundberg, IEEE Trans. Communications 42, 1994).
+    Fewer than `count` if fewer have a finite cost. List Viterbi: every candidate keeps its `count`
+    cheapest continuations (Seshadri and Sundberg, IEEE Trans. Communications 42, 1994).
 
     Examples
     --------
@@ -168,26 +122,10 @@ def k_best(trellis: Trellis, count: int) -> list[IntArray]:
 
 
 def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> IntArray:
-    """Draw a path with probability proportional to exp(-cost / temperature).
+    """Draw a path with probability proportional to exp(-cost / temperature), exactly.
 
-    Parameters
-    ----------
-    trellis : Trellis
-        The costs.
-    temperature : float
-        In units of cost, above 0.
-    rng : numpy.random.Generator
-        Source of randomness; one number is drawn per position.
-
-    Returns
-    -------
-    ndarray of int, shape (n_positions,)
-        An exact draw, independent of all others.
-
-    Notes
-    -----
-    Forward filtering, backward sampling (Carter and Kohn, Biometrika 81, 1994), here with the
-    directions exchanged, in logarithms.
+    One number is drawn per position. Forward filtering, backward sampling (Carter and Kohn,
+    Biometrika 81, 1994), here with the directions exchanged, in logarithms.
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
@@ -207,22 +145,11 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
 
 
 def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
-    """Return paths of which each is the cheapest after the earlier ones are made more expensive.
+    """Return different paths, each the cheapest after `penalty` is added for every earlier use.
 
-    Parameters
-    ----------
-    trellis : Trellis
-        The costs.
-    count : int
-        Number of paths.
-    penalty : float
-        Cost added to a candidate for every earlier path through it.
-
-    Returns
-    -------
-    list of ndarray of int, each of shape (n_positions,)
-        Different paths, the first that of `viterbi`; fewer than `count` if there are no more.
-        If the penalised search repeats a path, the cheapest new path takes its place.
+    The penalty is added to a candidate for each earlier path through it. The first path is that of
+    `viterbi`. If the penalised search repeats a path, the cheapest new path takes its place; there
+    are fewer than `count` if none is left.
 
     Examples
     --------

@@ -14,26 +14,14 @@ from mograft.motion.motion import Motion
 from mograft.search.trellis import DonorSequences
 from mograft.synthesis.search_problem import SearchProblem
 
-__all__ = ["assemble", "donor_excess", "donor_excesses", "pose_excess", "transplant_group"]
-
 
 def transplant_group(
     problem: SearchProblem, group: str, base: Motion, base_segments: Segments, donors: IntArray
 ) -> Part:
     """Return a group's part made of donors, with treated seams.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    group : str
-        The grafted group.
-    base : Motion
-        The motion that the part is fitted to.
-    base_segments : Segments
-        Its segments.
-    donors : ndarray of int
-        A donor for each of them.
+    The part is fitted to `base`, whose segments are `base_segments`; `donors` has one donor for
+    each.
     """
     library = problem.library
     return transplant(
@@ -49,23 +37,16 @@ def transplant_group(
 def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
     """Return the motion of donor sequences, with treated seams.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    donors : dict of str to ndarray of int
-        Donor sequences of some or all grafted groups; the other joints are as in the base.
+    The joints of grafted groups that are not in `donors` are as in the base.
     """
     return _assemble_ranges(problem, [donors], 0, len(problem.base_segments))
 
 
 def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
-    """Return by how much each pose exceeds the tolerances of hard constraints.
+    """Return by how much each pose exceeds the tolerances of hard constraints, shape (n,).
 
-    Returns
-    -------
-    ndarray, shape (n,)
-        Summed over the grafted groups, the greatest violation amount minus 1, at least 0.
+    For each grafted group the greatest violation amount minus 1, at least 0; summed over the
+    groups.
     """
     excess = np.zeros(len(poses))
     for joints in problem.driven_joints.values():
@@ -78,20 +59,8 @@ def donor_excess(
 ) -> dict[str, FloatArray]:
     """Return by how much the assembled motion exceeds the tolerances of hard constraints.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    donors : dict of str to ndarray of int
-        The donor sequences.
-    first, stop : int
-        Half-open range of positions to evaluate. Default: all.
-
-    Returns
-    -------
-    dict of str to ndarray
-        For every group and every frame, from the first frame of the first position to the last
-        frame of the last, the greatest violation amount minus 1, at least 0.
+    For every group and every frame of the base motion the greatest violation amount minus 1, at
+    least 0.
     """
     stop = len(problem.base_segments) if stop is None else stop
     return {group: own[0] for group, own in donor_excesses(problem, [donors], first, stop).items()}
@@ -100,12 +69,11 @@ def donor_excess(
 def donor_excesses(
     problem: SearchProblem, alternatives: Sequence[DonorSequences], first: int, stop: int
 ) -> dict[str, FloatArray]:
-    """Return for several alternatives what `donor_excess` returns for one.
+    """Return what `donor_excess` returns, for several alternatives and a range of positions.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (n_alternatives, n_frames)
-        Like `donor_excess`.
+    `first` and `stop` are the half-open range. For every group the array has shape (n_alternatives,
+    n_frames); the frames are those from the first frame of position `first` to the last frame of
+    position `stop - 1`.
     """
     if problem.root_group is not None and len(alternatives) > 1:
         each = [donor_excesses(problem, [donors], first, stop) for donors in alternatives]
@@ -162,7 +130,7 @@ def _assemble_ranges(
 def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int]:
     """Return a range of positions widened by all positions whose seams change its frames.
 
-    The whole motion if a group holds the root, which accumulates from the start.
+    The whole motion if a group holds the root, whose transform accumulates from the start.
     """
     segments = problem.base_segments
     if problem.root_group is not None:

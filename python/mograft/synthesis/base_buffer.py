@@ -9,21 +9,13 @@ from mograft.analysis.segmentation import kinetic_energy
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
-__all__ = ["BOUNDARY_MARGIN", "BaseBuffer"]
-
-BOUNDARY_MARGIN = 2
-"""Frames kept on both sides of a segment: the velocities at its boundaries depend on them."""
+BOUNDARY_MARGIN = 2  # frames kept on both sides of a segment; the velocities at its ends need them
 
 
 class BaseBuffer:
     """The latest frames of a base motion that grows at its end.
 
     Frame numbers count from the first pushed frame, whether or not it is still held.
-
-    Parameters
-    ----------
-    frames : Motion
-        The first frames.
     """
 
     def __init__(self, frames: Motion) -> None:
@@ -68,25 +60,16 @@ class BaseBuffer:
         )
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
-        """Return the frames of a segment with up to `BOUNDARY_MARGIN` frames on both sides.
+        """Return a segment's frames, `start` to `stop`, with `BOUNDARY_MARGIN` more on both sides.
 
-        Parameters
-        ----------
-        start, stop : int
-            First and last frame of the segment.
-
-        Returns
-        -------
-        motion : Motion
-            The frames.
-        offset : int
-            Index in them of the segment's first frame.
+        Fewer beside the ends of the buffer. The second result is the index of frame `start` in
+        them.
         """
         first = max(start - BOUNDARY_MARGIN, self._n_discarded)
         return self.motion(first, min(stop + BOUNDARY_MARGIN + 1, self.n_frames)), start - first
 
     def next_energies(self, config: Config) -> FloatArray:
-        """Return the kinetic energies of all frames that the calls before did not finish.
+        """Return the kinetic energies of the frames whose energies are not final yet.
 
         The energy of the last frame is final only if no frame follows; the next call returns it
         again.

@@ -11,26 +11,14 @@ from mograft.library.clusters import ClusterMembers
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 
-__all__ = ["BaseClusters"]
-
 
 @dataclass(frozen=True, eq=False)
 class BaseClusters:
-    """The clusters of a library's base parts. Made by `BaseClusters.build`.
-
-    Attributes
-    ----------
-    library : Library
-        The library.
-    height : float
-        Stature of the base motion's skeleton.
-    members : ClusterMembers or None
-        The segments sorted by cluster; None if the base parts have no embedding.
-    """
+    """The clusters of a library's base parts. Made by `BaseClusters.build`."""
 
     library: Library
-    height: float
-    members: ClusterMembers | None
+    height: float  # stature of the base motion's skeleton
+    members: ClusterMembers | None  # None if the base parts have no embedding
 
     @classmethod
     def build(cls, library: Library, height: float) -> "BaseClusters":
@@ -44,19 +32,9 @@ class BaseClusters:
     def find_members(self, motion: Motion, segment: Segments) -> tuple[IntArray, FloatArray]:
         """Find the cluster that a segment of another motion joins, as `Library.extended` does.
 
-        Parameters
-        ----------
-        motion : Motion
-            The motion, or an excerpt of it with the frames beside the segment.
-        segment : Segments
-            One segment in frames of `motion`.
-
-        Returns
-        -------
-        members : ndarray of int, shape (n,)
-            The cluster's segments, ascending; empty if no cluster fits.
-        distances : ndarray, shape (n,)
-            Their distances from the segment, in cluster diameters.
+        `segment` is one segment in frames of `motion`, which may be an excerpt with the frames
+        beside the segment. The first result is the cluster's segments, ascending, empty if no
+        cluster fits; the second is their distances from the segment, in cluster diameters.
         """
         library = self.library
         base, config = library.groups.base, library.config

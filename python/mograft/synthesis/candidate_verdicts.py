@@ -17,30 +17,14 @@ from mograft.search.costs import (
 from mograft.synthesis.donor_poses import candidate_poses
 from mograft.synthesis.search_problem import SearchProblem
 
-__all__ = ["judge_candidates"]
-
 
 def judge_candidates(
     library: Library, segment: int, group: str, constraints: Sequence[Constraint]
 ) -> ConstraintVerdicts:
     """Return constraint costs and violated hard constraints for the members of a cluster.
 
-    Parameters
-    ----------
-    library : Library
-        The segments.
-    segment : int
-        The base segment; its clip is the base motion.
-    group : str
-        The grafted group.
-    constraints : sequence of Constraint
-        The constraints.
-
-    Returns
-    -------
-    ConstraintVerdicts
-        For the members of the base segment's cluster, ascending. A group that holds the root
-        starts each member at the root transform of the base.
+    The base motion is the clip of the base segment `segment`. The members of its cluster are
+    ascending. A group that holds the root starts each member at the root transform of the base.
     """
     clip = int(library.segments.clip[segment])
     scenario = library.segments.of_clip(clip)

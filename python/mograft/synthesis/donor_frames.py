@@ -8,19 +8,11 @@ from mograft._util.arrays import FloatArray
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.library.library import Library
 
-__all__ = ["DonorFrames", "frames_with_neighbours"]
-
 MAX_CACHED_DONORS = 4096
 
 
 class DonorFrames:
-    """A cache of the latest `MAX_CACHED_DONORS` donors.
-
-    Parameters
-    ----------
-    library : Library
-        The source of the donors.
-    """
+    """A cache of the rotations of the latest `MAX_CACHED_DONORS` donors that were read."""
 
     def __init__(self, library: Library) -> None:
         self._library = library
@@ -41,22 +33,12 @@ class DonorFrames:
 
 
 def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
-    """Return frames of a clip with one frame before and one after them.
+    """Return frames `start` to `stop` of a clip, with one frame before and one after them.
 
-    Beyond an end of the clip the frame is extrapolated from the last three frames. The velocities
-    at both ends, and `cubic` between the frames, are then the same as in the whole clip.
-
-    Parameters
-    ----------
-    track : ndarray, shape (n_frames, n_joints, 4)
-        Rotations of the clip, at least two frames.
-    start, stop : int
-        First and last frame.
-
-    Returns
-    -------
-    ndarray, shape (stop - start + 3, n_joints, 4)
-        The rotations.
+    `track` holds the rotations of the clip, at least two frames, shape (n_frames, n_joints, 4); the
+    result has shape (stop - start + 3, n_joints, 4). Beyond an end of the clip the frame is
+    extrapolated from the last three frames. The velocities at both ends, and `cubic` between the
+    frames, are then the same as in the whole clip.
     """
     rows = [track[start : stop + 1]]
     n_steps = min(2, max(len(track) - 1, 1))

@@ -14,26 +14,13 @@ from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.synthesis.search_problem import SearchProblem
 
-__all__ = ["advance_root", "candidate_poses", "split_by_count"]
-
-_POSES_PER_CHUNK = 20_000
-"""Poses that are evaluated at a time: some hundred megabytes."""
+_POSES_PER_CHUNK = 20_000  # poses that are evaluated at a time: some hundred megabytes
 
 
 def split_by_count(items: IntArray, counts: IntArray) -> list[IntArray]:
     """Split items into consecutive chunks of about 20,000 poses.
 
-    Parameters
-    ----------
-    items : ndarray of int, shape (n,)
-        The items.
-    counts : ndarray of int, shape (n,)
-        Number of poses of each item.
-
-    Returns
-    -------
-    list of ndarray of int
-        The chunks; none if there are no items.
+    `counts` has the number of poses of each item. There are no chunks if there are no items.
     """
     chunk = np.cumsum(counts) // _POSES_PER_CHUNK
     return np.split(items, np.flatnonzero(np.diff(chunk)) + 1) if len(items) else []
@@ -49,26 +36,11 @@ def candidate_poses(
 ) -> Poses:
     """Return the body with each donor's part in its position, without seam treatment.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    group : str
-        The grafted group.
-    positions, donors : ndarray of int, shape (n,)
-        Positions, and a donor for each.
-    context : Motion, optional
-        The motion of the other joints. Default: the base.
-    root_start : RootTransforms, optional
-        For a group that holds the root, the n root transforms at which the donors start.
-        Default: those of the context.
-
-    Returns
-    -------
-    Poses
-        All frames of the first position, then of the second, and so on. A donor with the root
-        is its clip rotated about the up axis and translated over the floor, so that its first
-        frame has the position and heading of `root_start`.
+    `positions` and `donors` have shape (n,). The poses are all frames of the first position, then
+    of the second, and so on. The other joints are those of `context`, by default the base. If the
+    group holds the root, each donor is its clip rotated about the up axis and translated over the
+    floor, so that its first frame has the position and heading of `root_start`, one root transform
+    per donor. By default these are the root transforms of the context.
     """
     context = problem.base if context is None else context
     segments = problem.base_segments
@@ -100,14 +72,7 @@ def advance_root(
 ) -> RootTransforms:
     """Return the root transforms at the ends of donors that start at given root transforms.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    donors : ndarray of int, shape (n,)
-        The donors.
-    root_start : RootTransforms
-        The n root transforms at which they start.
+    There is one root transform in `root_start` for each donor.
     """
     library = problem.library
     taken = library.segments[donors]

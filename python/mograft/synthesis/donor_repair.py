@@ -19,36 +19,18 @@ from mograft.synthesis.assembly import donor_excess, donor_excesses
 from mograft.synthesis.donor_trellis import candidate_violations
 from mograft.synthesis.search_problem import SearchProblem
 
-__all__ = ["repair_donors", "restrict_to_violations"]
-
-_MAX_ROUNDS = 8
-"""Searches with increased penalties."""
-
-_REPAIR_RADIUS = 3
-"""Positions on either side of a violated one that a restricted problem can change."""
-
-_MAX_WINDOW_LENGTH = 8
-"""Positions of the longest window whose sequences are assembled one by one."""
-
-_N_CHEAPEST_TRIALS = 48
-"""Cheapest sequences of a window that are assembled."""
-
-_N_NEAREST_TRIALS = 4 * _N_CHEAPEST_TRIALS
-"""Sequences with the smallest violation before seam treatment that are assembled."""
-
-_TRIALS_PER_BATCH = 24
-"""Sequences that are assembled together."""
+_MAX_ROUNDS = 8  # searches with increased penalties
+_REPAIR_RADIUS = 3  # positions beside a violated one that a restricted problem can change
+_MAX_WINDOW_LENGTH = 8  # positions of the longest window whose sequences are assembled
+_N_CHEAPEST_TRIALS = 48  # cheapest sequences of a window that are assembled
+_N_NEAREST_TRIALS = 4 * _N_CHEAPEST_TRIALS  # those with the least violation before seam treatment
+_TRIALS_PER_BATCH = 24  # sequences that are assembled together
 
 
 def restrict_to_violations(problem: SearchProblem, donors: DonorSequences) -> SearchProblem:
-    """Return the problem with candidates only near the violations of donor sequences.
+    """Return the problem restricted to changes near the violations of donor sequences.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    donors : dict of str to ndarray of int
-        The donor sequences. Away from violations only they and the base segments remain.
+    At other positions the only candidates are the donors of these sequences and the base segments.
     """
     excess = donor_excess(problem, donors)
     candidates = {}
@@ -68,21 +50,9 @@ def repair_donors(
 ) -> DonorSequences:
     """Change donors until the assembled motion satisfies the hard constraints, if possible.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    donors : dict of str to ndarray of int
-        The donor sequences.
-    trellises : mapping of str to DonorTrellis
-        For every grafted group the candidates and their costs.
-
-    Returns
-    -------
-    dict of str to ndarray of int
-        The evaluated donor sequences with the smallest total violation; ties go to the first.
-        Only violated positions and their neighbours change. A group that holds the root does
-        not change: see `mograft.synthesis.root_tabu_search`.
+    Return the evaluated donor sequences with the smallest total violation; ties go to the first.
+    Only violated positions and their neighbours change. A group that holds the root does not
+    change: see `mograft.synthesis.root_tabu_search`.
     """
     if not any(constraint.is_hard for constraint in problem.constraints):
         return donors

@@ -18,25 +18,12 @@ from mograft.synthesis.assembly import assemble
 from mograft.synthesis.donor_poses import advance_root, candidate_poses, split_by_count
 from mograft.synthesis.search_problem import SearchProblem
 
-__all__ = [
-    "build_trellis",
-    "candidate_pose_violations",
-    "candidate_violations",
-    "feasible_candidates",
-]
-
 
 def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
     """Return the candidates of a group with their costs, constraint costs included.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    group : str
-        The grafted group.
-    chosen : dict of str to ndarray of int
-        Donor sequences of the groups that are chosen already; the others are as captured.
+    `chosen` has the donor sequences of the groups that are chosen already; the other groups are as
+    captured.
     """
     if group == problem.root_group:
         return _build_root_trellis(problem, group, chosen)
@@ -47,22 +34,10 @@ def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) ->
 def candidate_violations(
     problem: SearchProblem, group: str, chosen: DonorSequences
 ) -> list[ConstraintViolations]:
-    """Return how far every candidate of a group violates the constraints in its position.
+    """Return for each position how far the candidates of a group violate the constraints there.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    group : str
-        The grafted group.
-    chosen : dict of str to ndarray of int
-        Donor sequences of the groups that are chosen already; the others are as captured.
-
-    Returns
-    -------
-    list of ConstraintViolations
-        One per position. All hard constraints on origins are satisfied, so that `hard` is of
-        pose constraints alone.
+    `chosen` is as for `build_trellis`. All candidates satisfy the hard constraints on origins, so
+    that `hard` is of pose constraints alone.
     """
     lists = problem.candidates[group]
     violations = [
@@ -93,16 +68,7 @@ def candidate_pose_violations(
 ) -> ConstraintViolations:
     """Return how far candidates violate pose constraints.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    group : str
-        The grafted group.
-    positions : ndarray of int, shape (n,)
-        The position of each candidate.
-    poses : Poses
-        As `candidate_poses` returns them.
+    `positions` has the position of each candidate; `poses` is as `candidate_poses` returns it.
     """
     counts = problem.base_segments.lengths[positions] + 1
     starts = np.cumsum(counts) - counts
@@ -117,9 +83,10 @@ def candidate_pose_violations(
 
 
 def feasible_candidates(problem: SearchProblem, group: str) -> list[IntArray]:
-    """Return the candidates that satisfy all hard constraints; all of them if none does.
+    """Return for each position the candidates that satisfy all hard constraints.
 
-    All, too, if a group holds the root: its transform is known only for a donor sequence.
+    All candidates if none of them does, or if a group holds the root: its transform is known only
+    for a donor sequence.
     """
     if problem.root_group is not None:
         return problem.candidates[group]

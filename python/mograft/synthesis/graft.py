@@ -15,8 +15,6 @@ from mograft.synthesis.donor_repair import restrict_to_violations
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
 
-__all__ = ["Grafts", "graft", "graft_many", "repair"]
-
 
 @dataclass(frozen=True, eq=False)
 class Grafts(Sequence[Graft]):

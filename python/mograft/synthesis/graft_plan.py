@@ -30,23 +30,13 @@ from mograft.synthesis.graft_result import Graft, Seam, Substitution
 from mograft.synthesis.root_tabu_search import tabu_search
 from mograft.synthesis.search_problem import SearchProblem
 
-__all__ = ["GraftPlan", "grafted_groups"]
-
 
 @dataclass(frozen=True, eq=False)
 class GraftPlan:
-    """The search problem of a base, with its trellises. Made by `GraftPlan.build`.
-
-    Attributes
-    ----------
-    problem : SearchProblem
-        The search problem.
-    scenario : tuple of int
-        The segments of which the base is composed; empty if the base is a clip.
-    """
+    """The search problem of a base, with its trellises. Made by `GraftPlan.build`."""
 
     problem: SearchProblem
-    scenario: tuple[int, ...] = ()
+    scenario: tuple[int, ...] = ()  # segments that compose the base; empty if it is a clip
 
     @classmethod
     def build(
@@ -211,21 +201,9 @@ class GraftPlan:
 
 
 def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
-    """Return the groups to graft, in the library's order.
+    """Return the groups to graft, in the library's order; by default all but the base group.
 
-    Parameters
-    ----------
-    library : Library
-        The library.
-    swap : sequence of str, optional
-        Names of groups. Default: all but the base group.
-
-    Raises
-    ------
-    TypeError
-        If `swap` is a string.
-    ValueError
-        If a name is not that of a grafted group, or there is none.
+    A string raises TypeError. An unknown name, that of the base group, or none raises ValueError.
     """
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]

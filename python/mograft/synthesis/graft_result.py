@@ -10,8 +10,6 @@ from mograft.motion.motion import Motion
 from mograft.search.constraints import Violation
 from mograft.synthesis import provenance
 
-__all__ = ["Graft", "Seam", "Substitution"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Substitution:
@@ -66,14 +64,8 @@ class Substitution:
     ) -> "Substitution":
         """Return the substitution with its stretch.
 
-        Parameters
-        ----------
-        group, segment, donor, clip, cost
-            As the attributes.
-        frames, donor_frames : tuple of int
-            First and last frame in the base, and of the donor in its clip.
-        gaps : tuple of float
-            The gaps before and after.
+        `frames` and `donor_frames` are the first and last frame in the base, and of the donor in
+        its clip; `gaps` are those before and after.
         """
         length, donor_length = frames[1] - frames[0], donor_frames[1] - donor_frames[0]
         return cls(

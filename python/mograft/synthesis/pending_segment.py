@@ -13,26 +13,14 @@ from mograft.search.costs import CostModel
 from mograft.synthesis.donor_frames import frames_with_neighbours
 from mograft.synthesis.placed_donors import SampledDonors
 
-__all__ = ["GroupCandidates", "PendingSegment"]
-
 
 @dataclass(eq=False)
 class GroupCandidates:
-    """The candidates of a pending segment for one group.
-
-    Attributes
-    ----------
-    boundary : BoundaryStates
-        Their boundary states.
-    costs : ndarray, shape (n_candidates,)
-        Their costs without seams, constraint costs included.
-    sampled : SampledDonors or None
-        All candidates, resampled; None if no pose constraint applies.
-    """
+    """The candidates of a pending segment for one group."""
 
     boundary: BoundaryStates
-    costs: FloatArray
-    sampled: SampledDonors | None = None
+    costs: FloatArray  # shape (n_candidates,); with constraint costs, without seams
+    sampled: SampledDonors | None = None  # all candidates; None if no pose constraint applies
     _seam_costs: FloatArray | None = field(default=None, init=False, repr=False)
 
     def seam_costs_to(self, following: "GroupCandidates", model: CostModel) -> FloatArray:
@@ -44,36 +32,16 @@ class GroupCandidates:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PendingSegment:
-    """A base segment that is not committed yet.
+    """A base segment that is not committed yet."""
 
-    Attributes
-    ----------
-    base : Motion
-        Its frames with those beside them, as `BaseBuffer.motion_with_margin` returns them.
-    offset : int
-        Index in `base` of the segment's first frame.
-    segment : Segments
-        The segment in frames of the stream; its clip follows the library's clips.
-    donors : ndarray of int, shape (n_candidates,)
-        The candidates as segments of the library; the last is -1, the base segment itself.
-    unary_costs : ndarray, shape (n_candidates,)
-        Their costs without seams and constraints.
-    origin_costs : ndarray, shape (n_candidates,)
-        Their costs of soft constraints on the origin.
-    groups : dict of str to GroupCandidates
-        For every grafted group the candidates.
-    pose_constraints : tuple of Constraint
-        The constraints on poses that apply in the segment.
-    """
-
-    base: Motion
-    offset: int
-    segment: Segments
-    donors: IntArray
-    unary_costs: FloatArray
-    origin_costs: FloatArray
-    groups: dict[str, GroupCandidates] = field(default_factory=dict)
-    pose_constraints: tuple[Constraint, ...] = ()
+    base: Motion  # its frames with those beside them, from `BaseBuffer.motion_with_margin`
+    offset: int  # index in `base` of the segment's first frame
+    segment: Segments  # in frames of the stream; its clip follows the library's clips
+    donors: IntArray  # shape (n_candidates,); the last is -1, the base segment itself
+    unary_costs: FloatArray  # shape (n_candidates,); without seams and constraints
+    origin_costs: FloatArray  # shape (n_candidates,); of soft constraints on the origin
+    groups: dict[str, GroupCandidates] = field(default_factory=dict)  # by grafted group
+    pose_constraints: tuple[Constraint, ...] = ()  # those that apply in the segment
 
     @property
     def start(self) -> int:

@@ -13,30 +13,16 @@ from mograft.config import Config
 from mograft.motion.resample import cubic
 from mograft.search.boundary_states import BoundaryStates
 
-__all__ = [
-    "VELOCITY_STEP",
-    "CommittedEnd",
-    "PlacedDonors",
-    "SampledDonors",
-    "place_donors",
-    "sample_donors",
-]
-
-VELOCITY_STEP = 0.01
-"""Spacing, in frames, of the values that measure the velocity at the end of a segment."""
+VELOCITY_STEP = 0.01  # frames between the values that give the velocity at the end of a segment
 
 
 @dataclass(frozen=True, eq=False)
 class SampledDonors:
     """n donors resampled to the length of a base segment, without seam treatment.
 
-    Attributes
-    ----------
-    values : ndarray, shape (n, n_frames + 2, n_joints, 4)
-        Rotations in the frames of the base segment, then 1 and 2 `VELOCITY_STEP` before the
-        last frame.
-    start_velocity, end_velocity : ndarray, shape (n, n_joints, 3)
-        Angular velocities in the first and last frame, in radians per second.
+    `values`, shape (n, n_frames + 2, n_joints, 4), are rotations in the frames of the base segment,
+    then 1 and 2 `VELOCITY_STEP` before the last frame. The velocities, shape (n, n_joints, 3), are
+    angular velocities in the first and last frame, in radians per second.
     """
 
     values: FloatArray
@@ -56,21 +42,11 @@ class SampledDonors:
 
 @dataclass(frozen=True, eq=False)
 class PlacedDonors:
-    """n donors in a base segment, after seam treatment.
+    """n donors in a base segment, after seam treatment."""
 
-    Attributes
-    ----------
-    sampled : SampledDonors
-        The donors before seam treatment.
-    values : ndarray, shape of `sampled.values`
-        Their rotations after it.
-    rate : float
-        Frames per second.
-    """
-
-    sampled: SampledDonors
-    values: FloatArray
-    rate: float
+    sampled: SampledDonors  # the donors before seam treatment
+    values: FloatArray  # rotations after it, in the shape of `sampled.values`
+    rate: float  # frames per second
 
     @property
     def frames(self) -> FloatArray:
@@ -101,21 +77,11 @@ class PlacedDonors:
 
 @dataclass(frozen=True, eq=False)
 class CommittedEnd:
-    """The end of the committed motion of one group.
+    """The end of the committed motion of one group."""
 
-    Attributes
-    ----------
-    pose : ndarray, shape (n_joints, 4)
-        Rotations in the last frame.
-    velocity : ndarray, shape (n_joints, 3)
-        Angular velocities there, in radians per second.
-    boundary : BoundaryStates
-        Boundary states of the last donor before seam treatment, for seam costs.
-    """
-
-    pose: FloatArray
-    velocity: FloatArray
-    boundary: BoundaryStates
+    pose: FloatArray  # rotations in the last frame, shape (n_joints, 4)
+    velocity: FloatArray  # angular, there, in radians per second, shape (n_joints, 3)
+    boundary: BoundaryStates  # of the last donor before seam treatment, for seam costs
 
 
 def sample_donors(
@@ -123,21 +89,8 @@ def sample_donors(
 ) -> SampledDonors:
     """Resample donors to the length of a base segment.
 
-    Parameters
-    ----------
-    tracks : sequence of ndarray, each of shape (n_frames + 2, n_joints, 4)
-        The donors, each as `frames_with_neighbours` returns it.
-    joints : ndarray of int
-        The joints of the group.
-    length : int
-        Length of the base segment in intervals.
-    rate : float
-        Frames per second.
-
-    Returns
-    -------
-    SampledDonors
-        The donors.
+    Each track, shape (n_frames + 2, n_joints, 4), is a donor as `frames_with_neighbours` returns
+    it; `joints` are those of the group. `length` is in intervals, `rate` in frames per second.
     """
     counts = np.array([len(track) for track in tracks])
     starts, lengths = np.cumsum(counts) - counts + 1, counts - 3
@@ -158,21 +111,8 @@ def place_donors(
 ) -> PlacedDonors:
     """Close the seam between the committed motion and each donor.
 
-    Parameters
-    ----------
-    sampled : SampledDonors
-        The n donors.
-    previous : CommittedEnd or None
-        The end of the committed motion; None for the first segment, which has no seam.
-    rate : float
-        Frames per second.
-    config : Config
-        Gives `seam` and `seam_blend`. "inertial" replaces seam treatments that are not causal.
-
-    Returns
-    -------
-    PlacedDonors
-        The donors.
+    The first segment has no seam: `previous` is None. "inertial" replaces a `Config.seam` treatment
+    that is not causal. `rate` is in frames per second.
     """
     raw = sampled.values
     if previous is None:

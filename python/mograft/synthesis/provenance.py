@@ -12,17 +12,9 @@ from mograft.search.constraints import Violation
 if TYPE_CHECKING:
     from mograft.synthesis.graft_result import Graft, Substitution
 
-__all__ = ["document", "report"]
-
 
 def document(graft: "Graft") -> dict[str, Any]:
-    """Return the provenance of a graft as a JSON document, schema ``mograft.graft/1``.
-
-    Parameters
-    ----------
-    graft : Graft
-        The graft.
-    """
+    """Return the provenance of a graft as a JSON document, schema ``mograft.graft/1``."""
     library = graft.library
     return {
         "schema": "mograft.graft/1",
@@ -101,15 +93,7 @@ def _violation_record(violation: Violation) -> dict[str, Any]:
 
 
 def report(graft: "Graft", *, each: bool = False) -> str:
-    """Return a summary of a graft in text.
-
-    Parameters
-    ----------
-    graft : Graft
-        The graft.
-    each : bool
-        Whether to list every exchanged segment.
-    """
+    """Return a summary of a graft in text; `each` lists every exchanged segment."""
     lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
     for group in graft.alternatives:
         lines += _group_lines(graft, group, each=each)

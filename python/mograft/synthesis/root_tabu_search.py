@@ -21,22 +21,11 @@ from mograft.synthesis.assembly import assemble, pose_excess
 from mograft.synthesis.donor_poses import advance_root, candidate_poses, split_by_count
 from mograft.synthesis.search_problem import SearchProblem
 
-__all__ = ["rank_substitutions", "tabu_search"]
-
-_MAX_ITERATIONS = 64
-"""Substitutions that are made, at most."""
-
-_MAX_ITERATIONS_WITHOUT_GAIN = 16
-"""Consecutive substitutions without a new best result, at most."""
-
-_MAX_TENURE = 6
-"""Iterations during which a changed position stays fixed, at most."""
-
-_N_ASSEMBLED = 2
-"""Best-ranked substitutions that are assembled in each iteration."""
-
-_MAX_RANKING_POSES = 200_000
-"""Approximate number of poses used for a ranking; larger motions are sampled at a stride."""
+_MAX_ITERATIONS = 64  # substitutions that are made, at most
+_MAX_ITERATIONS_WITHOUT_GAIN = 16  # consecutive substitutions without a new best result, at most
+_MAX_TENURE = 6  # iterations during which a changed position stays fixed, at most
+_N_ASSEMBLED = 2  # best-ranked substitutions that are assembled in each iteration
+_MAX_RANKING_POSES = 200_000  # approximate, for one ranking; larger motions are sampled at a stride
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,28 +45,13 @@ def tabu_search(
 ) -> DonorSequences:
     """Substitute donors that drive the root, one at a time, until hard constraints hold.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    donors : dict of str to ndarray of int
-        The donor sequences to start from.
-    trellises : mapping of str to DonorTrellis
-        The candidates of the grafted groups.
-    finish : callable
-        Applied to each assembled motion and its donor sequences, such as foot planting.
+    Return the sequences with the smallest total violation of the finished motion; ties go to the
+    first. They are `donors` if no group holds the root or nothing is violated. `finish`, such as
+    foot planting, is applied to each assembled motion and its donor sequences.
 
-    Returns
-    -------
-    dict of str to ndarray of int
-        The donor sequences with the smallest total violation of the finished motion; ties go to
-        the first. `donors` if no group holds the root or nothing is violated.
-
-    Notes
-    -----
     The best-ranked substitution is made even if it increases the violation, and its position is
-    then fixed for some iterations, so that the search leaves local minima (Glover, ORSA
-    J. Computing 1, 1989).
+    then fixed for some iterations, so that the search leaves local minima (Glover, ORSA J.
+    Computing 1, 1989).
     """
     group = problem.root_group
     if group is None or group not in trellises or not problem.is_constrained_frame.any():
@@ -132,27 +106,13 @@ def rank_substitutions(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return single substitutions of donors that drive the root, the most promising first.
 
-    Parameters
-    ----------
-    problem : SearchProblem
-        The search problem.
-    trellis : DonorTrellis
-        The candidates, without constraint costs.
-    chosen : dict of str to ndarray of int
-        The current donor sequences.
-    motion : Motion
-        Their motion; it must violate a hard constraint.
-    is_free : ndarray of bool, shape (n_positions,)
-        The positions that can change.
+    `trellis` has no constraint costs. `motion` is that of the sequences in `chosen` and must
+    violate a hard constraint. `is_free` has the positions that can change.
 
-    Returns
-    -------
-    positions, donors : ndarray of int, shape (n,)
-        Positions that start before the last violating frame, and a donor for each. No
-        substitution adds a seam above the limit.
-    violations : ndarray, shape (n,)
-        Predicted total violations, ascending, in tolerances; ties are in order of cost. Seams
-        are not treated again, and large motions are sampled at a stride.
+    The results, each of shape (n,), are positions that start before the last violating frame, a
+    donor for each, and the predicted total violations in tolerances, ascending; ties are in order
+    of cost. No substitution adds a seam above the limit. Seams are not treated again, and large
+    motions are sampled at a stride.
     """
     group, segments = problem.root_group, problem.base_segments
     assert group is not None

@@ -27,25 +27,12 @@ from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.trellis import DonorSequences
 
-__all__ = ["SearchProblem", "check_constraints", "driven_joints"]
-
 
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
     """Check the types of constraints and the joint names in them.
 
-    Parameters
-    ----------
-    constraints : sequence of Constraint
-        The constraints.
-    poses : Poses
-        At least one pose of the skeleton that the constraints apply to.
-
-    Raises
-    ------
-    TypeError
-        If an item is not a constraint.
-    ValueError
-        If a constraint names a joint that the skeleton does not have.
+    `poses` has at least one pose of the skeleton that the constraints apply to. An item that is not
+    a constraint raises TypeError; the name of a joint that the skeleton does not have, ValueError.
     """
     if isinstance(constraints, Constraint):
         raise TypeError(f"`constraints` must be a list of constraints, got {constraints!r}")
@@ -59,19 +46,9 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
-    """Return for each joint group its joints and the ungrouped joints that move with them.
+    """Return for each joint group a mask of the joints that it moves, shape (n_joints,).
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-    members : mapping of str to ndarray of int
-        The joints of each group.
-
-    Returns
-    -------
-    dict of str to ndarray of bool, shape (n_joints,)
-        For each group the joints that it moves and that no group below it moves.
+    These are its members and the ungrouped joints below them that no group further down moves.
     """
     group_of = [""] * skeleton.n_joints
     member_of = {int(joint): group for group, joints in members.items() for joint in joints}
@@ -83,36 +60,16 @@ def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[s
 
 @dataclass(frozen=True, eq=False)
 class SearchProblem:
-    """A base motion, its candidate donors and the constraints. Made by `SearchProblem.build`.
-
-    Attributes
-    ----------
-    library : Library
-        The source of the donors.
-    base : Motion
-        The motion whose base group is kept.
-    scenario : ndarray of int, shape (n_positions,)
-        The base segments, as indices into the library.
-    base_segments : Segments
-        The same segments in frames of the base motion.
-    pools : mapping of str to SegmentPool
-        For every grafted group the segments, in hierarchical order of the groups.
-    candidates : mapping of str to list of ndarray of int
-        For every grafted group the candidates at each position.
-    constraints : tuple of Constraint
-        The constraints.
-    config : Config
-        The library's configuration, limited by the constraints.
-    """
+    """A base motion, its candidate donors and the constraints. Made by `SearchProblem.build`."""
 
     library: Library
     base: Motion
-    scenario: IntArray
-    base_segments: Segments
-    pools: Mapping[str, SegmentPool]
-    candidates: Mapping[str, list[IntArray]]
+    scenario: IntArray  # base segments as indices into the library, shape (n_positions,)
+    base_segments: Segments  # the same segments in frames of the base motion
+    pools: Mapping[str, SegmentPool]  # by grafted group, in hierarchical order of the groups
+    candidates: Mapping[str, list[IntArray]]  # by grafted group, for each position
     constraints: tuple[Constraint, ...]
-    config: Config
+    config: Config  # of the library, limited by the constraints
 
     @classmethod
     def build(
@@ -126,26 +83,8 @@ class SearchProblem:
     ) -> "SearchProblem":
         """Return the problem with the candidates that satisfy cluster, length and origin limits.
 
-        Parameters
-        ----------
-        library, base, scenario, base_segments
-            As the attributes.
-        groups : sequence of str
-            The groups to graft.
-        constraints : sequence of Constraint
-            The constraints. `AvoidSelf` without a captured depth gets that of the base.
-
-        Returns
-        -------
-        SearchProblem
-            The problem.
-
-        Raises
-        ------
-        TypeError
-            If an item of `constraints` is not a constraint.
-        ValueError
-            If a constraint names a joint, a clip or a frame that does not exist.
+        `AvoidSelf` without a captured depth gets that of the base. An item that is not a constraint
+        raises TypeError; a constraint with an unknown joint, clip or frame raises ValueError.
         """
         poses = Poses.from_motion(base)
         check_constraints(constraints, poses)
@@ -251,10 +190,7 @@ class SearchProblem:
     def positions_with(self, excess: FloatArray) -> BoolArray:
         """Return which positions have a frame of positive excess, shape (n_positions,).
 
-        Parameters
-        ----------
-        excess : ndarray, shape (n_frames,)
-            As `mograft.synthesis.assembly.donor_excess` returns it.
+        `excess` has one value per frame of the base, as from `donor_excess`.
         """
         count = np.concatenate([[0], np.cumsum(excess > 0)])
         found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
@@ -263,10 +199,7 @@ class SearchProblem:
     def origin_violations(self, positions: IntArray, donors: IntArray) -> ConstraintViolations:
         """Return how far donors violate constraints on a donor's clip, frames and length.
 
-        Parameters
-        ----------
-        positions, donors : ndarray of int, shape (n,)
-            Positions, and a donor for each.
+        `positions` has the position of each donor.
         """
         library = self.library
         amounts = origin_violations(

@@ -28,50 +28,24 @@ from mograft.synthesis.stream_checks import (
 from mograft.synthesis.stream_donors import StreamDonors, StreamRules
 from mograft.synthesis.stream_search import ChosenDonors, StreamSearch
 
-__all__ = ["Piece", "Stream", "join_pieces"]
-
 
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A committed segment of a stream.
 
-    Attributes
-    ----------
-    motion : Motion
-        The new frames: those after the last frame of the previous piece, up to `stop`.
-    start, stop : int
-        First and last frame of the base segment in the stream. If there is a previous piece, it
-        ends with frame `start`.
-    substitutions : tuple of Substitution
-        The donor of every grafted group, or the base segment itself. The base counts as a clip
-        after the library's clips, and its segments as segments after the library's segments.
-        The next donor is not known yet: `gap_after` is NaN.
-    violations : tuple of Violation
-        The violations of hard constraints in these frames.
+    The base counts as a clip after the library's clips, and its segments as segments after the
+    library's segments. The next donor is not known yet: `gap_after` of a substitution is NaN.
     """
 
-    motion: Motion
-    start: int
-    stop: int
-    substitutions: tuple[Substitution, ...]
-    violations: tuple[Violation, ...]
+    motion: Motion  # the frames after the last frame of the previous piece, up to `stop`
+    start: int  # first frame of the base segment, which is the last of the previous piece
+    stop: int  # last frame of the base segment
+    substitutions: tuple[Substitution, ...]  # one per grafted group
+    violations: tuple[Violation, ...]  # of hard constraints in these frames
 
 
 def join_pieces(pieces: Sequence[Piece], name: str = "stream") -> Motion:
-    """Return successive pieces as one motion.
-
-    Parameters
-    ----------
-    pieces : sequence of Piece
-        The pieces, at least one.
-    name : str
-        Name of the motion.
-
-    Returns
-    -------
-    Motion
-        All frames of the pieces.
-    """
+    """Return one or more successive pieces as one motion."""
     motions = [piece.motion for piece in pieces]
     values = [motion.channel_values for motion in motions]
     return replace(

@@ -13,26 +13,14 @@ from mograft.motion.motion import Motion, world_transforms
 from mograft.synthesis.pending_segment import PendingSegment
 from mograft.synthesis.search_problem import driven_joints
 
-__all__ = ["StreamBody"]
-
 
 @dataclass(frozen=True, eq=False)
 class StreamBody:
-    """The body of the base motion.
+    """The body of the base motion."""
 
-    Attributes
-    ----------
-    frame : Motion
-        A single frame of the base.
-    joints : mapping of str to ndarray of int
-        The joints of each grafted group.
-    up : int
-        Index of the vertical axis.
-    """
-
-    frame: Motion
-    joints: Mapping[str, IntArray]
-    up: int
+    frame: Motion  # a single frame of the base
+    joints: Mapping[str, IntArray]  # of each grafted group
+    up: int  # index of the vertical axis
 
     @cached_property
     def driven_joints(self) -> dict[str, BoolArray]:
@@ -40,15 +28,10 @@ class StreamBody:
         return driven_joints(self.frame.skeleton, self.joints)
 
     def poses(self, segment: PendingSegment, rotations: FloatArray) -> Poses:
-        """Return the world poses of several candidates in a segment.
+        """Return the world poses of several candidates in a segment, which gives the translations.
 
-        Parameters
-        ----------
-        segment : PendingSegment
-            The segment; it gives the translations.
-        rotations : ndarray, shape (n_candidates * n_frames, n_joints, 4)
-            Local rotations of all joints in the segment's frames, one candidate after the
-            other.
+        `rotations` are local, of all joints in the segment's frames, one candidate after the other:
+        shape (n_candidates * n_frames, n_joints, 4).
         """
         n_candidates = len(rotations) // (segment.length + 1)
         offsets = np.tile(segment.base.positions[segment.rows], (n_candidates, 1, 1))

@@ -16,13 +16,6 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Clip, Constraint
 from mograft.synthesis.search_problem import check_constraints
 
-__all__ = [
-    "check_stream_config",
-    "check_stream_constraints",
-    "check_stream_frames",
-    "check_stream_groups",
-]
-
 
 def check_stream_config(config: Config) -> None:
     """Raise ValueError for settings that a stream does not support."""
@@ -58,12 +51,7 @@ def check_stream_constraints(
 ) -> None:
     """Check the types of constraints, and the joints and clips that they name.
 
-    Raises
-    ------
-    TypeError
-        If an item is not a constraint.
-    ValueError
-        If a constraint names a joint or clip that does not exist.
+    Raise TypeError for an item that is not a constraint, ValueError for an unknown joint or clip.
     """
     identity = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
     rest = Motion(skeleton, 1.0, identity, skeleton.offsets[None])
@@ -76,21 +64,8 @@ def check_stream_constraints(
 def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | None) -> None:
     """Check that frames continue a base motion.
 
-    Parameters
-    ----------
-    frames : Motion
-        The frames.
-    library : Library
-        The library.
-    skeleton : Skeleton or None
-        The skeleton of the frames before; None for the first frames.
-
-    Raises
-    ------
-    SkeletonMismatchError
-        If the first frames do not have the library's hierarchy.
-    ValueError
-        If later frames have another skeleton, or the frame rate is not the library's.
+    `skeleton` is that of the frames before; None for the first frames, whose hierarchy must be the
+    library's (SkeletonMismatchError). A different skeleton or rate raises ValueError.
     """
     if skeleton is None:
         library.skeleton.check_same_hierarchy(frames.skeleton, frames.name or "the base")

@@ -13,33 +13,15 @@ from mograft.search.costs import CostModel, limit_config
 from mograft.search.donor_choice import cost_model
 from mograft.synthesis.donor_frames import DonorFrames
 
-__all__ = ["StreamDonors", "StreamRules"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StreamDonors:
-    """The library of a stream, by grafted group. Made by `StreamDonors.build`.
-
-    Attributes
-    ----------
-    library : Library
-        The library.
-    clips : tuple of Clip
-        Names and tags of its clips, and of the base motion as the last one.
-    joints : mapping of str to ndarray of int
-        The joints of each grafted group, parents before children.
-    compared_joints : mapping of str to ndarray of int
-        Those whose rotations are compared at seams.
-    pools : mapping of str to SegmentPool
-        The segments.
-    frames : DonorFrames
-        The rotations of the segments.
-    """
+    """The library of a stream, by grafted group. Made by `StreamDonors.build`."""
 
     library: Library
-    clips: tuple[Clip, ...]
-    joints: Mapping[str, IntArray]
-    compared_joints: Mapping[str, IntArray]
+    clips: tuple[Clip, ...]  # those of the library, and the base motion as the last one
+    joints: Mapping[str, IntArray]  # of each grafted group, parents before children
+    compared_joints: Mapping[str, IntArray]  # those whose rotations are compared at seams
     pools: Mapping[str, SegmentPool]
     frames: DonorFrames
 
@@ -62,21 +44,11 @@ class StreamDonors:
 
 @dataclass(frozen=True, eq=False)
 class StreamRules:
-    """The constraints of a stream and the costs under them. Made by `StreamRules.build`.
-
-    Attributes
-    ----------
-    constraints : tuple of Constraint
-        The constraints.
-    config : Config
-        The library's configuration, limited by the constraints.
-    models : mapping of str to CostModel
-        The cost model of each grafted group.
-    """
+    """The constraints of a stream and the costs under them. Made by `StreamRules.build`."""
 
     constraints: tuple[Constraint, ...]
-    config: Config
-    models: Mapping[str, CostModel]
+    config: Config  # of the library, limited by the constraints
+    models: Mapping[str, CostModel]  # the cost model of each grafted group
 
     @classmethod
     def build(cls, donors: StreamDonors, constraints: Sequence[Constraint]) -> "StreamRules":

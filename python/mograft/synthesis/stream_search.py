@@ -41,38 +41,18 @@ from mograft.synthesis.placed_donors import (
 from mograft.synthesis.stream_body import StreamBody
 from mograft.synthesis.stream_donors import StreamDonors, StreamRules
 
-__all__ = ["ChosenDonors", "StreamSearch"]
-
 
 @dataclass(frozen=True, eq=False)
 class ChosenDonors:
-    """The choice for one segment.
+    """The choice for one segment."""
 
-    Attributes
-    ----------
-    candidates : dict of str to int
-        For every grafted group the index of the chosen candidate.
-    placed : dict of str to PlacedDonors
-        For every grafted group the chosen donor, after seam treatment.
-    poses : Poses or None
-        World poses with all chosen donors; None if no pose constraint applies.
-    """
-
-    candidates: dict[str, int]
-    placed: dict[str, PlacedDonors]
-    poses: Poses | None
+    candidates: dict[str, int]  # index of the chosen candidate of each grafted group
+    placed: dict[str, PlacedDonors]  # the chosen donors after seam treatment
+    poses: Poses | None  # with all chosen donors; None if no pose constraint applies
 
 
 class StreamSearch:
-    """The search for the donors of one base motion.
-
-    Parameters
-    ----------
-    donors : StreamDonors
-        The source of the donors.
-    frame : Motion
-        A single frame of the base motion.
-    """
+    """The search for the donors of one base motion, of which `frame` is a single frame."""
 
     def __init__(self, donors: StreamDonors, frame: Motion) -> None:
         library = donors.library
@@ -92,16 +72,8 @@ class StreamSearch:
     ) -> PendingSegment:
         """Return a base segment with the candidates that satisfy cluster, length and origin limits.
 
-        Parameters
-        ----------
-        base : BaseBuffer
-            The base motion.
-        start, stop : int
-            First and last frame of the segment.
-        rules : StreamRules
-            The constraints and costs.
-        has_previous : bool
-            Whether a segment is committed already, so that the first frame is too.
+        `start` and `stop` are its first and last frame. `has_previous` says whether a segment is
+        committed already, so that the first frame is too.
         """
         motion, offset = base.motion_with_margin(start, stop)
         excerpt = _single_segment(offset, offset + stop - start, 0)
@@ -146,24 +118,11 @@ class StreamSearch:
         rules: StreamRules,
         rng: np.random.Generator,
     ) -> ChosenDonors:
-        """Choose a donor sequence for pending segments, and return its first donors.
+        """Choose a donor sequence for one or more successive segments; return its first donors.
 
-        Parameters
-        ----------
-        segments : sequence of PendingSegment
-            Successive segments, at least one.
-        ends : mapping of str to CommittedEnd
-            For every grafted group the end of the committed motion; empty if there is none.
-        rules : StreamRules
-            The constraints and costs.
-        rng : numpy.random.Generator
-            Source of randomness.
-
-        Returns
-        -------
-        ChosenDonors
-            The donors of the first segment. Groups are chosen one after the other: pose
-            constraints on a group are evaluated with the donors of the groups before it.
+        `ends` has for every grafted group the end of the committed motion; it is empty if there is
+        none. Groups are chosen one after the other: pose constraints on a group are evaluated with
+        the donors of the groups before it.
         """
         segment, rate = segments[0], self._library.rate
         choice = DONOR_CHOICES.get(rules.config.choice)
@@ -199,25 +158,12 @@ class StreamSearch:
         *,
         has_previous: bool,
     ) -> FloatArray:
-        """Return the costs of pose constraints for candidates of a group.
+        """Return the costs of pose constraints for candidates of a group, shape (n_candidates,).
 
-        Parameters
-        ----------
-        segment : PendingSegment
-            The segment.
-        group : str
-            The grafted group.
-        rotations : ndarray, shape (n_candidates, n_frames, n_group_joints, 4)
-            Rotations of the group's joints.
-        context : ndarray, shape (n_frames, n_joints, 4)
-            Rotations of the other joints.
-        has_previous : bool
-            Whether the first frame is committed already and does not count.
-
-        Returns
-        -------
-        ndarray, shape (n_candidates,)
-            The costs.
+        `rotations` are those of the group's joints, of shape
+        (n_candidates, n_frames, n_group_joints, 4); `context` has those of all joints, of shape
+        (n_frames, n_joints, 4). With `has_previous`, the first frame is committed already and does
+        not count.
         """
         n, first = len(rotations), 1 if has_previous else 0
         local = np.tile(context, (n, 1, 1))
