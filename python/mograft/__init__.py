@@ -7,62 +7,88 @@ clustering) → `graft` → `Graft.motion` → `write_bvh`.
 import importlib
 from typing import TYPE_CHECKING
 
-from mograft._core import VERSION as __version__  # noqa: TID251 - the crates hold the version
+from mograft import _core  # noqa: TID251 - the crates hold the version
 
-# Names are fetched when they are first used: NumPy and what stands on it take longer to load
-# than `mograft --help` to answer.
+# Public names are imported when they are first used, because NumPy takes longer to load than
+# `mograft --help` to answer. For type checkers, `X as X` marks a public name.
 if TYPE_CHECKING:
-    from mograft import evaluation, plot, scenario
-    from mograft.analysis.clustering import (
-        CompleteLinkage,
-        cut,
-        linkage,
-        linkage_condensed,
-        threshold,
-    )
-    from mograft.analysis.segmentation import Segments, kinetic_energy, segment
-    from mograft.blend.foot_planting import FeetReport, plant_feet
-    from mograft.body.contacts import foot_skate
-    from mograft.body.faults import Fault, find_faults
-    from mograft.body.group_entries import subtree
-    from mograft.body.groups import JointGroups
-    from mograft.body.mirroring import mirror
-    from mograft.body.world_poses import Poses
-    from mograft.config import Config
-    from mograft.errors import (
-        BvhError,
-        InsufficientDataError,
-        LibraryError,
-        MograftError,
-        SkeletonMismatchError,
-    )
-    from mograft.io.bvh import BvhSummary, read_bvh, scan_bvh, write_bvh
-    from mograft.io.csv import write_csv
-    from mograft.io.glb import write_glb
-    from mograft.io.npz import read_npz, write_npz
-    from mograft.io.pybvh import from_pybvh, to_pybvh
-    from mograft.io.usd import write_usd
-    from mograft.library.library import Library
-    from mograft.motion import resample, rotations
-    from mograft.motion.motion import Motion
-    from mograft.motion.skeleton import EndSite, Skeleton
-    from mograft.search.candidates import Candidate, Candidates
-    from mograft.search.constraints import Constraint, Violation
-    from mograft.search.donor_constraints import (
-        KeepOriginal,
-        MaxAngle,
-        MaxStretch,
-        NotFrom,
-        OnlyFrom,
-    )
-    from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Sphere
-    from mograft.search.pose_constraints import Avoid, AvoidSelf, Custom, Face, KeepOut, Reach
-    from mograft.synthesis.graft import Grafts, graft, graft_many, repair
-    from mograft.synthesis.graft_result import Graft, Seam, Substitution
-    from mograft.synthesis.stream import Stream
-    from mograft.viewing.page import Page, view
-    from mograft.viewing.report import report_page
-    from mograft.viewing.video import write_video
+    from mograft import evaluation as evaluation
+    from mograft import plot as plot
+    from mograft import scenario as scenario
+    from mograft.analysis.clustering import CompleteLinkage as CompleteLinkage
+    from mograft.analysis.clustering import cut as cut
+    from mograft.analysis.clustering import linkage as linkage
+    from mograft.analysis.clustering import linkage_condensed as linkage_condensed
+    from mograft.analysis.clustering import threshold as threshold
+    from mograft.analysis.segmentation import Segments as Segments
+    from mograft.analysis.segmentation import kinetic_energy as kinetic_energy
+    from mograft.analysis.segmentation import segment as segment
+    from mograft.blend.foot_planting import FeetReport as FeetReport
+    from mograft.blend.foot_planting import plant_feet as plant_feet
+    from mograft.body.contacts import foot_skate as foot_skate
+    from mograft.body.faults import Fault as Fault
+    from mograft.body.faults import find_faults as find_faults
+    from mograft.body.group_entries import subtree as subtree
+    from mograft.body.groups import JointGroups as JointGroups
+    from mograft.body.mirroring import mirror as mirror
+    from mograft.body.world_poses import Poses as Poses
+    from mograft.config import Config as Config
+    from mograft.errors import BvhError as BvhError
+    from mograft.errors import InsufficientDataError as InsufficientDataError
+    from mograft.errors import LibraryError as LibraryError
+    from mograft.errors import MograftError as MograftError
+    from mograft.errors import SkeletonMismatchError as SkeletonMismatchError
+    from mograft.io.bvh import BvhSummary as BvhSummary
+    from mograft.io.bvh import read_bvh as read_bvh
+    from mograft.io.bvh import scan_bvh as scan_bvh
+    from mograft.io.bvh import write_bvh as write_bvh
+    from mograft.io.csv import write_csv as write_csv
+    from mograft.io.glb import write_glb as write_glb
+    from mograft.io.npz import read_npz as read_npz
+    from mograft.io.npz import write_npz as write_npz
+    from mograft.io.pybvh import from_pybvh as from_pybvh
+    from mograft.io.pybvh import to_pybvh as to_pybvh
+    from mograft.io.usd import write_usd as write_usd
+    from mograft.library.library import Library as Library
+    from mograft.motion import resample as resample
+    from mograft.motion import rotations as rotations
+    from mograft.motion.motion import Motion as Motion
+    from mograft.motion.skeleton import EndSite as EndSite
+    from mograft.motion.skeleton import Skeleton as Skeleton
+    from mograft.search.candidates import Candidate as Candidate
+    from mograft.search.candidates import Candidates as Candidates
+    from mograft.search.constraints import Constraint as Constraint
+    from mograft.search.constraints import Violation as Violation
+    from mograft.search.donor_constraints import KeepOriginal as KeepOriginal
+    from mograft.search.donor_constraints import MaxAngle as MaxAngle
+    from mograft.search.donor_constraints import MaxStretch as MaxStretch
+    from mograft.search.donor_constraints import NotFrom as NotFrom
+    from mograft.search.donor_constraints import OnlyFrom as OnlyFrom
+    from mograft.search.obstacles import Box as Box
+    from mograft.search.obstacles import Capsule as Capsule
+    from mograft.search.obstacles import Character as Character
+    from mograft.search.obstacles import HalfSpace as HalfSpace
+    from mograft.search.obstacles import Sphere as Sphere
+    from mograft.search.pose_constraints import Avoid as Avoid
+    from mograft.search.pose_constraints import AvoidSelf as AvoidSelf
+    from mograft.search.pose_constraints import Custom as Custom
+    from mograft.search.pose_constraints import Face as Face
+    from mograft.search.pose_constraints import KeepOut as KeepOut
+    from mograft.search.pose_constraints import Reach as Reach
+    from mograft.synthesis.graft import Grafts as Grafts
+    from mograft.synthesis.graft import graft as graft
+    from mograft.synthesis.graft import graft_many as graft_many
+    from mograft.synthesis.graft import repair as repair
+    from mograft.synthesis.graft_result import Graft as Graft
+    from mograft.synthesis.graft_result import Seam as Seam
+    from mograft.synthesis.graft_result import Substitution as Substitution
+    from mograft.synthesis.stream import Stream as Stream
+    from mograft.viewing.page import Page as Page
+    from mograft.viewing.page import view as view
+    from mograft.viewing.report import report_page as report_page
+    from mograft.viewing.video import write_video as write_video
+
+__version__ = _core.VERSION
 
 _HOMES = {
     "io.bvh": "BvhSummary read_bvh scan_bvh write_bvh",
@@ -106,86 +132,8 @@ _MODULES = {
     "scenario": "mograft.scenario",
 }
 
-__all__ = [
-    "Avoid",
-    "AvoidSelf",
-    "Box",
-    "BvhError",
-    "BvhSummary",
-    "Candidate",
-    "Candidates",
-    "Capsule",
-    "Character",
-    "CompleteLinkage",
-    "Config",
-    "Constraint",
-    "Custom",
-    "EndSite",
-    "Face",
-    "Fault",
-    "FeetReport",
-    "Graft",
-    "Grafts",
-    "HalfSpace",
-    "InsufficientDataError",
-    "JointGroups",
-    "KeepOriginal",
-    "KeepOut",
-    "Library",
-    "LibraryError",
-    "MaxAngle",
-    "MaxStretch",
-    "MograftError",
-    "Motion",
-    "NotFrom",
-    "OnlyFrom",
-    "Page",
-    "Poses",
-    "Reach",
-    "Seam",
-    "Segments",
-    "Skeleton",
-    "SkeletonMismatchError",
-    "Sphere",
-    "Stream",
-    "Substitution",
-    "Violation",
-    "__version__",
-    "cut",
-    "evaluation",
-    "find_faults",
-    "foot_skate",
-    "from_pybvh",
-    "graft",
-    "graft_many",
-    "kinetic_energy",
-    "linkage",
-    "linkage_condensed",
-    "mirror",
-    "plant_feet",
-    "plot",
-    "read_bvh",
-    "read_npz",
-    "repair",
-    "report_page",
-    "resample",
-    "rotations",
-    "scan_bvh",
-    "scenario",
-    "segment",
-    "subtree",
-    "threshold",
-    "to_pybvh",
-    "view",
-    "write_bvh",
-    "write_csv",
-    "write_glb",
-    "write_npz",
-    "write_usd",
-    "write_video",
-]
-
 if not TYPE_CHECKING:
+    __all__ = ["__version__", *_HOME_OF, *_MODULES]
 
     def __getattr__(name: str) -> object:
         if name in _MODULES:

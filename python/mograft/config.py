@@ -7,24 +7,12 @@ from typing import Any, Literal
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.validate import python_scalar
 
-__all__ = ["Config"]
-
 FRAME = 1.0 / 30.0
 """Seconds per frame of the paper's recordings: its segment lengths show 30 frames per second."""
 
 _NAMED_SIGMAS = ("rms", "literal")
 _MINIMUM_OF_INTEGER = {"samples": 2, "components": 1, "max_candidates": 1}
-_POSITIVE = (
-    "min_length",
-    "max_length",
-    "sigma_scale",
-    "max_stretch",
-    "max_angle",
-    "seam_blend",
-    "angle_scale",
-    "velocity_scale",
-    "temperature",
-)
+# The other fields of type float must be above 0.
 _NOT_NEGATIVE = (
     "smoothing",
     "rotation_floor",
@@ -205,8 +193,9 @@ class Config:
                     f"`sigma` must be one of {_NAMED_SIGMAS} or a number, got {self.sigma!r}"
                 )
             self._check_number("sigma")
-        for name in _POSITIVE + _NOT_NEGATIVE:
-            self._check_number(name)
+        for field in fields(self):
+            if field.type is float:
+                self._check_number(field.name)
         if self.max_length < 2 * self.min_length:
             raise ValueError(
                 f"`max_length` must be at least {2 * self.min_length:.4g} s, twice `min_length`, "

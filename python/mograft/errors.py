@@ -3,14 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-__all__ = [
-    "BvhError",
-    "InsufficientDataError",
-    "LibraryError",
-    "MograftError",
-    "SkeletonMismatchError",
-]
-
 
 class MograftError(Exception):
     """Base class of all exceptions of mograft."""

@@ -13,28 +13,11 @@ Shape: TypeAlias = tuple[int | str, ...]
 
 
 def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
-    """Return `value` as a finite, C-contiguous float64 array of the given shape.
+    """Return `value` as a finite, C-contiguous float64 array; copy it only if necessary.
 
-    Parameters
-    ----------
-    name : str
-        Name of the argument, for error messages.
-    value : array_like
-        The value. It is copied only if it has another dtype or memory order.
-    shape : tuple of int or str, optional
-        Expected length of each axis; a string names an axis of any length. Default: any shape.
-
-    Returns
-    -------
-    ndarray
-        The array.
-
-    Raises
-    ------
-    TypeError
-        If the value is not an array of real numbers.
-    ValueError
-        If the shape differs from the expected one or an element is not finite.
+    `shape` is the expected length of each axis, where a string names an axis of any length; None
+    accepts any shape. Raises TypeError if the elements are not real numbers, ValueError if the
+    shape differs or an element is not finite. The messages name the argument as `name`.
     """
     array = _as_array(name, value, shape)
     finite = np.isfinite(array)
@@ -45,22 +28,9 @@ def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> Fl
 
 
 def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
-    """Return `value` as an array of unit quaternions, scalar last.
+    """Return `value` as unit quaternions, scalar last, shape (*shape, 4).
 
-    Parameters
-    ----------
-    name, value, shape
-        As for `as_floats`; `shape` excludes the axis of the four components.
-
-    Returns
-    -------
-    ndarray, shape (*shape, 4)
-        The quaternions.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `as_floats`, and if a norm differs from 1 by more than 1e-6.
+    As `as_floats`; also raises ValueError if a norm differs from 1 by more than 1e-6.
     """
     quats = _as_array(name, value, None if shape is None else (*shape, 4))
     if quats.shape[-1:] != (4,):
@@ -77,23 +47,7 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
 
 
 def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
-    """Return `value` as an array of vectors of three components.
-
-    Parameters
-    ----------
-    name, value, shape
-        As for `as_floats`; `shape` excludes the axis of the three components.
-
-    Returns
-    -------
-    ndarray, shape (*shape, 3)
-        The vectors.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `as_floats`.
-    """
+    """Return `value` as finite vectors of three components, shape (*shape, 3); see `as_floats`."""
     vectors = as_floats(name, value, None if shape is None else (*shape, 3))
     if vectors.shape[-1:] != (3,):
         raise ValueError(f"`{name}` must have shape (..., 3), got {vectors.shape}")
@@ -101,24 +55,9 @@ def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> F
 
 
 def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> IntArray:
-    """Return `value` as a C-contiguous int64 array of the given shape.
+    """Return `value` as a C-contiguous int64 array; `shape` as for `as_floats`.
 
-    Parameters
-    ----------
-    name, value, shape
-        As for `as_floats`.
-
-    Returns
-    -------
-    ndarray
-        The array.
-
-    Raises
-    ------
-    TypeError
-        If the value is not an array of whole numbers.
-    ValueError
-        If the shape differs.
+    Raises TypeError if the elements are not whole numbers, ValueError if the shape differs.
     """
     array = np.asarray(value, order="C")
     if array.size and array.dtype.kind not in "iu":

@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["atomic_path", "write_bytes", "write_text"]
-
 
 @contextmanager
 def atomic_path(target: Path) -> Iterator[Path]:

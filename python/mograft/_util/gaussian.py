@@ -4,27 +4,12 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, as_floats
 
-__all__ = ["gaussian_filter", "gaussian_kernel"]
-
 
 def gaussian_filter(values: FloatArray, sigma: float) -> FloatArray:
-    """Smooth a curve with a Gaussian filter.
+    """Smooth a curve, shape (n,), with a Gaussian filter of `sigma` samples; keep its sum.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        The curve; it is reflected at its ends.
-    sigma : float
-        Standard deviation in samples; below 0.125 the curve is returned unchanged.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The smoothed curve, with the same sum.
-
-    Notes
-    -----
-    Equivalent to ``scipy.ndimage.gaussian_filter1d(mode="reflect", truncate=4)``.
+    The curve is reflected at its ends. Below a sigma of 0.125 it is returned unchanged. Equivalent
+    to ``scipy.ndimage.gaussian_filter1d(mode="reflect", truncate=4)``.
     """
     kernel = gaussian_kernel(sigma)
     if len(kernel) == 1:
@@ -34,17 +19,9 @@ def gaussian_filter(values: FloatArray, sigma: float) -> FloatArray:
 
 
 def gaussian_kernel(sigma: float) -> FloatArray:
-    """Return the weights of a Gaussian filter, which sum to 1.
+    """Return the weights of a Gaussian filter of `sigma` samples, shape (2 * r + 1,), of sum 1.
 
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation in samples.
-
-    Returns
-    -------
-    ndarray, shape (2 * r + 1,)
-        The weights; the radius r is 4 sigma, rounded.
+    The radius r is 4 sigma, rounded.
     """
     radius = int(4.0 * sigma + 0.5)
     if radius == 0:

@@ -10,8 +10,6 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 
-__all__ = ["GRID", "eigenvectors", "product", "round_to_grid"]
-
 GRID = 2.0**-20
 """Spacing of the grid, about 1e-6."""
 
@@ -20,19 +18,9 @@ _EIGENVALUE_GRID = 2.0**-32
 
 
 def round_to_grid(values: FloatArray, spacing: float = GRID) -> FloatArray:
-    """Round numbers to multiples of a power of two; halves go to the even multiple.
+    """Round numbers to multiples of `spacing`, a power of two; halves go to the even multiple.
 
-    Parameters
-    ----------
-    values : ndarray
-        The numbers.
-    spacing : float
-        A power of two.
-
-    Returns
-    -------
-    ndarray, shape of `values`
-        The rounded numbers; zeros are positive.
+    Zeros are positive.
     """
     rounded: FloatArray = values / spacing
     np.rint(rounded, out=rounded)
@@ -42,21 +30,10 @@ def round_to_grid(values: FloatArray, spacing: float = GRID) -> FloatArray:
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Multiply two matrices after rounding both to `GRID`.
+    """Return the product of two matrices after rounding both to `GRID`.
 
-    Parameters
-    ----------
-    a : ndarray, shape (m, k)
-        Rows.
-    b : ndarray, shape (k, n)
-        Columns.
-
-    Returns
-    -------
-    ndarray, shape (m, n)
-        The product of the rounded matrices. It is exact, and hence independent of the number
-        of threads and of the other rows, if the norm of each row times the norm of each column
-        is at most 8192.
+    The product is exact, and hence independent of the number of threads and of the other rows, if
+    the norm of each row of `a` times the norm of each column of `b` is at most 8192.
     """
     # By Cauchy and Schwarz every partial sum is at most 2^13, and a multiple of 2^-40: the 53
     # bits of a float64 hold it.
@@ -66,31 +43,19 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatArray]:
-    """Return the eigenvalues of a symmetric matrix and its leading eigenvectors.
+    """Return the eigenvalues and leading eigenvectors of a positive semidefinite matrix.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, n)
-        A symmetric, positive semidefinite matrix.
-    n_vectors : int
-        Number of eigenvectors; at most n are returned.
-
-    Returns
-    -------
-    values : ndarray, shape (n,)
-        All eigenvalues, descending, rounded to 2^-32 of the power of two above the trace.
-    vectors : ndarray, shape (n, n_vectors)
-        Columns of norm 1, rounded to `GRID`, by descending eigenvalue. In each the entry of
-        largest absolute value is positive; ties go to the first.
+    The eigenvalues, shape (n,), are descending and rounded to 2^-32 of the power of two above the
+    trace. The eigenvectors, shape (n, min(n, n_vectors)), are columns of norm 1, rounded to `GRID`.
+    In each the entry of largest absolute value is positive; ties go to the first.
 
     Notes
     -----
-    `numpy.linalg.eigh`, whose results differ in the last bits between numbers of BLAS threads.
-    The rounded results differ if a number lies next to the middle between two multiples, or if
-    two eigenvalues are nearly equal: see "Principal components" in the contributing page.
-
-    The sign is chosen after rounding: in eigenvectors of mirrored motions several entries have
-    the same absolute value but for the last bits.
+    `numpy.linalg.eigh` gives other last bits for another number of BLAS threads. The rounded
+    results still differ if a number lies next to the middle between two multiples, or if two
+    eigenvalues are nearly equal: see "Principal components" in the contributing page. The sign is
+    chosen after rounding, because in eigenvectors of mirrored motions several entries have the
+    same absolute value but for the last bits.
     """
     values, vectors = np.linalg.eigh(matrix)
     leading = round_to_grid(vectors[:, ::-1][:, :n_vectors])

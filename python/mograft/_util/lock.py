@@ -8,29 +8,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-__all__ = ["exclusive_lock"]
-
 
 @contextmanager
 def exclusive_lock(path: Path) -> Iterator[None]:
-    """Hold the lock of a file, which is created if it does not exist.
+    """Hold the lock of a file until the block ends; raise BlockingIOError if it is held already.
 
-    The operating system releases the lock when the process ends, for whatever reason.
-
-    Parameters
-    ----------
-    path : Path
-        The lock file. It stays empty and is not removed.
-
-    Raises
-    ------
-    BlockingIOError
-        If another process, or another call in this process, holds the lock.
-    OSError
-        If the platform or the file system has no locks.
-
-    Notes
-    -----
+    The file is created if it does not exist, stays empty and is not removed. The operating system
+    releases the lock when the process ends, for whatever reason. The lock excludes other processes
+    and other calls in this process. Raises OSError if the platform or the file system has no locks.
     POSIX: ``flock``. Windows: ``LockFile`` on the first byte, through `msvcrt.locking`.
     """
     with path.open("ab") as stream:

@@ -7,10 +7,7 @@ their objects with `Registry.implemented_by`.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Generic, TypeVar
-
-__all__ = ["CONFIG_OPTIONS", "Registry"]
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -19,13 +16,6 @@ S = TypeVar("S")
 @dataclass(frozen=True, eq=False)
 class Registry(Generic[T]):
     """The accepted values of one parameter, in the order in which they are documented.
-
-    Parameters
-    ----------
-    parameter : str
-        Name of the parameter, for messages.
-    entries : mapping of str to object
-        The object of each accepted value.
 
     Examples
     --------
@@ -38,11 +28,8 @@ class Registry(Generic[T]):
     ValueError: `fruit` must be one of 'apple', 'pear', got 'aple'; did you mean 'apple'?
     """
 
-    parameter: str
-    entries: Mapping[str, T]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "entries", MappingProxyType(dict(self.entries)))
+    parameter: str  # its name, for messages
+    entries: Mapping[str, T]  # the object of each accepted value
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.entries)
@@ -56,13 +43,7 @@ class Registry(Generic[T]):
         return tuple(self.entries)
 
     def get(self, name: object) -> T:
-        """Return the object of an accepted value.
-
-        Raises
-        ------
-        ValueError
-            If `name` is not an accepted value; lists the accepted values.
-        """
+        """Return the object of an accepted value; otherwise raise ValueError that lists them."""
         if isinstance(name, str) and name in self.entries:
             return self.entries[name]
         from difflib import get_close_matches  # only for the message: 20 ms
@@ -75,15 +56,7 @@ class Registry(Generic[T]):
     def implemented_by(self, implementations: Mapping[str, S]) -> "Registry[S]":
         """Return a registry with the same accepted values and other objects.
 
-        Parameters
-        ----------
-        implementations : mapping of str to object
-            One object for every accepted value, in any order.
-
-        Raises
-        ------
-        ValueError
-            If the names differ from the accepted values.
+        Raises ValueError unless `implementations` has exactly the accepted values, in any order.
         """
         if set(implementations) != set(self.entries):
             raise ValueError(
@@ -93,56 +66,42 @@ class Registry(Generic[T]):
         return Registry(self.parameter, {name: implementations[name] for name in self.entries})
 
 
-def _describe(parameter: str, **descriptions: str) -> tuple[str, Registry[str]]:
-    return parameter, Registry(parameter, descriptions)
-
-
-CONFIG_OPTIONS: Mapping[str, Registry[str]] = MappingProxyType(
-    dict(
-        (
-            _describe(
-                "omega",
-                world="angular velocities relative to the world",
-                local="angular velocities relative to the parent joint",
-            ),
-            _describe(
-                "inertia",
-                own="moment of inertia of the link alone",
-                subtree="moment of inertia of the link and of all links below it",
-                unit="moment of inertia 1 for every link",
-            ),
-            _describe(
-                "choice",
-                viterbi="minimum total cost; in further motions, repeated donors cost more",
-                best="the motions of the lowest total costs",
-                sample="drawn with probability exp(-cost / temperature)",
-                nearest="most similar base segments; seams only have to satisfy the limit",
-                random="uniform among the donors within the limits, as in the paper",
-            ),
-            _describe(
-                "seam",
-                offset="a decaying offset on both sides; continuous pose and velocity",
-                paper="displacement over the segments, then a cubic through the seam window",
-                displacement="the pose gap spread over both segments",
-                inertial="a decaying offset after the seam only",
-                dead="a cross-fade after the seam from the extrapolated motion before it",
-            ),
-            _describe(
-                "alignment",
-                uniform="donors stretched at a constant rate",
-                dtw="donors stretched by dynamic time warping of the base parts",
-            ),
-            _describe(
-                "torso",
-                pelvis="a grafted trunk keeps its angle to the pelvis",
-                world="a grafted trunk keeps its orientation in the world",
-            ),
-            _describe(
-                "feet",
-                auto="feet planted unless the base group holds both legs and root",
-                never="feet left as the graft places them",
-            ),
-        )
-    )
-)
+_DESCRIPTIONS = {
+    "omega": {
+        "world": "angular velocities relative to the world",
+        "local": "angular velocities relative to the parent joint",
+    },
+    "inertia": {
+        "own": "moment of inertia of the link alone",
+        "subtree": "moment of inertia of the link and of all links below it",
+        "unit": "moment of inertia 1 for every link",
+    },
+    "choice": {
+        "viterbi": "minimum total cost; in further motions, repeated donors cost more",
+        "best": "the motions of the lowest total costs",
+        "sample": "drawn with probability exp(-cost / temperature)",
+        "nearest": "most similar base segments; seams only have to satisfy the limit",
+        "random": "uniform among the donors within the limits, as in the paper",
+    },
+    "seam": {
+        "offset": "a decaying offset on both sides; continuous pose and velocity",
+        "paper": "displacement over the segments, then a cubic through the seam window",
+        "displacement": "the pose gap spread over both segments",
+        "inertial": "a decaying offset after the seam only",
+        "dead": "a cross-fade after the seam from the extrapolated motion before it",
+    },
+    "alignment": {
+        "uniform": "donors stretched at a constant rate",
+        "dtw": "donors stretched by dynamic time warping of the base parts",
+    },
+    "torso": {
+        "pelvis": "a grafted trunk keeps its angle to the pelvis",
+        "world": "a grafted trunk keeps its orientation in the world",
+    },
+    "feet": {
+        "auto": "feet planted unless the base group holds both legs and root",
+        "never": "feet left as the graft places them",
+    },
+}
+CONFIG_OPTIONS = {name: Registry(name, entries) for name, entries in _DESCRIPTIONS.items()}
 """For every parameter of `Config` that selects by name: the accepted values, each described."""

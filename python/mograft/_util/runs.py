@@ -4,21 +4,9 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, IntArray
 
-__all__ = ["dilate", "find_runs"]
-
 
 def find_runs(mask: BoolArray) -> IntArray:
-    """Return the half-open ranges of consecutive true values.
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (n,)
-        The marked positions.
-
-    Returns
-    -------
-    ndarray of int, shape (n_runs, 2)
-        First index of each run and the index after its last, ascending.
+    """Return the half-open index ranges of consecutive true values, ascending, shape (n_runs, 2).
 
     Examples
     --------
@@ -29,19 +17,7 @@ def find_runs(mask: BoolArray) -> IntArray:
 
 
 def dilate(mask: BoolArray, steps: int = 1) -> BoolArray:
-    """Return a mask that also marks the neighbours of marked positions.
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (n,)
-        The marked positions.
-    steps : int
-        Number of neighbours on either side.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        A new array.
+    """Return a new mask that also marks `steps` neighbours on either side of marked positions.
 
     Examples
     --------

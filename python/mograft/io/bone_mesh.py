@@ -10,44 +10,23 @@ from mograft.body.mass import mass_model
 from mograft.motion import rotations
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["BoneMesh", "bone_mesh", "joint_group_indices"]
-
 _CORNERS_PER_BONE = 24
 
 
 class BoneMesh(NamedTuple):
-    """Triangles of the bones in the rest pose: three corners for each of the eight faces per bone.
+    """Triangles of the bones in the rest pose: 24 corners per bone, 3 for each of its 8 faces."""
 
-    Parameters
-    ----------
-    points, normals : ndarray, shape (24 * n_bones, 3)
-        Corners in metres, y up, and their normals.
-    joints : ndarray of int, shape (24 * n_bones,)
-        The joint that each corner is bound to.
-    """
-
-    points: FloatArray
-    normals: FloatArray
-    joints: IntArray
+    points: FloatArray  # corners in metres, y up, shape (24 * n_bones, 3)
+    normals: FloatArray  # their normals, same shape
+    joints: IntArray  # the joint that each corner is bound to, shape (24 * n_bones,)
 
 
 def bone_mesh(skeleton: Skeleton, scale: float, to_y_up: FloatArray) -> BoneMesh:
     """Return the mesh of the bones in the rest pose.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-    scale : float
-        Metres per unit of length.
-    to_y_up : ndarray, shape (4,)
-        The rotation from the up direction of the motion to y, xyzw.
-
-    Returns
-    -------
-    BoneMesh
-        The triangles. A skeleton whose bones all have no length gets one bone at its root,
-        because a skin needs a mesh.
+    `scale` is in metres per unit of length; `to_y_up`, shape (4,), xyzw, rotates the up direction
+    of the motion to y. A skeleton whose bones all have no length gets one bone at its root, because
+    a skin needs a mesh.
     """
     rest = scale * rotations.rotate(to_y_up, skeleton.rest_positions())
     thickness = 0.016 * scale * mass_model(skeleton).height
@@ -101,13 +80,8 @@ def _octahedron(
 def joint_group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
     """Return the index of the group of each joint, shape (n_joints,).
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-    groups : JointGroups, str or None
-        The groups, or the name of a preset. None: trunk, arms and legs; one group for all joints
-        if the skeleton does not have these.
+    `groups` may be the name of a preset. None means trunk, arms and legs, or one group for all
+    joints if the skeleton does not have these.
     """
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, skeleton)

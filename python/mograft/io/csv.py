@@ -8,8 +8,6 @@ from pathlib import Path
 from mograft._util.atomic import write_bytes
 from mograft.motion.motion import Motion
 
-__all__ = ["write_csv"]
-
 
 def write_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
     """Write the world positions of the joints, one line per frame.

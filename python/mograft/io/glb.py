@@ -23,8 +23,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["write_glb"]
-
 # Constants of the glTF specification: component types, and the target of vertex buffers.
 _FLOAT, _UNSIGNED_BYTE, _UNSIGNED_SHORT = 5126, 5121, 5123
 _ARRAY_BUFFER = 34962

@@ -13,8 +13,6 @@ from mograft._util.atomic import write_bytes
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
-__all__ = ["read_npz", "write_npz"]
-
 _FORMAT = "mograft.motion/1"
 
 

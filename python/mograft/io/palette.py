@@ -4,8 +4,6 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 
-__all__ = ["PALETTE", "linear_colours"]
-
 PALETTE = ("#3b6ea8", "#d9596b", "#2b8a57", "#b08a00", "#8a5cb8", "#2492ad", "#9c5a2e", "#6b7280")
 """Colours of the joint groups, in order; further groups repeat them."""
 

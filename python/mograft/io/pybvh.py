@@ -11,8 +11,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
-__all__ = ["from_pybvh", "to_pybvh"]
-
 
 def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
     """Convert a `pybvh.Bvh` to a motion.

@@ -8,8 +8,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["UNITS", "guess_unit", "metres_per_unit", "rotation_to_y_up"]
-
 UNITS = {"m": 1.0, "CMU": 0.056444, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
 """Metres per unit; the unit of the CMU recordings is 1/0.45 inches."""
 
@@ -17,18 +15,9 @@ _HUMAN_HEIGHT = 1.7  # metres
 
 
 def guess_unit(skeleton: Skeleton) -> str:
-    """Return the unit in which the height of a skeleton is nearest to 1.7 m.
+    """Return the key of `UNITS` in which the height of a skeleton is nearest to 1.7 m.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-
-    Returns
-    -------
-    str
-        A key of `UNITS`. BVH files do not state their unit. The guess is wrong for small children
-        and for animals.
+    BVH files do not state their unit. The guess is wrong for small children and for animals.
 
     Examples
     --------
@@ -41,26 +30,9 @@ def guess_unit(skeleton: Skeleton) -> str:
 
 
 def metres_per_unit(skeleton: Skeleton, scale: float | None) -> tuple[float, str]:
-    """Return the metres per unit of length, and the name of the unit.
+    """Return the metres per unit of length, and the key of `UNITS` or ``"given"``.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-    scale : float or None
-        The metres per unit, or None for the scale of `guess_unit`.
-
-    Returns
-    -------
-    scale : float
-        The metres per unit.
-    unit : str
-        A key of `UNITS` if it was guessed, else ``"given"``.
-
-    Raises
-    ------
-    ValueError
-        If `scale` is not above 0.
+    Without a `scale` the unit is that of `guess_unit`. Raises ValueError if `scale` is not above 0.
     """
     if scale is None:
         unit = guess_unit(skeleton)

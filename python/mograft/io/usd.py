@@ -18,8 +18,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["SUFFIXES", "write_usd"]
-
 SUFFIXES = (".usd", ".usda", ".usdc")
 
 # Paths of the prims.

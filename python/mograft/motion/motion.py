@@ -23,8 +23,6 @@ from mograft.motion import rotations
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["Motion", "world_transforms"]
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -85,18 +83,16 @@ class Motion:
         frame_time = float(as_floats("frame_time", self.frame_time, ()))
         if frame_time <= 0:
             raise ValueError(f"`frame_time` must be above 0 seconds, got {frame_time}")
-        shape = (len(quats), self.skeleton.n_channels)
-        if self.channel_values is not None and self.channel_values.shape != shape:
-            got = self.channel_values.shape
-            raise ValueError(f"`channel_values` must have shape {shape}, got {got}")
-        for name, array in (("rotations", quats), ("positions", places)):
+        arrays = {"rotations": quats, "positions": places}
+        if self.channel_values is not None:
+            shape, got = (len(quats), self.skeleton.n_channels), self.channel_values.shape
+            if got != shape:
+                raise ValueError(f"`channel_values` must have shape {shape}, got {got}")
+            arrays["channel_values"] = self.channel_values
+        for name, array in arrays.items():
             view = array.view()
             make_read_only(view)
             object.__setattr__(self, name, view)
-        if self.channel_values is not None:
-            view = self.channel_values.view()
-            make_read_only(view)
-            object.__setattr__(self, "channel_values", view)
         object.__setattr__(self, "frame_time", frame_time)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -258,21 +254,10 @@ class Motion:
 def world_transforms(
     skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return world rotations and positions of local ones.
+    """Return world rotations and positions of local ones by forward kinematics.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-    rotations : ndarray, shape (n, n_joints, 4)
-        Local rotations, one pose per row; not checked.
-    positions : ndarray, shape (n, n_joints, 3)
-        Local positions.
-
-    Returns
-    -------
-    rotations, positions : ndarray
-        World rotations and positions, of the same shapes.
+    Rotations have shape (n, n_joints, 4), one pose per row, and are not checked; positions have
+    shape (n, n_joints, 3). The results have the same shapes.
     """
     return _core.world(
         skeleton.parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions)

@@ -175,25 +175,7 @@ def resample_segment_positions(
     stops: npt.ArrayLike,
     counts: npt.ArrayLike,
 ) -> FloatArray:
-    """Resample positions of segments; `resample_segments` for vectors.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n_frames, n_joints, 3)
-        Positions of the clip, in any unit, at equal time steps.
-    starts, stops, counts
-        As for `resample_segments`.
-
-    Returns
-    -------
-    ndarray, shape (counts.sum(), n_joints, 3)
-        Frames of all segments, concatenated.
-
-    Raises
-    ------
-    ValueError
-        As for `resample_segments`.
-    """
+    """Resample positions, shape (n_frames, n_joints, 3), of segments; see `resample_segments`."""
     vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))
     return _core.segments_positions(vectors, *_bounds(starts, stops, counts))
 

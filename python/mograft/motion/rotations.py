@@ -35,17 +35,9 @@ _AXES = {"X": 0, "Y": 1, "Z": 2}
 
 
 def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the composition of two rotations: `b` is applied first, then `a`.
+    """Return the compositions of rotations, shape (..., 4): `b` is applied first, then `a`.
 
-    Parameters
-    ----------
-    a, b : ndarray, shape (..., 4)
-        Quaternions, scalar last.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        The Hamilton product, not renormalised.
+    The result is the Hamilton product, not renormalised.
 
     Examples
     --------
@@ -57,38 +49,14 @@ def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def inverse(q: FloatArray) -> FloatArray:
-    """Return the inverse of unit quaternions: the conjugate.
-
-    Parameters
-    ----------
-    q : ndarray, shape (..., 4)
-        Unit quaternions.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        The inverses.
-    """
+    """Return the inverses of unit quaternions, shape (..., 4): the conjugates."""
     conjugate: FloatArray = np.negative(q)
     conjugate[..., 3] = q[..., 3]
     return conjugate
 
 
 def rotate(q: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Rotate vectors.
-
-    Parameters
-    ----------
-    q : ndarray, shape (..., 4)
-        Unit quaternions.
-    vectors : ndarray, shape (..., 3)
-        Vectors.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        The rotated vectors.
-    """
+    """Rotate vectors, shape (..., 3), by unit quaternions, shape (..., 4); the shapes broadcast."""
     return _core.rotate(*_broadcast(q, vectors))
 
 
@@ -101,19 +69,9 @@ def _broadcast(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
-    """Return rotations about a fixed axis.
+    """Return rotations about a fixed axis, shape (..., 4).
 
-    Parameters
-    ----------
-    axis : array_like, shape (3,)
-        The axis, of any length above 0.
-    angles : array_like, shape (...)
-        Angles in radians.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        The rotations.
+    The axis, shape (3,), has any length above 0; the angles, shape (...), are in radians.
     """
     direction = as_vectors("axis", axis, ())
     direction = direction / np.linalg.norm(direction)
@@ -122,18 +80,10 @@ def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
 
 
 def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the smallest rotations that turn one direction into another.
+    """Return the smallest rotations that turn one direction into another, shape (..., 4).
 
-    Parameters
-    ----------
-    start, end : ndarray, shape (..., 3)
-        Vectors; the shapes broadcast.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Unit quaternions. Opposite directions give a half turn about an arbitrary perpendicular
-        axis, a zero vector gives the identity.
+    The vectors, shape (..., 3), broadcast. Opposite directions give a half turn about an arbitrary
+    perpendicular axis, a zero vector gives the identity.
 
     Examples
     --------
@@ -157,44 +107,20 @@ def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def exp(vectors: npt.ArrayLike) -> FloatArray:
-    """Return the rotations of rotation vectors (exponential map).
+    """Return the unit quaternions of rotation vectors (exponential map).
 
-    Parameters
-    ----------
-    vectors : array_like, shape (..., 3)
-        Axis times angle, in radians.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Unit quaternions.
-
-    Raises
-    ------
-    ValueError
-        If the shape is wrong or a value is not finite.
+    A rotation vector, shape (..., 3), is the axis times the angle in radians. Raises ValueError if
+    the shape is wrong or a value is not finite.
     """
     return _core.exp(as_vectors("vectors", vectors))
 
 
 def log(rotations: npt.ArrayLike) -> FloatArray:
-    """Return the shortest rotation vectors of rotations (logarithmic map).
+    """Return the shortest rotation vectors, shape (..., 3), of unit quaternions (logarithmic map).
 
-    Parameters
-    ----------
-    rotations : array_like, shape (..., 4)
-        Unit quaternions.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Axis times angle, of length 0 to π. For a half turn, the vector whose first nonzero
-        component is positive.
-
-    Raises
-    ------
-    ValueError
-        If the shape is wrong or a quaternion does not have unit norm.
+    A rotation vector is the axis times the angle, 0 to π. For a half turn, it is the vector whose
+    first nonzero component is positive. Raises ValueError if the shape is wrong or a quaternion
+    does not have unit norm.
 
     Examples
     --------
@@ -205,22 +131,10 @@ def log(rotations: npt.ArrayLike) -> FloatArray:
 
 
 def angle(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
-    """Return the angles between rotations.
+    """Return the angles between rotations in radians, 0 to π; accurate near 0.
 
-    Parameters
-    ----------
-    a, b : array_like, shape (..., 4)
-        Unit quaternions; the shapes broadcast.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Angles in radians, 0 to π; accurate near 0.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a quaternion does not have unit norm.
+    The unit quaternions, shape (..., 4), broadcast. Raises ValueError if a shape is wrong or a
+    quaternion does not have unit norm.
     """
     first, second = np.broadcast_arrays(as_quaternions("a", a), as_quaternions("b", b))
     return _core.angle(np.ascontiguousarray(first), np.ascontiguousarray(second))
@@ -235,24 +149,10 @@ def hermite(
 ) -> FloatArray:
     """Evaluate cubic rotation curves with given end rotations and end velocities.
 
-    Parameters
-    ----------
-    start, end : array_like, shape (n, 4)
-        Rotations at t = 0 and t = 1.
-    leaving, reaching : array_like, shape (n, 3)
-        Angular velocities at the two ends, in the body frame, in radians per unit of t.
-    t : array_like, shape (n,)
-        Parameter of each curve, 0 to 1.
-
-    Returns
-    -------
-    ndarray, shape (n, 4)
-        The rotations.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a value is not finite or a quaternion does not have unit norm.
+    Each of the n curves has end rotations `start` and `end`, shape (n, 4), and angular velocities
+    `leaving` and `reaching`, shape (n, 3), in the body frame in radians per unit of t. The result,
+    shape (n, 4), is the rotation at `t`, shape (n,), from 0 to 1. Raises ValueError if a shape is
+    wrong, a value is not finite or a quaternion does not have unit norm.
 
     Notes
     -----
@@ -272,16 +172,8 @@ def hermite(
 def continuous_signs(rotations: FloatArray) -> FloatArray:
     """Return quaternions with signs chosen so that consecutive frames lie close together.
 
-    Parameters
-    ----------
-    rotations : ndarray, shape (n_frames, ..., 4)
-        Unit quaternions.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, ..., 4)
-        The same rotations. In the first frame w ≥ 0; the dot product of consecutive quaternions
-        is not negative.
+    The shape is (n_frames, ..., 4). In the first frame w ≥ 0; the dot product of consecutive
+    quaternions is not negative.
     """
     if not len(rotations):
         return rotations
@@ -292,23 +184,11 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
 
 
 def twist(rotations: FloatArray, axis: int) -> FloatArray:
-    """Return the twist of rotations about a coordinate axis.
+    """Return the twist of rotations, shape (..., 4), about the coordinate axis 0, 1 or 2.
 
     The remaining swing, `multiply(inverse(twist), rotation)`, is about a perpendicular axis
-    (swing-twist decomposition).
-
-    Parameters
-    ----------
-    rotations : ndarray, shape (..., 4)
-        Unit quaternions.
-    axis : int
-        0, 1 or 2 for x, y or z.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Rotations about the axis. A half turn about a perpendicular axis has no defined twist
-        and gives the identity.
+    (swing-twist decomposition). A half turn about a perpendicular axis has no defined twist and
+    gives the identity.
     """
     twists = np.zeros_like(rotations)
     twists[..., axis] = rotations[..., axis]
@@ -318,26 +198,12 @@ def twist(rotations: FloatArray, axis: int) -> FloatArray:
 
 
 def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
-    """Return rotations from intrinsic Euler angles.
+    """Return rotations, shape (..., 4), from intrinsic Euler angles in radians.
 
-    BVH uses this convention: `order` is the order of the rotation channels in the file.
-
-    Parameters
-    ----------
-    angles : array_like, shape (..., len(order))
-        Angles in radians, in the order of the axes.
-    order : str
-        Any number of the letters X, Y and Z. An empty order gives the identity.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Unit quaternions.
-
-    Raises
-    ------
-    ValueError
-        If `order` has other letters, the shape is wrong or a value is not finite.
+    BVH uses this convention: `order`, such as ``"ZXY"``, is the order of the rotation channels in
+    the file. It has any number of the letters X, Y and Z, one for each angle of the last axis; an
+    empty order gives the identity. Raises ValueError if `order` has other letters, the shape is
+    wrong or a value is not finite.
 
     Examples
     --------
@@ -357,6 +223,10 @@ def to_euler(
 ) -> FloatArray:
     """Return intrinsic Euler angles of consecutive rotations, without jumps of 2π.
 
+    Of all angles that give a rotation, those nearest to the previous frame are returned; in the
+    first frame, those nearest to `near`. In gimbal lock the first angle keeps its value. With fewer
+    than three axes the remaining part of the rotation is dropped.
+
     Parameters
     ----------
     rotations : array_like, shape (n_frames, 4)
@@ -364,14 +234,12 @@ def to_euler(
     order : str
         One to three different letters of X, Y and Z, as for `from_euler`.
     near : array_like, shape (3,), optional
-        Angles in radians, in the order of the axes, to which the first frame is closest.
+        Angles in radians, in the order of the axes; missing letters of `order` follow as X, Y, Z.
 
     Returns
     -------
     ndarray, shape (n_frames, len(order))
-        Angles in radians. Of all angles that give the rotation, the nearest to the previous
-        frame. In gimbal lock the first angle keeps its value. With fewer than three axes the
-        remaining part of the rotation is dropped.
+        Angles in radians.
 
     Raises
     ------

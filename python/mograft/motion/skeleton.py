@@ -19,8 +19,6 @@ from mograft._util.arrays import (
 )
 from mograft.errors import SkeletonMismatchError, join_names
 
-__all__ = ["EndSite", "Skeleton"]
-
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 
 

@@ -6,34 +6,17 @@ from mograft import _core
 from mograft._util.arrays import FloatArray
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["channels_to_transforms"]
-
 
 def channels_to_transforms(
     skeleton: Skeleton, values: FloatArray, *, add_offsets: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert channel values to local rotations and positions.
+    """Convert channel values, shape (n_frames, n_channels), to local rotations and positions.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton, which has the channels.
-    values : ndarray, shape (n_frames, n_channels)
-        The channel values, rotations in degrees. With `add_offsets`, the offsets are added to
-        the position channels in this array.
-    add_offsets : bool
-        Whether position channels are relative to the offset of their joint.
-
-    Returns
-    -------
-    rotations : ndarray, shape (n_frames, n_joints, 4)
-        Local unit quaternions, xyzw. The sign does not change from frame to frame.
-    positions : ndarray, shape (n_frames, n_joints, 3)
-        Positions relative to the parent; the offset where a joint has no channel.
-
-    Notes
-    -----
-    Rotations are intrinsic, in the order of the channels of a joint.
+    Rotations, (n_frames, n_joints, 4), are intrinsic, in the order of the channels of a joint, from
+    degrees; their sign does not change from frame to frame. Positions, (n_frames, n_joints, 3), are
+    relative to the parent, and the offset where a joint has no channel. With `add_offsets`,
+    position channels are relative to the offset of their joint, which is added to them in `values`,
+    too.
     """
     starts, rotation_axes = [0], list[tuple[int, int]]()
     position_axes = list[tuple[int, int, int]]()

@@ -10,8 +10,6 @@ from typing import IO, Any, NoReturn, TypeAlias
 
 from mograft.errors import BvhError
 
-__all__ = ["BvhFile", "Cursor", "Position", "describe_number", "describe_word", "open_cursor"]
-
 BvhFile: TypeAlias = str | os.PathLike[str] | IO[Any]
 """A path or an open file, text or binary."""
 
@@ -45,34 +43,16 @@ _DECIMAL_COMMA = re.compile(rb"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 class Cursor:
     """A position in the text of a file, of which one chunk at a time is in memory.
 
-    Parameters
-    ----------
-    stream : file object
-        The file, text or binary.
-    label : str
-        Its path or another name, for errors.
-    strict : bool
-        Whether `tolerate` refuses the file.
-
-    Attributes
-    ----------
-    buffer : bytes
-        The chunk in memory, as UTF-8.
-    offset : int
-        Position of the cursor in `buffer`.
-    is_at_end : bool
-        Whether `buffer` holds the end of the file.
-    file_bytes : int
-        Size of the file, or of one chunk if the size is unknown.
+    With `strict`, `tolerate` refuses the file. `label` names the file in errors.
     """
 
     def __init__(self, stream: IO[Any], label: str, *, strict: bool) -> None:
         self.label = label
         self.strict = strict
-        self.buffer = b""
-        self.offset = 0
-        self.is_at_end = False
-        self.file_bytes = _file_bytes(stream)
+        self.buffer = b""  # the chunk in memory, as UTF-8
+        self.offset = 0  # of the cursor in `buffer`
+        self.is_at_end = False  # whether `buffer` holds the end of the file
+        self.file_bytes = _file_bytes(stream)  # CHUNK_BYTES if the size is unknown
         self._stream = stream
         self._decoder: codecs.IncrementalDecoder | None = None
         self._repairs: dict[str, _Repair] = {}

@@ -10,8 +10,6 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.io.bvh.cursor import Cursor, describe_number, describe_word, match_end
 from mograft.io.bvh.header import Header
 
-__all__ = ["count_frames", "read_frames"]
-
 # Numbers that are read at a time if the declared number of frames is too small.
 _BLOCK_LENGTH = 1 << 15
 _PADDING = re.compile(rb"[\0\x1a \t-\r]*")
@@ -113,15 +111,7 @@ class _LineCheck:
         self._first_count, self._is_uniform, self._has_short_line = 0, True, False
 
     def add(self, line_ends: IntArray, n_values: int) -> None:
-        """Add numbers.
-
-        Parameters
-        ----------
-        line_ends : ndarray of int
-            For each line end the count of the added numbers before it.
-        n_values : int
-            Count of the added numbers.
-        """
+        """Add `n_values` numbers; `line_ends` holds the count of them before each line end."""
         if not len(line_ends):
             self._n_on_line += n_values
             return
@@ -135,14 +125,9 @@ class _LineCheck:
             self._check_lines(lines, counts[not_blank])
 
     def finish(self) -> tuple[int, int]:
-        """Check all lines after the last number.
+        """Check all lines after the last number; return the frames and the numbers of each frame.
 
-        Returns
-        -------
-        n_frames : int
-            The number of frames.
-        numbers_per_frame : int
-            The numbers of each frame: the channels, and the surplus if there is one.
+        A frame has as many numbers as channels, and more if the lines have a surplus.
         """
         self.add(np.array([0]), 0)
         cursor, declared, width = self._cursor, self._header.n_frames, self._width

@@ -9,8 +9,6 @@ import numpy as np
 from mograft.io.bvh.cursor import Cursor, Position, describe_word
 from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
 
-__all__ = ["Header", "read_header"]
-
 # Patterns for `Cursor.take`: one group, followed by white space.
 _NAME = re.compile(rb"([^\r\n{]*)[ \t-\r]*")
 _SITE = re.compile(rb"(site(?=[ \t-\r{]|\Z))[ \t-\r]*", re.IGNORECASE)
@@ -22,24 +20,12 @@ _CHANNEL_OF_WORD = {name.lower().encode(): name for name in CHANNELS}
 
 @dataclass(frozen=True)
 class Header:
-    """The part of a BVH file before its first frame.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        Joints, end sites and channels.
-    n_frames : int
-        The declared number of frames.
-    frames_position : tuple of int
-        Line and column of that number.
-    frame_time : float
-        Seconds from one frame to the next.
-    """
+    """The part of a BVH file before its first frame."""
 
     skeleton: Skeleton
-    n_frames: int
-    frames_position: Position
-    frame_time: float
+    n_frames: int  # as declared
+    frames_position: Position  # of that number
+    frame_time: float  # seconds
 
 
 @dataclass

@@ -21,8 +21,6 @@ from mograft.io.bvh.header import read_header
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["BvhSummary", "read_bvh", "scan_bvh"]
-
 
 @dataclass(frozen=True, eq=False)
 class BvhSummary:

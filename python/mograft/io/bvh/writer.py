@@ -14,8 +14,6 @@ from mograft.io.bvh.cursor import BvhFile
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
-__all__ = ["write_bvh"]
-
 # Numbers that are formatted at a time.
 _BLOCK_LENGTH = 1 << 15
 # Deeper levels are not indented further: a chain of thousands of joints would be mostly tabs.
