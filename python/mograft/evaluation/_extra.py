@@ -3,28 +3,13 @@
 from importlib import import_module
 from typing import Any
 
-__all__ = ["import_extra"]
-
 _PACKAGES = {"sklearn": "scikit-learn", "scipy": "SciPy"}
 
 
 def import_extra(name: str) -> Any:  # noqa: ANN401 - a module of another package
     """Import a module of a package that the extra `evaluate` installs.
 
-    Parameters
-    ----------
-    name : str
-        Full name of the module.
-
-    Returns
-    -------
-    module
-        The imported module.
-
-    Raises
-    ------
-    ImportError
-        If the package is not installed. The message names the package and the extra.
+    An ImportError of a missing package names the package and the extra.
     """
     try:
         return import_module(name)

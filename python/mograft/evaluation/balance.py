@@ -21,18 +21,6 @@ from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.support_polygon import Support, signed_distance, support_polygons
 from mograft.motion.motion import Motion
 
-__all__ = [
-    "PAPER_TABLE",
-    "RULES",
-    "Balance",
-    "BalanceRow",
-    "BalanceSample",
-    "Rule",
-    "balance_row",
-    "dynamic_balance",
-    "static_balance",
-]
-
 PAPER_TABLE: Mapping[str, tuple[float, int]] = {
     "contact pattern": (85.8, 478),
     "analogy": (81.7, 478),
@@ -88,19 +76,15 @@ class Balance:
         cut : Segments
             Segments of the motion.
         rule : {"all", "majority", "any"}
-            Share of the grounded frames with the reference point outside of the support that
-            makes a segment unbalanced. The paper does not state its rule; its numbers are
-            closest to "all".
+            Grounded frames that must have the reference point outside of the support for a segment
+            to be unbalanced. The paper does not state its rule; its numbers are closest to "all".
         margin : float
-            Distance outside of the support, in skeleton heights, that still counts as
-            balanced.
+            Distance outside of the support, in skeleton heights, that still counts as balanced.
 
         Returns
         -------
-        unbalanced : ndarray of bool, shape (n_segments,)
-            False for segments in flight.
-        flight : ndarray of bool, shape (n_segments,)
-            Segments without a grounded frame.
+        unbalanced, flight : ndarray of bool, shape (n_segments,)
+            Unbalanced segments, and segments without a grounded frame, which are not unbalanced.
 
         Raises
         ------

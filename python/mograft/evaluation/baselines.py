@@ -24,22 +24,6 @@ from mograft.synthesis.graft import Grafts
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
 
-__all__ = [
-    "Analogy",
-    "ByCost",
-    "Captured",
-    "ContactPattern",
-    "Method",
-    "Nearest",
-    "Random",
-    "RandomLength",
-    "contact_patterns",
-    "contact_sequences",
-    "default_methods",
-    "draw_donors",
-    "grafts_by",
-]
-
 _N_INSTANTS = 10
 """Equidistant instants of a segment at which contact patterns are compared."""
 
@@ -81,7 +65,7 @@ class Method:
         Returns
         -------
         list of ndarray of int
-            For each base segment its candidates in ascending order, including itself.
+            Candidates of each base segment in ascending order, including the segment itself.
         """
         raise NotImplementedError
 
@@ -236,20 +220,8 @@ def default_methods(library: Library) -> tuple[Method, ...]:
 def contact_patterns(library: Library) -> BoolArray:
     """Return the foot contacts at ten equidistant instants of every segment.
 
-    Parameters
-    ----------
-    library : Library
-        Library with the segments.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_segments, 10, n_legs)
-        Whether a foot is in contact with the floor; see `mograft.body.contacts`.
-
-    Raises
-    ------
-    InsufficientDataError
-        If the skeleton has no legs.
+    The shape is (n_segments, 10, n_legs); see `mograft.body.contacts`. Raise InsufficientDataError
+    if the skeleton has no legs.
     """
     contacts, cut = _foot_contacts(library), library.segments
     states = np.empty((len(cut), _N_INSTANTS, contacts[0].shape[1]), bool)
@@ -262,23 +234,10 @@ def contact_patterns(library: Library) -> BoolArray:
 
 
 def contact_sequences(library: Library) -> list[str]:
-    """Return the sequence of contact states of every segment.
+    """Return the contact states of every segment in temporal order, such as "10>11>01".
 
-    Parameters
-    ----------
-    library : Library
-        Library with the segments.
-
-    Returns
-    -------
-    list of str
-        States in temporal order, such as "10>11>01", with one digit for each leg. States of a
-        single frame are omitted.
-
-    Raises
-    ------
-    InsufficientDataError
-        If the skeleton has no legs.
+    A state has one digit for each leg. States of a single frame are omitted, except for the first
+    state of a segment without longer ones. Raise InsufficientDataError if the skeleton has no legs.
     """
     contacts, cut = _foot_contacts(library), library.segments
     sequences = []
@@ -359,17 +318,8 @@ def draw_donors(
 ) -> tuple[IntArray, list[DonorSequences]]:
     """Select donors as `grafts_by` does, without computing the motions.
 
-    Parameters
-    ----------
-    method, library, base, count, swap, seed
-        As for `grafts_by`.
-
-    Returns
-    -------
-    scenario : ndarray of int, shape (n_positions,)
-        Base segments.
-    donors : list of dict of str to ndarray of int
-        For each graft, the donor sequence of each grafted group.
+    Return the base segments, shape (n_positions,), and for each graft the donor sequence of each
+    grafted group.
     """
     plan, donors = _plan_grafts(method, library, base, count, swap, seed)
     return plan.problem.scenario, donors

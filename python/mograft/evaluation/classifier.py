@@ -9,15 +9,6 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.evaluation._extra import import_extra
 
-__all__ = [
-    "N_INNER_FOLDS",
-    "PARAMETER_GRID",
-    "PairFeatures",
-    "assign_folds",
-    "build_classifier",
-    "select_parameters",
-]
-
 N_INNER_FOLDS = 3
 """Folds of the cross-validation that selects the parameters."""
 PARAMETER_GRID: Mapping[str, tuple[float, ...]] = {
@@ -31,43 +22,18 @@ _N_COMPONENTS = 20
 
 @dataclass(frozen=True, eq=False)
 class PairFeatures:
-    """Principal components of base parts and of grafted parts.
-
-    Attributes
-    ----------
-    base, grafted : ndarray, shape (n_segments, n_components)
-        Components of the parts of every segment.
-    """
+    """Principal components of the parts of every segment, (n_segments, n_components) each."""
 
     base: FloatArray
     grafted: FloatArray
 
     @classmethod
     def reduce(cls, base: FloatArray, grafted: FloatArray, train: IntArray) -> Self:
-        """Compute principal components.
-
-        Parameters
-        ----------
-        base, grafted : ndarray, shape (n_segments, n_features)
-            Features of the parts of every segment.
-        train : ndarray of int
-            Segments to which the components are fitted.
-        """
+        """Return components of features, (n_segments, n_features), fitted to segments `train`."""
         return cls(_reduce(base, train), _reduce(grafted, train))
 
     def join(self, pairs: IntArray) -> FloatArray:
-        """Return the features of pairs.
-
-        Parameters
-        ----------
-        pairs : ndarray of int, shape (n_pairs, 2)
-            Segments of the base part and of the grafted part.
-
-        Returns
-        -------
-        ndarray, shape (n_pairs, n_features)
-            Components of the base part and of the grafted part.
-        """
+        """Return the components of both parts of each pair (base segment, donor)."""
         return np.concatenate([self.base[pairs[:, 0]], self.grafted[pairs[:, 1]]], axis=1)
 
 
@@ -82,21 +48,10 @@ def _reduce(features: FloatArray, train: IntArray) -> FloatArray:
 
 
 def assign_folds(groups: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> IntArray:
-    """Assign groups of segments at random to folds of similar size.
+    """Return the fold of each segment; groups are assigned at random to folds of similar size.
 
-    Parameters
-    ----------
-    groups : ndarray of int, shape (n_segments,)
-        Group of each segment. The segments of one group are in one fold.
-    n_folds : int
-        Number of folds; at most the number of groups is used.
-    seed : int or tuple of int
-        Seed of the assignment.
-
-    Returns
-    -------
-    ndarray of int, shape (n_segments,)
-        Fold of each segment.
+    `groups` has the group of each segment: one group is in one fold. There are `n_folds` folds, or
+    as many as groups if these are fewer.
     """
     sizes = np.bincount(groups)
     shuffled = np.random.default_rng(seed).permutation(len(sizes))
@@ -119,19 +74,8 @@ def build_classifier(parameters: Mapping[str, float]) -> Any:  # noqa: ANN401 - 
 def select_parameters(features: FloatArray, labels: IntArray, folds: IntArray) -> dict[str, float]:
     """Select the parameters of `PARAMETER_GRID` with the best cross-validated ROC AUC.
 
-    Parameters
-    ----------
-    features : ndarray, shape (n, n_features)
-        Training features.
-    labels : ndarray of int, shape (n,)
-        Classes, 0 or 1.
-    folds : ndarray of int, shape (n,)
-        Fold of each row. Folds with a single class are only trained on.
-
-    Returns
-    -------
-    dict of str to float
-        Parameters. With fewer than two folds that have both classes, C = 1 and gamma = 0.03.
+    Labels are 0 or 1. Folds with a single class are only trained on. With fewer than two folds that
+    have both classes, the result is C = 1 and gamma = 0.03.
     """
     testable = [fold for fold in np.unique(folds) if len(np.unique(labels[folds == fold])) > 1]
     if len(testable) < 2:

@@ -8,14 +8,6 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.evaluation.baselines import Method, draw_donors
 from mograft.library.library import Library
 
-__all__ = [
-    "donors_in_fold",
-    "mean_by_segment",
-    "random_pairs",
-    "sample_pairs",
-    "selected_donors",
-]
-
 _MAX_DONORS = 20
 """Donors of one segment that are scored, at most."""
 _MAX_PAIRS = 10_000
@@ -29,23 +21,9 @@ _CHUNK = 500
 def selected_donors(
     library: Library, group: str, methods: Sequence[Method], seed: int
 ) -> dict[str, list[IntArray]]:
-    """Return the donors that methods by cost select for each segment.
+    """Return, for each method by cost and each segment, the donors of 20 donor sequences.
 
-    Parameters
-    ----------
-    library : Library
-        Library with the segments.
-    group : str
-        Grafted group.
-    methods : sequence of Method
-        Methods. Those without `Method.uses_cost` are ignored.
-    seed : int
-        Seed of the donor sequences.
-
-    Returns
-    -------
-    dict of str to list of ndarray of int
-        For each method and segment, the donors of 20 donor sequences, with repetitions.
+    Donors repeat. Methods without `Method.uses_cost` are omitted.
     """
     selected = {}
     for method in methods:
@@ -70,23 +48,10 @@ def donors_in_fold(
     folds: IntArray,
     selected: Mapping[str, list[IntArray]],
 ) -> dict[str, list[IntArray]]:
-    """Return the donors of each segment that are in the fold of the segment.
+    """Return, for each method and segment, the donors that are in the fold of the segment.
 
-    Parameters
-    ----------
-    library : Library
-        Library with the segments.
-    methods : sequence of Method
-        Methods that select donors.
-    folds : ndarray of int, shape (n_segments,)
-        Fold of each segment.
-    selected : mapping of str to list of ndarray of int
-        As `selected_donors` returns them. The other methods have all their candidates.
-
-    Returns
-    -------
-    dict of str to list of ndarray of int
-        For each method and segment, the donors without the segment itself.
+    `folds` has shape (n_segments,). `selected` is the result of `selected_donors`; the other
+    methods have all their candidates. A segment is not among its own donors.
     """
     found: dict[str, list[IntArray]] = {}
     n = len(library.segments)
@@ -108,21 +73,10 @@ def donors_in_fold(
 def sample_pairs(
     donors: Sequence[IntArray], segments: IntArray, rng: np.random.Generator
 ) -> IntArray:
-    """Return pairs of segments and their donors, with at most 20 donors for each segment.
+    """Return pairs of segments and their donors, shape (n_pairs, 2).
 
-    Parameters
-    ----------
-    donors : sequence of ndarray of int
-        Donors of every segment of the library.
-    segments : ndarray of int
-        Segments.
-    rng : numpy.random.Generator
-        Generator that draws from longer lists of donors.
-
-    Returns
-    -------
-    ndarray of int, shape (n_pairs, 2)
-        Segments and donors.
+    `donors` has the donors of every segment of the library. Each segment has at most 20 donors, and
+    fewer if all segments together would have more than 10,000; longer lists are sampled.
     """
     pairs = []
     max_donors = _max_donors(len(segments))
@@ -149,22 +103,7 @@ def _max_donors(n_segments: int) -> int:
 
 
 def mean_by_segment(values: FloatArray | BoolArray, pairs: IntArray, n: int) -> FloatArray:
-    """Return the mean of the values of each segment.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n_pairs,)
-        Values of the pairs.
-    pairs : ndarray of int, shape (n_pairs, 2)
-        Segments and donors.
-    n : int
-        Number of segments.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        NaN for segments without a pair.
-    """
+    """Return the mean value of the pairs of each of `n` segments; NaN without a pair."""
     counts = np.bincount(pairs[:, 0], minlength=n)
     sums = np.bincount(pairs[:, 0], values, minlength=n)
     means: FloatArray = np.divide(sums, counts, out=np.full(n, np.nan), where=counts > 0)

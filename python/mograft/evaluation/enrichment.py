@@ -14,19 +14,6 @@ from mograft.body.groups import PRESETS, JointGroups
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 
-__all__ = [
-    "PAPER_TABLES",
-    "READINGS",
-    "SCALES",
-    "Count",
-    "Enrichment",
-    "Law",
-    "cluster_numbers",
-    "enrichment",
-    "moment_laws",
-    "sweep",
-]
-
 PAPER_TABLES: Mapping[str, tuple[int, int, Mapping[int, int]]] = {
     "table 1": (6572, 895, {2: 3736, 3: 47018, 4: 3776858, 5: 143030206}),
     "table 2": (6652, 906, {2: 4272, 3: 79012, 4: 1910228, 5: 8330957}),
@@ -40,24 +27,12 @@ _GROUPS = (2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class Count:
-    """Numbers of combinations for one number of joint groups.
+    """Numbers of combinations for one number of joint groups."""
 
-    Attributes
-    ----------
-    groups : int
-        K, the number of joint groups, including the base group.
-    unfiltered : int
-        Combinations within the clusters c of the base group: Σ |c|^K.
-    filtered : int
-        Combinations of parts of similar length (eq. 19) without faults: Σ n_i^(K-1).
-    new : int
-        Combinations in `filtered` that were not captured.
-    """
-
-    groups: int
-    unfiltered: int
-    filtered: int
-    new: int
+    groups: int  # K, including the base group
+    unfiltered: int  # within the clusters c of the base group: Σ |c|^K
+    filtered: int  # parts of similar length (eq. 19) without faults: Σ n_i^(K-1)
+    new: int  # those of `filtered` that were not captured
 
 
 @dataclass(frozen=True)
@@ -115,22 +90,11 @@ class Enrichment:
 
 @dataclass(frozen=True)
 class Law:
-    """An inequality that the counts of every clustering satisfy.
+    """An inequality that the counts of every clustering satisfy."""
 
-    Attributes
-    ----------
-    name : str
-        The inequality.
-    holds : bool
-        Whether the given counts satisfy it.
-    margin : float
-        The side that must be greater divided by the other side; below 1 if the inequality
-        fails.
-    """
-
-    name: str
+    name: str  # the inequality
     holds: bool
-    margin: float
+    margin: float  # the side that must be greater, divided by the other; below 1 if it fails
 
 
 def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
@@ -247,19 +211,10 @@ def _count_combinations(
 
 
 def cluster_numbers(library: Library) -> dict[int, dict[str, int]]:
-    """Return the numbers of clusters for 2, 3, 4 and 5 joint groups.
+    """Return the number of clusters of each group, for 2, 3, 4 and 5 joint groups.
 
-    Parameters
-    ----------
-    library : Library
-        Library. Its clips are clustered again for each preset of joint groups, with its
-        configuration.
-
-    Returns
-    -------
-    dict of int to dict of str to int
-        For each preset that the skeleton supports, by its number of groups: the number of
-        clusters of each group.
+    The clips are clustered again for each preset of joint groups that the skeleton supports, with
+    the configuration of the library.
     """
     found = {}
     skeleton = library.skeleton

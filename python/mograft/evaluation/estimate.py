@@ -16,18 +16,6 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.evaluation._extra import import_extra
 
-__all__ = [
-    "BLOCK_SEGMENTS",
-    "MIN_BLOCKS",
-    "MIN_CLIPS_AS_BLOCKS",
-    "Estimate",
-    "block_bootstrap",
-    "block_mean",
-    "proportion",
-    "rogan_gladen",
-    "segment_blocks",
-]
-
 BLOCK_SEGMENTS = 10
 """Neighbouring segments in one block: a few seconds of motion."""
 MIN_CLIPS_AS_BLOCKS = 10
@@ -80,7 +68,7 @@ class Estimate:
         return self.text()
 
     def text(self, digits: int = 3, scale: float = 1.0, suffix: str = "") -> str:
-        """Format the number and its interval.
+        """Format the number and its interval: "0.5 (0.2 to 0.8)", or "none" without a value.
 
         Parameters
         ----------
@@ -90,11 +78,6 @@ class Estimate:
             Factor on the number and on the interval, such as 100 for percent.
         suffix : str
             Text after the number, such as a unit.
-
-        Returns
-        -------
-        str
-            "0.5 (0.2 to 0.8)", or "none" without a value.
         """
         if not math.isfinite(self.value):
             return "none"
@@ -118,31 +101,11 @@ class Estimate:
 
 
 def proportion(hits: int, n: int, unit: str) -> Estimate:
-    """Return the share of independent trials that succeeded, with Wilson's interval.
+    """Return the share of successes in independent trials with Wilson's interval.
 
-    Parameters
-    ----------
-    hits, n : int
-        Numbers of successes and of trials.
-    unit : str
-        What one trial is, in the plural.
+    Wilson, Journal of the American Statistical Association 22 (1927). The share is undefined
+    without a trial. SciPy is required.
 
-    Returns
-    -------
-    Estimate
-        Undefined if there is no trial.
-
-    Raises
-    ------
-    ImportError
-        If SciPy is not installed.
-
-    Notes
-    -----
-    Wilson, Journal of the American Statistical Association 22 (1927).
-
-    Examples
-    --------
     >>> print(proportion(9, 10, "labels"))
     0.900 (0.596 to 0.982)
     """
@@ -160,19 +123,10 @@ def proportion(hits: int, n: int, unit: str) -> Estimate:
 
 
 def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
-    """Assign segments to the blocks that the bootstrap resamples.
+    """Return the block of each segment, from 0, that the bootstrap resamples.
 
-    Parameters
-    ----------
-    cut : Segments
-        Segments, ordered by clip and time.
-    size : int
-        Neighbouring segments in one block.
-
-    Returns
-    -------
-    ndarray of int, shape (n_segments,)
-        Block numbers from 0. With 10 clips or more, each clip is one block.
+    A block has `size` neighbouring segments. With 10 clips or more, each clip is one block. The
+    segments are ordered by clip and time.
     """
     clips, clip = np.unique(cut.clip, return_inverse=True)
     if len(clips) >= MIN_CLIPS_AS_BLOCKS:
@@ -185,27 +139,12 @@ def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
 def block_bootstrap(
     statistic: Callable[[FloatArray], FloatArray], n_blocks: int, seed: int = 0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the 95 % percentile interval of a statistic by resampling blocks.
+    """Return the ends of the 95 % percentile interval of a statistic by resampling blocks.
 
-    Parameters
-    ----------
-    statistic : callable
-        Function of the number of times that each block is drawn, shape
-        (n_resamples, n_blocks). It returns one value or one row of values per resample.
-        Values that are not finite are ignored.
-    n_blocks : int
-        Number of blocks.
-    seed : int
-        Seed of the resampling.
-
-    Returns
-    -------
-    low, high : ndarray
-        NaN with fewer than 5 blocks, or if 10 % of the values or more are not finite.
-
-    Notes
-    -----
-    Künsch, Annals of Statistics 17 (1989).
+    `statistic` maps the number of times that each block is drawn, shape (n_resamples, n_blocks),
+    to one value or one row of values per resample. Values that are not finite are ignored. The
+    ends are NaN with fewer than 5 blocks, or if 10 % of the values or more are not finite.
+    Source: Künsch, Annals of Statistics 17 (1989).
     """
     rng = np.random.default_rng(seed)
     n = max(n_blocks, 1)
@@ -225,21 +164,8 @@ def block_bootstrap(
 def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: int = 0) -> Estimate:
     """Return a mean with a bootstrap interval that resamples blocks.
 
-    Parameters
-    ----------
-    values : array_like, shape (n,)
-        Values; NaN is ignored.
-    blocks : array_like of int, shape (n,)
-        Block of each value.
-    unit : str
-        What one value belongs to, in the plural.
-    seed : int
-        Seed of the resampling.
-
-    Returns
-    -------
-    Estimate
-        `Estimate.n` counts values, not blocks.
+    NaN values are ignored. `blocks` has the block of each value. `Estimate.n` counts values, not
+    blocks.
     """
     array = np.asarray(values, np.float64)
     is_finite = np.isfinite(array)
@@ -267,27 +193,9 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
 def rogan_gladen(positive: float, sensitivity: float, specificity: float) -> float:
     """Estimate the true share of positives from the share that an imperfect test reports.
 
-    Parameters
-    ----------
-    positive : float
-        Share that the test reports as positive.
-    sensitivity, specificity : float
-        Shares of the true positives and of the true negatives that the test classifies
-        correctly.
-
-    Returns
-    -------
-    float
-        A value outside of 0 to 1 means that the sensitivity or the specificity is wrong. NaN
-        if the test is no better than chance.
-
-    Notes
-    -----
-    Rogan and Gladen, American Journal of Epidemiology 107 (1978).
-
-    Examples
-    --------
-    The paper's 823 of 906 with a sensitivity and a specificity of 0.77:
+    A result outside of 0 to 1 means that the sensitivity or the specificity is wrong. The result is
+    NaN if the test is no better than chance. Source: Rogan and Gladen, American Journal of
+    Epidemiology 107 (1978). The paper's 823 of 906, if both are 0.77:
 
     >>> round(rogan_gladen(823 / 906, 0.77, 0.77), 2)
     1.26

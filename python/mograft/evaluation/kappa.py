@@ -11,23 +11,13 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate
 
-__all__ = ["Difference", "Kappas"]
-
 _BlockSums = tuple[FloatArray, FloatArray]
 """Sums and counts of values, both of shape (n_splits, n_blocks)."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference of the κ of two methods, on common resamples.
-
-    Attributes
-    ----------
-    first, second : str
-        Names of the methods.
-    kappa : Estimate
-        κ of the first method minus κ of the second.
-    """
+    """Difference of the κ of two methods, the first minus the second, on common resamples."""
 
     first: str
     second: str
@@ -54,29 +44,16 @@ class Difference:
 
 @dataclass(frozen=True, eq=False)
 class Kappas:
-    """Acceptance rates of pairs, from which κ is computed.
+    """Acceptance rates of pairs, each of shape (n_splits, n_segments), from which κ is computed.
 
-    Attributes
-    ----------
-    captured, random : ndarray, shape (n_splits, n_segments)
-        Acceptance rates of captured and of random parts; NaN for segments without a score.
-    accepted : mapping of str to ndarray, shape (n_splits, n_segments)
-        Acceptance rates of the donors of each method; NaN for segments without a donor.
-    blocks : ndarray of int, shape (n_segments,)
-        Block of each segment; see `segment_blocks`.
-    seed : int
-        Seed of the resampling.
-
-    Notes
-    -----
     κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate. The
-    intervals resample blocks and splits.
+    intervals resample blocks and splits. Segments without a score or a donor have NaN.
     """
 
     captured: FloatArray
     random: FloatArray
-    accepted: Mapping[str, FloatArray]
-    blocks: IntArray
+    accepted: Mapping[str, FloatArray]  # by method
+    blocks: IntArray  # shape (n_segments,); see `segment_blocks`
     seed: int
 
     def mean(self, values: FloatArray, unit: str) -> Estimate:
@@ -85,20 +62,10 @@ class Kappas:
         return self._estimate([sums], lambda means: means[0], values, unit)
 
     def kappa(self, method: str, *, is_matched: bool = False) -> Estimate:
-        """Return κ of a method.
+        """Return κ of a method, with the number of segments that have a donor.
 
-        Parameters
-        ----------
-        method : str
-            Name of the method.
-        is_matched : bool
-            Whether the rates of captured and random parts are those of the segments with a
-            donor, instead of those of all segments.
-
-        Returns
-        -------
-        Estimate
-            κ, with the number of segments that have a donor.
+        If `is_matched`, the rates of captured and random parts are those of the segments with a
+        donor, instead of those of all segments.
         """
         terms = self._kappa_terms(method, is_matched=is_matched)
         return self._estimate(terms, _kappa, self.accepted[method], "segments with a donor")

@@ -1,8 +1,7 @@
 """A classifier that is trained on the labels of a person and applied to methods (paper, 5.3).
 
-The paper selected the parameters of the classifier on its test labels and did not correct for
-the errors of the classifier. Here the parameters are selected on the training labels, and the
-shares are corrected.
+Unlike the paper, the parameters are selected on the training labels, not on the test labels, and
+the shares are corrected for the errors of the classifier.
 """
 
 import math
@@ -35,25 +34,17 @@ from mograft.evaluation.label_table import Labels
 from mograft.evaluation.part_features import part_features
 from mograft.library.library import Library
 
-__all__ = ["Judgement", "Verdict", "judgement"]
-
 MIN_LABELS, MIN_LABELS_OF_EACH_KIND = 100, 20
 _TRAIN_SHARE = 0.6
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Shares of the donors of one method that are natural by a classifier.
+    """Shares of the exchanged parts of one method that a classifier calls natural.
 
-    Attributes
-    ----------
-    method : str
-        Name of the method.
-    called : Estimate
-        Share of the exchanged parts that the classifier calls natural.
-    corrected : Estimate
-        The share corrected for the errors of the classifier on the test labels (Rogan-Gladen).
-        It may be outside of 0 to 1. NaN if the classifier is no better than chance.
+    `corrected` is `called` corrected for the errors of the classifier on the test labels
+    (Rogan-Gladen). It may be outside of 0 to 1, and is NaN if the classifier is no better than
+    chance.
     """
 
     method: str
@@ -71,37 +62,18 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Judgement:
-    """Results of a classifier that was trained on labels.
-
-    Attributes
-    ----------
-    group : str
-        Grafted group.
-    learned, tested : int
-        Numbers of training labels and of test labels.
-    natural : Estimate
-        Share of the pieces with random donors that the person labelled natural.
-    captured : Estimate
-        Share of the captured pieces that the person labelled natural: the upper limit for
-        every method.
-    accuracy, sensitivity, specificity : Estimate
-        Of the classifier, on the test labels.
-    verdicts : tuple of Verdict
-        Shares of the methods.
-    parameters : dict of str to float
-        Parameters of the classifier.
-    """
+    """Results of a classifier that was trained on labels."""
 
     group: str
-    learned: int
-    tested: int
-    natural: Estimate
-    captured: Estimate
+    learned: int  # number of training labels
+    tested: int  # number of test labels
+    natural: Estimate  # share of pieces with random donors that the person labelled natural
+    captured: Estimate  # that of captured pieces: the upper limit for every method
     accuracy: Estimate
     sensitivity: Estimate
     specificity: Estimate
     verdicts: tuple[Verdict, ...]
-    parameters: dict[str, float]
+    parameters: dict[str, float]  # of the classifier
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON."""

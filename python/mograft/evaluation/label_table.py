@@ -11,8 +11,6 @@ import numpy as np
 from mograft._util.arrays import BoolArray, IntArray
 from mograft.library.library import Library
 
-__all__ = ["COLUMNS", "Labels", "grafted_group", "label_row", "read_labels"]
-
 COLUMNS = ("clip", "first", "last", "group", "donor_clip", "donor_first", "donor_last")
 """Columns that identify a labelled piece; `label` and `seconds` follow them."""
 
@@ -22,21 +20,11 @@ _Key = tuple[str, int, int]
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """Labels of pairs of parts.
-
-    Attributes
-    ----------
-    segment, donor : ndarray of int, shape (n,)
-        Base segments and donors.
-    natural : ndarray of bool, shape (n,)
-        Whether the label is "natural".
-    group : str
-        Grafted group.
-    """
+    """Labels of pairs of a base segment and a donor, each field of shape (n,)."""
 
     segment: IntArray
     donor: IntArray
-    natural: BoolArray
+    natural: BoolArray  # False for the label "unnatural".
     group: str
 
     def __len__(self) -> int:
@@ -44,24 +32,9 @@ class Labels:
 
 
 def grafted_group(library: Library, group: str | None) -> str:
-    """Return a grafted group of a library.
+    """Return `group`, or the first group that is not the base group if `group` is None.
 
-    Parameters
-    ----------
-    library : Library
-        Library.
-    group : str or None
-        Grafted group, or None for the first group that is not the base group.
-
-    Returns
-    -------
-    str
-        Name of the group.
-
-    Raises
-    ------
-    ValueError
-        If `group` is the base group or is unknown.
+    Raise ValueError if `group` is the base group or is unknown.
     """
     others = [name for name in library.groups.names if name != library.groups.base]
     if group is not None and group not in others:
@@ -70,21 +43,9 @@ def grafted_group(library: Library, group: str | None) -> str:
 
 
 def label_row(library: Library, group: str, segment: int, donor: int) -> tuple[str, ...]:
-    """Return the cells of `COLUMNS` for a pair of parts.
+    """Return the cells of `COLUMNS` for a base segment and a donor.
 
-    Parameters
-    ----------
-    library : Library
-        Library with the segments.
-    group : str
-        Grafted group.
-    segment, donor : int
-        Base segment and donor.
-
-    Returns
-    -------
-    tuple of str
-        Clip names and frames. They identify the parts independently of the segment numbers.
+    Clip names and frames identify the parts independently of the segment numbers.
     """
     cut = library.segments
     cells: list[str] = []

@@ -23,8 +23,6 @@ from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import Page, assemble_page, embed_json
 
-__all__ = ["Item", "label_items", "label_page"]
-
 _CONTEXT_SECONDS = 0.4
 """Duration of the motion that is shown before and after each piece."""
 _FRAME_RATE = 30.0

@@ -10,28 +10,16 @@ from mograft.body.mass import up_axis
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["coordination"]
-
 _MAX_LAG_SECONDS = 0.5
 
 
 def coordination(motion: Motion) -> tuple[float, float]:
-    """Return the correlation of the swing of the arms with that of the opposite legs.
+    """Return the correlation of the swing of the arms with that of the opposite legs, and its lag.
 
-    Parameters
-    ----------
-    motion : Motion
-        Motion.
-
-    Returns
-    -------
-    correlation : float
-        Mean of both pairs: magnitude of the correlation between the forward velocities of an
-        upper arm and of the opposite thigh, relative to the hips. NaN if the limbs are unknown
-        or do not move.
-    lag : float
-        Mean of both pairs: magnitude of the shift in seconds, up to 0.5, at which the
-        correlation is strongest.
+    Both are means over the two pairs of an upper arm and the opposite thigh. The correlation is
+    the magnitude of that of the forward velocities relative to the hips. The lag is the magnitude
+    of the shift in seconds, up to 0.5, at which the correlation is strongest. Both are NaN if the
+    limbs are unknown or do not move.
     """
     pairs = _opposite_limbs(motion.skeleton)
     if not pairs or motion.n_frames < 8:

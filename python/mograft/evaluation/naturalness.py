@@ -36,8 +36,6 @@ from mograft.evaluation.kappa import Difference, Kappas
 from mograft.evaluation.part_features import part_features
 from mograft.library.library import Library
 
-__all__ = ["Compatibility", "Score", "compatibility", "fold_groups"]
-
 MIN_SEGMENTS = 60
 MIN_RATE_DIFFERENCE = 0.1
 """Difference between the acceptance rates of captured and random parts below which κ is refused."""
@@ -53,26 +51,11 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Score:
-    """Compatibility of the donors of one method.
-
-    Attributes
-    ----------
-    method : str
-        Name of the method.
-    accepted : Estimate
-        Share of the exchanged parts that the classifier accepts as captured.
-    kappa : Estimate
-        κ: 0 for random parts, 1 for captured parts, over all segments.
-    matched : Estimate
-        κ with the random and captured parts of only those segments that have a donor. A method
-        that exchanges only common segments has no advantage in it.
-    exchangeable : float
-        Share of the segments that have a donor in their test fold.
-    """
+    """Compatibility of the donors of one method."""
 
     method: str
-    accepted: Estimate
-    kappa: Estimate
+    accepted: Estimate  # share of the exchanged parts that the classifier accepts as captured
+    kappa: Estimate  # κ: 0 for random parts, 1 for captured parts, over all segments
     matched: Estimate
     exchangeable: float
 
@@ -159,17 +142,9 @@ class Compatibility:
 
 
 def fold_groups(library: Library) -> IntArray:
-    """Return the groups of segments that stay together in cross-validation.
+    """Return the group of each segment; cross-validation does not separate a group.
 
-    Parameters
-    ----------
-    library : Library
-        Library with the segments.
-
-    Returns
-    -------
-    ndarray of int, shape (n_segments,)
-        Group numbers: clips if there are ten or more, else blocks of 40 neighbours.
+    Groups are clips if there are ten or more, else blocks of 40 neighbours.
     """
     return estimate.segment_blocks(library.segments, GROUP_SEGMENTS)
 

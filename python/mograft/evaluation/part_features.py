@@ -8,30 +8,18 @@ from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.motion import rotations
 
-__all__ = ["part_features"]
-
 _N_INSTANTS = 10
 """Equidistant instants of a segment at which features are sampled."""
 
 
 def part_features(library: Library, group: str) -> FloatArray:
-    """Return features of the part of one joint group in every segment.
+    """Return features of the part of a joint group in every segment, (n_segments, n_features).
 
-    Parameters
-    ----------
-    library : Library
-        Library with the segments.
-    group : str
-        Joint group.
-
-    Returns
-    -------
-    ndarray, shape (n_segments, n_features)
-        Positions and velocities of the ends of the bones at ten equidistant instants, in
-        skeleton heights and in heights per second. Features of the base group are relative to
-        the root and to its heading at the start of the segment, and include the path of the
-        root. Features of other groups are relative to their attachment joint. No position or
-        rotation of the root is therefore in the features of both parts.
+    The features are the positions and velocities of the ends of the bones at ten equidistant
+    instants, in skeleton heights and in heights per second. Those of the base group are relative
+    to the root and to its heading at the start of the segment, and include the path of the root.
+    Those of other groups are relative to their attachment joint. No position or rotation of the
+    root is therefore in the features of both parts.
     """
     skeleton, cut = library.skeleton, library.segments
     joints = library.joints(group)

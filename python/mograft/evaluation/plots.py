@@ -17,25 +17,15 @@ from mograft.evaluation.quality import Quality
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["as_image", "as_svg", "draw_balance", "draw_counts", "draw_kappa", "draw_quality"]
-
 _INK, _FAINT, _MARK = "#7d838b", "#b9bec5", "#4a86cf"
 """Colours that are legible on a light and on a dark background."""
 _LINES = ("#4a86cf", "#d9596b", "#2f9e68", "#b08a00")
 
 
 def draw_kappa(by_name: Mapping[str, Compatibility]) -> "Figure":
-    """Draw the normalised compatibility of each method.
+    """Draw κ of each method with its 95 % interval; the keys are the titles of the panels.
 
-    Parameters
-    ----------
-    by_name : mapping of str to Compatibility
-        Compatibilities by the title of their panel.
-
-    Returns
-    -------
-    matplotlib Figure
-        Dots with 95 % intervals, and lines at 0 (random parts) and 1 (captured parts).
+    Lines mark 0 (random parts) and 1 (captured parts).
     """
     panels = {
         name: [(score.method, score.kappa) for score in found.scores]
@@ -46,17 +36,10 @@ def draw_kappa(by_name: Mapping[str, Compatibility]) -> "Figure":
 
 
 def draw_balance(by_name: Mapping[str, Sequence[BalanceRow]]) -> "Figure":
-    """Draw the share of unbalanced segments of each method.
+    """Draw the unbalanced segments of each method in percent, with 95 % intervals.
 
-    Parameters
-    ----------
-    by_name : mapping of str to sequence of BalanceRow
-        Rows of one rule, by the title of their panel.
-
-    Returns
-    -------
-    matplotlib Figure
-        Dots with 95 % intervals, in percent, and a line at the share of the recording.
+    The rows of one panel have one rule; the keys are the titles of the panels. A line marks the
+    recording.
     """
     panels = {name: [(row.method, row.rate) for row in rows] for name, rows in by_name.items()}
     lines = {
@@ -67,18 +50,7 @@ def draw_balance(by_name: Mapping[str, Sequence[BalanceRow]]) -> "Figure":
 
 
 def draw_quality(rows: Sequence[Quality]) -> "Figure":
-    """Draw the measures of quality of each method.
-
-    Parameters
-    ----------
-    rows : sequence of Quality
-        Measures of each method.
-
-    Returns
-    -------
-    matplotlib Figure
-        One panel for each measure, with dots and 95 % intervals.
-    """
+    """Draw one panel for each measure of quality, with the methods and their 95 % intervals."""
     measures: dict[str, tuple[str, tuple[float, ...]]] = {
         "seam gap, °": ("seam_gap", ()),
         "acceleration ratio": ("acceleration", (1.0,)),
@@ -101,18 +73,9 @@ def draw_counts(
 ) -> "Figure":
     """Draw the combinations per segment against the scale of the threshold.
 
-    Parameters
-    ----------
-    by_name : mapping of str to sequence of Enrichment
-        Counts as `sweep` returns them, by the title of their panels.
-    paper : mapping of int to sequence of float, optional
-        Combinations per segment to mark, by number of groups.
-
-    Returns
-    -------
-    matplotlib Figure
-        One panel for each reading of the threshold, one colour for each number of groups.
-        Solid lines have no limit of length; dotted lines have it.
+    The counts are as `sweep` returns them. Each title and each reading of the threshold has a
+    panel, and each number of groups a colour. Solid lines have no limit of length; dotted lines
+    have it. `paper` has combinations per segment to mark with triangles, by number of groups.
     """
     readings = sorted({str(row.sigma) for rows in by_name.values() for row in rows})
     panels = [(name, reading) for name in by_name for reading in readings]
@@ -194,15 +157,7 @@ def _create_panels(
 def as_svg(figure: "Figure") -> str:
     """Return a figure as SVG; equal figures have equal SVG.
 
-    Parameters
-    ----------
-    figure : matplotlib Figure
-        Figure.
-
-    Returns
-    -------
-    str
-        SVG document with text elements instead of outlines, which keeps it small.
+    Text elements instead of outlines keep it small.
     """
     target = io.StringIO()
     with import_extra("matplotlib").rc_context({"svg.hashsalt": "mograft", "svg.fonttype": "none"}):
@@ -215,19 +170,9 @@ def as_svg(figure: "Figure") -> str:
 
 
 def as_image(figure: "Figure", description: str) -> str:
-    """Return a figure as an element of a page.
+    """Return a figure as an HTML element.
 
-    Parameters
-    ----------
-    figure : matplotlib Figure
-        Figure.
-    description : str
-        Alternative text for screen readers: plain text without quotation marks.
-
-    Returns
-    -------
-    str
-        HTML.
+    `description` is the text for screen readers: plain text without quotation marks.
     """
     text = b64encode(as_svg(figure).encode()).decode("ascii")
     return f'<img alt="{description}" src="data:image/svg+xml;base64,{text}">'

@@ -22,14 +22,6 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
-__all__ = [
-    "Quality",
-    "angular_derivatives",
-    "diversity",
-    "nearest_windows",
-    "quality",
-]
-
 _WINDOW_RATE = 10.0
 """Frames per second at which windows are compared."""
 _COVERAGE_SECONDS, _LOCAL_SECONDS = 1.0, 0.5
@@ -97,19 +89,10 @@ class Quality:
 
 
 def angular_derivatives(quats: FloatArray, rate: float) -> tuple[float, float]:
-    """Return the mean angular acceleration and jerk of joints.
+    """Return the mean angular acceleration and jerk of joints, in rad/s² and rad/s³.
 
-    Parameters
-    ----------
-    quats : ndarray, shape (n_frames, n_joints, 4)
-        Local rotations of at least four frames, as xyzw quaternions.
-    rate : float
-        Frames per second.
-
-    Returns
-    -------
-    acceleration, jerk : float
-        Mean magnitudes over joints and frames, in rad/s² and rad/s³.
+    `quats` are local rotations of at least four frames, shape (n_frames, n_joints, 4), xyzw. The
+    means are over joints and frames.
     """
     steps = rotations.multiply(rotations.inverse(quats[:-1]), quats[1:])
     accelerations = np.diff(rotations.log(steps) * rate, axis=0) * rate
@@ -295,25 +278,13 @@ def _coarse(motion: Motion, joints: IntArray) -> FloatArray:
 def nearest_windows(
     source: Sequence[FloatArray], track: FloatArray, step: int = 1
 ) -> tuple[float, float]:
-    """Return the coverage of a source by a motion, and the distance of the motion from it.
+    """Return the coverage of a source by a motion, and the distance of the motion from the source.
 
-    Parameters
-    ----------
-    source : sequence of ndarray, each of shape (n_frames, n_features)
-        6D rotations of every clip of the source at 10 frames per second.
-    track : ndarray, shape (n_frames, n_features)
-        6D rotations of the motion.
-    step : int
-        Only every `step`-th window of the source is compared.
-
-    Returns
-    -------
-    coverage : float
-        Share of the one-second windows of the source that have a window of the motion within a
-        mean L2 distance of 2 per frame; NaN if the motion or all clips are shorter than that.
-    local : float
-        Mean distance of the half-second windows of the motion to the nearest window of the
-        source, as root mean square per joint.
+    The clips of `source` and `track` are 6D rotations at 10 frames per second. Coverage is the
+    share of the one-second windows of the source, every `step`-th, that have a window of the motion
+    within a mean L2 distance of 2 per frame. The distance is the mean of that of the half-second
+    windows of the motion to the nearest of the source, as root mean square per joint. Both are NaN
+    if the motion or all clips are shorter than one second.
     """
     n_coverage = round(_COVERAGE_SECONDS * _WINDOW_RATE)
     n_local = round(_LOCAL_SECONDS * _WINDOW_RATE)
@@ -346,19 +317,9 @@ def _window_distances(distances: FloatArray, length: int, step: int) -> FloatArr
 
 
 def diversity(motions: Sequence[Motion], joints: IntArray) -> float:
-    """Return the mean joint angle between motions at the same time.
+    """Return the mean joint angle, in degrees, over all pairs of motions of equal length.
 
-    Parameters
-    ----------
-    motions : sequence of Motion
-        Motions of equal length.
-    joints : ndarray of int
-        Joints.
-
-    Returns
-    -------
-    float
-        Mean over all pairs of motions in degrees; NaN for a single motion.
+    The angle is between poses at the same time. The result is NaN for a single motion.
     """
     if len(motions) < 2:
         return math.nan

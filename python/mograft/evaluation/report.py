@@ -18,8 +18,6 @@ from mograft.evaluation.suite import Evaluation
 from mograft.viewing.page import Page, assemble_page
 from mograft.viewing.report import REPORT_STYLE, format_number, html_table
 
-__all__ = ["compare_methods", "evaluation_page", "summarize"]
-
 _ORDER = ("analogy", "contact pattern", "random")
 _EXTRA_STYLE = """
 .report img { max-width: 100%; height: auto; zoom: 1.25; display: block; margin: 10px 0; }
@@ -29,18 +27,7 @@ _EXTRA_STYLE = """
 
 
 def compare_methods(found: Compatibility) -> list[str]:
-    """Compare κ of analogy, contact patterns and random donors in sentences.
-
-    Parameters
-    ----------
-    found : Compatibility
-        Compatibility of one group.
-
-    Returns
-    -------
-    list of str
-        One sentence for each two successive methods.
-    """
+    """Compare κ of analogy, contact patterns and random donors, one sentence for each two."""
     sentences = []
     for first, second in pairwise(_ORDER):
         try:
@@ -63,18 +50,7 @@ def compare_methods(found: Compatibility) -> list[str]:
 
 
 def summarize(evaluation: Evaluation) -> list[str]:
-    """Summarize an evaluation in sentences.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-        Evaluation.
-
-    Returns
-    -------
-    list of str
-        One sentence for each finding, and for each measure that the data does not support.
-    """
+    """Return one sentence for each finding, and for each measure that the data does not support."""
     sentences: list[str] = []
     if evaluation.enrichment is not None:
         counts = evaluation.enrichment
@@ -141,7 +117,7 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     evaluation : Evaluation
         Evaluation.
     title : str, optional
-        Title. Default: the names of the first clips.
+        Title. Default: the names of the first two clips.
 
     Returns
     -------

@@ -39,8 +39,6 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
-__all__ = ["TOPICS", "Evaluation", "evaluate"]
-
 TOPICS = ("enrichment", "balance", "naturalness", "quality")
 BALANCE_MARGIN = 0.01
 """Margin of the second row of static balance, in skeleton heights."""

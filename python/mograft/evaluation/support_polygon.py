@@ -12,8 +12,6 @@ from mograft.body.contacts import Ground
 from mograft.errors import InsufficientDataError
 from mograft.motion.motion import Motion
 
-__all__ = ["Support", "convex_hull", "facing_directions", "signed_distance", "support_polygons"]
-
 _MAX_CONTACT_HEIGHT = 0.035
 """Height above its floor up to which an ankle or toe carries weight, at any speed."""
 _HEEL_LENGTH = 0.035
@@ -100,22 +98,11 @@ def convex_hull(points: FloatArray) -> FloatArray:
 
 
 def signed_distance(polygons: FloatArray, sizes: IntArray, points: FloatArray) -> FloatArray:
-    """Return the signed distances of points to the edges of convex polygons.
+    """Return the distance of each point, shape (n, 2), to the edge of its convex polygon.
 
-    Parameters
-    ----------
-    polygons : ndarray, shape (n, n_vertices, 2)
-        Vertices, counterclockwise. The last vertex is repeated as padding.
-    sizes : ndarray of int, shape (n,)
-        Number of vertices without the padding.
-    points : ndarray, shape (n, 2)
-        One point for each polygon.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Distances in the unit of the points: negative inside, positive outside. Polygons with
-        one or two vertices have no inside. NaN for polygons without vertices.
+    Polygons are as in `Support`: counterclockwise vertices, shape (n, n_vertices, 2), of which the
+    first `sizes` count. Distances are negative inside and positive outside. Polygons with one or
+    two vertices have no inside. The distance is NaN for polygons without vertices.
     """
     starts, ends = polygons, np.roll(polygons, -1, axis=1)
     edges, offsets = ends - starts, points[:, None] - starts
@@ -144,8 +131,7 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
     motion : Motion
         Motion on an even floor.
     floor_reference : Motion, optional
-        Motion on the same floor, from which the height of the floor is determined. Default:
-        `motion`.
+        Motion on the same floor that determines the height of the floor. Default: `motion`.
 
     Returns
     -------
@@ -203,19 +189,9 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
 
 
 def facing_directions(motion: Motion, ground: Ground) -> FloatArray:
-    """Return the horizontal directions that the hips face.
+    """Return the horizontal unit vectors that the hips face, shape (n_frames, 3).
 
-    Parameters
-    ----------
-    motion : Motion
-        Motion.
-    ground : Ground
-        Legs and vertical axis of the skeleton.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, 3)
-        Unit vectors; zero if the skeleton has no pair of legs or the hip line is vertical.
+    The vectors are zero if the skeleton has no pair of legs or the hip line is vertical.
     """
     hips = {limb.side: limb.hip for limb in reversed(ground.limbs)}
     if not {"left", "right"} <= hips.keys():
