@@ -15,23 +15,13 @@ from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
 from mograft.motion import rotations
 
-__all__ = ["DonorLayout", "DonorTimeline", "RootAlignment", "SegmentTimes", "sample_states"]
-
 
 @dataclass(frozen=True, eq=False)
 class SegmentTimes:
-    """n points in time, each inside a base segment.
+    """n points in time, each inside a base segment."""
 
-    Attributes
-    ----------
-    segment : ndarray of int, shape (n,)
-        Index of the segment.
-    frames : ndarray, shape (n,)
-        Frames since the segment's start; fractions are allowed.
-    """
-
-    segment: IntArray
-    frames: FloatArray
+    segment: IntArray  # (n,): index of the segment
+    frames: FloatArray  # (n,): frames since the segment's start; fractions are allowed
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,27 +57,13 @@ class RootAlignment:
 
 @dataclass(frozen=True, eq=False)
 class DonorTimeline:
-    """One donor segment for every base segment, stretched to its length.
+    """One donor segment for every base segment, stretched to its length."""
 
-    Attributes
-    ----------
-    cut : Segments
-        The base segments, in order of time.
-    donors : Segments
-        The donor of each.
-    rate : float
-        Frames per second.
-    warp : TimeWarp, optional
-        Default: donors are stretched at a constant rate.
-    alignment : RootAlignment, optional
-        Default: values are used as captured.
-    """
-
-    cut: Segments
-    donors: Segments
-    rate: float
-    warp: TimeWarp | None = None
-    alignment: RootAlignment | None = None
+    cut: Segments  # the base segments, in order of time
+    donors: Segments  # the donor of each
+    rate: float  # frames per second
+    warp: TimeWarp | None = None  # None: donors are stretched at a constant rate
+    alignment: RootAlignment | None = None  # None: values are used as captured
 
     def frame_times(self) -> SegmentTimes:
         """Return the times of all frames; a frame that two segments share occurs twice."""
@@ -106,21 +82,11 @@ class DonorTimeline:
     def sample(
         self, space: ValueSpace, tracks: Sequence[FloatArray], times: SegmentTimes
     ) -> FloatArray:
-        """Return the donors' values at times; at a donor's frame, that frame bit for bit.
+        """Return the donors' values at n times, shape (n, n_joints, 4 or 3).
 
-        Parameters
-        ----------
-        space : ValueSpace
-            `ROTATIONS` or `TRANSLATIONS`.
-        tracks : sequence of ndarray, shape (n_frames, n_joints, 4 or 3)
-            The values of each clip.
-        times : SegmentTimes
-            n points in time.
-
-        Returns
-        -------
-        ndarray, shape (n, n_joints, 4 or 3)
-            The values, interpolated by cubics that continue beyond the donor in its clip.
+        `tracks` are the values of each clip, shape (n_frames, n_joints, 4 or 3). At a donor's
+        frame, the result is that frame bit for bit. In between it is interpolated by cubics, which
+        depend on the frames of the clip before and after the donor too.
         """
         donors, segment = self.donors, times.segment
         # In this order divisions without remainder are exact.
@@ -173,9 +139,9 @@ class DonorTimeline:
     def find_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
         """Return between which segments there is a seam, shape (n_segments - 1,).
 
-        There is none if neither donor is stretched or warped, and the three frames about the end
-        of the one equal, bit for bit, those about the start of the other. So a copy of a clip
-        counts as the clip.
+        There is none if neither donor is stretched or warped, and the three frames about the end of
+        the one equal, bit for bit, those about the start of the other. So a copy of a clip counts
+        as the clip.
         """
         donors = self.donors
         is_stretched = donors.lengths != self.cut.lengths
@@ -190,27 +156,13 @@ class DonorTimeline:
 
 @dataclass(frozen=True, eq=False)
 class DonorLayout:
-    """The tracks of a group along a donor timeline, and the seams between them.
-
-    Attributes
-    ----------
-    timeline : DonorTimeline
-        The donors.
-    rotations : sequence of ndarray, shape (n_frames, n_joints, 4)
-        Rotations of each clip.
-    positions : sequence of ndarray, shape (n_frames, n_moving, 3)
-        Translations of each clip, of the joints that translate.
-    seams : ndarray of bool, shape (n_segments - 1,)
-        Between which segments there is a seam.
-    config : Config
-        Gives `seam`, `seam_window` and `seam_blend`.
-    """
+    """The tracks of a group along a donor timeline, and the seams between them."""
 
     timeline: DonorTimeline
-    rotations: Sequence[FloatArray]
-    positions: Sequence[FloatArray]
-    seams: BoolArray
-    config: Config
+    rotations: Sequence[FloatArray]  # of each clip, (n_frames, n_joints, 4)
+    positions: Sequence[FloatArray]  # of the joints that translate, (n_frames, n_moving, 3)
+    seams: BoolArray  # (n_segments - 1,): whether a segment ends with a seam
+    config: Config  # gives `seam`, `seam_window` and `seam_blend`
 
     def close(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames with the gaps at seams closed."""
@@ -257,28 +209,11 @@ class DonorLayout:
 def sample_states(
     space: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return values and velocities at frames of clips.
+    """Return values and velocities in frames of clips; `clips` and `frames` have shape (n,).
 
-    Parameters
-    ----------
-    space : ValueSpace
-        `ROTATIONS` or `TRANSLATIONS`.
-    tracks : sequence of ndarray, shape (n_frames, n_joints, 4 or 3)
-        The values of each clip.
-    clips, frames : ndarray of int, shape (n,)
-        The clip and frame of each state.
-
-    Returns
-    -------
-    values : ndarray, shape (n, n_joints, 4 or 3)
-        The values.
-    velocities : ndarray, shape (n, n_joints, 3)
-        Their velocities per frame; of rotations in the joint's own frame.
-
-    Notes
-    -----
-    The velocity is that of the curve from which frames are interpolated: of the parabola through
-    the frame and its neighbours, or at a clip's end through the three nearest frames.
+    Velocities are per frame, of rotations in the joint's own frame, shape (n, n_joints, 3). They
+    are those of the curve from which frames are interpolated: of the parabola through the frame and
+    its neighbours, or at a clip's end through the three nearest frames.
     """
     values = np.empty((len(frames), *tracks[0].shape[1:]))
     velocities = np.empty((*values.shape[:-1], 3))
@@ -305,14 +240,9 @@ def _steps(space: ValueSpace, track: FloatArray, frames: IntArray) -> FloatArray
 
 def _three_frames(tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray) -> FloatArray:
     """Return the values in the frames before, at and after given ones; NaN outside the clip."""
-    near = np.full((len(frames), 3, *tracks[0].shape[1:]), np.nan)
+    near = np.empty((len(frames), 3, *tracks[0].shape[1:]))
     for clip in np.unique(clips):
         rows = np.flatnonzero(clips == clip)
-        columns = frames[rows][:, None] + [-1, 0, 1]
-        is_inside = (columns >= 0) & (columns < len(tracks[clip]))
-        near[rows[:, None], [0, 1, 2]] = np.where(
-            is_inside[..., None, None],
-            tracks[clip][columns.clip(0, len(tracks[clip]) - 1)],
-            np.nan,
-        )
+        padded = np.pad(tracks[clip], ((1, 1), (0, 0), (0, 0)), constant_values=np.nan)
+        near[rows] = padded[frames[rows][:, None] + [0, 1, 2]]
     return near

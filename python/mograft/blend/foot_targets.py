@@ -11,8 +11,6 @@ from mograft._util.runs import find_runs
 from mograft.body.contacts import CONTACT_HEIGHT, SLIDING_SPEED, Ground, point_speeds
 from mograft.config import FRAME
 
-__all__ = ["CLEARANCE", "contacts_at_rest", "foot_displacements"]
-
 CLEARANCE = 0.05
 """Skeleton heights above the floor at which a swinging foot does not touch it."""
 _FADE_SECONDS = 3 * FRAME
@@ -61,28 +59,11 @@ def foot_displacements(
     leg: int,
     rate: float,
 ) -> FloatArray:
-    """Return the displacements of a heel and toe to where they should be.
+    """Return the displacements of a leg's heel and toe to where they should be, (n_frames, 2, 3).
 
-    Parameters
-    ----------
-    points : ndarray, shape (n_frames, 2, 3)
-        Heel and toe.
-    contacts : ndarray of bool, shape (n_frames, 2)
-        When they stand.
-    min_heights : ndarray, shape (n_frames, 2)
-        Their least heights above the floor while neither stands, in skeleton heights.
-    ground : Ground
-        The floor.
-    leg : int
-        Index of the leg.
-    rate : float
-        Frames per second.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, 2, 3)
-        A point that does not stand follows the other one if that stands, and is lifted. The foot
-        keeps its length.
+    `points` has this shape; `contacts` and `min_heights`, shape (n_frames, 2), say when the points
+    stand, and their least heights in skeleton heights while neither stands. A point that does not
+    stand follows the other one if that stands, and is lifted. The foot keeps its length.
     """
     single, holds = np.zeros_like(points), np.zeros(contacts.shape)
     fade = max(round(_FADE_SECONDS * rate), 1)

@@ -10,55 +10,27 @@ from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["Part", "recombine"]
-
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The motion of one joint group.
+    """The motion of one joint group."""
 
-    Attributes
-    ----------
-    joints : ndarray of int
-        The group's joints.
-    rotations : ndarray, shape (n_frames, len(joints), 4)
-        Their local rotations.
-    positions : ndarray, shape (n_frames, len(joints), 3)
-        Their local translations.
-    seams : ndarray of int, shape (n_seams,)
-        Frames of the seams.
-    gaps : ndarray, shape (n_seams, len(joints) + len(angles))
-        The angle of each joint, or single channel, across each seam before it was closed, in
-        radians.
-    angles : dict of (int, str) to ndarray, shape (n_frames,)
-        For each single channel of the group, a joint and an axis, its angle in radians; NaN in
-        frames in which the base's angle is kept.
-    """
-
-    joints: IntArray
-    rotations: FloatArray
-    positions: FloatArray
-    seams: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    joints: IntArray  # the group's joints
+    rotations: FloatArray  # local, (n_frames, n_joints, 4)
+    positions: FloatArray  # local, (n_frames, n_joints, 3)
+    seams: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # (n_seams,): frames
+    # Angle of each joint and single channel across each seam before it was closed, in radians,
+    # shape (n_seams, len(joints) + len(angles)).
     gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    # For each single channel its angle in radians, (n_frames,); NaN where the base's is kept.
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
 def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
     """Replace parts of a motion; every other number is kept (eq. 20).
 
-    Parameters
-    ----------
-    base : Motion
-        The motion to change.
-    parts : sequence of Part
-        Parts of different joints.
-    name : str
-        The new motion's name.
-
-    Returns
-    -------
-    Motion
-        It keeps the base's channel values where neither rotation nor translation changed.
+    The parts have different joints. The result has the base's channel values where neither rotation
+    nor translation changed.
     """
     skeleton = base.skeleton
     quats, positions = base.rotations.copy(), base.positions.copy()

@@ -10,23 +10,13 @@ from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["AlignmentTransform", "RootTransforms"]
-
 
 @dataclass(frozen=True, eq=False)
 class RootTransforms:
-    """World rotations and positions of a root joint in n frames.
+    """World rotations and positions of a root joint in n frames."""
 
-    Attributes
-    ----------
-    rotations : ndarray, shape (n, 4)
-        Unit quaternions, xyzw.
-    positions : ndarray, shape (n, 3)
-        Positions in the file's unit.
-    """
-
-    rotations: FloatArray
-    positions: FloatArray
+    rotations: FloatArray  # (n, 4)
+    positions: FloatArray  # (n, 3)
 
     @classmethod
     def from_motion(cls, motion: Motion, joint: int) -> "RootTransforms":
@@ -64,18 +54,10 @@ class RootTransforms:
 
 @dataclass(frozen=True, eq=False)
 class AlignmentTransform:
-    """n rigid transforms: a rotation about the up axis, then a translation over the floor.
+    """n rigid transforms: a rotation about the up axis, then a translation over the floor."""
 
-    Attributes
-    ----------
-    yaws : ndarray, shape (n, 4)
-        Unit quaternions, xyzw, of rotations about the up axis through the world's origin.
-    translations : ndarray, shape (n, 3)
-        Translations in the file's unit; 0 along the up axis.
-    """
-
-    yaws: FloatArray
-    translations: FloatArray
+    yaws: FloatArray  # (n, 4): rotations about the up axis through the world's origin
+    translations: FloatArray  # (n, 3): 0 along the up axis
 
     @classmethod
     def from_roots(
@@ -83,25 +65,10 @@ class AlignmentTransform:
     ) -> "AlignmentTransform":
         """Return the transforms that give source roots the place and heading of target roots.
 
-        Parameters
-        ----------
-        source, target : RootTransforms
-            n roots each.
-        up : int
-            The axis that points up: 0, 1 or 2.
+        They preserve the height and the lean of every source root, and are exactly the identity
+        where source and target are equal. The yaw is the twist about the axis `up` of the rotation
+        from source to target.
 
-        Returns
-        -------
-        AlignmentTransform
-            It preserves the height and the lean of every source root. It is exactly the identity
-            where source and target are equal.
-
-        Notes
-        -----
-        The yaw is the twist about the up axis of the rotation from source to target.
-
-        Examples
-        --------
         >>> source = RootTransforms(np.array([[0.0, 0, 0, 1]]), np.array([[1.0, 9, 2]]))
         >>> target = RootTransforms(np.array([[0.0, 1, 0, 0]]), np.array([[5.0, 8, 5]]))
         >>> AlignmentTransform.from_roots(source, target, up=1).apply(source).positions

@@ -1,8 +1,7 @@
 """Root motion over the floor: velocities are blended at seams, and the path is their integral.
 
-Other joints come back to the captured value after a seam. A root has no captured value to come
-back to, because every donor starts where the one before it ended; to decay an offset would cause a
-velocity spike. So the root's velocity and yaw rate are blended, and the path keeps the result.
+Other joints return to the captured value after a seam. A root does not, because every donor starts
+where the one before it ends; to decay an offset would cause a velocity spike.
 """
 
 import numpy as np
@@ -14,30 +13,14 @@ from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.config import Config
 from mograft.motion import rotations
 
-__all__ = ["blend_root_velocity", "integrate_root", "root_velocity_weights", "yaw_rates"]
-
 
 def root_velocity_weights(
     frames: FloatArray, lengths: IntArray, config: Config, rate: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weights of the velocity on the other side of a seam.
+    """Return the weights of the velocity on the other side of a seam, before and after the seam.
 
-    Parameters
-    ----------
-    frames : ndarray
-        Distance from the seam in frames.
-    lengths : ndarray of int
-        Length in frames of the segment on this side; the shapes broadcast.
-    config : Config
-        Gives `seam` and `seam_blend`.
-    rate : float
-        Frames per second.
-
-    Returns
-    -------
-    before, after : ndarray
-        The weights if the frames lie before the seam, and if they lie after it; see
-        `SeamTreatment.root_velocity_weights`.
+    `frames` is the distance from the seam, `lengths` the length of the segment on this side, both
+    in frames; the shapes broadcast. See `SeamTreatment.root_velocity_weights`.
     """
     remaining = np.maximum(1.0 - frames / np.minimum(config.seam_blend * rate, lengths), 0.0)
     return SEAM_TREATMENTS.get(config.seam).root_velocity_weights(remaining)
@@ -48,23 +31,10 @@ def blend_root_velocity(
 ) -> FloatArray:
     """Return velocities that are cross-faded at seams.
 
-    Parameters
-    ----------
-    velocities : ndarray, shape (n, k)
-        Velocities from each frame to the next.
-    cut : Segments
-        Segments that cover the frames, in order of time.
-    seams : ndarray of bool, shape (len(cut) - 1,)
-        Between which segments there is a seam.
-    config, rate
-        As for `root_velocity_weights`.
-
-    Returns
-    -------
-    ndarray, shape (n, k)
-        Means of given velocities with weights of sum 1, so none is greater than the greatest.
-        A velocity whose weight for the other side is 0 is kept bit for bit. A seam changes only
-        the two segments that meet there, so its effect on the path depends on these two alone.
+    `velocities`, shape (n, k), lead from each frame to the next; `cut` covers the frames in order,
+    with seams where `seams`, shape (len(cut) - 1,), is True. The result is a mean of given
+    velocities with weights of sum 1, so none exceeds the greatest. A velocity whose weight for the
+    other side is 0 is kept bit for bit. A seam changes only the two segments that meet there.
     """
     segment = np.repeat(np.arange(len(cut)), cut.lengths)
     frames = np.arange(len(velocities), dtype=np.float64) + 0.5
@@ -101,26 +71,12 @@ def integrate_root(
 ) -> RootTransforms:
     """Integrate root velocities and yaw rates to a path over the floor.
 
-    Parameters
-    ----------
-    velocities : ndarray, shape (n - 1, 4)
-        From each frame to the next: the displacement over the floor for the heading of `source`,
-        and the rotation about the up axis.
-    captured : ndarray, shape (n - 1, 4)
-        The same of `source`.
-    source : RootTransforms
-        The root in n frames before seams are closed.
-    closed : RootTransforms
-        The root in n frames after seams are closed; gives lean and height.
-    up : int
-        The axis that points up.
-
-    Returns
-    -------
-    RootTransforms
-        The root with the lean and height of `closed` and the given velocities. Its yaw rate never
-        exceeds the greatest captured one. Up to the first frame in which `velocities` differs from
-        `captured`, it equals `source` over the floor bit for bit.
+    `velocities` and `captured`, shape (n - 1, 4), lead from each frame to the next: the
+    displacement over the floor for the heading of `source`, and the rotation about the up axis.
+    `captured` are those of `source`, the root in n frames before seams are closed. The result has
+    the lean and height of `closed`, the root after that, and its yaw rate never exceeds the
+    greatest captured one. Up to the first frame in which `velocities` and `captured` differ, it
+    equals `source` over the floor bit for bit.
     """
     leaning = closed.rotations
     yaw_change = rotations.twist(

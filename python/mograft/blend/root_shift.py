@@ -9,8 +9,6 @@ from mograft._util.gaussian import gaussian_filter
 from mograft.body.contacts import Leg
 from mograft.config import FRAME
 
-__all__ = ["limit_floor_speed", "shift_for_reach"]
-
 _SMOOTHING_SECONDS = 3 * FRAME
 _MAX_LEG_SHARE = 0.995
 """Share of its length to which a leg is straightened, if it is not straighter already."""
@@ -26,25 +24,11 @@ def shift_for_reach(
     is_planted: BoolArray,
     rate: float,
 ) -> FloatArray:
-    """Return the smooth shift of the root with which legs reach their plants.
+    """Return the smooth shift of the root, (n_frames, 3), with which legs reach their plants.
 
-    Parameters
-    ----------
-    legs : sequence of Leg
-        The legs.
-    world_positions : ndarray, shape (n_frames, n_joints, 3)
-        The joints in the world.
-    displacements : ndarray, shape (n_frames, n_legs, 3)
-        Displacements of the ankles.
-    is_planted : ndarray of bool, shape (n_frames, n_legs)
-        Which legs must reach.
-    rate : float
-        Frames per second.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, 3)
-        The shift; 0 if all legs reach.
+    `world_positions`, shape (n_frames, n_joints, 3), are those of the joints; `displacements`,
+    shape (n_frames, n_legs, 3), those of the ankles; `is_planted`, shape (n_frames, n_legs), says
+    which legs must reach. The shift is 0 if all legs reach.
     """
     centers, radii = [], []
     for index, leg in enumerate(legs):
@@ -83,20 +67,10 @@ def shift_for_reach(
 def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
     """Return a shift with which a path over the floor is no faster than the path's maximum.
 
-    Parameters
-    ----------
-    shift : ndarray, shape (n_frames, 3)
-        The shift.
-    path : ndarray, shape (n_frames, 3)
-        The path to which it is added.
-    up : ndarray, shape (3,)
-        Unit vector upwards.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, 3)
-        `shift` if it is slow enough. Otherwise frames that are too far apart are moved towards
-        each other, then their neighbours; if that does not end, the shift over the floor is 0.
+    `shift` and `path`, to which it is added, have shape (n_frames, 3); `up` is a unit vector. A
+    shift that is slow enough is returned unchanged. Otherwise frames that are too far apart are
+    moved towards each other, then their neighbours; if that does not end, the shift over the floor
+    is 0.
     """
     level = np.eye(3) - np.outer(up, up)
     given, target = path @ level, (path + shift) @ level

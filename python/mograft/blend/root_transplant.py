@@ -14,22 +14,10 @@ from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["GraftedRoot"]
-
 
 @dataclass(frozen=True, eq=False)
 class GraftedRoot:
-    """A root joint that donors carry, and its columns in a layout's tracks.
-
-    Attributes
-    ----------
-    joint : int
-        The joint.
-    up : int
-        The axis that points up.
-    rotation_column, position_column : int
-        Its columns among the tracks of rotations and of translations.
-    """
+    """A root joint that donors carry, and its columns in a layout's tracks."""
 
     joint: int
     up: int

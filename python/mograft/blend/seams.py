@@ -1,4 +1,4 @@
-"""What a seam treatment is: the values that meet at seams, and the interface of a treatment.
+"""Values and velocities at seams, and the interface of a seam treatment.
 
 The paper's method is in section 4.5. A *piece* is a stretch of donor motion without a seam inside.
 Treatments are functions of continuous time, so that they can be evaluated between frames.
@@ -14,35 +14,14 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.value_spaces import ValueSpace
 
-__all__ = [
-    "PieceTimes",
-    "SeamBoundaries",
-    "SeamTreatment",
-    "add_deltas",
-    "at_piece_ends",
-    "crossfade_after",
-    "crossfade_both_sides",
-    "no_crossfade",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class PieceTimes:
-    """n points in time, each inside one piece of a sequence.
+    """n points in time, each inside one piece of a sequence."""
 
-    Attributes
-    ----------
-    piece : ndarray of int, shape (n,)
-        Index of the piece.
-    seconds : ndarray, shape (n,)
-        Seconds since the start of that piece.
-    durations : ndarray, shape (n_pieces,)
-        Duration of every piece in seconds.
-    """
-
-    piece: IntArray
-    seconds: FloatArray
-    durations: FloatArray
+    piece: IntArray  # (n,): index of the piece
+    seconds: FloatArray  # (n,): seconds since the start of that piece
+    durations: FloatArray  # (n_pieces,): duration of every piece in seconds
 
     @property
     def seconds_left(self) -> FloatArray:
@@ -58,16 +37,12 @@ class PieceTimes:
 class SeamBoundaries:
     """Values and velocities on both sides of the seams between successive pieces.
 
-    Attributes
-    ----------
-    before, after : ndarray, shape (n_pieces - 1, n_joints, 4 or 3)
-        The last value of the piece before the seam, and the first value of the piece after it.
-    velocity_before, velocity_after : ndarray, shape (n_pieces - 1, n_joints, 3)
-        The velocities of these values, per second; of rotations in the joint's own frame.
+    Values have shape (n_pieces - 1, n_joints, 4 or 3), velocities (n_pieces - 1, n_joints, 3).
+    Velocities are per second; those of rotations are in the joint's own frame.
     """
 
-    before: FloatArray
-    after: FloatArray
+    before: FloatArray  # last value of the piece before the seam
+    after: FloatArray  # first value of the piece after it
     velocity_before: FloatArray
     velocity_after: FloatArray
 
@@ -79,21 +54,10 @@ class SeamBoundaries:
 
 
 class SeamTreatment(ABC):
-    """How the motion beside a seam is changed so that the two pieces meet.
+    """A method that changes the motion beside a seam so that the two pieces meet.
 
-    Implementations have no state. Each one is the object `TREATMENT` of its own module in
+    Implementations have no state. Each is the object `TREATMENT` of its own module in
     `mograft.blend.seam_treatments`.
-
-    Attributes
-    ----------
-    is_causal : bool
-        Whether the frames before a seam never change. `Stream` needs this.
-    is_velocity_continuous : bool
-        Whether `close` makes velocities continuous too, not only values.
-    spans_segments : bool
-        How far `close` reaches. True: over the whole of the two segments that meet, and every
-        boundary between segments is treated as a seam. False: `Config.seam_blend` seconds on the
-        treated sides of a seam, at most to the end of the piece.
     """
 
     is_causal: ClassVar[bool]
@@ -111,41 +75,20 @@ class SeamTreatment(ABC):
     ) -> FloatArray:
         """Return the values with all gaps at seams closed.
 
-        Parameters
-        ----------
-        space : ValueSpace
-            `ROTATIONS` or `TRANSLATIONS`.
-        values : ndarray, shape (n, n_joints, 4 or 3)
-            The pieces' values at `times`.
-        times : PieceTimes
-            The n points in time.
-        boundaries : SeamBoundaries
-            The seams between the pieces.
-        blend : float
-            `Config.seam_blend`, in seconds.
-
-        Returns
-        -------
-        ndarray, shape of `values`
-            Values that are continuous at the seams. A value that needs no change is returned
-            bit for bit.
+        `space` is `ROTATIONS` or `TRANSLATIONS`. `values`, shape (n, n_joints, 4 or 3), are the
+        pieces' values at the n points in time `times`. `boundaries` are the seams between the
+        pieces. `blend` is `Config.seam_blend` in seconds. The result has the shape of `values` and
+        is continuous at the seams. A value that needs no change is returned bit for bit.
         """
 
     @abstractmethod
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the weight of the other side's root velocity before and after a seam.
+        """Return the weights of the other side's root velocity before and after a seam.
 
-        Parameters
-        ----------
-        remaining : ndarray
-            Share of the blend time that remains: 1 at the seam, 0 where the blend ends.
-
-        Returns
-        -------
-        before, after : ndarray, shape of `remaining`
-            Weights before and after the seam, 0 where `remaining` is 0. Their sum is 1 at the
-            seam if the velocity is blended, else 0. See `crossfade_both_sides`,
-            `crossfade_after` and `no_crossfade`.
+        `remaining` is the share of the blend time that remains: 1 at the seam, 0 where the blend
+        ends. Both weights have its shape and are 0 where it is 0. Their sum is 1 at the seam if the
+        velocity is blended, else 0. See `crossfade_both_sides`, `crossfade_after` and
+        `no_crossfade`.
         """
 
     def smooth(
@@ -158,18 +101,8 @@ class SeamTreatment(ABC):
     ) -> FloatArray:
         """Return the closed values after a last pass over whole frames; unchanged by default.
 
-        Parameters
-        ----------
-        space : ValueSpace
-            `ROTATIONS` or `TRANSLATIONS`.
-        values : ndarray, shape (n_frames, n_joints, 4 or 3)
-            Values in all frames, seams closed.
-        cut : Segments
-            The base segments.
-        seams : ndarray of int
-            Indices of the segments that end with a seam.
-        window : int
-            `Config.seam_window`, in frames.
+        `values` has one row per frame. `seams` are the indices of the base segments `cut` that end
+        with a seam. `window` is `Config.seam_window` in frames.
         """
         return values
 
@@ -193,17 +126,8 @@ def no_crossfade(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
 def at_piece_ends(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return a quantity of seams for the seam at each piece's start and at its end.
 
-    Parameters
-    ----------
-    per_seam : ndarray, shape (n_pieces - 1, ...)
-        The quantity.
-    piece : ndarray of int, shape (n,)
-        Pieces.
-
-    Returns
-    -------
-    start, end : ndarray, shape (n, ...)
-        0 at the start of the first piece and at the end of the last, which have no seam.
+    `per_seam` has shape (n_pieces - 1, ...), both results (len(piece), ...). They are 0 at the
+    start of the first piece and at the end of the last, which have no seam.
     """
     zero = np.zeros((1, *per_seam.shape[1:]))
     return np.concatenate([zero, per_seam])[piece], np.concatenate([per_seam, zero])[piece]

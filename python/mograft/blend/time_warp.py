@@ -12,8 +12,6 @@ from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
 from mograft.search.boundary_states import pose_gaps
 
-__all__ = ["ALIGNMENTS", "TimeWarp", "warping_path"]
-
 _BAND_SHARE = 0.2
 """Share of a segment by which a donor may be ahead or behind."""
 _MIN_GAIN = 0.05
@@ -25,28 +23,15 @@ _STEPS = (2, 1, 3, 4)
 
 
 def warping_path(distances: FloatArray) -> FloatArray:
-    """Align two motions by dynamic time warping.
+    """Return the frame of a second motion for each of a first, by dynamic time warping.
 
-    Parameters
-    ----------
-    distances : ndarray, shape (n + 1, 2 n + 1)
-        Distance of each frame of the first motion to each frame of the second, which is sampled
-        twice as finely.
+    `distances`, shape (n + 1, 2 n + 1), are those between all frames; the second motion is sampled
+    twice as finely. The path has the least sum of distances among those with steps of 1 to 4 (half
+    to double speed) that are never ahead or behind by more than a fifth.
 
-    Returns
-    -------
-    ndarray of int, shape (n + 1,)
-        For each frame of the first motion the frame of the second, from its first to its last.
-        The path has the least sum of distances among those with steps of 1 to 4 (half to double
-        speed) that are never ahead or behind by more than a fifth.
+    Sakoe and Chiba, Dynamic programming algorithm optimization for spoken word recognition (1978),
+    with slopes from ½ to 2 and a band.
 
-    Notes
-    -----
-    Sakoe and Chiba, Dynamic programming algorithm optimization for spoken word recognition
-    (1978), with slopes from ½ to 2 and a band.
-
-    Examples
-    --------
     >>> warping_path(np.abs(np.arange(5)[:, None] * 2 - np.arange(9)))
     array([0, 2, 4, 6, 8])
     """
@@ -71,21 +56,11 @@ def warping_path(distances: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class TimeWarp:
-    """For each segment, the share of its donor that has passed at any share of the segment.
+    """For each segment, the share of its donor that has passed at any share of the segment."""
 
-    Attributes
-    ----------
-    shares : ndarray, shape (n_segments, 5)
-        The shares of the donor that have passed after 0, ¼, ½, ¾ and all of the segment.
-    slopes : ndarray, shape (n_segments, 5)
-        The slopes at these knots; 1 is the constant rate.
-    is_warped : ndarray of bool, shape (n_segments,)
-        Whether a donor's time is warped at all.
-    """
-
-    shares: FloatArray
-    slopes: FloatArray
-    is_warped: BoolArray
+    shares: FloatArray  # (n_segments, 5): after 0, ¼, ½, ¾ and all of the segment
+    slopes: FloatArray  # (n_segments, 5): at these knots; 1 is the constant rate
+    is_warped: BoolArray  # (n_segments,)
 
     @classmethod
     def by_dtw(
@@ -96,23 +71,9 @@ class TimeWarp:
         clips: Sequence[Motion],
         joints: IntArray,
     ) -> "TimeWarp":
-        """Warp donors so that some joints move in their clips as they do in the base.
+        """Warp donors so that the given joints move in their clips as they do in the base.
 
-        Parameters
-        ----------
-        base : Motion
-            The base.
-        cut, donors : Segments
-            Its segments, and the donor of each.
-        clips : sequence of Motion
-            The clips that `donors.clip` indexes.
-        joints : ndarray of int
-            The joints that are compared: those of the base group.
-
-        Returns
-        -------
-        TimeWarp
-            Donors are warped only if this reduces the mean joint angle by more than 5 %.
+        Donors are warped only if this reduces the mean joint angle by more than 5 %.
         """
         constant = np.linspace(0.0, 1.0, _N_KNOTS)
         shares = np.tile(constant, (len(cut), 1))
@@ -148,37 +109,12 @@ class TimeWarp:
         return passed
 
 
-Alignment = Callable[
-    [Motion, Segments, Segments, Sequence[Motion], IntArray | None], TimeWarp | None
-]
-"""A function of base, base segments, donors, clips and the base group's joints, if known, that
-returns the donors' time warp; None for a constant rate."""
+Alignment = Callable[[Motion, Segments, Segments, Sequence[Motion], IntArray], TimeWarp]
 
-
-def _uniform(
-    base: Motion,  # noqa: ARG001
-    cut: Segments,  # noqa: ARG001
-    donors: Segments,  # noqa: ARG001
-    clips: Sequence[Motion],  # noqa: ARG001
-    joints: IntArray | None,  # noqa: ARG001
-) -> TimeWarp | None:
-    return None
-
-
-def _dtw(
-    base: Motion,
-    cut: Segments,
-    donors: Segments,
-    clips: Sequence[Motion],
-    joints: IntArray | None,
-) -> TimeWarp | None:
-    return None if joints is None else TimeWarp.by_dtw(base, cut, donors, clips, joints)
-
-
-ALIGNMENTS: Registry[Alignment] = CONFIG_OPTIONS["alignment"].implemented_by(
-    {"uniform": _uniform, "dtw": _dtw}
+ALIGNMENTS: Registry[Alignment | None] = CONFIG_OPTIONS["alignment"].implemented_by(
+    {"uniform": None, "dtw": TimeWarp.by_dtw}
 )
-"""For every value of `Config.alignment` its function."""
+"""For every value of `Config.alignment` its function; None for a constant rate."""
 
 
 def _warped_knots(distances: FloatArray) -> FloatArray | None:

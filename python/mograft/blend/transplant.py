@@ -16,36 +16,20 @@ from mograft.blend.trunk_lean import TrunkLean
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
-__all__ = ["GraftedGroup", "transplant"]
-
 
 @dataclass(frozen=True, eq=False)
 class GraftedGroup:
     """A joint group that takes the motion of donors.
 
-    Attributes
-    ----------
-    joints : ndarray of int
-        Its joints, including those of which it holds only single channels.
-    root : int, optional
-        The joint that carries the body through the world. If it is one of `joints`, every donor
-        continues from the place and heading at which the one before it ends, and the first from
-        those of the base. Default: none.
-    up : int
-        The axis that points up: 0, 1 or 2.
-    base_joints : ndarray of int, optional
-        The joints of the base group, by which ``alignment="dtw"`` aligns donors. Default: donors
-        are stretched at a constant rate.
-    held : dict of int to str
-        For each joint of which the group holds single channels, the axes of these; see
-        `JointGroups.held`.
+    If `root` is one of `joints`, every donor continues from the place and heading at which the one
+    before it ends, and the first from those of the base.
     """
 
-    joints: IntArray
-    root: int | None = None
-    up: int = 1
-    base_joints: IntArray | None = None
-    held: Mapping[int, str] = field(default_factory=dict)
+    joints: IntArray  # including those of which it holds only single channels
+    root: int | None = None  # the joint that carries the body through the world
+    up: int = 1  # the axis that points up: 0, 1 or 2
+    base_joints: IntArray | None = None  # joints by which ``alignment="dtw"`` aligns
+    held: Mapping[int, str] = field(default_factory=dict)  # joint to axes, see `JointGroups.held`
 
     @property
     def whole_joints(self) -> IntArray:
@@ -63,42 +47,24 @@ def transplant(
 ) -> Part:
     """Return the motion of a joint group with donor segments in place of base segments.
 
-    Parameters
-    ----------
-    base : Motion
-        The motion whose other joints are kept.
-    cut : Segments
-        Its segments, in order of time, covering it.
-    donors : Segments
-        The donor of each segment of `cut`; may be the segment itself.
-    clips : sequence of Motion
-        The clips that `donors.clip` indexes, of the base's hierarchy.
-    group : GraftedGroup
-        The joints to replace.
-    config : Config
-        Gives `seam`, `seam_window`, `seam_blend`, `alignment` and `torso`.
+    `cut` covers the base in order of time. `donors` are the donor of each of its segments, which
+    may be the segment itself, in `clips` of the base's hierarchy.
 
-    Returns
-    -------
-    Part
-        The group's motion, as long as the base. Where unstretched donors follow one another as in
-        their clip, it is that clip bit for bit.
-
-    Notes
-    -----
     Every donor is resampled to the length of its base segment, by a curve that depends on the
     donor's neighbours in its clip too. At every seam, two donors that are not neighbours in a clip
-    or are stretched, the treatment of `Config.seam` closes the gap
-    (`mograft.blend.seam_treatments`). A joint's translation is replaced only if it moves in some
-    donor's clip; otherwise the base keeps its bone lengths. For ``torso="world"`` see
-    `mograft.blend.trunk_lean.TrunkLean`.
+    or are stretched, the treatment of `Config.seam` closes the gap. Where unstretched donors follow
+    one another as in their clip, the result is that clip bit for bit. A joint's translation is
+    replaced only if it moves in some donor's clip; otherwise the base keeps its bone lengths.
     """
     # Clips of a stored library are read on access: only those of donors are.
     used, clip = np.unique(donors.clip, return_inverse=True)
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
     joints = group.whole_joints
-    warp = ALIGNMENTS.get(config.alignment)(base, cut, donors, clips, group.base_joints)
-    timeline = DonorTimeline(cut, donors, base.rate, warp)
+    timeline = DonorTimeline(cut, donors, base.rate)
+    align = ALIGNMENTS.get(config.alignment)
+    if align is not None and group.base_joints is not None:
+        warp = align(base, cut, donors, clips, group.base_joints)
+        timeline = replace(timeline, warp=warp)
     lean = TrunkLean.from_config(base, joints, group.up, config)
     moving: BoolArray = np.any([clip.travels[joints] for clip in clips], axis=0)
     if group.root is not None and (joints == group.root).any():

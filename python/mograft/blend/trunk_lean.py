@@ -12,37 +12,23 @@ from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["TrunkLean"]
-
 
 @dataclass(frozen=True, eq=False)
 class TrunkLean:
     """The trunk joints of a group whose lean in the world is kept.
 
-    Attributes
-    ----------
-    joints : ndarray of int
-        The group's joints.
-    columns : sequence of int
-        Indices into `joints` of the trunk joints that hang on another group; none with
-        ``torso="pelvis"``, and then nothing changes.
-    up : int
-        The axis that points up.
-
-    Notes
-    -----
     A rotation is q_k in a donor's clip k and R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world
     rotation of the joint on which the trunk hangs, Y its twist about the up axis. `remove` applies
     Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar and Gleicher (2006).
     """
 
-    joints: IntArray
-    columns: Sequence[int]
-    up: int
+    joints: IntArray  # the group's joints
+    columns: Sequence[int]  # of `joints` that are trunk joints and hang on another group
+    up: int  # the axis that points up
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
-        """Return the trunk joints that `Config.torso` is about."""
+        """Return the trunk joints that hang on another group; none for ``torso="pelvis"``."""
         if config.torso == "pelvis":
             return cls(joints, [], up)
         parts, parents = anatomy(base.skeleton).parts, base.skeleton.parents

@@ -8,8 +8,6 @@ from mograft.body.contacts import Leg
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["bend_leg", "bend_limb"]
-
 _USUAL_AXIS_WEIGHT = 0.1
 """Weight of a leg's mean bend axis; that of a frame's own axis is the sine of its bend."""
 
@@ -17,23 +15,13 @@ _USUAL_AXIS_WEIGHT = 0.1
 def bend_limb(
     start: FloatArray, middle: FloatArray, end: FloatArray, target: FloatArray, axis: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rotations that move the end of a limb of two bones to a target.
+    """Return the rotations that move the end of a limb of two bones to a target, each (n, 4).
 
-    Parameters
-    ----------
-    start, middle, end : ndarray, shape (n, 3)
-        Positions of the limb's first joint, of the joint between its bones, and of its end.
-    target : ndarray, shape (n, 3)
-        Target of the end. If it is out of reach, the limb is straightened towards it.
-    axis : ndarray, shape (n, 3)
-        Unit axes about which the limb bends, roughly perpendicular to both bones: for a knee the
-        cross product of thigh and shank.
-
-    Returns
-    -------
-    at_start, at_middle : ndarray, shape (n, 4)
-        Rotations in the world: of the whole limb about its start, and before that of the lower
-        bone about the middle joint.
+    `start`, `middle` and `end`, shape (n, 3), are positions of the limb's first joint, of the joint
+    between its bones, and of its end. If `target` is out of reach, the limb is straightened towards
+    it. It bends about the unit vectors `axis`, roughly perpendicular to both bones: for a knee the
+    cross product of thigh and shank. The results are rotations in the world: of the whole limb
+    about its start, and before that of the lower bone about the middle joint.
     """
     upper, lower = start - middle, end - middle
 
@@ -70,25 +58,11 @@ def bend_leg(
     points: FloatArray,
     displacements: FloatArray,
 ) -> Part | None:
-    """Return a leg that is bent so that its heel and toe are displaced.
+    """Return hip, knee and ankle of a leg, bent so that its heel and toe are displaced.
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-    world_rotations, world_positions : ndarray, shape (n_frames, n_joints, 4 or 3)
-        Its joints in the world, after the root has been moved.
-    leg : Leg
-        The leg.
-    points : ndarray, shape (n_frames, 2, 3)
-        Its heel and toe, after the root has been moved.
-    displacements : ndarray, shape (n_frames, 2, 3)
-        The displacements of these. Frames with displacements of 0 are kept bit for bit.
-
-    Returns
-    -------
-    Part or None
-        Hip, knee and ankle; None if all displacements are 0.
+    The world transforms, shape (n_frames, n_joints, 4 or 3), and `points`, the heel and toe, shape
+    (n_frames, 2, 3), are those after the root has been moved. Frames with displacements of 0 are
+    kept bit for bit. The result is None if all displacements are 0.
     """
     joints = np.array([leg.hip, leg.knee, leg.ankle])
     is_moved = (displacements != 0.0).any(axis=(1, 2))

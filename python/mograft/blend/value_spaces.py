@@ -1,8 +1,4 @@
-"""Differences and velocities of rotations and of translations, behind one interface.
-
-Seam treatments, resampling and root motion work on both kinds of values alike: a delta leads from
-one value to another, and a velocity is the rate of a delta.
-"""
+"""Differences and velocities of rotations and of translations, behind one interface."""
 
 from typing import Protocol
 
@@ -12,13 +8,12 @@ from mograft._util.arrays import FloatArray
 from mograft.motion import rotations
 from mograft.motion.resample import cubic, cubic_positions
 
-__all__ = ["ROTATIONS", "TRANSLATIONS", "ValueSpace"]
-
 
 class ValueSpace(Protocol):
-    """A Lie group: values and the 3-vectors tangent to it.
+    """A Lie group, of rotations or translations, and the 3-vectors tangent to it.
 
-    Values have shape (..., 4) or (..., 3), deltas and velocities (..., 3).
+    Values have shape (..., 4) or (..., 3). Deltas lead from one value to another; velocities are
+    their rates; both have shape (..., 3).
     """
 
     def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:

@@ -11,22 +11,15 @@ side is at positive x. The left foot swings in the first half of a stride, the r
 second.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, as_floats, make_read_only, restore
-from mograft.dancer.plan import (
-    BoolArray,
-    StrArray,
-    make_clock,
-    make_foot,
-    make_pelvis,
-    make_plan,
-    make_route,
-)
+from mograft._util.arrays import BoolArray, FloatArray, as_floats, make_read_only, restore
+from mograft._util.validate import is_integer
+from mograft.dancer.plan import StrArray, make_clock, make_foot, make_pelvis, make_plan, make_route
 from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
 from mograft.dancer.skeleton import INDEX, JOINTS, OFFSETS, make_skeleton
 from mograft.dancer.styles import ARM_PATTERNS, LEG_STYLES
@@ -70,13 +63,7 @@ class Dance:
 
     def __getitem__(self, frames: slice) -> "Dance":
         """Return a range of frames, as `Motion` does."""
-        return Dance(
-            self.motion[frames],
-            self.legs[frames],
-            self.arms[frames],
-            self.phase[frames],
-            self.stance[frames],
-        )
+        return Dance(**{field.name: getattr(self, field.name)[frames] for field in fields(self)})
 
     def takes(self, n: int) -> tuple["Dance", ...]:
         """Cut the dance into clips of nearly equal length, named ``dance_1`` and so on.
@@ -145,7 +132,7 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     frames_per_second = float(as_floats("rate", rate, ()))
     if frames_per_second <= 0:
         raise ValueError(f"`rate` must be above 0 frames per second, got {frames_per_second}")
-    if isinstance(strides, bool) or not isinstance(strides, int | np.integer):
+    if not is_integer(strides):
         raise TypeError(f"`strides` must be a whole number, got {strides!r}")
     if strides < 1:
         raise ValueError(f"`strides` must be 1 or more, got {strides}")
@@ -184,7 +171,7 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
 def _generator(seed: int | np.random.Generator) -> np.random.Generator:
     if isinstance(seed, np.random.Generator):
         return seed
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
+    if not is_integer(seed):
         raise TypeError(f"`seed` must be a whole number or a numpy.random.Generator, got {seed!r}")
     if seed < 0:
         raise ValueError(f"`seed` must be 0 or more, got {seed}")

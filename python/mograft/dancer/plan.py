@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.dancer.skeleton import (
     ANKLE_BACK,
     ANKLE_HEIGHT,
@@ -22,7 +22,6 @@ from mograft.dancer.skeleton import (
 from mograft.dancer.styles import ARM_JITTER, ARM_PATTERNS, JITTER, LEG_STYLES, LegStyle
 from mograft.motion import rotations
 
-BoolArray: TypeAlias = npt.NDArray[np.bool_]
 StrArray: TypeAlias = npt.NDArray[np.str_]
 
 # Degrees. At 90 degrees, Euler angles in the order ZYX are singular (gimbal lock).
@@ -142,21 +141,11 @@ def make_route(plan: Plan) -> Route:
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """The motion of a foot in the world.
+    """The motion of a foot in the world."""
 
-    Parameters
-    ----------
-    ankle : ndarray, shape (n_frames, 3)
-        Positions of the ankle.
-    quats : ndarray, shape (n_frames, 4)
-        Rotations of the foot.
-    is_standing : ndarray of bool, shape (n_frames,)
-        Whether the foot stands flat and still.
-    """
-
-    ankle: FloatArray
-    quats: FloatArray
-    is_standing: BoolArray
+    ankle: FloatArray  # positions, (n_frames, 3)
+    quats: FloatArray  # (n_frames, 4)
+    is_standing: BoolArray  # (n_frames,): flat and still
 
 
 def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:

@@ -51,25 +51,12 @@ def _two_bone_ik(
     rest: FloatArray,
     hinge: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Solve the inverse kinematics of a limb of two bones.
+    """Return the rotations (n, 4) of a limb's first bone and the angles (n,) of its second.
 
-    Parameters
-    ----------
-    reach : ndarray, shape (n, 3)
-        Vector from the start of the limb to its end, shorter than both bones together.
-    pole : ndarray, shape (n, 3) or (3,)
-        Direction of the middle joint.
-    lengths : tuple of float
-        Lengths of the two bones.
-    rest, hinge : ndarray, shape (3,)
-        Direction of the limb in the rest pose, and the axis about which it bends.
-
-    Returns
-    -------
-    upper : ndarray, shape (n, 4)
-        Rotations of the first bone.
-    bend : ndarray, shape (n,)
-        Angles of the second bone about the hinge in radians, 0 if the limb is straight.
+    `reach`, shape (n, 3), leads from the start of the limb to its end and is shorter than both
+    bones. `pole` is the direction of the middle joint. In the rest pose the limb points along
+    `rest` and bends about `hinge`. Angles are about the hinge in radians, 0 if the limb is
+    straight.
     """
     upper, lower = lengths
     distance = np.linalg.norm(reach, axis=-1)

@@ -8,54 +8,26 @@ from mograft.dancer.skeleton import Vector
 
 @dataclass(frozen=True)
 class LegStyle:
-    """Parameters of a leg style; lengths in cm, angles in degrees.
+    """Parameters of a leg style; lengths in cm, angles in degrees."""
 
-    Parameters
-    ----------
-    period : float
-        Seconds per stride, which is two steps.
-    step, side : float
-        Distance forward per step, and sideways per stride.
-    turn : float
-        Change of heading per stride.
-    swing : float
-        Fraction of a stride in which each foot is in the air or rolls.
-    push : float
-        Fraction of the swing before the toe leaves the ground.
-    lift, heel_off, strike : float
-        Height of the sole in mid swing; pitch of the foot at take-off (heel up) and at landing
-        (toe up).
-    width : float
-        Lateral distance of each ankle from the midline.
-    height, bounce : float
-        Mean height of the pelvis, and the amplitude of its vertical motion.
-    lag : float
-        Delay of the lowest point after a foot lands, as a fraction of a stride.
-    surge : float
-        Amplitude of the variation of the forward speed, as a fraction of the speed.
-    sway, twist, roll, lean : float
-        Lateral motion of the pelvis towards the standing foot, its rotation about y and about
-        z, and the forward inclination of the trunk.
-    """
-
-    period: float
-    step: float = 0.0
-    side: float = 0.0
-    turn: float = 0.0
-    swing: float = 0.46
-    push: float = 0.1
-    lift: float = 4.0
-    heel_off: float = 28.0
-    strike: float = 14.0
-    width: float = 9.0
-    height: float = 89.0
-    bounce: float = 1.5
-    lag: float = 0.03
-    surge: float = 0.0
-    sway: float = 2.5
-    twist: float = 5.0
-    roll: float = 4.0
-    lean: float = 2.0
+    period: float  # seconds per stride, which is two steps
+    step: float = 0.0  # distance forward per step
+    side: float = 0.0  # distance sideways per stride
+    turn: float = 0.0  # change of heading per stride
+    swing: float = 0.46  # fraction of a stride in which each foot is in the air or rolls
+    push: float = 0.1  # fraction of the swing before the toe leaves the ground
+    lift: float = 4.0  # height of the sole in mid swing
+    heel_off: float = 28.0  # pitch of the foot at take-off, heel up
+    strike: float = 14.0  # pitch of the foot at landing, toe up
+    width: float = 9.0  # lateral distance of each ankle from the midline
+    height: float = 89.0  # mean height of the pelvis
+    bounce: float = 1.5  # amplitude of the pelvis's vertical motion
+    lag: float = 0.03  # delay of the lowest point after a foot lands, as a fraction of a stride
+    surge: float = 0.0  # amplitude of the forward speed, as a fraction of the speed
+    sway: float = 2.5  # lateral motion of the pelvis towards the standing foot
+    twist: float = 5.0  # rotation of the pelvis about y
+    roll: float = 4.0  # rotation of the pelvis about z
+    lean: float = 2.0  # forward inclination of the trunk
 
 
 LEG_STYLES: dict[str, LegStyle] = {
@@ -80,39 +52,20 @@ ARM_JITTER = 0.06
 class ArmPattern:
     """An arm pattern of the left arm, mirrored for the right; lengths in cm, angles in degrees.
 
-    The wrist is at ``wrist + sway * s + arc * s**2``, where s oscillates between 1 and -1.
-
-    Parameters
-    ----------
-    wrist, sway, arc : tuple of float
-        Coefficients of the wrist position: outward, up and forward from the lower end of the
-        trunk.
-    elbow : tuple of float
-        Direction of the elbow from the line between shoulder and wrist.
-    hand : tuple of float, optional
-        Direction of the hand. Default: that of the forearm.
-    beats : int
-        Periods of s per stride.
-    start : float
-        Phase of s at the start of a stride, as a fraction of its period.
-    snap : float
-        If above 0, s is flattened at its extremes and steeper in between.
-    shrug : float
-        Elevation of the collar bone.
-    on : {"Spine", "Hips"}
-        The joint to which the wrist positions are relative.
+    The wrist is at ``wrist + sway * s + arc * s**2``, where s oscillates between 1 and -1. The
+    coefficients point outward, up and forward from the lower end of the trunk.
     """
 
     wrist: Vector
     sway: Vector
-    elbow: Vector
+    elbow: Vector  # direction of the elbow from the line between shoulder and wrist
     arc: Vector = (0, 0, 0)
-    hand: Vector | None = None
-    beats: int = 1
-    start: float = 0.0
-    snap: float = 0.0
-    shrug: float = 0.0
-    on: Literal["Spine", "Hips"] = "Spine"
+    hand: Vector | None = None  # direction of the hand; None: that of the forearm
+    beats: int = 1  # periods of s per stride
+    start: float = 0.0  # phase of s at the start of a stride, as a fraction of its period
+    snap: float = 0.0  # if above 0, s is flattened at its extremes and steeper in between
+    shrug: float = 0.0  # elevation of the collar bone
+    on: Literal["Spine", "Hips"] = "Spine"  # the joint to which the wrist positions are relative
 
 
 _SWING = ArmPattern((24, -19, 3), sway=(-2, 2.5, 19), arc=(0, 7, 1), elbow=(0.4, 0, -1))

@@ -1,6 +1,6 @@
 """Beam search for base segments whose root follows a path on the floor."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +10,6 @@ from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.scenario.scenario import Scenario
 from mograft.scenario.transition_graph import Transitions, transitions
-
-__all__ = ["follow", "mean_walking_speed"]
 
 _BEAM_WIDTH = 2048
 _N_HEADINGS = 8
@@ -82,22 +80,17 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
 
 @dataclass(frozen=True, eq=False)
 class _Beam:
-    """States of the search, one row each.
+    """States of the search, one per row; lengths are in skeleton heights."""
 
-    `node` and `previous` are segments, `turn` and `initial_turn` rotations about the up axis in
-    radians, `position` and `progress` the root's position and that of its nearest path point along
-    the path, in heights. `parent` is the row of the state before in the beam before.
-    """
-
-    node: IntArray
-    previous: IntArray
-    initial_turn: FloatArray
-    turn: FloatArray
-    position: ComplexArray
-    progress: FloatArray
+    node: IntArray  # the segment
+    previous: IntArray  # the segment before it; -1 at the start
+    initial_turn: FloatArray  # rotation about the up axis in radians, of the first segment
+    turn: FloatArray  # and of this one
+    position: ComplexArray  # of the root
+    progress: FloatArray  # of the nearest path point along the path
     cost: FloatArray
     seconds: FloatArray
-    parent: IntArray
+    parent: IntArray  # row of the state before in the beam before
 
     @classmethod
     def start(cls, n: int) -> "_Beam":
@@ -195,16 +188,12 @@ class _PathSearch:
         progress, distance = self._nearest_on_path(
             position, beam.progress, beam.progress + 2.0 * np.abs(step)
         )
-        return _Beam(
-            node=beam.node,
-            previous=beam.previous,
-            initial_turn=beam.initial_turn,
-            turn=beam.turn,
+        return replace(
+            beam,
             position=position,
             progress=progress,
             cost=beam.cost + _OFF_PATH_WEIGHT * distance * np.abs(step),
             seconds=beam.seconds + self.durations[beam.node],
-            parent=beam.parent,
         )
 
     def _best_rows(self, beam: _Beam, max_seconds: float) -> IntArray:
@@ -270,17 +259,8 @@ class _PathSearch:
 def mean_walking_speed(distances: FloatArray, durations: FloatArray) -> float:
     """Return the mean speed of the segments that walk, in heights per second.
 
-    Parameters
-    ----------
-    distances : ndarray, shape (n,)
-        Distance over the floor that each segment covers, in heights.
-    durations : ndarray, shape (n,)
-        Their durations in seconds.
-
-    Returns
-    -------
-    float
-        The mean over the segments of at least 0.25 heights per second; 0.25 if there are none.
+    `distances` over the floor are in heights, `durations` in seconds. The mean is over the segments
+    of at least 0.25 heights per second; it is 0.25 if there are none.
     """
     walks = distances >= _MIN_WALKING_SPEED * durations
     if not walks.any():

@@ -16,25 +16,11 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.scenario.scenario import Scenario
 
-__all__ = ["donor_contacts", "realize_scenario"]
-
 
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
-    """Return the motion of a scenario, and its segments.
+    """Return the motion of a scenario, and where each of its segments lies in the motion.
 
-    Parameters
-    ----------
-    library : Library
-        The library of the segments.
-    scenario : Scenario
-        The segments.
-
-    Returns
-    -------
-    motion : Motion
-        The segments in sequence, seams closed, and feet planted unless `Config.feet` is "never".
-    segments : Segments
-        Where each segment lies in the motion.
+    Seams are closed, and feet are planted unless `Config.feet` is "never".
     """
     donors = library.segments[scenario.segments]
     lengths = donors.lengths if scenario.lengths is None else scenario.lengths
@@ -62,21 +48,8 @@ def donor_contacts(
 ) -> tuple[BoolArray, FloatArray]:
     """Return the foot contacts and foot heights of the segments from which legs come.
 
-    Parameters
-    ----------
-    library : Library
-        The library of the segments.
-    cut : Segments
-        The base segments.
-    leg_donors : sequence of ndarray of int
-        For every leg, the donor at each base segment.
-
-    Returns
-    -------
-    contacts : ndarray of bool, shape (n_frames, n_legs, 2)
-        Whether heels and toes stand; see `detect_contacts`.
-    heights : ndarray, shape (n_frames, n_legs, 2)
-        Their heights above the floor; see `foot_heights`.
+    `leg_donors` holds, for every leg, the donor at each segment of `cut`. Both results have shape
+    (n_frames, n_legs, 2); see `detect_contacts` and `foot_heights`.
     """
     n_frames = int(cut.stop[-1]) + 1
     contacts = np.empty((n_frames, len(leg_donors), 2), bool)

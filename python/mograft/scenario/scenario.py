@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from mograft._util.arrays import FloatArray, IntArray, as_floats, as_indices, make_read_only
 
-__all__ = ["Scenario"]
-
 
 @dataclass(frozen=True, eq=False)
 class Scenario:

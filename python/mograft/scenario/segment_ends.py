@@ -17,8 +17,6 @@ from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["SegmentEnds", "segment_ends", "transition_costs"]
-
 _TILT_WEIGHT, _HEIGHT_WEIGHT = 1.0, 2.0
 """Cost in radians per radian of root tilt, and per skeleton height of root height."""
 _VELOCITY_SECONDS = 0.1
@@ -31,55 +29,23 @@ _MAX_CHUNK = 1 << 22
 class SegmentEnds:
     """The starts, or the ends, of n segments.
 
-    Attributes
-    ----------
-    poses : ndarray, shape (n, n_joints, 4)
-        Local rotations of the base group's feature joints without the root.
-    joint_velocities : ndarray, shape (n, n_joints, 3)
-        Their angular velocities in radians per second.
-    root_rotations : ndarray, shape (n, 4)
-        World rotation of the root.
-    root_positions : ndarray, shape (n, 3)
-        World position of the root in the file's unit.
-    tilts : ndarray, shape (n, 4)
-        World rotation of the root without its heading.
-    heights : ndarray, shape (n,)
-        Height of the root in skeleton heights.
-    root_velocities : ndarray, shape (n, 3)
-        Velocity of the root, seen from its heading, in skeleton heights per second.
-    root_angular_velocities : ndarray, shape (n, 3)
-        Angular velocity of the root in radians per second.
-    contacts : ndarray of bool, shape (n, n_feet)
-        Which feet stand.
-    is_at_rest : ndarray of bool, shape (n,)
-        Whether the kinetic energy has a minimum where the segment ends.
-    steps : ndarray, shape (n, 4)
-        Displacement over the floor and rotation about the up axis between the segment's two
-        frames at this end.
-    weight_sums : ndarray, shape (n,)
-        Sum, over the segment's frames, of the weights of the velocity on the other side of a seam.
-    faded_steps : ndarray, shape (n, 4)
-        The segment's own steps, summed with these weights.
-
-    Notes
-    -----
-    If the base group does not hold the root, all quantities of the root are 0 except
-    `root_rotations` and `root_positions`.
+    Joints are the base group's feature joints without the root. If the base group does not hold the
+    root, all its quantities are 0 except `root_rotations` and `root_positions`.
     """
 
-    poses: FloatArray
-    joint_velocities: FloatArray
-    root_rotations: FloatArray
-    root_positions: FloatArray
-    tilts: FloatArray
-    heights: FloatArray
-    root_velocities: FloatArray
-    root_angular_velocities: FloatArray
-    contacts: BoolArray
-    is_at_rest: BoolArray
-    steps: FloatArray
-    weight_sums: FloatArray
-    faded_steps: FloatArray
+    poses: FloatArray  # (n, n_joints, 4): local rotations
+    joint_velocities: FloatArray  # (n, n_joints, 3): in radians per second
+    root_rotations: FloatArray  # (n, 4): in the world
+    root_positions: FloatArray  # (n, 3): in the world, in the file's unit
+    tilts: FloatArray  # (n, 4): world rotation of the root without its heading
+    heights: FloatArray  # (n,): of the root, in skeleton heights
+    root_velocities: FloatArray  # (n, 3): seen from its heading, in heights per second
+    root_angular_velocities: FloatArray  # (n, 3): in radians per second
+    contacts: BoolArray  # (n, n_feet): which feet stand
+    is_at_rest: BoolArray  # (n,): whether the segment ends at a minimum of kinetic energy
+    steps: FloatArray  # (n, 4): root displacement and yaw between the two frames at this end
+    weight_sums: FloatArray  # (n,): of the weights of the velocity on a seam's other side
+    faded_steps: FloatArray  # (n, 4): the segment's steps, summed with these weights
 
     def feature_points(self) -> FloatArray:
         """Return points whose distance is the root mean square of the terms of the cost.

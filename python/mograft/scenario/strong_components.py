@@ -6,26 +6,11 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 
-__all__ = ["largest_strong_component"]
-
 
 def largest_strong_component(n: int, sources: IntArray, targets: IntArray) -> IntArray:
-    """Return the largest set of nodes of which every one is reachable from every other.
+    """Return the largest set of nodes of which every one is reachable from every other, ascending.
 
-    Parameters
-    ----------
-    n : int
-        Number of nodes.
-    sources, targets : ndarray of int
-        The edges, sorted by source.
-
-    Returns
-    -------
-    ndarray of int
-        The nodes, ascending; of sets of the same size the one that is found first.
-
-    Notes
-    -----
+    Edges are sorted by source. Of sets of the same size the one that is found first is returned.
     Tarjan, Depth-first search and linear graph algorithms (1972), without recursion.
     """
     bounds = np.searchsorted(sources, np.arange(n + 1)).tolist()

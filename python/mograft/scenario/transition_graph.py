@@ -12,8 +12,6 @@ from mograft.motion import rotations
 from mograft.scenario.segment_ends import SegmentEnds, segment_ends, transition_costs
 from mograft.scenario.strong_components import largest_strong_component
 
-__all__ = ["Transitions", "transitions"]
-
 _CHEAPEST_SHARE = 0.1
 """Share of all allowed pairs whose costs are within the limit."""
 _MAX_LIMIT = np.radians(25.0)
@@ -175,14 +173,13 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     if clips is not None:
         patterns = [clips] if isinstance(clips, str) else list(clips)
         names = [entry.name for entry in library.entries]
+        is_named = np.zeros(len(names), bool)
         for pattern in patterns:
-            if not any(fnmatchcase(name, pattern) or name == pattern for name in names):
+            matches = [fnmatchcase(name, pattern) or name == pattern for name in names]
+            if not any(matches):
                 raise ValueError(f"`clips` must name clips of the library, got {pattern!r}")
-        is_named = [
-            any(fnmatchcase(name, pattern) or name == pattern for pattern in patterns)
-            for name in names
-        ]
-        segments = segments[np.array(is_named, bool)[library.segments.clip[segments]]]
+            is_named |= matches
+        segments = segments[is_named[library.segments.clip[segments]]]
     if len(segments) > _MAX_SEGMENTS:
         raise ValueError(
             f"a transition graph must have at most {_MAX_SEGMENTS} segments, got "
@@ -251,16 +248,21 @@ def _root_changes(
     )
     added = ends.weight_sums[sources, None] * next_steps - ends.faded_steps[sources]
     added += starts.weight_sums[targets, None] * ends.steps[sources] - next_faded
-    added[(targets == sources + 1) & np.append(has_successor, False)[sources]] = 0.0
+    added[_is_successor(has_successor, sources, targets)] = 0.0
     return rotations.log(heading)[:, up] + added[:, 3], added[:, :3]
+
+
+def _is_successor(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
+    """Return whether each target follows its source in the clip."""
+    follows: BoolArray = (targets == sources + 1) & np.append(has_successor, False)[sources]
+    return follows
 
 
 def _is_allowed(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
     """Return whether pairs are neither equal nor neighbours in a clip."""
-    padded = np.append(has_successor, False)
-    is_successor = (targets == sources + 1) & padded[sources]
-    is_predecessor = (targets == sources - 1) & padded[targets]
-    allowed: BoolArray = ~(is_successor | is_predecessor | (sources == targets))
+    are_neighbors = _is_successor(has_successor, sources, targets)
+    are_neighbors |= _is_successor(has_successor, targets, sources)
+    allowed: BoolArray = ~are_neighbors & (sources != targets)
     return allowed
 
 

@@ -1,6 +1,6 @@
 """Random walks on the transition graph: by duration, by number of frames, to beats (paper, 4.4)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +10,6 @@ from mograft._util.validate import as_integer
 from mograft.library.library import Library
 from mograft.scenario.scenario import Scenario
 from mograft.scenario.transition_graph import Transitions, transitions
-
-__all__ = ["fill", "to_beats", "walk"]
 
 _MIN_RETURN = 2
 """Segments between two uses of the same segment, if there is a choice."""
@@ -71,7 +69,7 @@ def walk(
     probabilities = graph.probabilities()
     lengths = library.segments.lengths[graph.segments]
     n_frames = duration * library.rate
-    path = _WalkPath(rng, len(lengths), int(rng.integers(len(lengths))))
+    path = _WalkPath(graph, rng, int(rng.integers(len(lengths))))
     frames = int(lengths[path.node])
     while frames < n_frames:
         edges = graph.edges_from(path.node)
@@ -125,8 +123,8 @@ def fill(
     graph = transitions(library) if graph is None else graph
     _check_table_size(total, graph)
     lengths = library.segments.lengths[graph.segments]
-    step = _Step.from_graph(graph)
-    ends = _end_probabilities(step, lengths, total)
+    probabilities = graph.probabilities()
+    ends = _end_probabilities(graph, probabilities, lengths, total)
     if not ends[total].any():
         possible = np.flatnonzero(ends.any(axis=1))
         nearest = int(possible[np.abs(possible - total).argmin()]) + 1
@@ -134,17 +132,19 @@ def fill(
             f"no segment sequence has a total length of {frames} frames; the nearest possible "
             f"length is {nearest} frames"
         )
-    path = _WalkPath(rng, len(lengths), int(rng.choice(len(lengths), p=_normalize(ends[total]))))
+    path = _WalkPath(graph, rng, int(rng.choice(len(lengths), p=_normalize(ends[total]))))
     left = total
     while left > lengths[path.node]:
         left -= int(lengths[path.node])
         edges = graph.edges_from(path.node)
         targets = graph.targets[edges]
-        path.advance(targets, step.probabilities[edges] * ends[left, targets])
+        path.advance(targets, probabilities[edges] * ends[left, targets])
     return graph.segments[path.nodes]
 
 
-def _end_probabilities(step: "_Step", lengths: IntArray, total: int) -> Weights:
+def _end_probabilities(
+    graph: Transitions, probabilities: FloatArray, lengths: IntArray, total: int
+) -> Weights:
     """Return, by remaining frames and first segment, how likely a walk ends with the last frame.
 
     If `total` remaining frames cannot be filled, further rows show which numbers can.
@@ -156,18 +156,14 @@ def _end_probabilities(step: "_Step", lengths: IntArray, total: int) -> Weights:
     for left in range(1, n_rows):
         fits = lengths <= left
         ends[left, fits] = after[left - lengths[fits], fits]
-        after[left] = step.expectation(ends[left])
+        after[left] = _expect(graph, probabilities, ends[left])
         if left == total and ends[left].any():
             break
     return ends
 
 
 def to_beats(
-    library: Library,
-    beats: npt.ArrayLike,
-    seed: int = 0,
-    *,
-    graph: Transitions | None = None,
+    library: Library, beats: npt.ArrayLike, seed: int = 0, *, graph: Transitions | None = None
 ) -> Scenario:
     """Walk at random so that the body comes to rest on every beat.
 
@@ -221,8 +217,7 @@ def to_beats(
     _check_table_size(round(float(times[-1] - times[0]) * library.rate), graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
     plan = _BeatPlan.solve(graph, lengths, spans, times)
-    step = plan.step
-    path = _WalkPath(rng, len(lengths), int(rng.choice(len(lengths), p=_normalize(plan.meets[0]))))
+    path = _WalkPath(graph, rng, int(rng.choice(len(lengths), p=_normalize(plan.meets[0]))))
     new_lengths: list[int] = []
     for beat, span in enumerate(spans.tolist()):
         shortest, _ = _stretchable_lengths(span)
@@ -231,8 +226,8 @@ def to_beats(
             done = sum(captured)
             edges = graph.edges_from(path.node)
             targets = graph.targets[edges]
-            ending = step.probabilities[edges] * plan.meets[beat + 1, targets]
-            continuing = step.probabilities[edges] * plan.continues[beat][done, targets]
+            ending = plan.probabilities[edges] * plan.meets[beat + 1, targets]
+            continuing = plan.probabilities[edges] * plan.continues[beat][done, targets]
             ending *= graph.is_at_rest[path.node] and done >= shortest
             if rng.random() * (ending.sum() + continuing.sum()) < ending.sum():
                 break
@@ -246,20 +241,12 @@ def to_beats(
 
 @dataclass(frozen=True, eq=False)
 class _BeatPlan:
-    """How likely walks meet all later beats.
+    """How likely walks meet all later beats."""
 
-    Attributes
-    ----------
-    step : _Step
-        The transition matrix.
-    meets : ndarray, shape (n_beats, n_segments)
-        By beat and by the segment that starts there; scaled so that the greatest is 1.
-    continues : list of ndarray, shape (n_frames, n_segments)
-        For every beat but the last: by frames since the beat and by the segment that starts there.
-    """
-
-    step: "_Step"
-    meets: Weights
+    probabilities: FloatArray  # of each edge
+    meets: Weights  # (n_beats, n_segments), by the segment that starts there; greatest is 1
+    # For every beat but the last, (n_frames, n_segments): by frames since it and by the segment
+    # that starts there.
     continues: list[Weights]
 
     @classmethod
@@ -267,13 +254,13 @@ class _BeatPlan:
         cls, graph: Transitions, lengths: IntArray, spans: IntArray, times: FloatArray
     ) -> "_BeatPlan":
         """Compute the probabilities backwards from the last beat."""
-        step, n = _Step.from_graph(graph), len(lengths)
+        probabilities, n = graph.probabilities(), len(lengths)
         meets = np.ones((len(spans) + 1, n), np.float32)
         continues: list[Weights] = []
         for beat in range(len(spans) - 1, -1, -1):
             shortest, longest = _stretchable_lengths(int(spans[beat]))
-            at_rest = np.where(graph.is_at_rest, step.expectation(meets[beat + 1]), 0.0)
-            at_rest = at_rest.astype(np.float32)
+            met_next = _expect(graph, probabilities, meets[beat + 1])
+            at_rest = np.where(graph.is_at_rest, met_next, 0.0).astype(np.float32)
             starting = np.zeros((longest + 1, n), np.float32)
             after = np.zeros_like(starting)
             for done in range(longest - 1, -1, -1):
@@ -282,7 +269,7 @@ class _BeatPlan:
                 starting[done, fits] = after[stop[fits], fits]
                 ends = (stop >= shortest) & fits
                 starting[done, ends] += at_rest[ends]
-                after[done] = step.expectation(starting[done])
+                after[done] = _expect(graph, probabilities, starting[done])
             if not starting[0].any():
                 raise ValueError(
                     f"no segment sequence comes to rest at the beats from {times[beat]:.4g} s on "
@@ -292,53 +279,35 @@ class _BeatPlan:
             meets[beat] = starting[0] / starting[0].max()
             continues.append(starting)
         continues.reverse()
-        return cls(step, meets, continues)
+        return cls(probabilities, meets, continues)
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """The transition probabilities of a walk as a sparse matrix, sorted by source."""
-
-    first_edge: IntArray
-    targets: IntArray
-    probabilities: FloatArray
-
-    @classmethod
-    def from_graph(cls, graph: Transitions) -> "_Step":
-        return cls(graph.first_edge, graph.targets, graph.probabilities())
-
-    def expectation(self, values: Weights) -> FloatArray:
-        """Return the expectation of a function of the next node, for each node."""
-        products = self.probabilities * values[self.targets]
-        mean: FloatArray = np.add.reduceat(products, self.first_edge[:-1])
-        return mean
+def _expect(graph: Transitions, probabilities: FloatArray, values: Weights) -> FloatArray:
+    """Return the expectation of a function of the next node, for each node."""
+    products = probabilities * values[graph.targets]
+    mean: FloatArray = np.add.reduceat(products, graph.first_edge[:-1])
+    return mean
 
 
-@dataclass(eq=False)
 class _WalkPath:
-    """A walk so far: its nodes, and how often it visited each of n."""
+    """A walk so far: its last node, all its nodes, and how often it visited each node."""
 
-    rng: np.random.Generator
-    n: int
-    node: int
-    nodes: list[int] = field(init=False)
-    uses: IntArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.nodes = [self.node]
-        self.uses = np.zeros(self.n, np.int64)
-        self.uses[self.node] = 1
+    def __init__(self, graph: Transitions, rng: np.random.Generator, node: int) -> None:
+        self._rng = rng
+        self.node, self.nodes = node, [node]
+        self._uses = np.zeros(len(graph.segments), np.int64)
+        self._uses[node] = 1
 
     def advance(self, targets: IntArray, weights: FloatArray) -> int:
         """Draw the next node, one of `targets`; a recent one only if all others have weight 0."""
-        uses = self.uses[targets]
+        uses = self._uses[targets]
         weights = weights * np.exp(uses[weights > 0].min() - uses)
         is_recent = np.isin(targets, self.nodes[-_MIN_RETURN - 1 :])
         allowed = np.where(is_recent, 0.0, weights)
         shares = _normalize(allowed if allowed.any() else weights)
-        self.node = int(self.rng.choice(targets, p=shares))
+        self.node = int(self._rng.choice(targets, p=shares))
         self.nodes.append(self.node)
-        self.uses[self.node] += 1
+        self._uses[self.node] += 1
         return self.node
 
 

@@ -11,8 +11,6 @@ from importlib import import_module
 from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft.blend.seams import SeamTreatment
 
-__all__ = ["SEAM_TREATMENTS"]
-
 SEAM_TREATMENTS: Registry[SeamTreatment] = CONFIG_OPTIONS["seam"].implemented_by(
     {name: import_module(f"{__name__}.{name}").TREATMENT for name in CONFIG_OPTIONS["seam"]}
 )

@@ -6,8 +6,6 @@ from mograft._util.arrays import FloatArray
 from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, crossfade_after
 from mograft.blend.value_spaces import ValueSpace
 
-__all__ = ["TREATMENT"]
-
 _MIN_HALF_LIFE, _MAX_HALF_LIFE = 0.05, 1.0
 """Bounds in seconds on the half-life of the extrapolated velocity."""
 
@@ -15,8 +13,6 @@ _MIN_HALF_LIFE, _MAX_HALF_LIFE = 0.05, 1.0
 class _Dead(SeamTreatment):
     """Extrapolate the piece before a seam with falling speed, and fade over to the piece after.
 
-    Notes
-    -----
     Dead blending (Holden 2023). The half-life of a joint's velocity is the time in which the
     velocity would cover the gap, per component: shortest if the joint moves away from its target.
     """
@@ -39,8 +35,6 @@ class _Dead(SeamTreatment):
         seam = times.piece - 1
         window = times.windows(blend)[times.piece]
         is_fading = (seam >= 0) & (times.seconds < window)
-        if not len(gaps):
-            return values.copy()
         seam, seconds = seam[is_fading], times.seconds[is_fading][:, None, None]
         distance = velocity[seam] / decay[seam] * -np.expm1(-decay[seam] * seconds)
         extrapolated = space.add(boundaries.before[seam], distance)

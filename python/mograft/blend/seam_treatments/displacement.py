@@ -11,14 +11,10 @@ from mograft.blend.seams import (
 )
 from mograft.blend.value_spaces import ValueSpace
 
-__all__ = ["TREATMENT"]
-
 
 class _Displacement(SeamTreatment):
     """Move both sides of a seam half way, by an amount that falls to 0 over the segment.
 
-    Notes
-    -----
     Displacement mapping, linear in the logarithm (paper, 4.5). Velocities jump at the seam.
     """
 

@@ -12,14 +12,10 @@ from mograft.blend.seams import (
 )
 from mograft.blend.value_spaces import ValueSpace
 
-__all__ = ["TREATMENT"]
-
 
 class _Inertial(SeamTreatment):
     """Keep the piece before a seam, and start the piece after it from there.
 
-    Notes
-    -----
     Inertialisation (Bollo, GDC 2018). The offset is the quintic with zero value, velocity and
     acceleration at its end, and zero acceleration at the seam. The window is shortened if the
     offset would overshoot. One polynomial serves all three components, so that they end together.

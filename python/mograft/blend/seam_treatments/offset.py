@@ -13,17 +13,13 @@ from mograft.blend.seams import (
 )
 from mograft.blend.value_spaces import ValueSpace
 
-__all__ = ["TREATMENT"]
-
 
 class _Offset(SeamTreatment):
     """Let both sides of a seam meet half way, in value and in velocity.
 
-    Notes
-    -----
     The offset is a cubic in the logarithm. At the seam it has the required value and velocity; at
-    the end of the blend time both are 0. If both seams of a short piece are in reach, their
-    offsets add up; each is 0 with velocity 0 at the other seam.
+    the end of the blend time both are 0. If both seams of a short piece are in reach, their offsets
+    add up; each is 0 with velocity 0 at the other seam.
     """
 
     is_causal = False

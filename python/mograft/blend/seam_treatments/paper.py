@@ -8,18 +8,13 @@ from mograft.blend.seam_treatments import displacement
 from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, no_crossfade
 from mograft.blend.value_spaces import ValueSpace
 
-__all__ = ["TREATMENT", "smoothing_windows"]
-
 
 class _Paper(SeamTreatment):
     """Displace the segments, then replace the frames near the seam by a cubic.
 
-    Notes
-    -----
-    The paper's window is 5 frames on each side of a seam. Here it is clamped: it never leaves the
-    nearer half of either segment, so that two windows never overlap. It is
-    min(`Config.seam_window`, half of the shorter segment - 1 frame). Seams beside a segment of one
-    interval are not smoothed.
+    The paper's window is 5 frames on each side of a seam. Here it is min(`Config.seam_window`, half
+    of the shorter segment - 1 frame), so that it stays in the nearer half of either segment and two
+    windows never overlap. Seams beside a segment of one interval are not smoothed.
     """
 
     is_causal = False
@@ -64,21 +59,10 @@ class _Paper(SeamTreatment):
 
 
 def smoothing_windows(cut: Segments, seams: IntArray, window: int) -> tuple[IntArray, IntArray]:
-    """Return the frames left and right of each seam between which the cubic replaces frames.
+    """Return the kept frames left and right of each seam between which the cubic replaces frames.
 
-    Parameters
-    ----------
-    cut : Segments
-        The base segments.
-    seams : ndarray of int
-        Indices of the segments that end with a seam.
-    window : int
-        Frames on each side of a seam that are replaced at most.
-
-    Returns
-    -------
-    left, right : ndarray of int
-        The kept frames beside each window; no entry for seams beside a one-interval segment.
+    `window` is the maximum number of replaced frames on each side. Seams beside a segment of one
+    interval have no entry.
     """
     reach = np.minimum(np.minimum(cut.lengths[seams], cut.lengths[seams + 1]) // 2 - 1, window)
     frames = cut.stop[seams][reach >= 0]
