@@ -11,14 +11,12 @@ from mograft.analysis.embedding import Samples
 from mograft.analysis.segmentation import Segments
 from mograft.body.groups import JointGroups
 from mograft.library.clip_table import ClipInfo
-from mograft.library.clusters import cluster_groups, embed_groups, feature_joints_by_group
+from mograft.library.clusters import cluster_groups, embed_groups, join_boundary_states
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource, find_clips, unique_names
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
 from mograft.motion.motion import Motion
-
-__all__ = ["build_library", "join_segments", "name_clips"]
 
 L = TypeVar("L", bound=LibraryData)
 
@@ -72,13 +70,9 @@ def build_library(
         embedding=embedding,
         labels=labels,
         sigma=sigma,
-        boundary_states={
-            group: {
-                key: np.concatenate([clip.boundary_states[key][:, joints] for clip in clips])
-                for key in clips[0].boundary_states
-            }
-            for group, joints in feature_joints_by_group(groups, skeleton).items()
-        },
+        boundary_states=join_boundary_states(
+            [clip.boundary_states for clip in clips], groups, skeleton
+        ),
         samples=samples,
         refused={},
         folder=None,

@@ -1,6 +1,6 @@
 """Embed and cluster the segments of a library, group by group."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,16 +15,8 @@ from mograft.config import Config
 from mograft.library.spec import LibrarySpec
 from mograft.motion.skeleton import Skeleton
 
-__all__ = [
-    "ClusterMembers",
-    "Progress",
-    "cluster_groups",
-    "embed_groups",
-    "feature_joints_by_group",
-    "nearest_clusters",
-]
-
 Progress = Callable[[str, int, int], None]
+"""Called with the name of a stage, the number of items done and of all items."""
 
 
 def feature_joints_by_group(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
@@ -33,33 +25,34 @@ def feature_joints_by_group(groups: JointGroups, skeleton: Skeleton) -> dict[str
     return {name: feature_joints(skeleton, joints) for name, joints in members.items()}
 
 
+def join_boundary_states(
+    clips: Sequence[Mapping[str, FloatArray]],
+    groups: JointGroups,
+    skeleton: Skeleton,
+    known: Mapping[str, Mapping[str, FloatArray]] | None = None,
+) -> dict[str, dict[str, FloatArray]]:
+    """Return the boundary states of each group's feature joints, by group and key.
+
+    `clips` holds the result of `boundary_states` for each clip. `known` holds states, by group and
+    key, that precede those of the clips.
+    """
+    return {
+        group: {
+            key: np.concatenate(
+                [*([known[group][key]] if known else []), *(clip[key][:, joints] for clip in clips)]
+            )
+            for key in clips[0]
+        }
+        for group, joints in feature_joints_by_group(groups, skeleton).items()
+    }
+
+
 def embed_groups(
     samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
 ) -> dict[str, Embedding | None]:
-    """Embed the segments for each group.
+    """Embed the segments for each group; None for a group that `embed` cannot embed.
 
-    Parameters
-    ----------
-    samples : Source
-        The samples of all segments.
-    groups : JointGroups
-        The joint groups.
-    spec : LibrarySpec
-        The library specification.
-    config : Config
-        The configuration.
-    report : callable
-        Called with "comparing", the number of groups that are embedded, and of all groups.
-
-    Returns
-    -------
-    dict of str to Embedding or None
-        None for a group that `embed` cannot embed.
-
-    Raises
-    ------
-    ValueError
-        If a group holds single channels of the root.
+    Raise ValueError if the root is divided, so that a group holds only some of its channels.
     """
     skeleton, root = spec.skeleton, spec.root
     members, held = groups.resolve(skeleton), groups.divided_channels(skeleton)
@@ -89,14 +82,9 @@ def embed_groups(
 def cluster_groups(
     embedding: Mapping[str, Embedding | None], n_segments: int, config: Config
 ) -> tuple[dict[str, IntArray], dict[str, float]]:
-    """Cluster the segments for each group.
+    """Return the cluster of each segment, and the cluster diameter threshold, by group.
 
-    Returns
-    -------
-    labels : dict of str to ndarray of int, shape (n_segments,)
-        The cluster of each segment. Without an embedding each segment is a cluster.
-    sigma : dict of str to float
-        The cluster diameter threshold of each group; 0 without an embedding.
+    Without an embedding each segment is a cluster, and the threshold is 0.
     """
     labels: dict[str, IntArray] = {}
     sigma: dict[str, float] = {}
@@ -111,21 +99,11 @@ def cluster_groups(
 
 @dataclass(frozen=True, eq=False)
 class ClusterMembers:
-    """Segments sorted by cluster, to find the cluster of a new segment.
+    """Segments sorted by cluster, to find the cluster of a new segment."""
 
-    Attributes
-    ----------
-    order : ndarray of int, shape (n_segments,)
-        The segments, cluster by cluster, ascending within each.
-    starts : ndarray of int, shape (n_clusters,)
-        Position in `order` at which each cluster begins.
-    points : ndarray, shape (n_segments, n_components)
-        The points of the segments in `order`.
-    """
-
-    order: IntArray
-    starts: IntArray
-    points: FloatArray
+    order: IntArray  # the segments, cluster by cluster, ascending within each
+    starts: IntArray  # position in `order` at which each cluster begins
+    points: FloatArray  # shape (n_segments, n_components), in this order
 
     @classmethod
     def from_labels(cls, labels: IntArray, points: FloatArray) -> "ClusterMembers":
@@ -134,23 +112,10 @@ class ClusterMembers:
         return cls(order, np.flatnonzero(np.diff(labels[order], prepend=-1)), points[order])
 
     def find_nearest_cluster(self, point: FloatArray, sigma: float) -> tuple[IntArray, FloatArray]:
-        """Find the cluster that a new point joins.
+        """Return the members of the cluster that a new point joins, and their distances from it.
 
-        Parameters
-        ----------
-        point : ndarray, shape (n_components,)
-            The point.
-        sigma : float
-            The cluster diameter threshold.
-
-        Returns
-        -------
-        members : ndarray of int, shape (n,)
-            The members of the cluster; empty if no cluster fits. A cluster fits if all its
-            members are within `sigma` of the point. Of several that with the nearest member is
-            taken; ties go to the first.
-        distances : ndarray, shape (n,)
-            Their distances from the point.
+        A cluster fits if all its members are within `sigma` of the point. Of several, the one with
+        the nearest member is taken; ties go to the first. If none fits, both arrays are empty.
         """
         # Most clusters are ruled out by their first member.
         first = np.linalg.norm(self.points[self.starts] - point, axis=1)
@@ -171,21 +136,8 @@ def nearest_clusters(
 ) -> IntArray:
     """Return the clusters of new segments, whose points are the last of an embedding.
 
-    Parameters
-    ----------
-    embedding : Embedding or None
-        The embedding of all segments.
-    labels : ndarray of int, shape (n_segments,)
-        The clusters of the segments that are not new.
-    n_new : int
-        Number of new segments.
-    sigma : float
-        The cluster diameter threshold.
-
-    Returns
-    -------
-    ndarray of int, shape (n_new,)
-        See `ClusterMembers.find_nearest_cluster`; a cluster of its own if none fits.
+    `labels` holds the clusters of the other segments. A new segment joins the cluster that
+    `ClusterMembers.find_nearest_cluster` returns, or is a new cluster if none fits.
     """
     clusters: IntArray = labels.max(initial=-1) + 1 + np.arange(n_new)
     if embedding is None:

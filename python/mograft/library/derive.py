@@ -2,15 +2,14 @@
 
 import warnings
 from dataclasses import replace
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 
 from mograft._util.validate import check_type
 from mograft.analysis.channel_groups import restrict_samples
-from mograft.analysis.embedding import Embedding, Samples, features, normalise
+from mograft.analysis.embedding import Embedding, Samples, features
 from mograft.analysis.segmentation import Segments, segment
-from mograft.body.mass import mass_model
 from mograft.body.mirroring import MirroredClips
 from mograft.config import Config
 from mograft.errors import join_names
@@ -18,19 +17,30 @@ from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import (
     cluster_groups,
     embed_groups,
-    feature_joints_by_group,
+    join_boundary_states,
     nearest_clusters,
 )
 from mograft.library.data import LibraryData
 from mograft.library.discover import unique_names
-from mograft.library.ingest import boundary_states
+from mograft.library.ingest import boundary_states, sample_segments
 from mograft.library.spec import ClipProperties, rates_match
 from mograft.library.stored_clips import ExtendedClips
 from mograft.motion.motion import Motion
 
-__all__ = ["DerivableLibrary"]
-
-L = TypeVar("L", bound=LibraryData)
+_BUILD_FIELDS = (
+    "smoothing",
+    "min_length",
+    "max_length",
+    "omega",
+    "inertia",
+    "samples",
+    "components",
+    "keep_heading",
+    "rotation_floor",
+    "position_floor",
+    "length_floor",
+)
+"""Fields of `Config` on which segments and embeddings depend."""
 
 
 class DerivableLibrary(LibraryData):
@@ -55,7 +65,17 @@ class DerivableLibrary(LibraryData):
         ValueError
             If an option of segmentation or embedding differs; the message names it.
         """
-        return _relabel(self, config)
+        current = self.config
+        for name in _BUILD_FIELDS:
+            if getattr(config, name) != getattr(current, name):
+                raise ValueError(
+                    f"`{name}` must be {getattr(current, name)!r}, the value with which the "
+                    f"library was built; got {getattr(config, name)!r}"
+                )
+        if (config.sigma, config.sigma_scale) == (current.sigma, current.sigma_scale):
+            return replace(self, config=config)
+        labels, sigma = cluster_groups(self.embedding, len(self.segments), config)
+        return replace(self, config=config, labels=labels, sigma=sigma)
 
     def mirrored(self) -> Self:
         """Return the library with the mirror images of all clips appended, clustered again.
@@ -72,7 +92,36 @@ class DerivableLibrary(LibraryData):
         ValueError
             If the skeleton's joints have no partners; see `mograft.mirror`.
         """
-        return _append_mirror_images(self)
+        n = len(self.entries)
+        names = [info.name for info in self.entries]
+        names = unique_names([*names, *(f"{name}_mirrored" for name in names)])
+        clips = MirroredClips(self.clips, tuple(names))
+        rows, states = [chunk.packed() for chunk in self.samples.chunks()], []
+        for index in range(n):
+            image, segments = clips[n + index], self.segments.of_clip(index)
+            cut = Segments(self.segments.start[segments], self.segments.stop[segments])
+            rows.append(sample_segments(image, cut, self.spec, self.config).packed())
+            states.append(boundary_states(image, cut))
+        samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
+        embedding = embed_groups(samples, self.groups, self.spec, self.config, _ignore)
+        labels, sigma = cluster_groups(embedding, 2 * len(self.segments), self.config)
+        images = replace(self.segments, clip=self.segments.clip + n)
+        infos = zip(self.entries + self.entries, names, strict=True)
+        return replace(
+            self,
+            clips=clips,
+            entries=tuple(replace(info, name=name) for info, name in infos),
+            segments=Segments.concatenate([self.segments, images]),
+            is_donor=np.concatenate([self.is_donor, self.is_donor]),
+            embedding=embedding,
+            labels=labels,
+            sigma=sigma,
+            boundary_states=join_boundary_states(
+                states, self.groups, self.skeleton, self.boundary_states
+            ),
+            samples=samples,
+            folder=None,
+        )
 
     def resolve_base(self, base: Motion | str | None) -> tuple[Self, int]:
         """Return the library with a base motion among its clips, and the index of the clip.
@@ -132,122 +181,47 @@ class DerivableLibrary(LibraryData):
         SkeletonMismatchError
             If the hierarchy differs.
         """
-        return _append_clip(self, motion)
-
-
-_BUILD_FIELDS = (
-    "smoothing",
-    "min_length",
-    "max_length",
-    "omega",
-    "inertia",
-    "samples",
-    "components",
-    "keep_heading",
-    "rotation_floor",
-    "position_floor",
-    "length_floor",
-)
-"""Fields of `Config` on which segments and embeddings depend."""
-
-
-def _relabel(library: L, config: Config) -> L:
-    """Cluster a library again."""
-    for name in _BUILD_FIELDS:
-        if getattr(config, name) != getattr(library.config, name):
-            raise ValueError(
-                f"`{name}` must be {getattr(library.config, name)!r}, the value with which the "
-                f"library was built; got {getattr(config, name)!r}"
+        name = motion.name or "the base"
+        self.skeleton.check_same_hierarchy(motion.skeleton, name)
+        if not rates_match(motion.rate, self.rate):
+            warnings.warn(
+                f"{name} is resampled from {motion.rate:.6g} to {self.rate:.6g} fps, the rate of "
+                "the library",
+                stacklevel=2,
             )
-    current = library.config
-    if (config.sigma, config.sigma_scale) == (current.sigma, current.sigma_scale):
-        return replace(library, config=config)
-    labels, sigma = cluster_groups(library.embedding, len(library.segments), config)
-    return replace(library, config=config, labels=labels, sigma=sigma)
-
-
-def _append_mirror_images(library: L) -> L:
-    """Append the mirror images of all clips."""
-    n = len(library.entries)
-    names = [info.name for info in library.entries]
-    names = unique_names([*names, *(f"{name}_mirrored" for name in names)])
-    clips = MirroredClips(library.clips, tuple(names))
-    rows, states = [chunk.packed() for chunk in library.samples.chunks()], []
-    for index in range(n):
-        image, segments = clips[n + index], library.segments.of_clip(index)
-        cut = Segments(library.segments.start[segments], library.segments.stop[segments])
-        rows.append(_sample(library, image, cut).packed())
-        states.append(boundary_states(image, cut))
-    samples = Samples(np.concatenate(rows), library.config.samples, library.skeleton.n_joints)
-    embedding = embed_groups(samples, library.groups, library.spec, library.config, _ignore)
-    labels, sigma = cluster_groups(embedding, 2 * len(library.segments), library.config)
-    images = replace(library.segments, clip=library.segments.clip + n)
-    infos = zip(library.entries + library.entries, names, strict=True)
-    return replace(
-        library,
-        clips=clips,
-        entries=tuple(replace(info, name=name) for info, name in infos),
-        segments=Segments.concatenate([library.segments, images]),
-        is_donor=np.concatenate([library.is_donor, library.is_donor]),
-        embedding=embedding,
-        labels=labels,
-        sigma=sigma,
-        boundary_states={
-            group: {
-                key: np.concatenate([known, *(state[key][:, joints] for state in states)])
-                for key, known in library.boundary_states[group].items()
-            }
-            for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
-        },
-        samples=samples,
-        folder=None,
-    )
-
-
-def _append_clip(library: L, motion: Motion) -> L:
-    """Append a clip whose segments are excluded as donors."""
-    name = motion.name or "the base"
-    library.skeleton.check_same_hierarchy(motion.skeleton, name)
-    if not rates_match(motion.rate, library.rate):
-        warnings.warn(
-            f"{name} is resampled from {motion.rate:.6g} to {library.rate:.6g} fps, the rate of "
-            "the library",
-            stacklevel=3,
+            motion = motion.resample(self.rate)
+        segments = segment(motion, self.config)
+        samples = sample_segments(motion, segments, self.spec, self.config)
+        held = self.groups.divided_channels(self.skeleton)
+        embedding = {
+            group: None
+            if known is None
+            else _project(known, restrict_samples(samples, self.skeleton, held[group]))
+            for group, known in self.embedding.items()
+        }
+        n, sigma = len(segments), self.sigma
+        labels = {
+            group: np.concatenate(
+                [known, nearest_clusters(embedding[group], known, n, sigma[group])]
+            )
+            for group, known in self.labels.items()
+        }
+        appended = replace(segments, clip=np.full(n, len(self.entries)))
+        return replace(
+            self,
+            clips=ExtendedClips(self.clips, motion),
+            entries=(*self.entries, _clip_info(motion)),
+            segments=Segments.concatenate([self.segments, appended]),
+            is_donor=np.concatenate([self.is_donor, np.zeros(n, bool)]),
+            embedding=embedding,
+            labels=labels,
+            boundary_states=join_boundary_states(
+                [boundary_states(motion, segments)],
+                self.groups,
+                self.skeleton,
+                self.boundary_states,
+            ),
         )
-        motion = motion.resample(library.rate)
-    segments = segment(motion, library.config)
-    samples = _sample(library, motion, segments)
-    samples = replace(samples, rows=samples.packed())
-    states = boundary_states(motion, segments)
-    held = library.groups.divided_channels(library.skeleton)
-    embedding = {
-        group: None
-        if known is None
-        else _project(known, restrict_samples(samples, library.skeleton, held[group]))
-        for group, known in library.embedding.items()
-    }
-    n, sigma = len(segments), library.sigma
-    labels = {
-        group: np.concatenate([known, nearest_clusters(embedding[group], known, n, sigma[group])])
-        for group, known in library.labels.items()
-    }
-    appended = replace(segments, clip=np.full(n, len(library.entries)))
-    return replace(
-        library,
-        clips=ExtendedClips(library.clips, motion),
-        entries=(*library.entries, _clip_info(motion)),
-        segments=Segments.concatenate([library.segments, appended]),
-        is_donor=np.concatenate([library.is_donor, np.zeros(n, bool)]),
-        embedding=embedding,
-        labels=labels,
-        boundary_states={
-            group: {
-                key: np.concatenate([known, states[key][:, joints]])
-                for key, known in library.boundary_states[group].items()
-            }
-            for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
-        },
-    )
 
 
 def _clip_info(motion: Motion) -> ClipInfo:
@@ -264,18 +238,6 @@ def _clip_info(motion: Motion) -> ClipInfo:
         up=properties.up,
         faults=(),
         tags=(),
-    )
-
-
-def _sample(library: LibraryData, motion: Motion, segments: Segments) -> Samples:
-    """Return samples of a motion's segments, not yet in single precision."""
-    return normalise(
-        [motion],
-        segments,
-        library.config,
-        root=library.root,
-        up=library.up,
-        heights=[mass_model(motion.skeleton).height],
     )
 
 

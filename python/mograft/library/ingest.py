@@ -15,7 +15,7 @@ from itertools import islice
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
-from mograft.analysis.embedding import normalise
+from mograft.analysis.embedding import Samples, normalise
 from mograft.analysis.segmentation import Segments, segment
 from mograft.body.faults import find_faults
 from mograft.body.mass import mass_model
@@ -26,18 +26,6 @@ from mograft.library.packing import PackedMotion, pack
 from mograft.library.spec import ClipProperties, LibrarySpec, rates_match
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-
-__all__ = [
-    "INGEST_ERRORS",
-    "IngestTask",
-    "IngestedClip",
-    "RefusedClip",
-    "SourceFile",
-    "boundary_states",
-    "ingest",
-    "ingest_all",
-    "read_properties",
-]
 
 DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
 """Kinds of faults that exclude the segments in which they lie as donors."""
@@ -54,23 +42,11 @@ _MAX_PENDING_BATCHES = 16
 
 @dataclass(frozen=True)
 class SourceFile:
-    """The state of a file when a clip was read from it.
-
-    Attributes
-    ----------
-    path : str
-        The file.
-    size : int
-        Its size in bytes.
-    mtime_ns : int
-        Time of its last modification, in nanoseconds.
-    sha256 : str
-        SHA-256 of its bytes.
-    """
+    """The state of a file when a clip was read from it."""
 
     path: str
-    size: int
-    mtime_ns: int
+    size: int  # bytes
+    mtime_ns: int  # time of the last modification
     sha256: str
 
     @classmethod
@@ -84,31 +60,12 @@ class SourceFile:
 
 @dataclass(frozen=True, eq=False)
 class IngestTask:
-    """A clip to ingest.
+    """A clip to ingest."""
 
-    Attributes
-    ----------
-    source : Motion or str
-        The clip, or its file.
-    rate_override : float, optional
-        Frames per second, if the file gives a wrong rate.
-    source_file : SourceFile, optional
-        The file from which a motion was read earlier.
-    as_read : bool
-        Whether the motion is an unchanged result of `read_bvh`.
-    """
-
-    source: Motion | str
-    rate_override: float | None = None
-    source_file: SourceFile | None = None
-    as_read: bool = False
-
-    @property
-    def name(self) -> str:
-        """The file or the name of the clip, for messages."""
-        if self.source_file is not None:
-            return self.source_file.path
-        return self.source if isinstance(self.source, str) else self.source.name or "a clip"
+    source: Motion | str  # the clip, or its file
+    rate_override: float | None = None  # frames per second, if the file gives a wrong rate
+    source_file: SourceFile | None = None  # the file from which a motion was read earlier
+    as_read: bool = False  # whether the motion is an unchanged result of `read_bvh`
 
     @property
     def label(self) -> str:
@@ -120,79 +77,35 @@ class IngestTask:
 
 @dataclass(frozen=True, eq=False)
 class IngestedClip:
-    """A clip with its segments and their samples.
+    """A clip with its segments and their samples."""
 
-    Attributes
-    ----------
-    clip : Motion or PackedMotion
-        The clip: at the library's rate if it is a motion; as it was read if it is packed.
-    name : str
-        Name of the motion; may be empty.
-    source_file : SourceFile or None
-        The file from which it was read.
-    properties : ClipProperties
-        Its properties.
-    n_frames : int
-        Number of frames at the library's rate.
-    segments : Segments
-        Its segments.
-    is_donor : ndarray of bool, shape (n_segments,)
-        Whether each segment is without a disqualifying fault.
-    faults : tuple of str
-        Messages of the disqualifying faults.
-    samples : ndarray of float32, shape (n_segments, n_numbers)
-        `Samples.packed` of the segments.
-    boundary_states : dict of str to ndarray, shape (n_segments, n_joints, ...)
-        Result of `boundary_states`, all joints.
-    """
-
-    clip: Motion | PackedMotion
-    name: str
+    clip: Motion | PackedMotion  # a motion at the library's rate, or packed as it was read
+    name: str  # of the motion; may be empty
     source_file: SourceFile | None
     properties: ClipProperties
-    n_frames: int
+    n_frames: int  # at the library's rate
     segments: Segments
-    is_donor: BoolArray
-    faults: tuple[str, ...]
-    samples: Packed
-    boundary_states: Mapping[str, FloatArray]
+    is_donor: BoolArray  # whether each segment is without a disqualifying fault
+    faults: tuple[str, ...]  # messages of the disqualifying faults
+    samples: Packed  # rows of `Samples` in single precision
+    boundary_states: Mapping[str, FloatArray]  # result of `boundary_states`, all joints
 
 
 @dataclass(frozen=True, eq=False)
 class RefusedClip:
-    """A clip that cannot be part of the library.
+    """A clip that cannot be part of the library."""
 
-    Attributes
-    ----------
-    label : str
-        Its file or name.
-    error : Exception
-        The reason.
-    properties : ClipProperties or None
-        Its properties, if it could be read.
-    """
-
-    label: str
+    label: str  # its file or name
     error: Exception
-    properties: ClipProperties | None
+    properties: ClipProperties | None  # None if the clip could not be read
 
 
 def boundary_states(motion: Motion, segments: Segments) -> dict[str, FloatArray]:
-    """Return poses and velocities at the first and last frame of segments.
+    """Return poses and velocities at the first and last frame of segments, all joints.
 
-    Parameters
-    ----------
-    motion : Motion
-        The clip.
-    segments : Segments
-        Its segments.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n_segments, n_joints, 4 or 3)
-        ``first`` and ``last``: the local rotations in the first and last frame.
-        ``first_velocity`` and ``last_velocity``: the angular velocities there, in the joints'
-        frames, in radians per second.
+    ``first`` and ``last`` are local rotations, shape (n_segments, n_joints, 4). ``first_velocity``
+    and ``last_velocity`` are angular velocities in the joints' frames, in radians per second,
+    shape (n_segments, n_joints, 3).
     """
     return {
         "first": motion.rotations[segments.start],
@@ -210,13 +123,19 @@ def _angular_velocities(motion: Motion, frames: IntArray) -> FloatArray:
     return velocities
 
 
-def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
-    """Read a clip, and return a task that holds it, and its properties.
+def sample_segments(
+    motion: Motion, segments: Segments, spec: LibrarySpec, config: Config
+) -> Samples:
+    """Return samples of the segments of a motion, in single precision."""
+    heights = [mass_model(motion.skeleton).height]
+    samples = normalise([motion], segments, config, root=spec.root, up=spec.up, heights=heights)
+    return replace(samples, rows=samples.packed())
 
-    Raises
-    ------
-    BvhError, OSError, ValueError
-        If the clip cannot be read or has a single frame.
+
+def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
+    """Read a clip; return a task that holds it, and its properties.
+
+    Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
     """
     task, motion = _read(task)
     return task, ClipProperties.from_motion(motion)
@@ -244,21 +163,8 @@ def ingest(
 ) -> IngestedClip | RefusedClip:
     """Read, segment and sample one clip.
 
-    Parameters
-    ----------
-    task : IngestTask
-        The clip.
-    spec : LibrarySpec
-        The library specification.
-    config : Config
-        The configuration.
-    is_packed : bool
-        Whether to return the clip packed as it was read, or as a motion at the library's rate.
-
-    Returns
-    -------
-    IngestedClip or RefusedClip
-        Refused if the clip cannot be read, has a single frame or another hierarchy.
+    The clip is returned packed as it was read, or as a motion at the library's rate. It is refused
+    if it cannot be read, has a single frame or another hierarchy.
     """
     label, properties = task.label, None
     try:
@@ -268,14 +174,7 @@ def ingest(
         resampled = motion if rates_match(motion.rate, spec.rate) else motion.resample(spec.rate)
         segments = segment(resampled, config)
         is_donor, faults = _check_faults(resampled, segments)
-        samples = normalise(
-            [resampled],
-            segments,
-            config,
-            root=spec.root,
-            up=spec.up,
-            heights=[mass_model(resampled.skeleton).height],
-        )
+        samples = sample_segments(resampled, segments, spec, config)
     except INGEST_ERRORS as error:
         return RefusedClip(label, error, properties)
     clip: Motion | PackedMotion = resampled
@@ -303,21 +202,9 @@ def ingest_all(
     *,
     is_packed: bool,
 ) -> Iterator[IngestedClip | RefusedClip]:
-    """Ingest clips, and yield the results in the order of the tasks.
+    """Ingest clips, and yield the results in the order of the tasks, which are consumed as needed.
 
-    Parameters
-    ----------
-    tasks : iterable of IngestTask
-        The clips; consumed as needed.
-    spec, config, is_packed
-        As for `ingest`.
-    executor : concurrent.futures.Executor, optional
-        The workers. Default: the calling thread.
-
-    Yields
-    ------
-    IngestedClip or RefusedClip
-        One per task.
+    Without an executor the calling thread ingests. For `is_packed` see `ingest`.
     """
     if executor is None:
         for task in tasks:
