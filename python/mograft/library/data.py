@@ -20,8 +20,6 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.candidates import SegmentPool
 
-__all__ = ["LibraryData"]
-
 
 @dataclass(frozen=True, eq=False)
 class LibraryData:

@@ -13,35 +13,16 @@ from typing import TypeVar
 
 from mograft.motion.motion import Motion
 
-__all__ = [
-    "ClipSource",
-    "FoundClip",
-    "find_clips",
-    "matching_values",
-    "read_tags",
-    "relative_path",
-    "sort_by_path",
-    "unique_names",
-]
-
 ClipSource = Motion | str | PathLike[str]
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
 class FoundClip:
-    """A clip that a source stands for.
+    """A clip that a source stands for."""
 
-    Attributes
-    ----------
-    source : Motion or str
-        The clip, or its file.
-    folders : tuple of str
-        The folders between the source and the file.
-    """
-
-    source: Motion | str
-    folders: tuple[str, ...] = ()
+    source: Motion | str  # the clip, or its file
+    folders: tuple[str, ...] = ()  # the folders between the source and the file
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -53,24 +34,11 @@ class FoundClip:
 
 
 def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
-    """Find the clips that sources stand for.
+    """Find the clips that motions, paths, folders and globs stand for, in the order of the sources.
 
-    Parameters
-    ----------
-    sources : Motion, path, folder or glob, or several
-        A folder stands for all BVH files in it and in its subfolders.
-
-    Returns
-    -------
-    list of FoundClip
-        In the order of the sources; the files of a folder or glob in order of name.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a folder or glob holds no BVH file.
-    ValueError
-        If there is no source.
+    A folder stands for all BVH files in it and in its subfolders. The files of a folder or glob are
+    sorted by name. Raise FileNotFoundError if a path, folder or glob holds no file, and ValueError
+    if there is no source.
     """
     several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
     clips: list[FoundClip] = []
@@ -98,10 +66,7 @@ def _find_files(path: str) -> list[FoundClip]:
 def sort_by_path(clips: Sequence[FoundClip], folder: Path) -> dict[tuple[str, ...], FoundClip]:
     """Return each file once, by its path relative to a folder, sorted by these paths.
 
-    Raises
-    ------
-    TypeError
-        If a clip is a motion.
+    Raise TypeError if a clip is a motion.
     """
     by_path = {}
     for clip in clips:
@@ -144,19 +109,9 @@ def unique_names(names: Sequence[str]) -> list[str]:
 
 
 def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
-    """Return the values of a table whose keys match a clip.
+    """Return, in the order of a table, the values whose keys match a clip.
 
-    Parameters
-    ----------
-    table : mapping of str, optional
-        Values by name, file name or path of a clip, or by globs of these.
-    clip : FoundClip
-        The clip.
-
-    Returns
-    -------
-    list
-        In the order of the table.
+    The keys are names, file names or paths of clips, or globs of these.
     """
     if not table:
         return []
@@ -170,23 +125,11 @@ def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
 
 
 def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
-    """Read tags from a CSV file.
+    """Read the `tags` of `Library.build` and `Library.index` from a CSV file.
 
-    Parameters
-    ----------
-    path : path
-        Each row holds a clip's name, file name, path or a glob of these, then its tags. A
-        first row that begins with ``clip`` or ``file`` is a heading.
-
-    Returns
-    -------
-    dict of str to tuple of str
-        The `tags` of `Library.build` and `Library.index`.
-
-    Raises
-    ------
-    ValueError
-        If a row holds a clip but no tag; the message gives the line.
+    Each row holds a clip's name, file name, path or a glob of these, then its tags. A first row
+    that begins with ``clip`` or ``file`` is a heading. Raise ValueError with the number of the
+    line if a row holds a clip but no tag.
     """
     table: dict[str, tuple[str, ...]] = {}
     with open(path, encoding="utf-8-sig", newline="") as stream:

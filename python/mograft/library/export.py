@@ -15,25 +15,15 @@ import numpy.typing as npt
 
 from mograft.library.library import Library
 
-__all__ = ["export_tables", "library_tables"]
-
 Column = npt.NDArray[Any] | list[Any]
 
 
 def library_tables(library: Library) -> dict[str, dict[str, Column]]:
-    """Return the contents of a library as tables.
+    """Return the columns of each table of a library, by name.
 
-    Parameters
-    ----------
-    library : Library
-        The library.
-
-    Returns
-    -------
-    dict of str to dict of str to column
-        ``clips``; ``segments``, with the cluster ``label_GROUP`` of each joint group; and
-        ``points``, with the coordinates ``GROUP_0`` and on of the segment. Row `i` of the two
-        latter is segment `i`; their column ``clip`` counts the rows of ``clips``.
+    The tables are ``clips``; ``segments``, with the cluster ``label_GROUP`` for each joint group;
+    and ``points``, with the coordinates ``GROUP_0``, ``GROUP_1``... of the segments. Row `i` of
+    ``segments`` and of ``points`` is segment `i`. The column ``clip`` counts the rows of ``clips``.
     """
     segments = library.segments
     points: dict[str, Column] = {"segment": np.arange(len(segments))}
@@ -70,30 +60,11 @@ def library_tables(library: Library) -> dict[str, dict[str, Column]]:
 def export_tables(
     library: Library, path: str | PathLike[str], kind: Literal["parquet", "csv", "npz"]
 ) -> list[Path]:
-    """Write the tables of a library.
+    """Write the tables of a library; return the files, which may exist and are replaced.
 
-    Parameters
-    ----------
-    library : Library
-        The library.
-    path : path
-        The file for ``npz``, else the folder for one file per table. Existing files are
-        replaced.
-    kind : {"parquet", "csv", "npz"}
-        Parquet needs pyarrow, the extra ``parquet``. The arrays of an NPZ file are named
-        ``TABLE/COLUMN``.
-
-    Returns
-    -------
-    list of Path
-        The files.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If pyarrow is needed and not installed; the message says how to install it.
-    ValueError
-        If `kind` is another one.
+    `path` is the file for "npz", whose arrays are named ``TABLE/COLUMN``, else the folder for one
+    file per table. Raise ValueError for another `kind`, and ModuleNotFoundError, with the way to
+    install it, if "parquet" lacks pyarrow.
     """
     if kind not in ("parquet", "csv", "npz"):
         raise ValueError(f"`kind` must be 'parquet', 'csv' or 'npz', got {kind!r}")

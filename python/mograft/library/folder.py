@@ -26,8 +26,6 @@ from mograft.library.storage import StoredLibrary
 from mograft.library.stored_clips import StoredClips
 from mograft.motion.motion import Motion
 
-__all__ = ["BoundaryParts", "commit_library", "load_library", "save_library"]
-
 L = TypeVar("L", bound=LibraryData)
 
 BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
@@ -115,20 +113,11 @@ def commit_library(
     boundary_states: BoundaryParts,
     requested_rate: float | None,
 ) -> None:
-    """Write everything except frames and samples, and commit the generation.
+    """Write everything except frames and samples, which are written, and commit the generation.
 
-    Parameters
-    ----------
-    writer : GenerationWriter
-        The generation, to which frames and samples have been written.
-    library : LibraryData
-        The library; its clips and boundary states are ignored.
-    locations : sequence of ClipLocation
-        Where the clips were written.
-    boundary_states : mapping
-        The boundary states of the feature joints, by group and key.
-    requested_rate : float or None
-        The frame rate that was requested, for clips that are added later.
+    Clips and boundary states of `library` are ignored: `locations` says where its clips were
+    written, and `boundary_states` holds the states of the feature joints. `requested_rate` is kept
+    for clips that are added later.
     """
     segments = library.segments
     for name in ("start", "stop", "clip"):

@@ -42,8 +42,6 @@ from mograft.library.storage import (
 from mograft.library.stored_clips import RowRange, StoredSamples, merge_ranges
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["GenerationWriter", "write_generation"]
-
 _MAX_SHARDS = 16
 """Generations whose clips may lie in separate files; beyond that all clips are written again."""
 
@@ -55,25 +53,9 @@ written again."""
 class GenerationWriter:
     """Write the next generation of a library; created by `write_generation`.
 
-    Parameters
-    ----------
-    root : Path
-        The folder in which the generation is written.
-    final : Path
-        The library: `root`, or the folder to which `root` is renamed.
-    base : StoredLibrary or None
-        The previous generation, if clips are added to it.
-    number : int
-        Number of the generation.
-
-    Attributes
-    ----------
-    base, final
-        As given.
-    folder : Path
-        The folder of the generation.
-    shards : list of str
-        Names of the shards, the files that hold frames and samples.
+    The generation is written in the folder `root`. This is the library, `final`, or is renamed to
+    it at the end. `base` is the previous generation, if clips are added to it. `shards` are the
+    names of the files that hold frames and samples.
     """
 
     def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
@@ -267,26 +249,9 @@ def write_generation(
 ) -> Iterator[GenerationWriter]:
     """Write the next generation of a library, under an exclusive lock.
 
-    Parameters
-    ----------
-    path : Path
-        The library.
-    force : bool
-        Whether to replace an existing library.
-    add : bool
-        Whether to continue an existing library.
-
-    Yields
-    ------
-    GenerationWriter
-        Everything that was written and not committed is removed at the end.
-
-    Raises
-    ------
-    FileExistsError
-        If the library exists.
-    LibraryError
-        If the folder is not a library, or another process is writing to it.
+    The library must be new, unless `force` says to replace it or `add` to continue it: else raise
+    FileExistsError. Everything that was written and not committed is removed at the end. Raise
+    LibraryError if the folder is not a library, or another process is writing to it.
     """
     final = Path(os.path.abspath(path))
     final.parent.mkdir(parents=True, exist_ok=True)

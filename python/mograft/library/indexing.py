@@ -27,40 +27,22 @@ from mograft.library.folder import BoundaryParts, commit_library, load_library
 from mograft.library.generation import GenerationWriter, write_generation
 from mograft.library.ingest import IngestedClip, IngestTask, SourceFile
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
-from mograft.library.spec import LibrarySpec
+from mograft.library.spec import LibrarySpec, has_same_hierarchy
 from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges
-
-__all__ = ["add_to_folder", "index_folder"]
 
 
 @dataclass(frozen=True, eq=False)
 class _IndexedClip:
-    """A clip of the generation that is written.
-
-    Attributes
-    ----------
-    order : ClipOrder
-        Its position in the library.
-    info, location
-        Its metadata and its location.
-    start, stop : ndarray of int, shape (n_segments,)
-        Its segments.
-    is_donor : ndarray of bool, shape (n_segments,)
-        Whether each segment may be a donor.
-    is_new : bool
-        Whether the clip was ingested for this generation.
-    first_row : int
-        Its first segment among those of the new clips, or of the previous generation.
-    """
+    """A clip of the generation that is written."""
 
     order: ClipOrder
     info: ClipInfo
     location: ClipLocation
-    start: IntArray
+    start: IntArray  # its segments, shape (n_segments,)
     stop: IntArray
-    is_donor: BoolArray
-    is_new: bool
-    first_row: int
+    is_donor: BoolArray  # whether each segment may be a donor
+    is_new: bool  # whether the clip was ingested for this generation
+    first_row: int  # its first segment among the new clips, or in the previous generation
 
     def __len__(self) -> int:
         return len(self.start)
@@ -215,7 +197,7 @@ def _ingest_additions(
         (order, clip)
         for order, clip in run.ingest_with_spec(pending, tasks, receiver, base.spec)
         # A changed file that no longer fits is left out, unless no clip would remain.
-        if clip.has_hierarchy_of(base.skeleton)
+        if has_same_hierarchy(clip.skeleton, base.skeleton)
     ]
     spec = run.choose_spec(properties) if properties else base.spec
     if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):

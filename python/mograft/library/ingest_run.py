@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Protocol, TypedDict
+from typing import NamedTuple, Protocol, TypedDict
 
 import numpy as np
 
@@ -22,15 +22,6 @@ from mograft.library.ingest import (
     read_properties,
 )
 from mograft.library.spec import ClipProperties, LibrarySpec, choose_spec, rates_match
-
-__all__ = [
-    "ClipOrder",
-    "ClipReceiver",
-    "IngestOptions",
-    "IngestRun",
-    "PendingClip",
-    "warn_of_clips",
-]
 
 _MAX_SAMPLED_CLIPS = 9
 """Clips from which the library specification is guessed before all clips are read."""
@@ -52,42 +43,21 @@ class IngestOptions(TypedDict, total=False):
     progress: Progress | None
 
 
-@dataclass(frozen=True, order=True)
-class ClipOrder:
-    """The position of a clip among the clips of a library.
-
-    Attributes
-    ----------
-    rank : int
-        Clips are sorted by rank first.
-    path : tuple of str
-        Then by their paths relative to the library, or other strings.
-    """
+class ClipOrder(NamedTuple):
+    """The position of a clip in a library: clips are sorted by rank, then by path."""
 
     rank: int
-    path: tuple[str, ...] = ()
+    path: tuple[str, ...] = ()  # relative to the library; for a clip without a file, its index
 
 
 @dataclass(frozen=True, eq=False)
 class PendingClip:
-    """A clip to ingest.
-
-    Attributes
-    ----------
-    order : ClipOrder
-        Its position in the library.
-    found : FoundClip or None
-        The source of the clip; None for a clip of the previous generation.
-    rate_override : float or None
-        Frames per second, if the file gives a wrong rate.
-    info : ClipInfo or None
-        The metadata in the previous generation, if the clip comes from there.
-    """
+    """A clip to ingest."""
 
     order: ClipOrder
-    found: FoundClip | None
-    rate_override: float | None
-    info: ClipInfo | None = None
+    found: FoundClip | None  # None for a clip of the previous generation
+    rate_override: float | None  # frames per second, if the file gives a wrong rate
+    info: ClipInfo | None = None  # the metadata of a clip of the previous generation
 
     def task(self) -> IngestTask:
         """Return the task that reads the clip from its source."""
@@ -137,31 +107,17 @@ class ClipReceiver(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class IngestRun:
-    """Options of an ingest of several clips, and the clips that were refused.
-
-    Attributes
-    ----------
-    config : Config
-        The configuration.
-    rate, frame_rates, tags, executor, progress
-        As for `Library.build`.
-    strict : bool
-        Whether a clip that is refused ends the run with an error.
-    is_packed : bool
-        Whether clips are returned packed or as motions.
-    errors : dict of str to Exception
-        Why clips were refused, by file or name.
-    """
+    """Options of an ingest of several clips, as in `Library.build`, and the refused clips."""
 
     config: Config
-    strict: bool
-    is_packed: bool
+    strict: bool  # whether a clip that is refused ends the run with an error
+    is_packed: bool  # whether clips are returned packed or as motions
     rate: float | None = None
     frame_rates: Mapping[str, float] | None = None
     tags: Mapping[str, Iterable[str]] | None = None
     executor: Executor | None = None
     progress: Progress | None = None
-    errors: dict[str, Exception] = field(default_factory=dict)
+    errors: dict[str, Exception] = field(default_factory=dict)  # of refused clips, by label
 
     def report(self, stage: str, done: int, total: int) -> None:
         """Report progress."""
@@ -254,16 +210,9 @@ class IngestRun:
 
 
 def warn_of_clips(entries: Sequence[ClipInfo], rate: float, *, stacklevel: int) -> None:
-    """Warn of clips that were resampled and of clips with faults.
+    """Warn of clips that were resampled to `rate` and of clips with faults.
 
-    Parameters
-    ----------
-    entries : sequence of ClipInfo
-        The clips.
-    rate : float
-        The library's frame rate.
-    stacklevel : int
-        The stack frame that warnings name: 1 for the caller, 2 for its caller and so on.
+    `stacklevel` is the stack frame that warnings name: 1 for the caller, 2 for its caller.
     """
 
     def warn(message: str) -> None:

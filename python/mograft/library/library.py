@@ -25,8 +25,6 @@ from mograft.search.donor_choice import cost_model
 if TYPE_CHECKING:
     from mograft.search.constraints import Constraint
 
-__all__ = ["Library"]
-
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 

@@ -1,6 +1,5 @@
 """Motions as flat arrays of numbers that restore them bit for bit."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -12,8 +11,6 @@ from mograft.io.bvh.channels import channels_to_transforms
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["PackedContent", "PackedMotion", "pack", "unpack"]
-
 PackedContent: TypeAlias = Literal["channels", "poses", "both"]
 
 
@@ -21,52 +18,25 @@ PackedContent: TypeAlias = Literal["channels", "poses", "both"]
 class PackedMotion:
     """A motion as one array of numbers.
 
-    Attributes
-    ----------
-    content : {"channels", "poses", "both"}
-        Whether the numbers are the channels of a file, from which the poses follow; rotations
-        and positions; or rotations, positions and channels.
-    numbers : ndarray, shape (n,)
-        The numbers, one array after the other.
-    skeleton : Skeleton
-        The clip's skeleton.
-    frame_time : float
-        Seconds from one frame to the next.
-    n_frames : int
-        Number of frames.
-    name : str
-        Name of the motion.
-    path : str or None
-        The file from which it was read.
-    repairs : tuple of str
-        Defects of the file that the reader repaired.
+    The numbers are the channels of a file ("channels"), from which rotations and positions follow;
+    rotations and positions ("poses"); or rotations, positions and channels ("both").
     """
 
     content: PackedContent
-    numbers: FloatArray
+    numbers: FloatArray  # shape (n,); one array after the other
     skeleton: Skeleton
-    frame_time: float
+    frame_time: float  # seconds
     n_frames: int
     name: str
-    path: str | None
-    repairs: tuple[str, ...]
+    path: str | None  # the file from which the motion was read
+    repairs: tuple[str, ...]  # defects of the file that the reader repaired
 
 
 def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
-    """Pack a motion.
+    """Pack a motion: its channels alone, in half the space, if its poses follow from them.
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-    as_read : bool
-        Whether the motion is an unchanged result of `read_bvh`: its poses then follow from its
-        channels. By default `pack` checks this.
-
-    Returns
-    -------
-    PackedMotion
-        With the channels alone if the poses follow from them: they take half the space.
+    `as_read` says that they do, because the motion is an unchanged result of `read_bvh`. By default
+    `pack` checks it.
     """
     values = motion.channel_values
     content: PackedContent = "poses" if values is None else "both"
@@ -107,18 +77,12 @@ def unpack(packed: PackedMotion) -> Motion:
         values = numbers.reshape(n_frames, skeleton.n_channels)
         quats, positions = channels_to_transforms(skeleton, values)
     else:
-        shapes: list[tuple[int, ...]] = [
-            (n_frames, skeleton.n_joints, 4),
-            (n_frames, skeleton.n_joints, 3),
-        ]
+        n_joints = skeleton.n_joints
+        ends = n_frames * n_joints * np.array([4, 7])
+        quats, positions, rest = np.split(numbers, ends)
+        quats, positions = quats.reshape(-1, n_joints, 4), positions.reshape(-1, n_joints, 3)
         if packed.content == "both":
-            shapes.append((n_frames, skeleton.n_channels))
-        ends = np.cumsum([math.prod(shape) for shape in shapes])
-        parts = np.split(numbers, ends[:-1])
-        quats, positions, *rest = (
-            part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
-        )
-        values = rest[0] if rest else None
+            values = rest.reshape(n_frames, skeleton.n_channels)
     return Motion(
         skeleton,
         packed.frame_time,

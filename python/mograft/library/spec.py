@@ -10,8 +10,6 @@ from mograft.body.mass import up_axis
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["ClipProperties", "LibrarySpec", "choose_spec", "rates_match"]
-
 MAX_RATE_DIFFERENCE = 1e-3
 """Relative difference up to which two frame rates count as equal: files round frame times, for
 instance 1/30 s to 0.033."""
@@ -19,57 +17,29 @@ instance 1/30 s to 0.033."""
 
 @dataclass(frozen=True, eq=False)
 class LibrarySpec:
-    """The parameters that all clips of a library share.
+    """The parameters that all clips of a library share."""
 
-    Attributes
-    ----------
-    skeleton : Skeleton
-        A skeleton with the joint names and the hierarchy of every clip.
-    rate : float
-        Frames per second.
-    root : int
-        The joint that carries the body through the world.
-    up : int
-        The axis that points up: 0, 1 or 2.
-    """
-
-    skeleton: Skeleton
-    rate: float
-    root: int
-    up: int
+    skeleton: Skeleton  # with the joint names and the hierarchy of every clip
+    rate: float  # frames per second
+    root: int  # the joint that carries the body through the world
+    up: int  # the axis that points up: 0, 1 or 2
 
     def is_equivalent(self, other: "LibrarySpec") -> bool:
         """Return whether ingest gives the same results for another specification."""
-        return (self.rate, self.root, self.up) == (
-            other.rate,
-            other.root,
-            other.up,
-        ) and _has_same_hierarchy(self.skeleton, other.skeleton)
+        parameters = (self.rate, self.root, self.up)
+        is_same = parameters == (other.rate, other.root, other.up)
+        return is_same and has_same_hierarchy(self.skeleton, other.skeleton)
 
 
 @dataclass(frozen=True, eq=False)
 class ClipProperties:
-    """The properties of one clip from which the library specification is chosen.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-        Its skeleton.
-    rate : float
-        Frames per second; the override of the file's rate, if the caller gave one.
-    n_frames : int
-        Number of frames at that rate.
-    root : int
-        The joint that carries the body; -1 if no joint changes its position.
-    up : int
-        The axis that points up.
-    """
+    """The properties of one clip from which the library specification is chosen."""
 
     skeleton: Skeleton
-    rate: float
-    n_frames: int
-    root: int
-    up: int
+    rate: float  # frames per second; the override of the file's rate, if the caller gave one
+    n_frames: int  # at that rate
+    root: int  # the joint that carries the body; -1 if no joint changes its position
+    up: int  # the axis that points up: 0, 1 or 2
 
     @classmethod
     def from_motion(cls, motion: Motion) -> "ClipProperties":
@@ -83,26 +53,13 @@ class ClipProperties:
             up=up_axis(motion),
         )
 
-    def has_hierarchy_of(self, skeleton: Skeleton) -> bool:
-        """Return whether the clip has the joint names and the hierarchy of a skeleton."""
-        return _has_same_hierarchy(self.skeleton, skeleton)
-
 
 def choose_spec(clips: Sequence[ClipProperties], rate: float | None = None) -> LibrarySpec:
-    """Choose the library specification from the properties of its clips.
+    """Choose the library specification from the properties of at least one clip.
 
-    Parameters
-    ----------
-    clips : sequence of ClipProperties
-        At least one.
-    rate : float, optional
-        Frames per second. Default: the rate of most frames.
-
-    Returns
-    -------
-    LibrarySpec
-        The joint names and hierarchy of most clips; the root of most clips; the up axis of the
-        longest clip. Ties go to the first.
+    Its joint names and hierarchy are those of most clips. Of the clips with that hierarchy come
+    the root of most clips, the up axis of the longest clip and, unless `rate` is given, the rate
+    of most frames. Ties go to the first.
     """
     by_hierarchy: dict[tuple[object, ...], list[ClipProperties]] = {}
     for clip in clips:
@@ -130,5 +87,6 @@ def rates_match(rate: float, other: float) -> bool:
     return abs(rate - other) <= MAX_RATE_DIFFERENCE * other
 
 
-def _has_same_hierarchy(skeleton: Skeleton, other: Skeleton) -> bool:
+def has_same_hierarchy(skeleton: Skeleton, other: Skeleton) -> bool:
+    """Return whether two skeletons have the same joint names and parents."""
     return skeleton.names == other.names and np.array_equal(skeleton.parents, other.parents)

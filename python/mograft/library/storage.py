@@ -37,8 +37,6 @@ from mograft.library.array_files import map_array
 from mograft.library.clip_table import ClipTable, read_clip_table
 from mograft.library.stored_clips import RowRange, StoredSamples, merge_ranges
 
-__all__ = ["StoredLibrary", "list_leftovers", "read", "read_manifest", "verify"]
-
 FORMAT, FORMAT_VERSION = "mograft.library", 1
 MANIFEST, DATABASE, LOCK = "manifest.json", "catalog.sqlite", ".lock"
 
@@ -48,24 +46,12 @@ _MAX_READ_ATTEMPTS = 8
 
 @dataclass(frozen=True, eq=False)
 class StoredLibrary:
-    """The files of a stored library.
-
-    Attributes
-    ----------
-    folder : Path
-        The library.
-    manifest : dict
-        Its manifest.
-    table : ClipTable
-        Its clips.
-    arrays : dict of str to ndarray
-        All arrays except ``samples``, mapped, by path within the generation without ``.npy``.
-    """
+    """The files of a stored library."""
 
     folder: Path
     manifest: dict[str, Any]
     table: ClipTable
-    arrays: dict[str, npt.NDArray[Any]]
+    arrays: dict[str, npt.NDArray[Any]]  # all but ``samples``, by path in the generation, mapped
 
     def samples(self) -> StoredSamples:
         """Return the samples of all segments, which are read when needed."""
@@ -84,24 +70,10 @@ class StoredLibrary:
 
 
 def read(folder: Path) -> StoredLibrary:
-    """Open the files of a library.
+    """Open the files of a library; they stay valid when another process writes a generation.
 
-    Parameters
-    ----------
-    folder : Path
-        The library.
-
-    Returns
-    -------
-    StoredLibrary
-        With every array mapped: it stays whole when another process writes the next generation.
-
-    Raises
-    ------
-    LibraryError
-        If the library is damaged, foreign, or written by a newer version.
-    FileNotFoundError
-        If the folder does not exist.
+    Raise LibraryError if the library is damaged, foreign or written by a newer version, and
+    FileNotFoundError if the folder does not exist.
     """
     for _ in range(_MAX_READ_ATTEMPTS):
         manifest = read_manifest(folder)
@@ -176,20 +148,8 @@ def _damage(folder: Path, reason: str) -> LibraryError:
 def verify(folder: Path) -> list[str]:
     """Compare the size and the SHA-256 of every file of a library with the manifest.
 
-    Parameters
-    ----------
-    folder : Path
-        The library.
-
-    Returns
-    -------
-    list of str
-        One message per missing or differing file; empty if the library is intact.
-
-    Raises
-    ------
-    LibraryError
-        If the manifest cannot be read.
+    Return one message per missing or differing file. Raise LibraryError if the manifest cannot be
+    read.
     """
     manifest = read_manifest(folder)
     problems = []

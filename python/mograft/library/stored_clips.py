@@ -17,8 +17,6 @@ from mograft.library.packing import PackedMotion, unpack
 from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
 
-__all__ = ["ExtendedClips", "RowRange", "StoredClips", "StoredSamples", "merge_ranges"]
-
 _MAX_CACHED_CLIPS = 16
 """Clips that stay in memory: a graft reads the same few again and again."""
 
@@ -26,14 +24,8 @@ _MAX_CACHED_CLIPS = 16
 class StoredClips(Sequence[Motion]):
     """The clips of a stored library, each read when it is indexed.
 
-    Parameters
-    ----------
-    table : ClipTable
-        Metadata and locations of the clips.
-    frames : sequence of ndarray
-        The mapped arrays in which the packed motions lie, one per shard.
-    rate : float
-        The library's frame rate, to which clips are resampled.
+    `frames` are the mapped arrays in which the packed motions lie, one per shard. Clips are
+    resampled to `rate`, the frame rate of the library.
     """
 
     def __init__(self, table: ClipTable, frames: Sequence[FloatArray], rate: float) -> None:
@@ -63,15 +55,9 @@ class StoredClips(Sequence[Motion]):
         return motion
 
     def original(self, index: int, *, as_read: bool = False) -> Motion:
-        """Return a clip before resampling.
+        """Return a clip before resampling, at its true rate and with its name in the library.
 
-        Parameters
-        ----------
-        index : int
-            Index of the clip.
-        as_read : bool
-            Whether to return it with the frame rate and the name that the file gives. By
-            default the rate is the true one and the name that of the library.
+        If `as_read`, return it with the frame rate and the name that the file gives.
         """
         info, location = self.table.entries[index], self.table.locations[index]
         start, frame_time = location.first_number, location.frame_time
@@ -112,21 +98,11 @@ class ExtendedClips(Sequence[Motion]):
 
 
 class RowRange(NamedTuple):
-    """Consecutive rows of one shard.
+    """Consecutive rows of one shard."""
 
-    Attributes
-    ----------
-    shard : int
-        Index of the shard.
-    first : int
-        The first row.
-    n : int
-        Number of rows.
-    """
-
-    shard: int
-    first: int
-    n: int
+    shard: int  # index
+    first: int  # the first row
+    n: int  # number of rows
 
 
 def merge_ranges(ranges: Iterable[RowRange]) -> tuple[RowRange, ...]:
@@ -147,20 +123,11 @@ class StoredSamples:
 
     The files are read, not mapped: pages that are mapped would count as memory of the process
     for as long as it runs.
-
-    Attributes
-    ----------
-    files : tuple of Path
-        The ``samples`` files, one per shard.
-    ranges : tuple of RowRange
-        Rows of these files in the order of the library.
-    n_samples, n_joints : int
-        Samples per segment, and joints of each.
     """
 
-    files: tuple[Path, ...]
-    ranges: tuple[RowRange, ...]
-    n_samples: int
+    files: tuple[Path, ...]  # the ``samples`` files, one per shard
+    ranges: tuple[RowRange, ...]  # rows of these files, in the order of the library
+    n_samples: int  # per segment
     n_joints: int
 
     def __len__(self) -> int:
