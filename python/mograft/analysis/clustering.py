@@ -1,10 +1,7 @@
 """Exact complete-linkage clustering in memory proportional to the number of points.
 
-The distance between two clusters is the greatest distance between their points, so the height of
-a merge is the diameter of the new cluster. Merges are ordered by the key (squared distance,
-smaller of the two clusters' lowest point indices, larger of them). The key makes the tree unique.
-The number of threads, the instruction set and the memory limit affect only the run time.
-`docs/linkage.md` describes the algorithm.
+Merges are ordered by the key (squared distance, smaller of the two clusters' lowest point indices,
+larger of them), which makes the tree unique. `docs/linkage.md` describes the algorithm.
 """
 
 import operator
@@ -64,7 +61,6 @@ def linkage(
     See Also
     --------
     cut : Flat clusters at one height, without computing the whole tree.
-    linkage_condensed : Complete linkage of given distances.
 
     Notes
     -----
@@ -73,10 +69,8 @@ def linkage(
     complete linkage has several valid trees, whose heights can differ: of 3,000 small point sets
     with ties, the heights of 167 differ from those of SciPy. Here, merges of equal height are
     ordered by the lowest point indices of the two clusters; the order in SciPy depends on its
-    traversal of the matrix.
-
-    Coordinates smaller than 2**-440 times the largest one count as 0; their squares underflow in
-    SciPy.
+    traversal of the matrix. Coordinates smaller than 2**-440 times the largest one count as 0;
+    their squares underflow in SciPy.
 
     Examples
     --------
@@ -84,7 +78,7 @@ def linkage(
     array([[0., 1., 1., 2.],
            [2., 3., 5., 3.]])
     """
-    memory = _MATRIX_BYTES if memory_limit is None else _as_count("memory_limit", memory_limit, 0)
+    memory = _as_memory(memory_limit, _MATRIX_BYTES)
     return _core.linkage(_as_points(points), _as_threads(threads), memory, progress)
 
 
@@ -111,14 +105,11 @@ def cut(
     Returns
     -------
     ndarray of int64, shape (n,)
-        The cluster of each point. Clusters are numbered from 0 in the order of their first
-        points.
+        The cluster of each point, numbered from 0 in the order of their first points.
 
     Raises
     ------
-    TypeError
-        If the points are not real numbers.
-    ValueError
+    TypeError, ValueError
         As for `linkage`, and if `max_diameter` is negative or NaN.
 
     Notes
@@ -135,7 +126,7 @@ def cut(
     diameter = float(max_diameter)
     if not diameter >= 0.0:
         raise ValueError(f"`max_diameter` must be 0 or more, got {max_diameter}")
-    memory = _MATRIX_BYTES if memory_limit is None else _as_count("memory_limit", memory_limit, 0)
+    memory = _as_memory(memory_limit, _MATRIX_BYTES)
     array = _as_points(points, min_points=0)
     return _core.cut(array, diameter, _as_threads(threads), memory, progress)
 
@@ -187,8 +178,7 @@ def linkage_condensed(
     """
     condensed = as_floats("distances", distances, ("n_pairs",))
     # The full matrix holds every distance twice, and a diagonal of n * 8 bytes.
-    memory = 4 * condensed.nbytes + 64 if memory_limit is None else memory_limit
-    memory = _as_count("memory_limit", memory, 0)
+    memory = _as_memory(memory_limit, 4 * condensed.nbytes + 64)
     return _core.linkage_condensed(condensed, _as_threads(threads), memory, progress)
 
 
@@ -221,16 +211,13 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
 
     Notes
     -----
-    "literal" is equation 14 of the paper as printed. It is the square root of a length, so the
-    clusters depend on the unit of the points. "rms", the standard deviation, scales with the
-    points.
+    "literal" is equation 14 of the paper as printed: the square root of a length, so the clusters
+    depend on the unit of the points. "rms", the standard deviation, scales with the points.
 
     Examples
     --------
     >>> threshold([[-1.0], [1.0], [-7.0], [7.0]])
     5.0
-    >>> threshold([[-1.0], [1.0], [-7.0], [7.0]], "literal")
-    2.0
     """
     _check_amount("scale", scale)
     if not isinstance(kind, str):
@@ -260,16 +247,12 @@ class CompleteLinkage:
     ----------
     labels_ : ndarray of int64, shape (n,)
         The cluster of each point, numbered from 0 in the order of their first points.
-    n_clusters_ : int
-        The number of clusters.
-    n_leaves_ : int
-        The number of points.
+    n_clusters_, n_leaves_, n_features_in_ : int
+        The number of clusters, of points and of axes.
     children_ : ndarray of int64, shape (n - 1, 2)
         The clusters of each merge, as in `linkage`.
     distances_ : ndarray, shape (n - 1,)
         The heights of the merges.
-    n_features_in_ : int
-        The number of axes.
 
     See Also
     --------
@@ -311,13 +294,7 @@ class CompleteLinkage:
         return {name: getattr(self, name) for name in ("max_diameter", "n_clusters", "threads")}
 
     def set_params(self, **params: object) -> Self:
-        """Set parameters by name and return the estimator.
-
-        Raises
-        ------
-        ValueError
-            If no parameter has that name.
-        """
+        """Set parameters by name and return the estimator; an unknown name raises ValueError."""
         for name, value in params.items():
             if name not in self.get_params():
                 known = ", ".join(self.get_params())
@@ -326,19 +303,7 @@ class CompleteLinkage:
         return self
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:  # noqa: ARG002
-        """Cluster points.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n_axes)
-            The points, at least two.
-        y : object, optional
-            Ignored; pipelines pass it.
-
-        Returns
-        -------
-        CompleteLinkage
-            The estimator itself, with its attributes set.
+        """Cluster at least two points, shape (n, n_axes), and return the estimator; `y` is ignored.
 
         Raises
         ------
@@ -425,6 +390,10 @@ def _as_points(points: npt.ArrayLike, min_points: int = 1) -> FloatArray:
 
 def _as_threads(threads: int | None) -> int:
     return os.cpu_count() or 1 if threads is None else _as_count("threads", threads, 1)
+
+
+def _as_memory(limit: int | None, default: int) -> int:
+    return default if limit is None else _as_count("memory_limit", limit, 0)
 
 
 def _as_count(name: str, value: int, minimum: int) -> int:

@@ -90,12 +90,8 @@ class Segments:
     @classmethod
     def concatenate(cls, parts: Iterable["Segments"]) -> "Segments":
         """Join parts, at least one, in their order; clip indices are kept."""
-        several = list(parts)
-        return cls(
-            np.concatenate([part.start for part in several]),
-            np.concatenate([part.stop for part in several]),
-            np.concatenate([part.clip for part in several]),
-        )
+        columns = zip(*((part.start, part.stop, part.clip) for part in parts), strict=True)
+        return cls(*map(np.concatenate, columns))
 
 
 def kinetic_energy(

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import IntArray, as_indices
-from mograft.body.body_parts import ARM, LEG, PARTS
+from mograft.body.body_parts import ARM, LEG, OPPOSITE_SIDE, PARTS
+from mograft.body.hierarchy import unbranched_chain
 from mograft.body.joint_names import ANIMAL_WORDS, part_of_words, read_names
 from mograft.body.limb_structure import recognise_structure
 from mograft.motion.skeleton import Skeleton
@@ -52,9 +53,7 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     pose: the feet point forward; without feet, the positive axis points left.
     """
     words, sides = read_names(skeleton.names)
-    named = _resolve_ambiguous(
-        skeleton, [part_of_words(joint_words) for joint_words in words], words, sides
-    )
+    named = _resolve_ambiguous(skeleton, [*map(part_of_words, words)], words, sides)
     legs = any(part in LEG for part in named)
     arms = any(part in ARM for part in named)
     guess, guessed_sides = [""] * skeleton.n_joints, [""] * skeleton.n_joints
@@ -65,14 +64,9 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
             guess = [part if part in missing else "" for part in guess]
     elif any(part in ARM + LEG and not side for part, side in zip(named, sides, strict=True)):
         guessed_sides = recognise_structure(skeleton)[1]
-    agreement = sum(
-        (1 if side == guessed else -1)
-        for side, guessed in zip(sides, guessed_sides, strict=True)
-        if side and guessed
-    )
-    if agreement < 0:  # the named sides show that the guessed ones are swapped
-        opposite = {"left": "right", "right": "left", "": ""}
-        guessed_sides = [opposite[side] for side in guessed_sides]
+    pairs = [(a, b) for a, b in zip(sides, guessed_sides, strict=True) if a and b]
+    if sum(a != b for a, b in pairs) > len(pairs) / 2:  # the guessed sides are swapped
+        guessed_sides = [OPPOSITE_SIDE[side] for side in guessed_sides]
     known = [part or guessed for part, guessed in zip(named, guess, strict=True)]
     hips = skeleton.common_ancestor([joint for joint, part in enumerate(known) if part])
     parts = _fill(skeleton, known, hips)
@@ -82,10 +76,7 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
         above = full_sides[parent] if parent >= 0 else ""
         full_sides.append(side or (above if parts[joint] in (*ARM, *LEG, "pelvis") else ""))
     structural = any(not part and guessed for part, guessed in zip(named, guess, strict=True))
-    two_legs = all(
-        any(p == "thigh" and s == side for p, s in zip(parts, full_sides, strict=True))
-        for side in ("left", "right")
-    )
+    two_legs = {("thigh", "left"), ("thigh", "right")} <= set(zip(parts, full_sides, strict=True))
     animal = any(ANIMAL_WORDS & set(joint_words) for joint_words in words) or "tail" in parts
     return Anatomy(
         parts=tuple(parts),
@@ -106,9 +97,8 @@ def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
     """
     indices = as_indices("joints", joints, ("n",))
     known = anatomy(skeleton)
-    excluded = {*known.joints("finger", "toe"), *known.details}
-    kept = [int(joint) for joint in indices if int(joint) not in excluded]
-    return np.array(kept, dtype=np.int64) if kept else indices
+    kept = indices[~np.isin(indices, [*known.joints("finger", "toe"), *known.details])]
+    return kept if len(kept) else indices
 
 
 def _resolve_ambiguous(
@@ -158,9 +148,7 @@ def _above_arms(skeleton: Skeleton, parts: list[str]) -> list[int]:
         return []
     chest = skeleton.common_ancestor(arms)
     for child in skeleton.children[chest]:
-        chain = [child]
-        while len(skeleton.children[chain[-1]]) == 1:
-            chain += skeleton.children[chain[-1]]
+        chain = unbranched_chain(skeleton, child)
         if len(chain) > 1 and all(parts[joint] == "trunk" for joint in chain):
             return chain
     return []
@@ -168,10 +156,8 @@ def _above_arms(skeleton: Skeleton, parts: list[str]) -> list[int]:
 
 def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
     """Return the part of every joint: its known part if plausible, else that of its parent."""
-    leg_ancestors = set()
-    for joint, part in enumerate(known):
-        if part in LEG:
-            leg_ancestors |= set(skeleton.ancestors(joint))
+    legs = [joint for joint, part in enumerate(known) if part in LEG]
+    leg_ancestors = {above for joint in legs for above in skeleton.ancestors(joint)}
     above_hips = set(skeleton.ancestors(hips))
     parts: list[str] = []
     for joint, parent in enumerate(skeleton.parents):

@@ -20,3 +20,4 @@ PARTS = (
 # Ordered from the body outwards: a part of a limb is never the child of a later one.
 ARM = ("clavicle", "upper_arm", "forearm", "hand", "finger")
 LEG = ("thigh", "shank", "foot", "toe")
+OPPOSITE_SIDE = {"left": "right", "right": "left", "": ""}

@@ -208,14 +208,10 @@ def clearance(
         left, right = np.indices((len(radii), len(other_radii))).reshape(2, -1)
     else:
         left, right = np.ascontiguousarray(pairs.T, np.int64)
-    return _core.clearance(
-        np.ascontiguousarray(ends),
-        np.ascontiguousarray(radii),
-        np.ascontiguousarray(others),
-        np.ascontiguousarray(other_radii),
-        np.ascontiguousarray(at, np.int64),
-        (left, right),
-    )
+    arrays = (np.ascontiguousarray(array) for array in (ends, radii, others, other_radii))
+    ends, radii, others, other_radii = arrays
+    at = np.ascontiguousarray(at, np.int64)
+    return _core.clearance(ends, radii, others, other_radii, at, (left, right))
 
 
 def box_clearance(

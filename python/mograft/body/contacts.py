@@ -153,12 +153,10 @@ class Ground:
         world_rotations, positions = motion.world_transforms()
         points = np.empty((motion.n_frames, len(self.limbs), 2, 3))
         for index, limb in enumerate(self.limbs):
-            points[:, index, 0] = positions[:, limb.ankle]
+            points[:, index, 0] = ankle = positions[:, limb.ankle]
             if limb.toe is None:
-                tip = np.tile(limb.tip, (motion.n_frames, 1))
-                points[:, index, 1] = positions[:, limb.ankle] + rotations.rotate(
-                    world_rotations[:, limb.ankle], tip
-                )
+                bone = rotations.rotate(world_rotations[:, limb.ankle], np.array(limb.tip))
+                points[:, index, 1] = ankle + bone
             else:
                 points[:, index, 1] = positions[:, limb.toe]
         return points

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
+from mograft.body.hierarchy import subtree_mask
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
@@ -82,7 +82,7 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
             A step at least 6 times the median of the steps around it and faster than 3 heights
             per second: a cut or lost markers. `frames` are those before and after.
         ``glitch``
-            A single frame that differs from smaller_step neighbours, in the body or in one joint.
+            A single frame that differs from both neighbours, in the body or in one joint.
         ``flip``
             A joint rotates by more than 150 degrees between consecutive frames.
         ``frozen``
@@ -128,7 +128,8 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     """Yield implausible steps of the whole body."""
     if motion.n_frames < 4:
         return
-    positions = motion.world_positions()[:, _moving(motion)]
+    moving = subtree_mask(motion.skeleton, [motion.locomotion_root()])
+    positions = motion.world_positions()[:, moving]
     height = float(np.median(np.ptp(positions, axis=1).max(axis=-1)))
     if height == 0.0:
         return
@@ -207,30 +208,15 @@ def _angle_wraps(motion: Motion) -> Iterator[Fault]:
         ]
         if not rotation_columns:
             continue
-        jumps = (
-            np.abs(np.diff(motion.channel_values[:, rotation_columns], axis=0)).max(axis=1) > 180.0
-        )
-        frames = np.flatnonzero(jumps)
-        if not len(frames):
-            continue
-        smooth = rotations.angle(
-            motion.rotations[frames, joint], motion.rotations[frames + 1, joint]
-        )
-        frames = frames[smooth < _FLIP_ANGLE]
+        steps = np.abs(np.diff(motion.channel_values[:, rotation_columns], axis=0))
+        frames = np.flatnonzero(steps.max(axis=1) > 180.0)
+        quats = motion.rotations[:, joint]
+        frames = frames[rotations.angle(quats[frames], quats[frames + 1]) < _FLIP_ANGLE]
         if len(frames):
             first, last = int(frames[0]), int(frames[-1]) + 1
             times = "once" if len(frames) == 1 else f"{len(frames)} times"
             message = f"an angle of {skeleton.names[joint]} jumps by 360 degrees {times}"
             yield Fault("wrap", (first, last), joint, message)
-
-
-def _moving(motion: Motion) -> npt.NDArray[np.bool_]:
-    """Return a mask of the joint that moves the body and all joints below it."""
-    moving = np.zeros(motion.n_joints, dtype=bool)
-    moving[motion.locomotion_root()] = True
-    for joint, parent in enumerate(motion.skeleton.parents):
-        moving[joint] |= parent >= 0 and moving[parent]
-    return moving
 
 
 def _mean_lengths(vectors: FloatArray) -> FloatArray:

@@ -4,7 +4,11 @@ import difflib
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from typing import TypeGuard
 
+import numpy as np
+
+from mograft.body.hierarchy import subtree_mask
 from mograft.motion.skeleton import Skeleton
 
 
@@ -37,12 +41,17 @@ def subtree(joint: str | int) -> Subtree:
     >>> JointGroups({"lower": ["Hips", subtree("*UpLeg")], "upper": [subtree("Spine")]})
     JointGroups(lower: Hips subtree('*UpLeg'); upper: subtree('Spine'); base lower)
     """
-    if not isinstance(joint, str | int) or isinstance(joint, bool):
+    if not is_joint(joint):
         raise TypeError(f"`joint` must be a name or an index, got {joint!r}")
     return Subtree(joint)
 
 
 Entry = str | int | Subtree
+
+
+def is_joint(entry: object) -> TypeGuard[str | int]:
+    """Return whether an entry is a name, a glob or an index."""
+    return isinstance(entry, str | int) and not isinstance(entry, bool)
 
 
 def channels_of_joint(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
@@ -74,11 +83,8 @@ def channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple
 def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
     """Return the joints of a group entry."""
     if isinstance(entry, Subtree):
-        inside = _joints_of_entry(entry.joint, skeleton, group)
-        for joint, parent in enumerate(skeleton.parents):
-            if int(parent) in inside:
-                inside.add(joint)
-        return inside
+        tops = _joints_of_entry(entry.joint, skeleton, group)
+        return set(np.flatnonzero(subtree_mask(skeleton, tops)).tolist())
     if isinstance(entry, int):
         if not 0 <= entry < skeleton.n_joints:
             raise ValueError(
@@ -96,7 +102,8 @@ def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
     return found
 
 
-def joint_label(skeleton: Skeleton, joint: int) -> str:
-    """Return the name of a joint, with its index if the name is not unique."""
+def joint_label(skeleton: Skeleton, joint: int, axis: str = "") -> str:
+    """Return the name of a joint or channel, with the joint's index if its name is not unique."""
     name = skeleton.names[joint]
-    return name if skeleton.names.count(name) == 1 else f"{name} (index {joint})"
+    label = name if skeleton.names.count(name) == 1 else f"{name} (index {joint})"
+    return f"{label}.{axis}rotation" if axis else label

@@ -18,6 +18,7 @@ from mograft.body.group_entries import (
     Subtree,
     channels_of_entry,
     channels_of_joint,
+    is_joint,
     joint_label,
     subtree,
 )
@@ -81,7 +82,7 @@ class JointGroups:
                 raise TypeError(f"group {name!r} must be a list of joints, got {entries!r}")
             checked = tuple(int(e) if isinstance(e, np.integer) else e for e in entries)
             for entry in checked:
-                if not isinstance(entry, str | int | Subtree) or isinstance(entry, bool):
+                if not isinstance(entry, Subtree) and not is_joint(entry):
                     raise TypeError(
                         f"group {name!r} must contain names, indices or subtree(...), got {entry!r}"
                     )
@@ -212,15 +213,12 @@ class JointGroups:
         """
         found: dict[str, dict[int, str]] = {}
         for name, channels in self._shares(skeleton).items():
-            axes: dict[int, str] = {}
-            for joint, axis in sorted(channels):
-                if axis:
-                    axes[joint] = axes.get(joint, "") + axis
-            found[name] = {
-                joint: "".join(axis for axis in order if axis in group_axes)
-                for joint, group_axes in axes.items()
-                if set(order := skeleton.rotation_order(joint)) != set(group_axes)
+            axes = {
+                joint: "".join(a for a in skeleton.rotation_order(joint) if (joint, a) in channels)
+                for joint in sorted({joint for joint, axis in channels if axis})
             }
+            # A group with all three channels has the whole joint.
+            found[name] = {joint: some for joint, some in axes.items() if len(some) < 3}
         return found
 
     def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
@@ -228,9 +226,7 @@ class JointGroups:
         owner: dict[tuple[int, str], str] = {}
         shares: dict[str, set[tuple[int, str]]] = {}
         for name, entries in self.groups.items():
-            channels: set[tuple[int, str]] = set()
-            for entry in entries:
-                channels |= channels_of_entry(entry, skeleton, name)
+            channels = {c for e in entries for c in channels_of_entry(e, skeleton, name)}
             divided = {joint for joint, axis in channels if axis}
             for joint in sorted(j for j, axis in channels if not axis and j in divided):
                 raise ValueError(
@@ -240,15 +236,14 @@ class JointGroups:
             for joint, axis in sorted(channels):
                 for key in [(joint, axis)] if axis else channels_of_joint(joint, skeleton):
                     if key in owner:
-                        label = joint_label(skeleton, joint) + (f".{axis}rotation" if axis else "")
                         raise ValueError(
-                            f"joint {label} must be in one group, got {owner[key]!r} and {name!r}"
+                            f"joint {joint_label(skeleton, joint, axis)} must be in one group, "
+                            f"got {owner[key]!r} and {name!r}"
                         )
                     owner[key] = name
             shares[name] = channels
         missing = [
-            joint_label(skeleton, joint)
-            + (f".{axis}rotation" if any(channel in owner for channel in channels) else "")
+            joint_label(skeleton, joint, axis if any(c in owner for c in channels) else "")
             for joint in range(skeleton.n_joints)
             for channels in [channels_of_joint(joint, skeleton)]
             for _, axis in channels
@@ -278,13 +273,8 @@ class JointGroups:
         """
         lines = [f"base = {_toml_value(self.base)}", "", "[groups]"]
         for name, entries in self.groups.items():
-            lines.append(f"{_toml_value(name)} = [")
-            for entry in entries:
-                if isinstance(entry, Subtree):
-                    lines.append(f"    {{subtree = {_toml_value(entry.joint)}}},")
-                else:
-                    lines.append(f"    {_toml_value(entry)},")
-            lines.append("]")
+            values = [f"    {_toml_value(entry)}," for entry in entries]
+            lines += [f"{_toml_value(name)} = [", *values, "]"]
         return "\n".join(lines) + "\n"
 
     @classmethod
@@ -387,17 +377,19 @@ def _is_encodable(name: str) -> bool:
     return not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
-def _toml_value(value: str | int) -> str:
+def _toml_value(value: Entry) -> str:
     """Return a value as TOML. Strings are those of JSON, with DEL escaped."""
+    if isinstance(value, Subtree):
+        return f"{{subtree = {_toml_value(value.joint)}}}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _read_entry(place: str, group: str, entry: object) -> Entry:
     if isinstance(entry, dict) and set(entry) == {"subtree"}:
         entry = entry["subtree"]
-        if isinstance(entry, str | int) and not isinstance(entry, bool):
+        if is_joint(entry):
             return subtree(entry)
-    elif isinstance(entry, str | int) and not isinstance(entry, bool):
+    elif is_joint(entry):
         return entry
     raise ValueError(
         f'{place}: group {group!r} must contain names, indices or {{subtree = "name"}}, '

@@ -7,6 +7,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.body.body_parts import ARM, LEG
+from mograft.body.hierarchy import unbranched_chain
 from mograft.motion.skeleton import Skeleton
 
 
@@ -22,7 +23,7 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     longest = max((shape.length(a) for a, _ in pairs), default=0.0)
     # Eyes and breasts are mirrored pairs too, but short ones.
     limbs = [(a, b) for a, b in pairs if shape.length(a) >= 0.4 * longest]
-    limbs.sort(key=lambda pair: (shape.depth[pair[0]], -shape.length(pair[0]), pair))
+    limbs.sort(key=lambda p: (len(skeleton.ancestors(p[0])), -shape.length(p[0]), p))
     legs = limbs[0] if limbs else None
     arms = max(limbs[1:], key=lambda pair: shape.length(pair[0]), default=None)
     hips = int(skeleton.parents[legs[0]]) if legs else 0
@@ -36,7 +37,7 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     left = _leftward(shape, legs)
     for a, b in pairs:
         gap = shape.middle[a] - shape.middle[b]
-        a_is_left = (float(gap @ left) if left is not None else _largest(gap)) >= 0
+        a_is_left = (gap[np.argmax(np.abs(gap))] if left is None else gap @ left) >= 0
         for joint in shape.subtree[a]:
             sides[joint] = "left" if a_is_left else "right"
         for joint in shape.subtree[b]:
@@ -50,7 +51,6 @@ class _Shape:
 
     skeleton: Skeleton
     positions: FloatArray  # rest pose
-    depth: list[int]  # number of ancestors
     subtree: list[list[int]]  # the joint and all joints below it
     middle: FloatArray  # mean rest position of the subtree
     reach: FloatArray  # length of the longest path down along the bones
@@ -60,7 +60,6 @@ class _Shape:
     def from_skeleton(cls, skeleton: Skeleton) -> "_Shape":
         positions = skeleton.rest_positions()
         lengths = np.linalg.norm(skeleton.offsets, axis=1)
-        depth = [0] * skeleton.n_joints
         subtree: list[list[int]] = [[joint] for joint in range(skeleton.n_joints)]
         reach, tips = np.zeros(skeleton.n_joints), np.zeros(skeleton.n_joints)
         for site in skeleton.end_sites:
@@ -69,13 +68,10 @@ class _Shape:
             parent = skeleton.parents[joint]
             subtree[parent] += subtree[joint]
             reach[parent] = max(reach[parent], lengths[joint] + reach[joint])
-        for joint in range(1, skeleton.n_joints):
-            depth[joint] = depth[skeleton.parents[joint]] + 1
         middle = np.array([positions[joints].mean(axis=0) for joints in subtree])
         return cls(
             skeleton=skeleton,
             positions=positions,
-            depth=depth,
             subtree=subtree,
             middle=middle,
             reach=reach,
@@ -166,12 +162,8 @@ def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tupl
     # a forearm, and in unusual files a foot is as long as a thigh.
     pairs = [(lengths[a] + lengths[b], a, b) for a, b in pairwise(bones)]
     longest_pair = max(pairs)[0]
-    if roles is LEG:
-        upper, lower = next((a, b) for length, a, b in pairs if length >= 0.85 * longest_pair)
-    else:
-        upper, lower = next(
-            (a, b) for length, a, b in reversed(pairs) if length >= 0.9 * longest_pair
-        )
+    ordered, share = (pairs, 0.85) if roles is LEG else (pairs[::-1], 0.9)
+    upper, lower = next((a, b) for length, a, b in ordered if length >= share * longest_pair)
     before = [index for index in bones if index < upper]
     return (before[-1] + 1 if before else 0), upper, lower
 
@@ -189,7 +181,7 @@ def _spine(
     found: list[tuple[int, str]] = []
     if arms is None:
         spine = max(between, key=shape.length, default=None)
-        chain = _unbranched_chain(shape, spine)
+        chain = [] if spine is None else unbranched_chain(skeleton, spine)
         found += [(joint, "trunk") for joint in chain[:-1]]
         # Without limbs the end of the chain is not known to be a head.
         head = "head" if legs and len(chain) > 1 else "trunk"
@@ -201,24 +193,14 @@ def _spine(
         spine = next((child for child in between if child in line), None)
         found += [(joint, "trunk") for joint in line[: line.index(core)]]
         upward = [child for child in axis if skeleton.parents[child] == chest]
-        if chest != core:
-            chain = _unbranched_chain(shape, max(upward, key=shape.length, default=None))
+        if chest != core and upward:
+            chain = unbranched_chain(skeleton, max(upward, key=shape.length))
             found += [(joint, "neck") for joint in chain[:-1]]
             found += [(joint, "head") for joint in chain[-1:]]
     for child in between:
         if child != spine and len(shape.subtree[child]) > 1 and arms is not None:
             found += [(joint, "tail") for joint in shape.subtree[child]]
     return found
-
-
-def _unbranched_chain(shape: _Shape, first: int | None) -> list[int]:
-    """Return the chain of joints below `first` up to the first branch."""
-    if first is None:
-        return []
-    chain = [first]
-    while len(shape.skeleton.children[chain[-1]]) == 1:
-        chain += shape.skeleton.children[chain[-1]]
-    return chain
 
 
 def _leftward(shape: _Shape, legs: tuple[int, int] | None) -> FloatArray | None:
@@ -237,8 +219,3 @@ def _leftward(shape: _Shape, legs: tuple[int, int] | None) -> FloatArray | None:
         return None
     forward -= (forward @ up) / height**2 * up
     return np.cross(up, forward) if np.linalg.norm(forward) > 0.05 * height else None
-
-
-def _largest(vector: FloatArray) -> float:
-    """Return the component of largest magnitude."""
-    return float(vector[np.argmax(np.abs(vector))])

@@ -9,6 +9,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, make_read_only, restore
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.body_parts import ARM, LEG
+from mograft.body.hierarchy import subtree_mask
 from mograft.body.segment_masses import (
     COLUMNS_OF_SEX,
     ROD_CENTER,
@@ -118,9 +119,7 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
         mass = normalise_weights(np.where(has_mass, lengths, 0.0), has_mass)
         center = np.full(skeleton.n_joints, ROD_CENTER)
         gyration = np.full(skeleton.n_joints, ROD_GYRATION)
-    head = next(iter(known.joints("head")), None)
-    if head is None:
-        head = next(iter(reversed(known.joints("neck"))), None)
+    head = next(iter(known.joints("head") or known.joints("neck")[::-1]), None)
     feet = _feet(skeleton, known)
     height, height_from = _height(skeleton, known.hips, head, feet)
     return MassModel(
@@ -151,10 +150,7 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -
     if kind == "own":
         return body.inertia
     lengths = np.linalg.norm(body.bone, axis=1)
-    below_hips = np.zeros(skeleton.n_joints, dtype=bool)
-    below_hips[body.hips] = True
-    for joint, parent in enumerate(skeleton.parents):
-        below_hips[joint] |= bool(parent >= 0 and below_hips[parent])
+    below_hips = subtree_mask(skeleton, [body.hips])
     if kind == "unit":
         return np.where(below_hips & (lengths > 0), 1.0, 0.0)
     joints = skeleton.rest_positions()
@@ -230,19 +226,18 @@ def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
 
 def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
     """Return the feet, left before right, each with its first joint and its first toe."""
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
     feet = []
     for ankle in known.joints("foot"):
         parent = int(skeleton.parents[ankle])
         if parent >= 0 and known.parts[parent] == "foot":
             continue
-        below = {ankle}
-        toes = []
-        for joint, parent in enumerate(skeleton.parents):
-            if int(parent) in below:
-                below.add(joint)
-                if known.parts[joint] == "toe" and known.parts[parent] != "toe":
-                    toes.append(joint)
-        lengths = np.linalg.norm(skeleton.offsets, axis=1)
+        is_below = subtree_mask(skeleton, [ankle])
+        toes = [
+            joint
+            for joint in known.joints("toe")
+            if is_below[joint] and known.parts[skeleton.parents[joint]] != "toe"
+        ]
         toe = max(toes, key=lambda t: (len(skeleton.children[t]), lengths[t]), default=None)
         feet.append(Foot(known.sides[ankle], ankle, toe))
     return tuple(sorted(feet, key=lambda foot: (foot.side != "left", foot.side, foot.ankle)))

@@ -9,6 +9,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
+from mograft.body.body_parts import OPPOSITE_SIDE
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -16,8 +17,6 @@ from mograft.motion.skeleton import EndSite, Skeleton
 
 _MAX_ASYMMETRY = 0.05
 """Maximum distance of a bone from the mirror image of its partner, in skeleton heights."""
-
-_OPPOSITE = {"left": "right", "right": "left", "": ""}
 
 
 def partners(skeleton: Skeleton) -> IntArray:
@@ -42,7 +41,7 @@ def partners(skeleton: Skeleton) -> IntArray:
             continue
         part, side = known.parts[joint], known.sides[joint]
         siblings = matching_children(parent, part, side)
-        counterparts = matching_children(int(found[parent]), part, _OPPOSITE[side])
+        counterparts = matching_children(int(found[parent]), part, OPPOSITE_SIDE[side])
         if len(siblings) != len(counterparts):
             raise ValueError(
                 f"every joint must have a partner on the other side to be mirrored, "
@@ -213,7 +212,8 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
                 f"bones must be symmetric to be mirrored, got different offsets of "
                 f"{skeleton.names[worst]} and {skeleton.names[pair[worst]]}"
             )
-        expected = _product(image[joint], frame[hub], mean[pair[joint]])
+        to_partner = rotations.multiply(image[joint], frame[hub])
+        expected = rotations.multiply(to_partner, mean[pair[joint]])
         # The hub has no reference pose: the first candidate of smallest distance is taken.
         at_hub = joint == hub
         cost = distance.sum(axis=1) if at_hub else rotations.angle(_CUBE_ROTATIONS, expected)
@@ -232,13 +232,6 @@ def _cube_rotations() -> FloatArray:
 
 
 _CUBE_ROTATIONS = _cube_rotations()
-
-
-def _product(*factors: FloatArray) -> FloatArray:
-    product = factors[0]
-    for factor in factors[1:]:
-        product = rotations.multiply(product, factor)
-    return product
 
 
 def _mean_rotation(quats: FloatArray) -> FloatArray:

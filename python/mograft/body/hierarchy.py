@@ -1,0 +1,25 @@
+"""Parts of the hierarchy of a skeleton."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray
+from mograft.motion.skeleton import Skeleton
+
+
+def subtree_mask(skeleton: Skeleton, tops: Iterable[int]) -> BoolArray:
+    """Return whether each joint is one of `tops` or below one, shape (n_joints,)."""
+    is_inside = np.zeros(skeleton.n_joints, dtype=bool)
+    is_inside[list(tops)] = True
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        is_inside[joint] |= parent >= 0 and is_inside[parent]
+    return is_inside
+
+
+def unbranched_chain(skeleton: Skeleton, first: int) -> list[int]:
+    """Return a joint and those below it down to the first joint without exactly one child."""
+    chain = [first]
+    while len(skeleton.children[chain[-1]]) == 1:
+        chain += skeleton.children[chain[-1]]
+    return chain
