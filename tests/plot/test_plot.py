@@ -9,7 +9,7 @@ import pytest
 
 from mograft import Config, Library, Motion, Skeleton, graft, kinetic_energy, segment, write_bvh
 from mograft.cli import main
-from mograft.cli.plot import KINDS
+from mograft.cli.commands import PLOT_KINDS
 from mograft.dancer import dance
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
@@ -191,7 +191,7 @@ def test_plots_invalid_arguments_raise_value_error(motion, library):
         plot.dendrogram(single)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", PLOT_KINDS)
 @pytest.mark.parametrize("dark", [False, True])
 def test_plot_command_draws_each_kind(motion, tmp_path, capsys, kind, dark):
     write_bvh(motion[:400], tmp_path / "a.bvh")

@@ -1,46 +1,22 @@
 """Declarations of commands and their arguments.
 
-Each command is declared once, as a `Command`. The parser, the settings that the configuration
-file and the environment may hold, and shell completion are derived from that declaration.
+The parser, the settings that the configuration file and the environment may hold, and shell
+completion are derived from these declarations.
 """
 
-import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = [
-    "Argument",
-    "ArgumentGroup",
-    "Command",
-    "ExclusiveArguments",
-    "option",
-    "positional",
-    "repeated_option",
-    "switch",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Argument:
-    """One positional argument or option.
+    """One positional argument or option."""
 
-    Attributes
-    ----------
-    flags : tuple of str
-        The flags of an option, the longest one last; the name of a positional argument.
-    keywords : dict
-        Keyword arguments of `argparse.ArgumentParser.add_argument`.
-    is_setting : bool
-        Whether the configuration file and the environment may set the option.
-    is_path : bool
-        Whether the shell completes the value as a file name.
-    """
-
-    flags: tuple[str, ...]
-    keywords: dict[str, Any]
-    is_setting: bool = False
-    is_path: bool = False
+    flags: tuple[str, ...]  # The longest one last; the name of a positional argument.
+    keywords: dict[str, Any]  # Keyword arguments of `argparse.ArgumentParser.add_argument`.
+    is_setting: bool = False  # Whether the configuration file and the environment may set it.
+    is_path: bool = False  # Whether the shell completes the value as a file name.
 
     @property
     def name(self) -> str:
@@ -64,51 +40,31 @@ class Argument:
 
 
 @dataclass(frozen=True)
-class ExclusiveArguments:
-    """Options of which exactly one is required."""
+class ArgumentGroup:
+    """Options that belong together.
+
+    With a title, ``--help`` lists them under it; without, exactly one of them is required.
+    """
 
     arguments: tuple[Argument, ...]
+    title: str | None = None
+    description: str | None = None
 
 
 @dataclass(frozen=True)
-class ArgumentGroup:
-    """Options that ``--help`` lists under a title of their own."""
-
-    title: str
-    description: str
-    arguments: tuple[Argument, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Command:
     """One command, or one action of a command.
 
-    Attributes
-    ----------
-    name : str
-        The word that selects it.
-    help : str
-        One line for the list of commands.
-    run : callable, optional
-        Function of the parsed options that returns the exit code. Default: the command has
-        actions.
-    arguments : tuple
-        Its arguments, in the order of ``--help``.
-    description : str, optional
-        Paragraph above the arguments in ``--help``.
-    actions : tuple of Command
-        The commands below it, as ``mograft lib verify``.
-    has_settings : bool
-        Whether the configuration file and the environment are read before it runs.
+    Function ``run`` of module ``mograft.cli.NAME`` takes the parsed options and returns the exit
+    code; for an action it is ``run_ACTION`` of the module of its command.
     """
 
     name: str
-    help: str
-    run: Callable[[argparse.Namespace], int] | None = None
-    arguments: tuple[Argument | ArgumentGroup | ExclusiveArguments, ...] = ()
-    description: str | None = None
-    actions: tuple["Command", ...] = ()
-    has_settings: bool = True
+    help: str  # One line for the list of commands.
+    arguments: tuple[Argument | ArgumentGroup, ...] = ()  # In the order of ``--help``.
+    description: str | None = None  # Paragraph above the arguments in ``--help``.
+    actions: tuple["Command", ...] = ()  # The commands below it, as ``mograft lib verify``.
+    has_settings: bool = True  # Whether the settings are read before it runs.
 
     def settings(self) -> Iterator[Argument]:
         """Iterate over the options that the configuration file may set."""
@@ -117,28 +73,55 @@ class Command:
             yield from (argument for argument in members if argument.is_setting)
 
 
-def positional(name: str, *, is_path: bool = False, **keywords: Any) -> Argument:  # noqa: ANN401
+def command(
+    name: str,
+    help: str,  # noqa: A002 - as add_parser
+    *arguments: Argument | ArgumentGroup,
+    **fields: Any,  # noqa: ANN401 - those of `Command`
+) -> Command:
+    """Return a command; `fields` are the other fields of `Command`."""
+    return Command(name, help, arguments, **fields)
+
+
+def exclusive(*arguments: Argument) -> ArgumentGroup:
+    """Return options of which exactly one is required."""
+    return ArgumentGroup(arguments)
+
+
+def positional(name: str, help: str, *, is_path: bool = False, **keywords: Any) -> Argument:  # noqa: A002, ANN401 - as add_argument
     """Return a positional argument; `keywords` are those of `add_argument`."""
-    return Argument(flags=(name,), keywords=keywords, is_path=is_path)
+    return Argument(flags=(name,), keywords={"help": help, **keywords}, is_path=is_path)
 
 
 def option(
-    *flags: str,
+    usage: str,
+    help: str,  # noqa: A002 - as add_argument
+    convert: Callable[[str], Any] = str,
+    default: object = None,
+    *,
     is_setting: bool = True,
     is_path: bool = False,
     **keywords: Any,  # noqa: ANN401 - as add_argument
 ) -> Argument:
-    """Return an option that takes one value; `keywords` are those of `add_argument`."""
+    """Return an option that takes one value; `keywords` are those of `add_argument`.
+
+    `usage` holds the flags, and the placeholder of the value in ``--help`` if it is not the name
+    of the option: ``"-j --jobs N"``. `convert` is the ``type`` of `add_argument`.
+    """
+    words = usage.split()
+    flags = tuple(word for word in words if word.startswith("-"))
+    if len(flags) < len(words):
+        keywords["metavar"] = words[-1]
+    keywords |= {"help": help, "type": convert, "default": default}
     return Argument(flags=flags, keywords=keywords, is_setting=is_setting, is_path=is_path)
 
 
-def switch(*flags: str, help: str, is_setting: bool = True) -> Argument:  # noqa: A002
+def switch(flag: str, help: str, *, is_setting: bool = True) -> Argument:  # noqa: A002
     """Return an option that takes no value."""
-    return Argument(
-        flags=flags, keywords={"action": "store_true", "help": help}, is_setting=is_setting
-    )
+    keywords = {"action": "store_true", "help": help}
+    return Argument(flags=(flag,), keywords=keywords, is_setting=is_setting)
 
 
-def repeated_option(*flags: str, **keywords: Any) -> Argument:  # noqa: ANN401 - as add_argument
-    """Return an option that may be given several times; its value is a list."""
-    return Argument(flags=flags, keywords={"action": "append", "default": [], **keywords})
+def repeated_option(usage: str, help: str, convert: Callable[[str], Any] = str) -> Argument:  # noqa: A002
+    """Return an option that may be given several times; its value is a list, and no setting."""
+    return option(usage, help, convert, [], is_setting=False, action="append")

@@ -3,19 +3,14 @@
 import argparse
 import math
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from mograft.cli.arguments import Command, ExclusiveArguments, option, switch
 from mograft.cli.configuration import load_library
-from mograft.cli.constraints import constraint_options, read_constraints
-from mograft.cli.options import FILES_OR_LIBRARY, GROUPS
-from mograft.cli.output import print_json
-from mograft.cli.values import non_negative_integer
+from mograft.cli.constraints import read_constraints
+from mograft.cli.output import print_result
 from mograft.errors import join_names
-
-if TYPE_CHECKING:
-    from mograft.library.library import Library
-    from mograft.search.candidates import Candidate, Candidates
+from mograft.library.library import Library
+from mograft.search.candidates import Candidate, Candidates
 
 
 def run(options: argparse.Namespace) -> int:
@@ -28,26 +23,21 @@ def run(options: argparse.Namespace) -> int:
     found = library.candidates(segment, group, constraints)
     name = library.entries[clip].name
     frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
-    if options.json:
-        print_json(
-            {
-                "schema": "mograft.candidates/1",
-                "clip": name,
-                "segment": number,
-                "frames": frames,
-                "group": group,
-                "allowed": [_as_dict(library, candidate) for candidate in found.allowed],
-                "refused": [_as_dict(library, candidate) for candidate in found.refused],
-                "of_other_clusters": found.elsewhere,
-            }
-        )
-        return 0
-    print(f"{name}, frames {frames[0]} to {frames[1]}: {group} of {len(found)} donors")
-    _print_table(library, found)
+    document = {
+        "clip": name,
+        "segment": number,
+        "frames": frames,
+        "group": group,
+        "allowed": [_as_dict(library, candidate) for candidate in found.allowed],
+        "refused": [_as_dict(library, candidate) for candidate in found.refused],
+        "of_other_clusters": found.elsewhere,
+    }
+    title = f"{name}, frames {frames[0]} to {frames[1]}: {group} of {len(found)} donors"
+    print_result(options, "candidates", document, [title, *_table(library, found)])
     return 0
 
 
-def _find_segment(library: "Library", options: argparse.Namespace) -> tuple[int, int, int]:
+def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, int, int]:
     """Return the clip, the segment's number in the clip, and its index in the library."""
     names = [entry.name for entry in library.entries]
     if options.clip is not None and options.clip not in names:
@@ -65,7 +55,7 @@ def _find_segment(library: "Library", options: argparse.Namespace) -> tuple[int,
     return clip, number, int(segments[number])
 
 
-def _as_dict(library: "Library", candidate: "Candidate") -> dict[str, Any]:
+def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
     """Return a candidate as JSON can represent it: NaN is None."""
     values = asdict(candidate) | {"clip": library.entries[candidate.clip].name}
     return {
@@ -74,61 +64,18 @@ def _as_dict(library: "Library", candidate: "Candidate") -> dict[str, Any]:
     }
 
 
-def _print_table(library: "Library", found: "Candidates") -> None:
+def _table(library: Library, found: Candidates) -> list[str]:
     candidates = (*found.allowed, *found.refused)
     names = [library.entries[candidate.clip].name for candidate in candidates]
     width = max((len(name) for name in names), default=0)
+    lines = []
     for name, candidate in zip(names, candidates, strict=True):
-        seams = "/".join(
-            f"{math.degrees(gap):.0f}°" for gap in (candidate.gap_before, candidate.gap_after)
-        )
+        before, after = math.degrees(candidate.gap_before), math.degrees(candidate.gap_after)
+        seams = f"{before:.0f}°/{after:.0f}°"
         mark = "-" if candidate.refused else "+"
-        print(
+        lines.append(
             f" {mark} {name:{width}} {candidate.start:6}-{candidate.stop:<6} "
             f"cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
             f"seams {seams:8} {candidate.refused}".rstrip()
         )
-    print(f"   {found.elsewhere} segments are in other clusters")
-
-
-COMMAND = Command(
-    name="candidates",
-    help="list the donors of a segment, and why other segments are refused",
-    run=run,
-    arguments=(
-        FILES_OR_LIBRARY,
-        option(
-            "--clip",
-            is_setting=False,
-            metavar="NAME",
-            help="clip of the segment (default: the first)",
-        ),
-        ExclusiveArguments(
-            (
-                option(
-                    "--segment",
-                    is_setting=False,
-                    type=non_negative_integer,
-                    metavar="N",
-                    help="number of the segment in the clip, from 0",
-                ),
-                option(
-                    "--frame",
-                    is_setting=False,
-                    type=non_negative_integer,
-                    metavar="N",
-                    help="frame of the clip that the segment contains, from 0",
-                ),
-            )
-        ),
-        GROUPS,
-        option(
-            "--group",
-            is_setting=False,
-            metavar="GROUP",
-            help="group to exchange (default: the first except the base group)",
-        ),
-        switch("--json", is_setting=False, help="print all candidates as one JSON document"),
-        constraint_options(),
-    ),
-)
+    return [*lines, f"   {found.elsewhere} segments are in other clusters"]

@@ -3,10 +3,11 @@
 import argparse
 from typing import Any
 
-from mograft.cli.arguments import Command, switch
+from mograft.body.faults import find_faults
 from mograft.cli.files import expand_folders
-from mograft.cli.options import BVH_FILES, JSON
-from mograft.cli.output import print_json, print_remark
+from mograft.cli.output import print_remark, print_result
+from mograft.errors import BvhError
+from mograft.io.bvh import read_bvh
 
 
 def run(options: argparse.Namespace) -> int:
@@ -23,16 +24,11 @@ def run(options: argparse.Namespace) -> int:
         lines = [f"tolerated: {repair}" for repair in document["repairs"]]
         lines += [f"{fault['kind']}: {_describe(fault)}" for fault in document["faults"]]
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
-    if options.json:
-        print_json({"schema": "mograft.check/1", "files": documents})
+    print_result(options, "check", {"files": documents}, [])
     return 3 if any(document["error"] for document in documents) else 0
 
 
 def _check_file(name: str, *, strict: bool) -> dict[str, Any]:
-    from mograft.body.faults import find_faults
-    from mograft.errors import BvhError
-    from mograft.io.bvh import read_bvh
-
     try:
         motion = read_bvh(name, strict=strict)
     except BvhError as error:
@@ -55,15 +51,3 @@ def _describe(fault: dict[str, Any]) -> str:
     frames = f"frame {first}" if first == last else f"frames {first} to {last}"
     joint = "" if fault["joint"] is None else f", {fault['joint']}"
     return f"{frames}{joint}: {fault['message']}"
-
-
-COMMAND = Command(
-    name="check",
-    help="check the syntax of BVH files, and list faults of the recordings",
-    run=run,
-    arguments=(
-        BVH_FILES,
-        switch("--strict", help="refuse deviations from the format that are tolerated otherwise"),
-        JSON,
-    ),
-)

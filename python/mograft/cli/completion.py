@@ -2,10 +2,7 @@
 
 import argparse
 
-from mograft.cli.arguments import Command, positional
 from mograft.cli.parser import build_parsers
-
-_SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -19,14 +16,3 @@ def run(options: argparse.Namespace) -> int:
     parsers = build_parsers(options.commands, path_completion=shtab.FILE)
     print(shtab.complete(parsers[()], options.shell))
     return 0
-
-
-COMMAND = Command(
-    name="completion",
-    help="print a script for shell completion of commands, options and files",
-    description="Print a completion script for a shell. bash: eval "
-    '"$(mograft completion bash)" in ~/.bashrc; zsh: save it as _mograft in a folder of $fpath; '
-    "fish: save it as ~/.config/fish/completions/mograft.fish. Needs the extra completion.",
-    run=run,
-    arguments=(positional("shell", choices=_SHELLS, help="shell for which the script is written"),),
-)

@@ -5,35 +5,32 @@ import json
 import os
 from pathlib import Path
 
-from mograft.cli.arguments import Command, positional, switch
-from mograft.cli.options import JSON
-from mograft.cli.output import print_json
+from mograft.cli.arguments import Command
+from mograft.cli.output import print_result
 from mograft.cli.settings import Setting, find_config_file, find_settings
 
 Row = tuple[str, str, Setting]
 """A command, the name of a setting, and its value."""
 
 
-def run(options: argparse.Namespace) -> int:
+def run_show(options: argparse.Namespace) -> int:
     """Run ``config show``."""
     path = find_config_file(Path.cwd())
     rows = _collect(options)
-    if options.json:
-        settings = [
-            {"command": command, "name": name, "value": setting.plain, "origin": setting.origin}
-            for command, name, setting in rows
-        ]
-        file = None if path is None else str(path)
-        print_json({"schema": "mograft.config/1", "file": file, "settings": settings})
-        return 0
-    print(f"# {path}" if path is not None else "# no mograft.toml in this folder or above")
+    settings = [
+        {"command": command, "name": name, "value": setting.plain, "origin": setting.origin}
+        for command, name, setting in rows
+    ]
+    lines = [f"# {path}" if path is not None else "# no mograft.toml in this folder or above"]
     last = None
     for command, name, setting in rows:
         if command != last:
-            print(f"\n[{command}]")
+            lines.append(f"\n[{command}]")
         last = command
         line = f"# {name} =" if setting.plain is None else f"{name} = {_as_toml(setting.plain)}"
-        print(f"{line:32} # {setting.origin}" if options.origin else line)
+        lines.append(f"{line:32} # {setting.origin}" if options.origin else line)
+    document = {"file": None if path is None else str(path), "settings": settings}
+    print_result(options, "config", document, lines)
     return 0
 
 
@@ -57,32 +54,3 @@ def _collect(options: argparse.Namespace) -> list[Row]:
 def _as_toml(value: object) -> str:
     """Return a value as TOML: its strings are those of JSON, and DEL is escaped as well."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-COMMAND = Command(
-    name="config",
-    help="print the settings of the configuration file and the environment",
-    has_settings=False,
-    actions=(
-        Command(
-            name="show",
-            help="print all settings as a mograft.toml",
-            description="Print the settings of the commands as a mograft.toml with the same "
-            "values. Settings come from mograft.toml in the working folder or the nearest folder "
-            "above it; a table such as [graft] applies to one command, keys before all tables to "
-            "every command. Environment variables override the file: first MOGRAFT_SEED and the "
-            "like, then MOGRAFT_GRAFT_SEED and the like. The command line overrides both.",
-            run=run,
-            arguments=(
-                positional(
-                    "only",
-                    nargs="?",
-                    metavar="COMMAND",
-                    help="command whose settings are printed (default: all)",
-                ),
-                switch("--origin", help="also print the source of each value"),
-                JSON,
-            ),
-        ),
-    ),
-)

@@ -1,36 +1,19 @@
 """The library, joint groups and configuration that the options of a command select."""
 
 import argparse
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.options import PRESETS
 from mograft.cli.output import show_progress
+from mograft.config import Config
+from mograft.io.bvh import read_bvh
+from mograft.library.library import Library
 
-if TYPE_CHECKING:
-    from mograft.body.groups import JointGroups
-    from mograft.config import Config
-    from mograft.library.library import Library
-
-__all__ = [
-    "load_library",
-    "options_given",
-    "refuse_fixed_options",
-    "selected_config",
-    "selected_groups",
-]
-
-_CONFIG_OPTIONS = (
-    "sigma_scale",
-    "choice",
-    "temperature",
-    "seam",
-    "alignment",
-    "torso",
-    "feet",
-)
+_CONFIG_OPTIONS = ("sigma_scale", "choice", "temperature", "seam", "alignment", "torso", "feet")
 """Options that set the configuration field of the same name."""
 
 
@@ -43,19 +26,34 @@ def options_given(options: argparse.Namespace, *names: str) -> list[str]:
     return [name for name in given if getattr(options, name, None) not in (None, False)]
 
 
+def refuse_useless_options(
+    options: argparse.Namespace, uses: Mapping[str, Sequence[str]], value: str, shown: str
+) -> None:
+    """End with a usage error if an option is given whose `uses` do not include `value`.
+
+    `shown` is how the message names `value`.
+    """
+    for name in options_given(options, *uses):
+        if value not in uses[name]:
+            options.usage_error(f"--{name} requires {', '.join(uses[name])}; got {shown}")
+
+
 def refuse_fixed_options(options: argparse.Namespace, *names: str) -> None:
     """End with a usage error if an option is given that a library's creation fixes."""
     for name in options_given(options, *names):
-        flag = f"--{name.replace('_', '-')}"
-        options.usage_error(f"{flag} is fixed when a library is created: mograft index {flag}")
+        options.usage_error(f"--{name} is fixed when a library is created: mograft index --{name}")
 
 
-def load_library(options: argparse.Namespace) -> "Library":
-    """Open the library that the files of a command name, or build one from BVH files."""
-    from mograft.library.library import Library
+def load_library(options: argparse.Namespace) -> Library:
+    """Open the library that the files of a command name, or build one from BVH files.
 
+    ``--rate``, if the command has it, resamples the files of a new library.
+    """
+    rate = getattr(options, "rate", None)
     folder = library_folder(options)
     if folder is not None:
+        if rate is not None:
+            options.usage_error("--rate is fixed when a library is created: mograft index --rate")
         refuse_fixed_options(options, "groups", "preset")
         library = Library.open(folder)
         config = _with_options(library.config, options)
@@ -63,33 +61,28 @@ def load_library(options: argparse.Namespace) -> "Library":
     files = expand_folders(options.files)
     groups, config = selected_groups(options), selected_config(options)
     with show_progress() as progress:
-        return Library.build(files, groups, config, progress=progress)
+        clips = files if rate is None else [read_bvh(file).resample(rate) for file in files]
+        return Library.build(clips, groups, config, progress=progress)
 
 
-def selected_groups(
-    options: argparse.Namespace, default: str = "lower_upper"
-) -> "JointGroups | str":
+def selected_groups(options: argparse.Namespace) -> JointGroups | str:
     """Return the joint groups of ``--groups``: a preset's name, or the groups of a TOML file."""
-    name: str = options.groups or default
+    name: str = options.groups or "lower_upper"
     if name in PRESETS:
         return name
     if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
         options.usage_error(
             f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}"
         )
-    from mograft.body.groups import JointGroups
-
     return JointGroups.from_toml(Path(name))
 
 
-def selected_config(options: argparse.Namespace) -> "Config":
+def selected_config(options: argparse.Namespace) -> Config:
     """Return the configuration of ``--preset`` with the fields that other options set."""
-    from mograft.config import Config
-
     is_paper = getattr(options, "preset", None) == "paper"
     return _with_options(Config.paper() if is_paper else Config(), options)
 
 
-def _with_options(config: "Config", options: argparse.Namespace) -> "Config":
+def _with_options(config: Config, options: argparse.Namespace) -> Config:
     values = {name: getattr(options, name, None) for name in _CONFIG_OPTIONS}
     return replace(config, **{name: value for name, value in values.items() if value is not None})

@@ -3,22 +3,20 @@
 import argparse
 from pathlib import Path
 
-from mograft.cli.arguments import Command, option, switch
-from mograft.cli.files import GRAFT_ENDINGS, check_writable
-from mograft.cli.options import FORCE, JSON, SEED
-from mograft.cli.output import print_json, show_progress, write_graft, write_report
+from mograft.cli.files import check_writable
+from mograft.cli.output import print_result, show_progress
+from mograft.cli.results import GRAFT_ENDINGS, open_page, write_graft, write_report
+from mograft.dancer import dance
+from mograft.io.bvh import write_bvh
+from mograft.library.library import Library
+from mograft.search.candidates import count_combinations
+from mograft.synthesis.graft import graft_many
 
 _N_GRAFTS = 3
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from mograft.dancer import dance
-    from mograft.io.bvh import write_bvh
-    from mograft.library.library import Library
-    from mograft.search.candidates import count_combinations
-    from mograft.synthesis.graft import graft_many
-
     folder: Path = options.output
     sample = folder / "dance.bvh"
     page = folder / "index.html"
@@ -49,46 +47,26 @@ def run(options: argparse.Namespace) -> int:
         f"combinations {total} of legs and upper bodies, {total / n:.1f} times the {n} captured"
     )
     grafts = list(graft_many(library, count=_N_GRAFTS, seed=options.seed))
-    for graft, path in zip(grafts, paths, strict=False):
+    paths = paths[: len(grafts)]
+    for graft, path in zip(grafts, paths, strict=True):
         write_graft(graft, path)
         new = sum(not s.is_own for s in graft.substitutions)
         describe(f"graft       {path}: {new} of {len(graft.substitutions)} upper bodies are new")
-    write_report(grafts, paths[: len(grafts)], page, show=options.open)
-    describe(f"page        {page}: the motions and how they were made")
-    describe("next:       mograft graft your.bvh -o out/ -n 5")
-    if options.json:
-        print_json(
-            {
-                "schema": "mograft.demo/1",
-                "sample": str(sample),
-                "frames": motion.n_frames,
-                "segments": n,
-                "clusters": clusters,
-                "combinations": int(total),
-                "grafts": [str(path) for path in paths[: len(grafts)]],
-                "page": str(page),
-            }
-        )
+    write_report(grafts, paths, page)
+    if options.open:
+        open_page(page)
+    document = {
+        "sample": str(sample),
+        "frames": motion.n_frames,
+        "segments": n,
+        "clusters": clusters,
+        "combinations": int(total),
+        "grafts": [str(path) for path in paths],
+        "page": str(page),
+    }
+    closing_lines = [
+        f"page        {page}: the motions and how they were made",
+        "next:       mograft graft your.bvh -o out/ -n 5",
+    ]
+    print_result(options, "demo", document, closing_lines)
     return 0
-
-
-COMMAND = Command(
-    name="demo",
-    help="run all stages on the built-in dancer",
-    run=run,
-    arguments=(
-        option(
-            "-o",
-            "--output",
-            is_setting=False,
-            is_path=True,
-            type=Path,
-            default=Path("demo"),
-            help="folder for the files (default: demo)",
-        ),
-        switch("--open", is_setting=False, help="open the page in the browser"),
-        JSON,
-        SEED,
-        FORCE,
-    ),
-)

@@ -5,12 +5,12 @@ import os
 import platform
 import sys
 import tempfile
+import webbrowser
+from importlib import metadata
 from pathlib import Path
 
 from mograft import __version__
-from mograft.cli.arguments import Command
-from mograft.cli.options import JSON
-from mograft.cli.output import print_json
+from mograft.cli.output import print_result
 
 _REQUIRED = ("numpy",)
 _USES_OF_EXTRAS = {
@@ -36,11 +36,8 @@ def run(options: argparse.Namespace) -> int:
         _check_browser(),
     ]
     is_ok = all(check["state"] != "broken" for check in checks)
-    if options.json:
-        print_json({"schema": "mograft.doctor/1", "ok": is_ok, "checks": checks})
-    else:
-        for check in checks:
-            print(f"{check['state']:7} {check['what']}: {check['detail']}")
+    lines = [f"{check['state']:7} {check['what']}: {check['detail']}" for check in checks]
+    print_result(options, "doctor", {"ok": is_ok, "checks": checks}, lines)
     return 0 if is_ok else 1
 
 
@@ -49,8 +46,6 @@ def _result(what: str, state: str, detail: str) -> dict[str, str]:
 
 
 def _check_packages() -> list[dict[str, str]]:
-    from importlib import metadata
-
     system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
     results = [
         _result("mograft", "ok", __version__),
@@ -89,8 +84,6 @@ def _check_folder(what: str, path: Path) -> dict[str, str]:
 
 
 def _check_browser() -> dict[str, str]:
-    import webbrowser
-
     try:
         browser = webbrowser.get()
     except webbrowser.Error:
@@ -100,11 +93,3 @@ def _check_browser() -> dict[str, str]:
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )
     return _result("browser", "ok", f"{name}{', but no display' if is_headless else ''}")
-
-
-COMMAND = Command(
-    name="doctor",
-    help="check the installation, and list absent extras",
-    run=run,
-    arguments=(JSON,),
-)

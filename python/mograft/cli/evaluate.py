@@ -3,41 +3,32 @@
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mograft._util.atomic import write_text
-from mograft.cli.arguments import Command, option, positional
-from mograft.cli.configuration import load_library, selected_config, selected_groups
-from mograft.cli.files import check_writable, expand_folders, library_folder
-from mograft.cli.options import FORCE, GROUPS, JSON, PRESET, SEED, SIGMA_SCALE
-from mograft.cli.output import print_json, print_remark, show_progress
-from mograft.cli.values import positive_integer, positive_number
+from mograft.cli.commands import EVALUATION_TOPICS, LABEL
+from mograft.cli.configuration import load_library
+from mograft.cli.files import check_writable
+from mograft.cli.output import print_json, print_remark, print_result, show_progress
+from mograft.evaluation import evaluate, evaluation_page, label_items, label_page, read_labels
+from mograft.evaluation.report import summarize
+from mograft.evaluation.suite import Evaluation
 
-if TYPE_CHECKING:
-    from mograft.evaluation.suite import Evaluation
-    from mograft.library.library import Library
-
-_TOPICS = ("enrichment", "balance", "naturalness", "quality")
-_LABEL = "label"
-_WORDS = (*_TOPICS, "all", _LABEL)
+_WORDS = (*EVALUATION_TOPICS, "all", LABEL)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     words = _take_words(options)
-    if _LABEL in words:
+    if LABEL in words:
         if len(words) > 1:
-            options.usage_error(f"{_LABEL} cannot be combined with {', '.join(_WORDS[:-1])}")
+            options.usage_error(f"{LABEL} cannot be combined with {', '.join(_WORDS[:-1])}")
         return _write_label_page(options)
-    from mograft.evaluation import evaluation_page
-    from mograft.evaluation.report import summarize
-
     folder: Path | None = options.output
     paths = [] if folder is None else [folder / "evaluation.json", folder / "index.html"]
     check_writable(paths, force=options.force)
     if folder is not None:
         _require_matplotlib()
-    found = _evaluate(options, _TOPICS if not words or "all" in words else words)
+    found = _evaluate(options, EVALUATION_TOPICS if not words or "all" in words else words)
     document = found.as_dict()
     if folder is not None:
         page = evaluation_page(found)
@@ -76,10 +67,8 @@ def _require_matplotlib() -> None:
         raise ValueError("the page needs matplotlib: pip install 'mograft[evaluate]'") from error
 
 
-def _evaluate(options: argparse.Namespace, topics: tuple[str, ...]) -> "Evaluation":
-    from mograft.evaluation import evaluate, read_labels
-
-    library = _load_library(options)
+def _evaluate(options: argparse.Namespace, topics: tuple[str, ...]) -> Evaluation:
+    library = load_library(options)
     labels = None if options.labels is None else read_labels(options.labels, library)
     try:
         with show_progress() as progress:
@@ -96,29 +85,12 @@ def _evaluate(options: argparse.Namespace, topics: tuple[str, ...]) -> "Evaluati
         raise ValueError(str(error)) from error
 
 
-def _load_library(options: argparse.Namespace) -> "Library":
-    """Open or build the library; ``--rate`` resamples the files of a new one."""
-    if options.rate is None:
-        return load_library(options)
-    if library_folder(options) is not None:
-        options.usage_error("--rate is fixed when a library is created: mograft index --rate")
-    from mograft.io.bvh import read_bvh
-    from mograft.library.library import Library
-
-    groups, config = selected_groups(options), selected_config(options)
-    with show_progress() as progress:
-        clips = [read_bvh(file).resample(options.rate) for file in expand_folders(options.files)]
-        return Library.build(clips, groups, config, progress=progress)
-
-
 def _write_label_page(options: argparse.Namespace) -> int:
-    from mograft.evaluation import label_items, label_page
-
     if options.output is None or options.output.suffix.lower() != ".html":
-        options.usage_error(f"-o must be an .html file with {_LABEL}, got {options.output}")
+        options.usage_error(f"-o must be an .html file with {LABEL}, got {options.output}")
     target: Path = options.output
     check_writable([target], force=options.force)
-    library = _load_library(options)
+    library = load_library(options)
     items = label_items(library, options.count, seed=options.seed)
     page = label_page(library, items)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -127,77 +99,5 @@ def _write_label_page(options: argparse.Namespace) -> int:
         f"{len(items)} pieces: open the page, press F or J for each piece, save the labels, and "
         "pass them to mograft evaluate --labels labels.csv with the same files and options"
     )
-    if options.json:
-        print_json({"schema": "mograft.label/1", "file": str(path), "pieces": len(items)})
-    else:
-        print(path)
+    print_result(options, "label", {"file": str(path), "pieces": len(items)}, [path])
     return 0
-
-
-COMMAND = Command(
-    name="evaluate",
-    help="measure enrichment, balance, naturalness and quality of grafts",
-    description="Measure grafts, and for comparison random motions and those of other donor rules. "
-    f"Words among FILE that are not files select what to measure: {', '.join(_TOPICS)} (default: "
-    f"all). The word {_LABEL} writes a page instead, on which a person labels pieces as natural "
-    "or not.",
-    run=run,
-    arguments=(
-        positional(
-            "files",
-            is_path=True,
-            nargs="+",
-            metavar="LIB|FILE",
-            help="one library, or BVH files; and words that select what to measure",
-        ),
-        option(
-            "-o",
-            "--output",
-            is_setting=False,
-            is_path=True,
-            type=Path,
-            metavar="DIR",
-            help=f"folder for evaluation.json and index.html; with {_LABEL} the .html file to "
-            "write (default: no files)",
-        ),
-        GROUPS,
-        PRESET,
-        SIGMA_SCALE,
-        option(
-            "--rate",
-            type=positive_number,
-            metavar="FPS",
-            help="frame rate to which all files are resampled, in frames per second (default: "
-            "that of the files)",
-        ),
-        option(
-            "--runs",
-            type=positive_integer,
-            default=10,
-            help="number of motions for each base and rule (default: 10)",
-        ),
-        option(
-            "--bases",
-            type=positive_integer,
-            default=4,
-            help="number of clips that serve as base (default: 4)",
-        ),
-        option(
-            "--labels",
-            type=Path,
-            metavar="CSV",
-            help=f"labels that a person gave on the page that {_LABEL} writes (default: none)",
-        ),
-        option(
-            "-n",
-            "--count",
-            is_setting=False,
-            type=positive_integer,
-            default=500,
-            help=f"with {_LABEL}, number of pieces on the page (default: 500, as in the paper)",
-        ),
-        JSON,
-        SEED,
-        FORCE,
-    ),
-)

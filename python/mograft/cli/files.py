@@ -4,25 +4,10 @@ import argparse
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mograft.errors import join_names
-
-if TYPE_CHECKING:
-    from mograft.library.library import Library
-    from mograft.motion.motion import Motion
-
-__all__ = [
-    "GRAFT_ENDINGS",
-    "check_writable",
-    "expand_folders",
-    "library_folder",
-    "select_clips",
-    "select_frames",
-]
-
-GRAFT_ENDINGS = (".bvh", ".json")
-"""Endings of the files of a graft: the motion and its provenance."""
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
 
 _MAX_SHOWN_CLIPS = 12
 
@@ -31,15 +16,15 @@ def expand_folders(names: Iterable[str]) -> list[str]:
     """Replace each folder by the BVH files below it, sorted by name."""
     files: list[str] = []
     for name in names:
-        if Path(name).is_dir():
-            if _is_library(name):
-                raise ValueError(f"{name} is a library; expected BVH files")
-            inside = sorted(str(p) for p in Path(name).rglob("*") if p.suffix.lower() == ".bvh")
-            if not inside:
-                raise ValueError(f"{name}: no BVH file in this folder")
-            files += inside
-        else:
+        if not Path(name).is_dir():
             files.append(name)
+            continue
+        if _is_library(name):
+            raise ValueError(f"{name} is a library; expected BVH files")
+        inside = sorted(str(p) for p in Path(name).rglob("*") if p.suffix.lower() == ".bvh")
+        if not inside:
+            raise ValueError(f"{name}: no BVH file in this folder")
+        files += inside
     return files
 
 
@@ -59,7 +44,7 @@ def _is_library(name: str) -> bool:
     return (Path(name) / "manifest.json").is_file()
 
 
-def select_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
+def select_clips(library: Library, patterns: Sequence[str]) -> list[int]:
     """Return the indices of the clips that match ``--clip``; all if there is no pattern."""
     names = [entry.name for entry in library.entries]
     selected = set() if patterns else set(range(len(names)))
@@ -76,7 +61,7 @@ def select_clips(library: "Library", patterns: Sequence[str]) -> list[int]:
     return sorted(selected)
 
 
-def select_frames(motion: "Motion", frames: tuple[int, int] | None) -> "Motion":
+def select_frames(motion: Motion, frames: tuple[int, int] | None) -> Motion:
     """Return the frames of ``--frames``; all if the option is not given."""
     if frames is None:
         return motion
@@ -88,9 +73,8 @@ def select_frames(motion: "Motion", frames: tuple[int, int] | None) -> "Motion":
     return motion[first : last + 1]
 
 
-def check_writable(paths: Iterable[Path], *, force: bool) -> None:
+def check_writable(paths: Sequence[Path], *, force: bool) -> None:
     """Raise an OSError if a file exists, unless `force`, or if its folder is a file."""
-    paths = list(paths)
     for path in paths:
         nearest = next((above for above in path.parents if above.exists()), path)
         if not nearest.is_dir():

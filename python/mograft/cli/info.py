@@ -2,16 +2,14 @@
 
 import argparse
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from mograft.cli.arguments import Command
+from mograft.body.faults import find_faults
+from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders
-from mograft.cli.options import BVH_FILES, JSON
-from mograft.cli.output import print_json
-
-if TYPE_CHECKING:
-    from mograft.io.bvh import BvhSummary
-    from mograft.motion.motion import Motion
+from mograft.cli.output import print_result
+from mograft.io.bvh import BvhSummary, read_bvh, scan_bvh
+from mograft.motion.motion import Motion
 
 MAX_BYTES_IN_MEMORY = 1 << 28
 """Larger files are scanned without a check for faults."""
@@ -25,16 +23,11 @@ def run(options: argparse.Namespace) -> int:
         documents.append(document)
         if not options.json:
             print(_describe(document))
-    if options.json:
-        print_json({"schema": "mograft.info/1", "files": documents})
+    print_result(options, "info", {"files": documents}, [])
     return 0
 
 
 def _read(name: str) -> dict[str, Any]:
-    from mograft.body.faults import find_faults
-    from mograft.body.groups import JointGroups
-    from mograft.io.bvh import read_bvh, scan_bvh
-
     faults: list[str] | None = None
     summary: BvhSummary | Motion
     if os.path.getsize(name) > MAX_BYTES_IN_MEMORY:
@@ -78,11 +71,3 @@ def _describe(document: dict[str, Any]) -> str:
         faults = ["faults were not checked as the file is large: see mograft check"]
     lines += [f"  warning: {fault}" for fault in faults]
     return "\n".join(lines)
-
-
-COMMAND = Command(
-    name="info",
-    help="print joints, frame rate, duration, joint groups and faults of files",
-    run=run,
-    arguments=(BVH_FILES, JSON),
-)

@@ -1,84 +1,174 @@
-"""Options that several commands share."""
+"""Options that several commands share, and the option groups of ``mograft graft``."""
+
+from pathlib import Path
+from typing import Any
 
 from mograft._util.registry import CONFIG_OPTIONS
-from mograft.cli.arguments import Argument, option, positional, switch
-from mograft.cli.values import non_negative_integer, positive_number
+from mograft.cli import values
+from mograft.cli.arguments import (
+    Argument,
+    ArgumentGroup,
+    option,
+    positional,
+    repeated_option,
+    switch,
+)
+from mograft.cli.values import non_negative_integer, non_negative_number, positive_number
 
-__all__ = [
-    "BVH_FILES",
-    "FILES_OR_LIBRARY",
-    "FORCE",
-    "GROUPS",
-    "JSON",
-    "LIBRARY_OR_FILES",
-    "PRESET",
-    "PRESETS",
-    "SEED",
-    "SIGMA_SCALE",
-    "config_option",
-]
+PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
+DEFAULT_DURATION = 60.0
+"""Duration of ``--scenario graph`` in seconds."""
 
-PRESETS = (
-    "lower_upper",
-    "lower_torso_arms",
-    "lower_torso_larm_rarm",
-    "lower_torso_head_larm_rarm",
-)
 
-BVH_FILES = positional(
-    "files", is_path=True, nargs="+", metavar="FILE", help="BVH files, or folders of them"
-)
-FILES_OR_LIBRARY = positional(
-    "files", is_path=True, nargs="+", metavar="FILE", help="BVH files, or one library"
-)
-LIBRARY_OR_FILES = positional(
-    "files", is_path=True, nargs="+", metavar="LIB|FILE", help="one library, or BVH files"
-)
-GROUPS = option(
-    "--groups",
-    is_path=True,
-    metavar="NAME|FILE",
-    help="joint groups: the name of a preset, or a TOML file (default: lower_upper)",
-)
-PRESET = option(
-    "--preset",
-    choices=("default", "paper"),
-    help="configuration that the other options change: default, or paper for the parameters of "
-    "the paper (default: default)",
-)
-SIGMA_SCALE = option(
-    "--sigma-scale",
-    type=positive_number,
-    metavar="X",
-    help="cluster diameter threshold, as a multiple of sigma; larger gives more variety, "
-    "smaller more similarity (default: 0.75, with --preset paper 1)",
-)
-SEED = option(
-    "--seed",
-    type=non_negative_integer,
-    default=0,
-    help="seed of the random number generator (default: 0)",
-)
-FORCE = switch("--force", is_setting=False, help="overwrite existing files")
-JSON = switch("--json", is_setting=False, help="print the results as one JSON document")
+def files_argument(help: str, metavar: str = "FILE") -> Argument:  # noqa: A002 - as add_argument
+    """Return the positional argument for one or more files."""
+    return positional("files", help, is_path=True, nargs="+", metavar=metavar)
+
+
+def groups_option(subject: str = "joint groups", default: str = "lower_upper") -> Argument:
+    """Return ``--groups`` for what `subject` describes."""
+    return option(
+        "--groups NAME|FILE",
+        f"{subject}: the name of a preset, or a TOML file (default: {default})",
+        is_path=True,
+    )
+
+
+def output_option(help: str, **keywords: Any) -> Argument:  # noqa: A002, ANN401 - as add_argument
+    """Return ``-o``; `keywords` are those of `add_argument`."""
+    return option("-o --output", help, Path, is_setting=False, is_path=True, **keywords)
 
 
 def config_option(field: str, subject: str, default: str) -> Argument:
-    """Return the option for a field of `Config` that selects one of several named values.
+    """Return the option that selects one of the values that `CONFIG_OPTIONS` lists for a field.
 
-    Parameters
-    ----------
-    field : str
-        Name of the field; `CONFIG_OPTIONS` lists its values.
-    subject : str
-        What the option sets.
-    default : str
-        The value if the option is not given.
+    `subject` is what the option sets, `default` the value if it is not given.
     """
-    values = CONFIG_OPTIONS[field].entries.items()
-    described = "; ".join(f"{name} - {description}" for name, description in values)
+    registry = CONFIG_OPTIONS[field]
+    described = "; ".join(f"{name} - {text}" for name, text in registry.entries.items())
     return option(
-        f"--{field}",
-        choices=CONFIG_OPTIONS[field].names,
-        help=f"{subject} (default: {default}): {described}",
+        f"--{field}", f"{subject} (default: {default}): {described}", choices=registry.names
     )
+
+
+BVH_FILES = files_argument("BVH files, or folders of them")
+FILES_OR_LIBRARY = files_argument("BVH files, or one library")
+GROUPS = groups_option()
+FIGURE_COLOURS = "joint groups that set the colours"
+PRESET = option(
+    "--preset",
+    "configuration that the other options change: default, or paper for the parameters of the "
+    "paper (default: default)",
+    choices=("default", "paper"),
+)
+SIGMA_SCALE = option(
+    "--sigma-scale X",
+    "cluster diameter threshold, as a multiple of sigma; larger gives more variety, smaller more "
+    "similarity (default: 0.75, with --preset paper 1)",
+    positive_number,
+)
+SEED = option("--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0)
+FORCE = switch("--force", "overwrite existing files", is_setting=False)
+JSON = switch("--json", "print the results as one JSON document", is_setting=False)
+
+SCENARIO_OPTIONS = (
+    option(
+        "--scenario original|graph|N,...",
+        "motion of the base group: original (a captured clip), graph (a random walk through the "
+        "transition graph of the segments), or the numbers of segments that follow each other "
+        "(default: original)",
+        default="original",
+        is_setting=False,
+    ),
+    option(
+        "--duration S",
+        f"duration of --scenario graph, in seconds (default: {DEFAULT_DURATION:.0f})",
+        float,
+        is_setting=False,
+    ),
+    option(
+        "--frames N",
+        "exact length of --scenario graph, in frames (default: set by --duration)",
+        int,
+        is_setting=False,
+    ),
+    option(
+        "--path X,Z:X,Z:...",
+        "corners of the path of --scenario graph on the floor, in the unit of the file (X,Y if z "
+        "points up); the length of the path sets the duration (default: no path)",
+    ),
+    option(
+        "--beats BPM",
+        "tempo of --scenario graph in beats per minute: each beat falls on a seam (default: no "
+        "tempo)",
+        float,
+    ),
+    option(
+        "--among CLIP,...", "clips that --scenario graph uses, globs such as waltz* (default: all)"
+    ),
+)
+
+
+def constraint_options(*more: Argument) -> ArgumentGroup:
+    """Return the options of the constraints, followed by `more`."""
+    return ArgumentGroup(
+        (*_POSE_OPTIONS, *_DONOR_OPTIONS, *more),
+        "constraints",
+        "Positions are in the unit of the file, frames are those of the base. If no donor "
+        "sequence satisfies the constraints, the exit code is 4 and stderr lists the smallest "
+        "violation.",
+    )
+
+
+_POSE_OPTIONS = (
+    repeated_option(
+        "--avoid WHAT",
+        "obstacle that the body must not touch: FILE.bvh[@X,Y,Z[,YAW]] (another character, moved "
+        "to a position and turned by YAW degrees), sphere:X,Y,Z,R, capsule:X,Y,Z,X,Y,Z,R, "
+        "box:X,Y,Z,HALF,HALF,HALF or wall:X,Y,Z,NX,NY,NZ; may be repeated",
+        values.obstacle,
+    ),
+    option(
+        "--radius X",
+        "factor on the capsule radii of the characters of --avoid (default: 1)",
+        positive_number,
+        1.0,
+    ),
+    switch(
+        "--avoid-self",
+        "forbid contact of hands and forearms with trunk, head, thighs and each other",
+    ),
+    repeated_option(
+        "--reach FRAME:JOINT:X,Y,Z[~TOL]",
+        "position of a joint in a frame, within TOL skeleton heights "
+        f"(default: {values.REACH_TOLERANCE}); may be repeated",
+        values.reach,
+    ),
+    repeated_option(
+        "--face X,Y,Z[@FIRST-LAST]",
+        "position that the head faces, within 20 degrees, in all frames or a range; may be "
+        "repeated",
+        values.face,
+    ),
+    repeated_option(
+        "--keep FIRST-LAST", "frames that keep the captured motion; may be repeated", values.frames
+    ),
+)
+_DONOR_OPTIONS = (
+    option(
+        "--only-from CLIP,...", "clips that may provide donors, globs such as waltz* (default: all)"
+    ),
+    option(
+        "--not-from CLIP,...",
+        "clips that are excluded as donors, globs such as waltz* (default: none)",
+    ),
+    option("--only-tagged TAG,...", "tags of the clips that may provide donors (default: all)"),
+    option("--not-tagged TAG,...", "tags of the clips that provide no donors (default: none)"),
+    option(
+        "--max-stretch X",
+        "maximum difference between the durations of donor and base segment, as a fraction of the "
+        "latter (default: 0.15)",
+        non_negative_number,
+    ),
+    option("--max-angle DEGREES", "maximum seam angle in degrees (default: 45)", positive_number),
+)

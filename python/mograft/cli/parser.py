@@ -2,37 +2,28 @@
 
 import argparse
 from collections.abc import Sequence
+from typing import Any
 
 from mograft import __version__
-from mograft.cli.arguments import ArgumentGroup, Command, ExclusiveArguments
+from mograft.cli.arguments import Argument, ArgumentGroup, Command
 from mograft.cli.settings import find_settings
 
-__all__ = ["build_parsers", "parse"]
 
-Parsers = dict[tuple[str, ...], argparse.ArgumentParser]
-
-
-def build_parsers(commands: Sequence[Command], path_completion: object = None) -> Parsers:
+def build_parsers(
+    commands: Sequence[Command], path_completion: object = None
+) -> dict[tuple[str, ...], argparse.ArgumentParser]:
     """Return the parsers of the program, its commands and their actions.
 
-    Parameters
-    ----------
-    commands : sequence of Command
-        The commands.
-    path_completion : object, optional
-        Value of the attribute ``complete`` of arguments that are paths, as shtab reads it.
-
-    Returns
-    -------
-    dict of tuple of str to argparse.ArgumentParser
-        By the words that select a command, as ``("lib", "verify")``; ``()`` is the program.
+    The keys are the words that select a command, as ``("lib", "verify")``; ``()`` is the program.
+    `path_completion` becomes the attribute ``complete`` of arguments that are paths, which shtab
+    reads.
     """
     root = argparse.ArgumentParser(
         prog="mograft",
         description="Create natural motions from captured ones by exchanging body parts.",
     )
     root.add_argument("--version", action="version", version=f"mograft {__version__}")
-    parsers: Parsers = {(): root}
+    parsers: dict[tuple[str, ...], argparse.ArgumentParser] = {(): root}
     subparsers = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for command in commands:
         parser = subparsers.add_parser(
@@ -40,6 +31,7 @@ def build_parsers(commands: Sequence[Command], path_completion: object = None) -
         )
         parsers[command.name,] = parser
         _add_arguments(parser, command, path_completion)
+        parser.set_defaults(command=command, function="run")
         if command.actions:
             actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
         for action in command.actions:
@@ -48,7 +40,7 @@ def build_parsers(commands: Sequence[Command], path_completion: object = None) -
             )
             parsers[command.name, action.name] = below
             _add_arguments(below, action, path_completion)
-            below.set_defaults(command=command)
+            below.set_defaults(command=command, function=f"run_{action.name}")
     return parsers
 
 
@@ -56,38 +48,27 @@ def _add_arguments(
     parser: argparse.ArgumentParser, command: Command, path_completion: object
 ) -> None:
     for item in command.arguments:
-        if isinstance(item, ArgumentGroup):
-            group = parser.add_argument_group(item.title, item.description)
-            members, add = item.arguments, group.add_argument
-        elif isinstance(item, ExclusiveArguments):
-            add = parser.add_mutually_exclusive_group(required=True).add_argument
-            members = item.arguments
-        else:
-            members, add = (item,), parser.add_argument
+        container: Any = parser
+        if isinstance(item, ArgumentGroup) and item.title:
+            container = parser.add_argument_group(item.title, item.description)
+        elif isinstance(item, ArgumentGroup):
+            container = parser.add_mutually_exclusive_group(required=True)
+        members = (item,) if isinstance(item, Argument) else item.arguments
         for argument in members:
-            action = add(*argument.flags, **argument.keywords)
+            action = container.add_argument(*argument.flags, **argument.keywords)
             if argument.is_path and path_completion is not None:
-                action.complete = path_completion  # type: ignore[attr-defined] # shtab's interface
-    parser.set_defaults(run=command.run, command=command, usage_error=parser.error)
+                action.complete = path_completion  # The interface of shtab.
+    parser.set_defaults(usage_error=parser.error)
 
 
 def parse(
     commands: Sequence[Command], arguments: Sequence[str] | None = None
 ) -> argparse.Namespace:
-    """Parse a command line; options it omits come from the environment, then from the file.
+    """Parse a command line, by default that of the process.
 
-    Parameters
-    ----------
-    commands : sequence of Command
-        All commands.
-    arguments : sequence of str, optional
-        The words after the program's name. Default: those of the process.
-
-    Returns
-    -------
-    argparse.Namespace
-        The options, with ``commands`` as given and ``origins``: for each option that was set
-        outside the command line, the file or variable that set it.
+    Options that it omits come from the environment, then from the configuration file. The
+    namespace also holds ``commands``, and ``origins``: for each option that was set outside the
+    command line, the file or variable that set it.
     """
     parsers = build_parsers(commands)
     options = parsers[()].parse_args(arguments)

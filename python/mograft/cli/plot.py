@@ -4,12 +4,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mograft import plot
 from mograft._util.atomic import atomic_path
-from mograft.cli.arguments import Command, option, positional, repeated_option, switch
+from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (
     load_library,
-    options_given,
     refuse_fixed_options,
+    refuse_useless_options,
     selected_groups,
 )
 from mograft.cli.files import (
@@ -19,17 +20,15 @@ from mograft.cli.files import (
     select_clips,
     select_frames,
 )
-from mograft.cli.options import FILES_OR_LIBRARY, FORCE, JSON
-from mograft.cli.output import print_json
-from mograft.cli.values import frame_range, positive_integer
+from mograft.cli.output import print_result
+from mograft.io.bvh import read_bvh
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from mograft.body.groups import JointGroups
-    from mograft.motion.motion import Motion
-
-KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters")
 _ENDINGS = (".png", ".svg", ".pdf")
 _KINDS_OF_OPTION = {
     "frames": ("strip", "timeline", "energy"),
@@ -63,18 +62,17 @@ def run(options: argparse.Namespace) -> int:
                 figure.savefig(draft, dpi=options.dpi, metadata=metadata)
         finally:
             pyplot.close("all")
-    if options.json:
-        print_json({"schema": "mograft.plot/1", "file": str(target), "kind": options.kind})
-    else:
-        print(target)
+    print_result(options, "plot", {"file": str(target), "kind": options.kind}, [target])
     return 0
 
 
 def _draw(options: argparse.Namespace) -> "Axes":
-    from mograft import plot
-
     folder = library_folder(options)
-    _check_usage(options, folder)
+    if folder is not None:
+        refuse_fixed_options(options, "groups")
+    if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
+        options.usage_error("--clip requires a library, and strip, timeline or energy")
+    refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups = _single_motion(options, folder)
         if options.kind == "energy":
@@ -82,8 +80,6 @@ def _draw(options: argparse.Namespace) -> "Axes":
         return plot.strip(motion, options.poses, groups=groups)
     library = load_library(options)
     if options.kind == "timeline":
-        from mograft.viewing.scene import Scene
-
         if folder is None:
             return plot.timeline(library, frames=options.frames)
         clips = Scene.of_clips(library, select_clips(library, options.clip))
@@ -92,24 +88,10 @@ def _draw(options: argparse.Namespace) -> "Axes":
     return draw[options.kind](library, options.group)
 
 
-def _check_usage(options: argparse.Namespace, folder: Path | None) -> None:
-    if folder is not None:
-        refuse_fixed_options(options, "groups")
-    if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
-        options.usage_error("--clip requires a library, and strip, timeline or energy")
-    for name in options_given(options, *_KINDS_OF_OPTION):
-        kinds = _KINDS_OF_OPTION[name]
-        if options.kind not in kinds:
-            options.usage_error(f"--{name} requires {', '.join(kinds)}; got {options.kind}")
-
-
 def _single_motion(
     options: argparse.Namespace, folder: Path | None
-) -> "tuple[Motion, JointGroups | str | None]":
+) -> tuple[Motion, JointGroups | str | None]:
     """Return the one motion that the options select, and the groups that set its colours."""
-    from mograft.io.bvh import read_bvh
-    from mograft.library.library import Library
-
     groups: JointGroups | str | None
     if folder is not None:
         library = Library.open(folder)
@@ -121,69 +103,3 @@ def _single_motion(
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows one motion, got {len(motions)}")
     return select_frames(motions[0], options.frames), groups
-
-
-COMMAND = Command(
-    name="plot",
-    help="draw motions, or the clusters of their segments",
-    run=run,
-    arguments=(
-        positional(
-            "kind",
-            choices=KINDS,
-            help="poses of one motion, segments along time, kinetic energy, principal components, "
-            "linkage tree, or cluster sizes",
-        ),
-        FILES_OR_LIBRARY,
-        repeated_option(
-            "--clip",
-            metavar="NAME",
-            help="clips of a library for strip, energy or timeline, globs such as walk* (default: "
-            "all); may be repeated",
-        ),
-        option(
-            "-o",
-            "--output",
-            is_setting=False,
-            is_path=True,
-            type=Path,
-            required=True,
-            help=".png, .svg or .pdf file to write",
-        ),
-        option(
-            "--groups",
-            is_path=True,
-            metavar="NAME|FILE",
-            help="joint groups: the name of a preset, or a TOML file (default: lower_upper; for "
-            "strip trunk, arms and legs)",
-        ),
-        option(
-            "--group",
-            is_setting=False,
-            metavar="NAME",
-            help="joint group of pca, dendrogram or clusters (default: the base group)",
-        ),
-        option(
-            "--poses",
-            type=positive_integer,
-            default=12,
-            help="number of poses of strip (default: 12)",
-        ),
-        option(
-            "--frames",
-            is_setting=False,
-            type=frame_range,
-            metavar="FIRST-LAST",
-            help="frames of strip, timeline or energy (default: all)",
-        ),
-        switch("--dark", help="draw in light colours on a dark background"),
-        option(
-            "--dpi",
-            type=positive_integer,
-            default=150,
-            help="resolution of a .png in dots per inch (default: 150)",
-        ),
-        JSON,
-        FORCE,
-    ),
-)

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from typing import ParamSpec, TypeVar
 
-__all__ = ["Pool"]
-
 P = ParamSpec("P")
 T = TypeVar("T")
 

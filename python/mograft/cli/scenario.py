@@ -1,65 +1,16 @@
-"""Options for scenarios, and the sequence of base segments that they describe."""
+"""The sequence of base segments that the options of a scenario describe."""
 
 import argparse
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from mograft.cli.arguments import option
+import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from mograft._util.arrays import IntArray
+from mograft.cli.options import DEFAULT_DURATION
+from mograft.library.library import Library
+from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 
-    from mograft._util.arrays import IntArray
-    from mograft.library.library import Library
-    from mograft.scenario import Scenario
-
-__all__ = ["SCENARIO_OPTIONS", "check_scenario", "read_scenario"]
-
-_DEFAULT_SECONDS = 60.0
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
-
-SCENARIO_OPTIONS = (
-    option(
-        "--scenario",
-        is_setting=False,
-        default="original",
-        metavar="original|graph|N,...",
-        help="motion of the base group: original (a captured clip), graph (a random walk through "
-        "the transition graph of the segments), or the numbers of segments that follow each "
-        "other (default: original)",
-    ),
-    option(
-        "--duration",
-        is_setting=False,
-        type=float,
-        metavar="S",
-        help=f"duration of --scenario graph, in seconds (default: {_DEFAULT_SECONDS:.0f})",
-    ),
-    option(
-        "--frames",
-        is_setting=False,
-        type=int,
-        metavar="N",
-        help="exact length of --scenario graph, in frames (default: set by --duration)",
-    ),
-    option(
-        "--path",
-        metavar="X,Z:X,Z:...",
-        help="corners of the path of --scenario graph on the floor, in the unit of the file "
-        "(X,Y if z points up); the length of the path sets the duration (default: no path)",
-    ),
-    option(
-        "--beats",
-        type=float,
-        metavar="BPM",
-        help="tempo of --scenario graph in beats per minute: each beat falls on a seam (default: "
-        "no tempo)",
-    ),
-    option(
-        "--among",
-        metavar="CLIP,...",
-        help="clips that --scenario graph uses, globs such as waltz* (default: all)",
-    ),
-)
 
 
 def check_scenario(options: argparse.Namespace) -> None:
@@ -103,18 +54,14 @@ def _corners(options: argparse.Namespace) -> list[list[float]]:
 
 
 def read_scenario(
-    library: "Library", options: argparse.Namespace
-) -> "Sequence[int] | IntArray | Scenario | None":
+    library: Library, options: argparse.Namespace
+) -> Sequence[int] | IntArray | Scenario | None:
     """Return the base segments that the options select; None for a captured clip."""
     if options.scenario == "original":
         return None
     if options.scenario != "graph":
         return [int(word) for word in options.scenario.split(",")]
-    import numpy as np
-
-    from mograft.scenario import fill, follow, to_beats, transitions, walk
-
-    seed, duration = options.seed, options.duration or _DEFAULT_SECONDS
+    seed, duration = options.seed, options.duration or DEFAULT_DURATION
     graph = transitions(library, options.among and options.among.split(","))
     if options.frames is not None:
         return fill(library, options.frames, seed, graph=graph)

@@ -13,37 +13,22 @@ from typing import Any
 
 from mograft.cli.arguments import Argument, Command
 
-__all__ = ["CONFIG_FILE", "Setting", "find_config_file", "find_settings"]
-
 CONFIG_FILE = "mograft.toml"
 _VARIABLE_PREFIX = "MOGRAFT_"
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Value of an option that the command line does not give.
+    """Value of an option that the command line does not give."""
 
-    Attributes
-    ----------
-    value : object
-        The value, converted as argparse converts it.
-    origin : str
-        The file or the environment variable that set it, or ``"default"``.
-    text : object
-        The value before the conversion.
-    """
-
-    value: Any
-    origin: str
-    text: Any
+    value: Any  # Converted as argparse converts it.
+    origin: str  # The file or the environment variable that set it, or ``"default"``.
+    text: Any  # The value before the conversion.
 
     @property
-    def plain(self) -> str | int | float | bool | None:
+    def plain(self) -> Any:  # noqa: ANN401 - of TOML
         """The value as TOML and JSON represent it."""
-        plain: str | int | float | bool | None = self.text
-        if isinstance(self.value, str | int | float):
-            plain = self.value
-        return plain
+        return self.value if isinstance(self.value, str | int | float) else self.text
 
 
 def find_settings(
@@ -52,32 +37,14 @@ def find_settings(
     folder: Path | None = None,
     environment: Mapping[str, str] = os.environ,
 ) -> dict[str, Setting]:
-    """Return the values that the configuration file and the environment set for a command.
+    """Return the settings of a command by the names of the options in the namespace.
 
-    Parameters
-    ----------
-    command : Command
-        The command.
-    commands : sequence of Command
-        All commands; the file may have a table for each.
-    folder : Path, optional
-        Folder in which, and above which, the file is searched. Default: the working folder.
-    environment : mapping, optional
-        The environment variables.
-
-    Returns
-    -------
-    dict of str to Setting
-        By the options' names in the namespace.
-
-    Raises
-    ------
-    ValueError
-        If the file is not TOML, or a setting is unknown or has an invalid value; names the
-        file or the variable.
+    The configuration file is searched in `folder`, by default the working folder, and above it;
+    it may have a table for each of `commands`. Raise a ValueError that names the file or the
+    variable if the file is not TOML, or a setting is unknown or has an invalid value.
     """
     path = find_config_file(Path.cwd() if folder is None else folder)
-    table = {} if path is None else _read_tags(path, command, commands)
+    table = {} if path is None else _read_file(path, command, commands)
     settings = {}
     for argument in command.settings():
         if argument.dest in table and path is not None:
@@ -99,7 +66,7 @@ def find_config_file(folder: Path) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
-def _read_tags(path: Path, command: Command, commands: Sequence[Command]) -> dict[str, Any]:
+def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dict[str, Any]:
     """Return the settings of a file for a command; its own table overrides the shared keys."""
     import tomllib
 
@@ -107,23 +74,24 @@ def _read_tags(path: Path, command: Command, commands: Sequence[Command]) -> dic
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: {error}") from None
-    shared = {name: value for name, value in document.items() if not isinstance(value, dict)}
     tables = {name: value for name, value in document.items() if isinstance(value, dict)}
-    names = {each.name: {argument.dest for argument in each.settings()} for each in commands}
+    known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
     for name in tables:
-        if name not in names:
-            raise ValueError(f"{path}: table must be one of {', '.join(names)}; got [{name}]")
-    for name in shared:
-        if not any(_dest(name) in known for known in names.values()):
+        if name not in known:
+            raise ValueError(f"{path}: table must be one of {', '.join(known)}; got [{name}]")
+    merged = {}
+    for name in [name for name in document if name not in tables]:
+        if not any(_dest(name) in dests for dests in known.values()):
             raise ValueError(
                 f"{path}: unknown setting {name!r}; mograft config show lists all settings"
             )
-    known = names[command.name]
-    for name in tables.get(command.name, {}):
-        if _dest(name) not in known:
+        if _dest(name) in known[command.name]:
+            merged[_dest(name)] = document[name]
+    for name, value in tables.get(command.name, {}).items():
+        if _dest(name) not in known[command.name]:
             raise ValueError(f"{path}: mograft {command.name} has no setting {name!r}")
-    merged = {_dest(name): value for name, value in shared.items() if _dest(name) in known}
-    return merged | {_dest(name): value for name, value in tables.get(command.name, {}).items()}
+        merged[_dest(name)] = value
+    return merged
 
 
 def _dest(name: str) -> str:

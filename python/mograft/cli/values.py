@@ -1,21 +1,20 @@
 """Converters of option values, for the ``type`` of argparse."""
 
-import argparse
 import math
+from argparse import ArgumentTypeError
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
-__all__ = [
-    "argument_type",
-    "frame_range",
-    "non_negative_integer",
-    "non_negative_number",
-    "positive_integer",
-    "positive_number",
-]
+SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
+"""How many numbers describe a shape of ``--avoid``."""
+
+REACH_TOLERANCE = 0.03
+"""Default tolerance of ``--reach`` in skeleton heights."""
+
+UNITS = ("m", "cm", "mm", "inch", "CMU")
 
 N = TypeVar("N", int, float)
-T = TypeVar("T")
 
 
 def non_negative_integer(text: str) -> int:
@@ -44,25 +43,80 @@ def _number(kind: Callable[[str], N], text: str, is_valid: Callable[[N], bool], 
     except ValueError:
         number = None
     if number is None or not is_valid(number):
-        raise argparse.ArgumentTypeError(f"must be {expected}, got {text}")
+        raise ArgumentTypeError(f"must be {expected}, got {text}")
     return number
+
+
+def unit(text: str) -> float | str:
+    """Read the name of a unit, or its length in metres."""
+    try:
+        return text if text in UNITS else positive_number(text)
+    except ArgumentTypeError:
+        raise ArgumentTypeError(
+            f"must be {', '.join(UNITS)} or a number above 0, got {text}"
+        ) from None
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """Read ``WIDTHxHEIGHT``."""
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise ArgumentTypeError(f"must be WIDTHxHEIGHT, as 720x480, got {text}")
+    return int(width), int(height)
 
 
 def frame_range(text: str) -> tuple[int, int]:
     """Read the first and last frame of a range of at least two frames."""
     first, dash, last = text.partition("-")
     if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
-        raise argparse.ArgumentTypeError(f"must be FIRST-LAST, as 100-400, got {text}")
+        raise ArgumentTypeError(f"must be FIRST-LAST, as 100-400, got {text}")
     return int(first), int(last)
 
 
-def argument_type(convert: Callable[[str], T]) -> Callable[[str], T]:
-    """Return a converter whose `ValueError` argparse prints in full."""
+def frames(text: str) -> tuple[int, int]:
+    """Read the first and last frame of a range of at least one frame."""
+    first, dash, last = text.partition("-")
+    if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
+        raise ArgumentTypeError(f"expected FIRST-LAST, ascending frames, got {text!r}")
+    return int(first), int(last)
 
-    def convert_or_report(text: str) -> T:
-        try:
-            return convert(text)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
 
-    return convert_or_report
+def _numbers(text: str, *counts: int) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in counts:
+        expected = " or ".join(str(count) for count in counts)
+        raise ArgumentTypeError(f"expected {expected} numbers separated by commas, got {text!r}")
+    return numbers
+
+
+def obstacle(text: str) -> tuple[str, list[float]]:
+    """Read a shape with its numbers, or a file with its position and heading in degrees."""
+    kind, colon, rest = text.partition(":")
+    if colon and kind in SHAPE_NUMBERS:
+        return kind, _numbers(rest, SHAPE_NUMBERS[kind])
+    if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
+        raise ArgumentTypeError(f"expected a file or one of {', '.join(SHAPE_NUMBERS)}, got {kind}")
+    name, separator, place = text.rpartition("@")
+    if not separator or Path(text).exists():
+        return text, [0.0] * 4
+    return name, [*_numbers(place, 3, 4), 0.0][:4]
+
+
+def reach(text: str) -> tuple[int, str, tuple[float, ...], float]:
+    """Read a frame, a joint, a position and a tolerance in skeleton heights."""
+    frame, _, rest = text.partition(":")
+    joint, colon, place = rest.rpartition(":")  # The name of a joint may contain colons.
+    if not colon or not frame.isdigit():
+        raise ArgumentTypeError(f"expected FRAME:JOINT:X,Y,Z[~TOL], got {text!r}")
+    place, tilde, tolerance = place.partition("~")
+    within = positive_number(tolerance) if tilde else REACH_TOLERANCE
+    return int(frame), joint, tuple(_numbers(place, 3)), within
+
+
+def face(text: str) -> tuple[tuple[float, ...], tuple[int, int] | None]:
+    """Read a position and the frames."""
+    place, separator, range_text = text.partition("@")
+    return tuple(_numbers(place, 3)), frames(range_text) if separator else None

@@ -1,0 +1,37 @@
+"""The files of grafts, and pages in the browser."""
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from mograft import __version__
+from mograft._util.atomic import write_text
+from mograft.cli.output import print_remark
+from mograft.io.bvh import write_bvh
+from mograft.synthesis.graft_result import Graft
+from mograft.viewing.page import open_file
+from mograft.viewing.report import report_page
+
+GRAFT_ENDINGS = (".bvh", ".json")
+"""Endings of the files of a graft: the motion and its provenance."""
+
+
+def write_graft(graft: Graft, path: Path) -> None:
+    """Write the motion of a graft, and its provenance beside it."""
+    document = {"mograft": __version__, **graft.as_dict()}
+    # The provenance comes first: an interruption then leaves no motion without it.
+    write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
+    write_bvh(graft.motion, path)
+
+
+def write_report(grafts: Sequence[Graft], paths: Sequence[Path], target: Path) -> None:
+    """Write the report page of grafts, with links to their files."""
+    links = [Path(os.path.relpath(path, target.parent)) for path in paths]
+    report_page(grafts, links).save(target, force=True)
+
+
+def open_page(path: Path) -> None:
+    """Open a page in the browser, or print that there is none."""
+    if not open_file(path):
+        print_remark(f"no browser found: open {path} yourself")
