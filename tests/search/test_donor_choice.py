@@ -42,10 +42,7 @@ class Source:
     def trellises(self):
         return {
             group: DonorTrellis.build(
-                pool,
-                self.scenario,
-                self.feasible_candidates(group),
-                cost_model(self.config, pool),
+                pool, self.scenario, self.feasible_candidates(group), cost_model(self.config, pool)
             )
             for group, pool in self.pools.items()
         }

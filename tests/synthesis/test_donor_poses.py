@@ -71,10 +71,7 @@ def test_root_trellis_costs_are_those_along_the_cheapest_path(
     problem = make_problem(root_library, [wall, mg.Face((0.0, 150.0, 500.0), weight=0.5)])
     trellis = build_trellis(problem, "lower", {})
     unconstrained = DonorTrellis.build(
-        problem.pools["lower"],
-        problem.scenario,
-        trellis.candidates,
-        problem.cost_models["lower"],
+        problem.pools["lower"], problem.scenario, trellis.candidates, problem.cost_models["lower"]
     )
     path, root = viterbi(trellis.costs), root_library.root
     start = RootTransforms.from_motion(root_library.clips[0], root)[np.array([0])]

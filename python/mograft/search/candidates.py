@@ -196,10 +196,7 @@ class ConstraintVerdicts:
 
 
 def list_candidates(
-    pool: SegmentPool,
-    segment: int,
-    model: CostModel,
-    verdicts: ConstraintVerdicts | None = None,
+    pool: SegmentPool, segment: int, model: CostModel, verdicts: ConstraintVerdicts | None = None
 ) -> Candidates:
     """Return all members of a segment's cluster with costs and reasons for refusal.
 

@@ -17,12 +17,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Constraint
-from mograft.search.costs import (
-    ConstraintViolations,
-    CostModel,
-    limit_config,
-    origin_violations,
-)
+from mograft.search.costs import ConstraintViolations, CostModel, limit_config, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.trellis import DonorSequences

@@ -62,13 +62,7 @@ class StreamSearch:
         self._clusters = BaseClusters.build(library, mass_model(frame.skeleton).height)
 
     def list_candidates(
-        self,
-        base: BaseBuffer,
-        start: int,
-        stop: int,
-        rules: StreamRules,
-        *,
-        has_previous: bool,
+        self, base: BaseBuffer, start: int, stop: int, rules: StreamRules, *, has_previous: bool
     ) -> PendingSegment:
         """Return a base segment with the candidates that satisfy cluster, length and origin limits.
 
@@ -80,10 +74,7 @@ class StreamSearch:
         segment = _single_segment(start, stop, len(self._library.entries))
         members, distances = self._clusters.find_members(motion, excerpt)
         is_kept = self._library.is_donor[members] & length_fits(
-            segment.lengths,
-            self._lengths[members],
-            self._library.rate,
-            rules.config,
+            segment.lengths, self._lengths[members], self._library.rate, rules.config
         )
         members, distances = members[is_kept], distances[is_kept]
         origin = self._origin_violations(segment, members, rules)
