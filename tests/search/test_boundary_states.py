@@ -26,9 +26,9 @@ def test_velocity_gaps_match_numpy_norms():
 @given(SEEDS)
 def test_gaps_between_neighbours_of_a_clip_are_zero(make_pool, seed):
     boundary = make_pool(seed).boundary
-    gaps = boundary[:-1].pose_gaps_to(boundary[1:])
+    gaps = pose_gaps(boundary.last[:-1], boundary.first[1:])
     np.testing.assert_allclose(np.diag(gaps), 0.0, atol=1e-15)
-    velocities = boundary[:-1].velocity_gaps_to(boundary[1:])
+    velocities = velocity_gaps(boundary.last_velocity[:-1], boundary.first_velocity[1:])
     np.testing.assert_array_equal(np.diag(velocities), 0.0)
 
 

@@ -253,7 +253,7 @@ def test_excess_of_a_range_matches_whole_motion(library):
         donors = {"upper": np.array([rng.choice(candidates) for candidates in trellis.candidates])}
         full_error = donor_excess(problem, donors)["upper"]
         first = int(rng.integers(0, len(problem.base_segments) - 4))
-        subset = donor_excess(problem, donors, first, first + 3)["upper"]
+        subset = donor_excesses(problem, [donors], first, first + 3)["upper"][0]
         begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 2]
         assert subset.min() > 0
         np.testing.assert_allclose(subset, full_error[begin : end + 1], atol=1e-9)
@@ -269,7 +269,8 @@ def test_batch_assembly_matches_single_assembly(library):
     ]
     batch = donor_excesses(problem, donor_sets, 3, 9)["upper"]
     for donors, found in zip(donor_sets, batch, strict=True):
-        np.testing.assert_allclose(found, donor_excess(problem, donors, 3, 9)["upper"], atol=1e-9)
+        single = donor_excesses(problem, [donors], 3, 9)["upper"][0]
+        np.testing.assert_allclose(found, single, atol=1e-9)
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "nearest", "random"])

@@ -8,8 +8,12 @@ from mograft.blend.donor_timeline import sample_states
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
-from mograft.synthesis.donor_frames import frames_with_neighbours
-from mograft.synthesis.placed_donors import VELOCITY_STEP, PlacedDonors, SampledDonors
+from mograft.synthesis.placed_donors import (
+    VELOCITY_STEP,
+    PlacedDonors,
+    SampledDonors,
+    frames_with_neighbours,
+)
 from tests.strategies import SEEDS, assert_same_rotations, smooth_rotations
 
 

@@ -61,23 +61,3 @@ class BoundaryStates:
             first_velocity=np.concatenate([part.first_velocity for part in parts]),
             last_velocity=np.concatenate([part.last_velocity for part in parts]),
         )
-
-    def pose_gaps_to(self, following: "BoundaryStates") -> FloatArray:
-        """Return the mean joint angle from every end to every start of other segments.
-
-        Returns
-        -------
-        ndarray, shape (len(self), len(following))
-            Angles in radians; 0 if a segment is the successor in its clip.
-        """
-        return pose_gaps(self.last, following.first)
-
-    def velocity_gaps_to(self, following: "BoundaryStates") -> FloatArray:
-        """Return the mean velocity difference from every end to every start of other segments.
-
-        Returns
-        -------
-        ndarray, shape (len(self), len(following))
-            In radians per second; 0 if a segment is the successor in its clip.
-        """
-        return velocity_gaps(self.last_velocity, following.first_velocity)

@@ -125,11 +125,8 @@ class SegmentPool:
 
     def seam_angles_along(self, donors: IntArray) -> FloatArray:
         """Return the mean joint angle at each seam of a donor sequence, shape (n - 1,)."""
-        pairs = [
-            self.seam_angles(donors[i : i + 1], donors[i + 1 : i + 2])
-            for i in range(len(donors) - 1)
-        ]
-        return np.concatenate([gap.ravel() for gap in pairs]) if pairs else np.zeros(0)
+        seams = ((donors[i : i + 1], donors[i + 1 : i + 2]) for i in range(len(donors) - 1))
+        return np.array([self.seam_angles(*seam)[0, 0] for seam in seams], float)
 
     def distances(self, base: IntArray, donors: IntArray) -> FloatArray:
         """Return the distance between each base part and that of its donor, in cluster diameters.

@@ -10,16 +10,15 @@ A donor sequence costs the sum of
 Violation amounts are in tolerances of the constraint: at most 1 if it is satisfied.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
-from mograft.body.world_poses import Poses
 from mograft.config import Config
-from mograft.search.boundary_states import BoundaryStates
+from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
 from mograft.search.constraints import Clip, Constraint
 from mograft.search.donor_constraints import MaxAngle
 
@@ -105,7 +104,8 @@ class CostModel:
 
     def seam_costs(self, left: BoundaryStates, right: BoundaryStates) -> FloatArray:
         """Return the costs of the seams from every segment of `left` to every one of `right`."""
-        return self.pairwise(left.pose_gaps_to(right), left.velocity_gaps_to(right))
+        velocities = velocity_gaps(left.last_velocity, right.first_velocity)
+        return self.pairwise(pose_gaps(left.last, right.first), velocities)
 
     def keep_cheapest(self, costs: FloatArray, is_base: BoolArray) -> IntArray:
         """Return the indices of the `max_candidates` cheapest donors, ascending.
@@ -170,6 +170,12 @@ class ConstraintViolations:
                 soft += constraint.weight * amount**2
         return cls(hard, soft)
 
+    def split(self, counts: Sequence[int]) -> "list[ConstraintViolations]":
+        """Return the violations of consecutive sets of candidates, given their sizes."""
+        ends = np.cumsum(counts)[:-1]
+        sets = zip(np.split(self.hard, ends), np.split(self.soft, ends), strict=True)
+        return [ConstraintViolations(hard, soft) for hard, soft in sets]
+
     @property
     def is_feasible(self) -> BoolArray:
         """Whether each candidate satisfies all hard constraints, shape (n,)."""
@@ -202,18 +208,3 @@ def origin_violations(
             amount = np.where((frames.start <= last) & (frames.stop >= first), amount, 0.0)
         amounts.append(amount)
     return amounts
-
-
-def pose_violations(
-    constraints: Sequence[Constraint],
-    poses: Poses,
-    joints: BoolArray,
-    maximum: Callable[[FloatArray], FloatArray],
-) -> list[FloatArray]:
-    """Return how far the poses of n candidates violate each constraint.
-
-    `poses` holds the frames of all candidates, one candidate after the other. Only errors of the
-    `joints` in a mask of shape (n_joints,) count. `maximum` reduces one value per frame to the
-    maximum of each candidate. There is one array of n violation amounts per constraint.
-    """
-    return [maximum(constraint.errors(poses, joints)[0]) for constraint in constraints]

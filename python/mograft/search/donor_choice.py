@@ -45,7 +45,6 @@ class DonorChoice(ABC):
     """A strategy that chooses donor sequences."""
 
     cost_model: ClassVar[type[CostModel]] = CostModel  # of the unary and pairwise costs
-    needs_costs: ClassVar[bool] = True  # whether drawing needs costs, and not only limits
     is_limited: ClassVar[bool] = True  # whether only the `max_candidates` cheapest count
 
     @abstractmethod
@@ -124,7 +123,6 @@ class Nearest(Viterbi):
 class Random(DonorChoice):
     """Uniform draws among the donors within the limits (paper, 4.4)."""
 
-    needs_costs = False
     is_limited = False
 
     def draw(

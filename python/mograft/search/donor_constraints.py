@@ -35,7 +35,61 @@ class KeepOriginal(Constraint):
 
 
 @dataclass(frozen=True)
-class OnlyFrom(Constraint):
+class _ClipConstraint(Constraint):
+    """Base class of constraints that select donors by clip, tag and frames of the clip."""
+
+    clips: str | Sequence[str] = ()
+    clip_frames: Span | None = None
+    tags: str | Collection[str] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, words in (("clips", self.clips), ("tags", self.tags)):
+            if not isinstance(words, Collection) or not all(
+                isinstance(word, str) for word in words
+            ):
+                raise TypeError(f"`{name}` must be names, got {words!r}")
+        if not self.clips and not self.tags:
+            raise ValueError("clips or tags must select clips, got neither")
+        if self.clip_frames is not None:
+            object.__setattr__(self, "clip_frames", as_span("clip_frames", self.clip_frames))
+
+    def _is_selected(self, donors: Segments, clips: Sequence[Clip], *, whole: bool) -> BoolArray:
+        """Return which donors lie within the selected frames or, if not `whole`, overlap them."""
+        names = [clip.name for clip in clips]
+        selected = np.zeros(len(clips), bool)
+        for pattern in _as_names(self.clips):
+            matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
+            if not any(matches):
+                raise ValueError(
+                    f"`clips` must match names of {join_names(names)}; got {pattern!r}"
+                )
+            selected |= matches
+        for tag in _as_names(self.tags):
+            tagged = [tag in clip.tags for clip in clips]
+            if not any(tagged):
+                known = sorted({name for clip in clips for name in clip.tags})
+                expected = f"must be among {join_names(known)}" if known else "exist on no clip"
+                raise ValueError(f"tags {expected}; got {tag!r}")
+            selected |= tagged
+        inside: BoolArray = selected[donors.clip]
+        if self.clip_frames is not None:
+            first, last = self.clip_frames
+            if whole:
+                inside = inside & (donors.start >= first) & (donors.stop <= last)
+            else:
+                inside = inside & (donors.start <= last) & (donors.stop >= first)
+        return inside
+
+    def _describe_selection(self) -> str:
+        tagged = (f"clips tagged {tag}" for tag in _as_names(self.tags))
+        frames = self.clip_frames
+        span = "" if frames is None else f", frames {frames[0]} to {frames[1]}"
+        return ", ".join([*_as_names(self.clips), *tagged]) + span
+
+
+@dataclass(frozen=True)
+class OnlyFrom(_ClipConstraint):
     """Accept donors from some clips only; captured parts may be kept.
 
     Parameters
@@ -53,27 +107,19 @@ class OnlyFrom(Constraint):
     'not from waltz*, clips tagged slow'
     """
 
-    clips: str | Sequence[str] = ()
-    clip_frames: Span | None = None
-    tags: str | Collection[str] = field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_origin(self)
-
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.donor_errors`."""
-        within = _is_selected(donors, clips, self, whole=True)
+        within = self._is_selected(donors, clips, whole=True)
         return np.where(within | _is_same(base, donors), 0.0, 2.0)
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
         del error, height
-        return f"not from {_describe_selection(self)}"
+        return f"not from {self._describe_selection()}"
 
 
 @dataclass(frozen=True)
-class NotFrom(Constraint):
+class NotFrom(_ClipConstraint):
     """Accept no donors from some clips; captured parts may be kept.
 
     Parameters
@@ -91,23 +137,15 @@ class NotFrom(Constraint):
     'from walk1, walk2'
     """
 
-    clips: str | Sequence[str] = ()
-    clip_frames: Span | None = None
-    tags: str | Collection[str] = field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_origin(self)
-
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.donor_errors`."""
-        within = _is_selected(donors, clips, self, whole=False)
+        within = self._is_selected(donors, clips, whole=False)
         return np.where(within & ~_is_same(base, donors), 2.0, 0.0)
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
         del error, height
-        return f"from {_describe_selection(self)}"
+        return f"from {self._describe_selection()}"
 
 
 @dataclass(frozen=True)
@@ -208,52 +246,5 @@ def _is_same(base: Segments, donors: Segments) -> BoolArray:
     return same
 
 
-def _check_origin(origin: "OnlyFrom | NotFrom") -> None:
-    for name, words in (("clips", origin.clips), ("tags", origin.tags)):
-        if not isinstance(words, Collection) or not all(isinstance(word, str) for word in words):
-            raise TypeError(f"`{name}` must be names, got {words!r}")
-    if not origin.clips and not origin.tags:
-        raise ValueError("clips or tags must select clips, got neither")
-    if origin.clip_frames is not None:
-        object.__setattr__(origin, "clip_frames", as_span("clip_frames", origin.clip_frames))
-
-
 def _as_names(words: str | Collection[str]) -> list[str]:
     return [words] if isinstance(words, str) else sorted(words)
-
-
-def _is_selected(
-    donors: Segments, clips: Sequence[Clip], origin: "OnlyFrom | NotFrom", *, whole: bool
-) -> BoolArray:
-    names = [clip.name for clip in clips]
-    selected = np.zeros(len(clips), bool)
-    for pattern in _as_names(origin.clips):
-        matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
-        if not any(matches):
-            raise ValueError(f"`clips` must match names of {join_names(names)}; got {pattern!r}")
-        selected |= matches
-    for tag in _as_names(origin.tags):
-        tagged = [tag in clip.tags for clip in clips]
-        if not any(tagged):
-            known = sorted({name for clip in clips for name in clip.tags})
-            expected = f"must be among {join_names(known)}" if known else "exist on no clip"
-            raise ValueError(f"tags {expected}; got {tag!r}")
-        selected |= tagged
-    inside: BoolArray = selected[donors.clip]
-    if origin.clip_frames is not None:
-        first, last = origin.clip_frames
-        if whole:
-            inside = inside & (donors.start >= first) & (donors.stop <= last)
-        else:
-            inside = inside & (donors.start <= last) & (donors.stop >= first)
-    return inside
-
-
-def _describe_selection(origin: "OnlyFrom | NotFrom") -> str:
-    selection = [
-        *_as_names(origin.clips),
-        *(f"clips tagged {tag}" for tag in _as_names(origin.tags)),
-    ]
-    frames = origin.clip_frames
-    span = "" if frames is None else f", frames {frames[0]} to {frames[1]}"
-    return ", ".join(selection) + span

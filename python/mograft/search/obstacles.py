@@ -236,13 +236,9 @@ def _nearest(
     radii: FloatArray,
     at: IntArray | None,
 ) -> tuple[FloatArray, IntArray]:
-    pairs = np.stack(
-        [
-            np.repeat(capsule_indices, len(radii)),
-            np.tile(np.arange(len(radii)), len(capsule_indices)),
-        ]
-    )
-    distance, which = clearance(poses.ends, poses.capsules.radii, others, radii, at, pairs.T)
+    first, second = np.meshgrid(capsule_indices, np.arange(len(radii)), indexing="ij")
+    pairs = np.column_stack([first.ravel(), second.ravel()])
+    distance, which = clearance(poses.ends, poses.capsules.radii, others, radii, at, pairs)
     return distance, which[:, 0]
 
 

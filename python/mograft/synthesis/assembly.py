@@ -29,7 +29,7 @@ def transplant_group(
         base_segments,
         library.segments[donors],
         library.clips,
-        problem.grafted_group(group),
+        problem.group_specs[group],
         library.config,
     )
 
@@ -54,16 +54,14 @@ def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
     return excess
 
 
-def donor_excess(
-    problem: SearchProblem, donors: DonorSequences, first: int = 0, stop: int | None = None
-) -> dict[str, FloatArray]:
+def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:
     """Return by how much the assembled motion exceeds the tolerances of hard constraints.
 
     For every group and every frame of the base motion the greatest violation amount minus 1, at
     least 0.
     """
-    stop = len(problem.base_segments) if stop is None else stop
-    return {group: own[0] for group, own in donor_excesses(problem, [donors], first, stop).items()}
+    excesses = donor_excesses(problem, [donors], 0, len(problem.base_segments))
+    return {group: own[0] for group, own in excesses.items()}
 
 
 def donor_excesses(

@@ -12,7 +12,6 @@ from mograft.search.costs import (
     ConstraintViolations,
     infeasible_costs,
     origin_violations,
-    pose_violations,
 )
 from mograft.synthesis.donor_poses import candidate_poses
 from mograft.synthesis.search_problem import SearchProblem
@@ -42,29 +41,22 @@ def judge_candidates(
     )
     counts = base_segments.lengths[positions] + 1
     starts = np.cumsum(counts) - counts
-    pose = pose_violations(
-        problem.constraints,
+    poses, joints = (
         candidate_poses(problem, group, positions, members),
         problem.driven_joints[group],
-        lambda errors: np.maximum.reduceat(errors, starts),
     )
-    return ConstraintVerdicts(
-        costs=_costs(problem.constraints, origin, pose, len(members)),
-        reasons=_reasons(problem, origin, pose, len(members)),
+    pose = [
+        np.maximum.reduceat(constraint.errors(poses, joints)[0], starts)
+        for constraint in problem.constraints
+    ]
+    by_origin, by_pose = (
+        ConstraintViolations.from_amounts(problem.constraints, amounts, len(members))
+        for amounts in (origin, pose)
     )
-
-
-def _costs(
-    constraints: Sequence[Constraint],
-    origin: Sequence[FloatArray],
-    pose: Sequence[FloatArray],
-    n: int,
-) -> FloatArray:
-    """Return the costs as the trellis has them: once for the greatest hard violation."""
-    by_origin = ConstraintViolations.from_amounts(constraints, origin, n)
-    by_pose = ConstraintViolations.from_amounts(constraints, pose, n)
+    # As in the trellis, hard constraints cost once, for the greatest violation amount.
     hard = np.maximum(by_origin.hard, by_pose.hard)
-    return infeasible_costs(hard) + (by_origin.soft + by_pose.soft)
+    costs = infeasible_costs(hard) + (by_origin.soft + by_pose.soft)
+    return ConstraintVerdicts(costs, _reasons(problem, origin, pose, len(members)))
 
 
 def _reasons(

@@ -12,7 +12,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.rigid_alignment import RootTransforms
 from mograft.body.world_poses import Poses
-from mograft.search.costs import ConstraintViolations, pose_violations
+from mograft.search.costs import ConstraintViolations
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.synthesis.assembly import assemble
 from mograft.synthesis.donor_poses import advance_root, candidate_poses, split_by_count
@@ -55,11 +55,9 @@ def candidate_violations(
         donors = np.concatenate([lists[p] for p in positions.tolist()])
         poses = candidate_poses(problem, group, repeated, donors, context)
         found = candidate_pose_violations(problem, group, repeated, poses)
-        ends = np.cumsum(counts)[:-1]
-        hard, soft = np.split(found.hard, ends), np.split(found.soft, ends)
-        for i, position in enumerate(positions.tolist()):
+        for position, own in zip(positions.tolist(), found.split(counts), strict=True):
             origin = violations[position].soft
-            violations[position] = ConstraintViolations(hard[i], origin + soft[i])
+            violations[position] = ConstraintViolations(own.hard, origin + own.soft)
     return violations
 
 
@@ -72,13 +70,8 @@ def candidate_pose_violations(
     """
     counts = problem.base_segments.lengths[positions] + 1
     starts = np.cumsum(counts) - counts
-    constraints = problem.pose_constraints
-    amounts = pose_violations(
-        constraints,
-        poses,
-        problem.driven_joints[group],
-        lambda errors: np.maximum.reduceat(errors, starts),
-    )
+    constraints, joints = problem.pose_constraints, problem.driven_joints[group]
+    amounts = [np.maximum.reduceat(own.errors(poses, joints)[0], starts) for own in constraints]
     return ConstraintViolations.from_amounts(constraints, amounts, len(positions))
 
 

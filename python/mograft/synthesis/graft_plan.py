@@ -57,9 +57,8 @@ class GraftPlan:
         elif base is not None:
             raise ValueError("`base` must not be given with a scenario, which is the base itself")
         else:
-            if not isinstance(scenario, Scenario):
-                scenario = Scenario(_as_scenario(scenario))
-            indices = _check_segments(scenario.segments, library)
+            scenario = _as_scenario(scenario, library)
+            indices = scenario.segments
             motion, segments = realize_scenario(library, scenario)
             composed = tuple(indices.tolist())
         problem = SearchProblem.build(library, motion, indices, segments, groups, constraints)
@@ -150,9 +149,7 @@ class GraftPlan:
         problem = self.problem
         if not problem.constraints:
             return []
-        frames = np.arange(motion.n_frames)
-        poses = problem.base_poses.with_poses(frames, *motion.world_transforms())
-        found = find_violations(problem.constraints, poses)
+        found = find_violations(problem.constraints, problem.poses_of(motion))
         seam_frames = problem.base_segments.stop[:-1].tolist()
         for constraint in problem.constraints:
             for group, sequence in donors.items():
@@ -227,29 +224,31 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
     costs = pool.unary_costs(problem.scenario, donors, problem.cost_models[group])
     gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
     for i, (base, donor) in enumerate(zip(problem.scenario.tolist(), donors.tolist(), strict=True)):
-        yield Substitution.build(
-            group,
-            (int(frames.start[i]), int(frames.stop[i])),
+        yield Substitution(
+            group=group,
+            start=int(frames.start[i]),
+            stop=int(frames.stop[i]),
             segment=base,
             donor=donor,
             clip=library.entries[segments.clip[donor]].name,
-            donor_frames=(int(segments.start[donor]), int(segments.stop[donor])),
+            donor_start=int(segments.start[donor]),
+            donor_stop=int(segments.stop[donor]),
+            stretch=int(frames.lengths[i]) / int(segments.lengths[donor]) - 1.0,
             cost=float(costs[i]),
-            gaps=(gaps[i], gaps[i + 1]),
+            gap_before=gaps[i],
+            gap_after=gaps[i + 1],
         )
 
 
-def _as_scenario(scenario: Sequence[int] | IntArray) -> IntArray:
-    indices = as_indices("scenario", scenario, ("n",))
-    if not len(indices):
-        raise ValueError("`scenario` must hold at least one segment, got none")
-    return indices
-
-
-def _check_segments(scenario: IntArray, library: Library) -> IntArray:
-    """Return a scenario after checking that its segments exist."""
+def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:
+    """Return a scenario, or that of some segments, after checking that the segments exist."""
+    if not isinstance(scenario, Scenario):
+        indices = as_indices("scenario", scenario, ("n",))
+        if not len(indices):
+            raise ValueError("`scenario` must hold at least one segment, got none")
+        scenario = Scenario(indices)
     n = len(library.segments)
-    wrong = scenario[(scenario < 0) | (scenario >= n)]
+    wrong = scenario.segments[(scenario.segments < 0) | (scenario.segments >= n)]
     if len(wrong):
         raise ValueError(f"`scenario` must contain segments 0 to {n - 1}, got {wrong[0]}")
     return scenario

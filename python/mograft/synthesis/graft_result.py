@@ -49,40 +49,6 @@ class Substitution:
     gap_before: float = 0.0
     gap_after: float = 0.0
 
-    @classmethod
-    def build(
-        cls,
-        group: str,
-        frames: tuple[int, int],
-        *,
-        segment: int,
-        donor: int,
-        clip: str,
-        donor_frames: tuple[int, int],
-        cost: float,
-        gaps: tuple[float, float],
-    ) -> "Substitution":
-        """Return the substitution with its stretch.
-
-        `frames` and `donor_frames` are the first and last frame in the base, and of the donor in
-        its clip; `gaps` are those before and after.
-        """
-        length, donor_length = frames[1] - frames[0], donor_frames[1] - donor_frames[0]
-        return cls(
-            group=group,
-            start=frames[0],
-            stop=frames[1],
-            segment=segment,
-            donor=donor,
-            clip=clip,
-            donor_start=donor_frames[0],
-            donor_stop=donor_frames[1],
-            stretch=length / donor_length - 1.0,
-            cost=cost,
-            gap_before=gaps[0],
-            gap_after=gaps[1],
-        )
-
     @property
     def is_own(self) -> bool:
         """Whether the base segment is its own donor."""

@@ -10,8 +10,7 @@ from mograft.motion.motion import Motion
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Constraint
 from mograft.search.costs import CostModel
-from mograft.synthesis.donor_frames import frames_with_neighbours
-from mograft.synthesis.placed_donors import SampledDonors
+from mograft.synthesis.placed_donors import SampledDonors, frames_with_neighbours
 
 
 @dataclass(eq=False)

@@ -84,6 +84,29 @@ class CommittedEnd:
     boundary: BoundaryStates  # of the last donor before seam treatment, for seam costs
 
 
+def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
+    """Return frames `start` to `stop` of a clip, with one frame before and one after them.
+
+    `track` holds the rotations of the clip, at least two frames, shape (n_frames, n_joints, 4); the
+    result has shape (stop - start + 3, n_joints, 4). Beyond an end of the clip the frame is
+    extrapolated from the last three frames. The velocities at both ends, and `cubic` between the
+    frames, are then the same as in the whole clip.
+    """
+    rows = [track[start : stop + 1]]
+    n_steps = min(2, max(len(track) - 1, 1))
+    if start > 0:
+        rows.insert(0, track[start - 1 : start])
+    else:
+        deltas = ROTATIONS.delta(track[:n_steps], track[1 : n_steps + 1])
+        rows.insert(0, ROTATIONS.add(track[:1], -(2.0 * deltas[:1] - deltas[-1:])))
+    if stop + 1 < len(track):
+        rows.append(track[stop + 1 : stop + 2])
+    else:
+        deltas = ROTATIONS.delta(track[-1 - n_steps : -1], track[-n_steps:])
+        rows.append(ROTATIONS.add(track[-1:], 2.0 * deltas[-1:] - deltas[:1]))
+    return np.concatenate(rows)
+
+
 def sample_donors(
     tracks: Sequence[FloatArray], joints: IntArray, length: int, rate: float
 ) -> SampledDonors:

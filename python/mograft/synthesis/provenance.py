@@ -1,12 +1,10 @@
 """The provenance of a graft: as a JSON document and as a summary in text."""
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mograft.library.library import Library
 from mograft.search.constraints import Violation
 
 if TYPE_CHECKING:
@@ -15,7 +13,7 @@ if TYPE_CHECKING:
 
 def document(graft: "Graft") -> dict[str, Any]:
     """Return the provenance of a graft as a JSON document, schema ``mograft.graft/1``."""
-    library = graft.library
+    library, segments = graft.library, graft.library.segments
     return {
         "schema": "mograft.graft/1",
         "name": graft.motion.name,
@@ -30,8 +28,21 @@ def document(graft: "Graft") -> dict[str, Any]:
             for name in library.groups.names
         },
         "base_group": library.groups.base,
-        "clips": _clip_records(library),
-        "scenario": _scenario_records(library, graft.scenario),
+        "clips": [
+            {
+                "name": entry.name,
+                "file": library.file_name(index),
+                "sha256": None if entry.source_file is None else entry.source_file.sha256,
+            }
+            for index, entry in enumerate(library.entries)
+        ],
+        "scenario": [
+            {
+                "clip": library.entries[segments.clip[index]].name,
+                "clip_frames": [int(segments.start[index]), int(segments.stop[index])],
+            }
+            for index in graft.scenario
+        ],
         "substitutions": [_substitution_record(own) for own in graft.substitutions],
         "seams": [
             {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
@@ -43,28 +54,6 @@ def document(graft: "Graft") -> dict[str, Any]:
             name: int((counts == 0).sum()) for name, counts in graft.alternatives.items()
         },
     }
-
-
-def _clip_records(library: Library) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": entry.name,
-            "file": library.file_name(index),
-            "sha256": None if entry.source_file is None else entry.source_file.sha256,
-        }
-        for index, entry in enumerate(library.entries)
-    ]
-
-
-def _scenario_records(library: Library, scenario: Sequence[int]) -> list[dict[str, Any]]:
-    segments = library.segments
-    return [
-        {
-            "clip": library.entries[segments.clip[index]].name,
-            "clip_frames": [int(segments.start[index]), int(segments.stop[index])],
-        }
-        for index in scenario
-    ]
 
 
 def _substitution_record(substitution: "Substitution") -> dict[str, Any]:

@@ -66,7 +66,7 @@ def tabu_search(
 
     def evaluate(sequences: DonorSequences) -> _Solution:
         motion = finish(assemble(problem, sequences), sequences)
-        violation = float(pose_excess(problem, _poses_of(problem, motion)).sum())
+        violation = float(pose_excess(problem, problem.poses_of(motion)).sum())
         return _Solution(violation, sequences, motion)
 
     current = evaluate(donors)
@@ -116,7 +116,7 @@ def rank_substitutions(
     """
     group, segments = problem.root_group, problem.base_segments
     assert group is not None
-    poses = _poses_of(problem, motion)
+    poses = problem.poses_of(motion)
     root = RootTransforms.from_motion(motion, problem.library.root)
     excess = pose_excess(problem, poses)
     positions, indices, cost = _feasible_changes(trellis, trellis.path(chosen[group]))
@@ -175,8 +175,3 @@ def _feasible_changes(
     cost = np.concatenate(added)
     feasible = (indices != path[positions]) & (cost < INFEASIBLE_PENALTY / 2)
     return positions[feasible], indices[feasible], cost[feasible]
-
-
-def _poses_of(problem: SearchProblem, motion: Motion) -> Poses:
-    frames = np.arange(motion.n_frames)
-    return problem.base_poses.with_poses(frames, *motion.world_transforms())

@@ -113,6 +113,10 @@ class SearchProblem:
         """The world poses of the base motion."""
         return Poses.from_motion(self.base)
 
+    def poses_of(self, motion: Motion) -> Poses:
+        """Return the world poses of a motion of the same skeleton, frame by frame."""
+        return self.base_poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
+
     @cached_property
     def cost_models(self) -> dict[str, CostModel]:
         """For every grafted group the cost model."""
@@ -139,22 +143,21 @@ class SearchProblem:
         return None
 
     @cached_property
-    def alignment_joints(self) -> IntArray:
-        """The joints that time warping compares: those of the base group except the root."""
+    def group_specs(self) -> dict[str, GraftedGroup]:
+        """For every grafted group the form that `transplant` takes."""
         library = self.library
-        joints = feature_joints(library.skeleton, library.joints(library.groups.base))
-        return np.setdiff1d(joints, [library.root])
-
-    def grafted_group(self, group: str) -> GraftedGroup:
-        """Return a group in the form that `transplant` takes."""
-        library = self.library
-        return GraftedGroup(
-            joints=library.joints(group),
-            root=library.root,
-            up=library.up,
-            base_joints=self.alignment_joints,
-            held=self.divided_channels[group],
-        )
+        # Time warping compares the joints of the base group except the root.
+        compared = feature_joints(library.skeleton, library.joints(library.groups.base))
+        return {
+            group: GraftedGroup(
+                joints=library.joints(group),
+                root=library.root,
+                up=library.up,
+                base_joints=np.setdiff1d(compared, [library.root]),
+                held=self.divided_channels[group],
+            )
+            for group in self.pools
+        }
 
     @property
     def captured_donors(self) -> DonorSequences:
@@ -191,38 +194,32 @@ class SearchProblem:
         found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
         return found
 
-    def origin_violations(self, positions: IntArray, donors: IntArray) -> ConstraintViolations:
-        """Return how far donors violate constraints on a donor's clip, frames and length.
-
-        `positions` has the position of each donor.
-        """
-        library = self.library
-        amounts = origin_violations(
-            self.constraints,
-            library.segments[self.scenario[positions]],
-            library.segments[donors],
-            self.base_segments[positions],
-            library.entries,
-        )
-        return ConstraintViolations.from_amounts(self.constraints, amounts, len(donors))
-
     def origin_costs(self, group: str) -> list[FloatArray]:
         """Return the costs of soft constraints on the origin of each position's candidates."""
-        lists = self.candidates[group]
-        counts = [len(own) for own in lists]
-        positions = np.repeat(np.arange(len(lists)), counts)
-        costs = self.origin_violations(positions, np.concatenate(lists)).soft
-        return np.split(costs, np.cumsum(counts)[:-1])
+        return [own.soft for own in self._origin_violations(group)]
 
     def _allowed_by_origin(self, group: str) -> list[IntArray]:
         """Return the candidates whose origin satisfies all hard constraints.
 
         The base segment itself is always kept.
         """
-        lists = self.candidates[group]
+        candidates, violations = self.candidates[group], self._origin_violations(group)
+        return [
+            segments[own.is_feasible | (segments == base)]
+            for segments, own, base in zip(candidates, violations, self.scenario, strict=True)
+        ]
+
+    def _origin_violations(self, group: str) -> list[ConstraintViolations]:
+        """Return for each position how far the candidates violate constraints on the origin."""
+        lists, segments = self.candidates[group], self.library.segments
         counts = [len(own) for own in lists]
         positions, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
-        allowed = self.origin_violations(positions, donors).is_feasible
-        allowed = allowed | (donors == self.scenario[positions])
-        masks = np.split(allowed, np.cumsum(counts)[:-1])
-        return [segments[mask] for segments, mask in zip(lists, masks, strict=True)]
+        amounts = origin_violations(
+            self.constraints,
+            segments[self.scenario[positions]],
+            segments[donors],
+            self.base_segments[positions],
+            self.library.entries,
+        )
+        found = ConstraintViolations.from_amounts(self.constraints, amounts, len(donors))
+        return found.split(counts)

@@ -12,6 +12,7 @@ from mograft.analysis.online_segmentation import OnlineSegmenter
 from mograft.blend.recombine import Part, recombine
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
+from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import find_seam_violations
 from mograft.synthesis.base_buffer import BOUNDARY_MARGIN, BaseBuffer
@@ -255,7 +256,7 @@ class Stream:
             previous = self._ends.get(group)
             gap = 0.0
             if previous is not None:
-                gap = float(previous.boundary.pose_gaps_to(boundary)[0, index])
+                gap = float(pose_gaps(previous.boundary.last, boundary.first)[0, index])
             substitutions.append(self._substitution(segment, group, index, gap))
             violations += find_seam_violations(
                 self._rules.constraints, group, [segment.start], [gap]
@@ -286,20 +287,25 @@ class Stream:
         library, donor = self._library, int(segment.donors[index])
         base_segment = len(library.segments) + self._n_committed
         if donor < 0:
-            donor, frames = base_segment, (segment.start, segment.stop)
+            donor, donor_start, donor_stop = base_segment, segment.start, segment.stop
             clip = segment.base.name or "the base"
         else:
-            frames = int(library.segments.start[donor]), int(library.segments.stop[donor])
-            clip = self._donors.clips[library.segments.clip[donor]].name
-        return Substitution.build(
-            group,
-            (segment.start, segment.stop),
+            segments = library.segments
+            donor_start, donor_stop = int(segments.start[donor]), int(segments.stop[donor])
+            clip = self._donors.clips[segments.clip[donor]].name
+        return Substitution(
+            group=group,
+            start=segment.start,
+            stop=segment.stop,
             segment=base_segment,
             donor=donor,
             clip=clip,
-            donor_frames=frames,
+            donor_start=donor_start,
+            donor_stop=donor_stop,
+            stretch=segment.length / (donor_stop - donor_start) - 1.0,
             cost=float(segment.unary_costs[index]),
-            gaps=(gap, float("nan")),
+            gap_before=gap,
+            gap_after=float("nan"),
         )
 
     def _with_continuous_signs(self, motion: Motion) -> Motion:

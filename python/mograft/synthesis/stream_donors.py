@@ -1,9 +1,10 @@
 """The inputs of a stream's donor search: the donors of each group, and constraints with costs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 
-from mograft._util.arrays import IntArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import feature_joints
 from mograft.config import Config
 from mograft.library.library import Library
@@ -11,7 +12,9 @@ from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Clip, Constraint
 from mograft.search.costs import CostModel, limit_config
 from mograft.search.donor_choice import cost_model
-from mograft.synthesis.donor_frames import DonorFrames
+from mograft.synthesis.placed_donors import frames_with_neighbours
+
+_MAX_CACHED_DONORS = 4096
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -23,7 +26,7 @@ class StreamDonors:
     joints: Mapping[str, IntArray]  # of each grafted group, parents before children
     compared_joints: Mapping[str, IntArray]  # those whose rotations are compared at seams
     pools: Mapping[str, SegmentPool]
-    frames: DonorFrames
+    read_rotations: Callable[[int], FloatArray]  # of a donor, as from `frames_with_neighbours`
 
     @classmethod
     def build(cls, library: Library, groups: Sequence[str]) -> "StreamDonors":
@@ -38,7 +41,7 @@ class StreamDonors:
                 for group, members in joints.items()
             },
             pools={group: library.pool(group) for group in groups},
-            frames=DonorFrames(library),
+            read_rotations=lru_cache(_MAX_CACHED_DONORS)(partial(_read_rotations, library)),
         )
 
 
@@ -64,3 +67,10 @@ class _BaseClip:
 
     name: str = "the base"
     tags: tuple[str, ...] = ()
+
+
+def _read_rotations(library: Library, segment: int) -> FloatArray:
+    segments = library.segments
+    clip = library.clips[segments.clip[segment]]
+    start, stop = int(segments.start[segment]), int(segments.stop[segment])
+    return frames_with_neighbours(clip.rotations, start, stop)

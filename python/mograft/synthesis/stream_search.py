@@ -6,6 +6,7 @@ later segments, whose seams are not known yet, they are evaluated on the resampl
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,7 @@ from mograft.analysis.segmentation import Segments
 from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
 from mograft.library.ingest import boundary_states
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, world_transforms
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Constraint
 from mograft.search.costs import (
@@ -23,7 +24,6 @@ from mograft.search.costs import (
     CostModel,
     length_fits,
     origin_violations,
-    pose_violations,
 )
 from mograft.search.donor_choice import DONOR_CHOICES
 from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
@@ -38,7 +38,7 @@ from mograft.synthesis.placed_donors import (
     place_donors,
     sample_donors,
 )
-from mograft.synthesis.stream_body import StreamBody
+from mograft.synthesis.search_problem import driven_joints
 from mograft.synthesis.stream_donors import StreamDonors, StreamRules
 
 
@@ -58,7 +58,8 @@ class StreamSearch:
         library = donors.library
         self._donors, self._library = donors, library
         self._lengths = library.segments.lengths
-        self._body = StreamBody(frame, donors.joints, library.up)
+        self._frame = frame
+        self._driven_joints = driven_joints(frame.skeleton, donors.joints)
         self._clusters = BaseClusters.build(library, mass_model(frame.skeleton).height)
 
     def list_candidates(
@@ -137,7 +138,7 @@ class StreamSearch:
                 placed[group] = all_placed.select(index)
             candidates[group] = index
             context[:, joints] = placed[group].frames[0]
-        poses = self._body.poses(segment, context) if segment.pose_constraints else None
+        poses = self._poses(segment, context) if segment.pose_constraints else None
         return ChosenDonors(candidates, placed, poses)
 
     def pose_costs(
@@ -159,13 +160,26 @@ class StreamSearch:
         n, first = len(rotations), 1 if has_previous else 0
         local = np.tile(context, (n, 1, 1))
         local[:, self._donors.joints[group]] = rotations.reshape(-1, *rotations.shape[2:])
-        amounts = pose_violations(
-            segment.pose_constraints,
-            self._body.poses(segment, local),
-            self._body.driven_joints[group],
-            lambda errors: errors.reshape(n, -1)[:, first:].max(axis=1),
-        )
+        poses, joints = self._poses(segment, local), self._driven_joints[group]
+        errors = [constraint.errors(poses, joints)[0] for constraint in segment.pose_constraints]
+        amounts = [own.reshape(n, -1)[:, first:].max(axis=1) for own in errors]
         return ConstraintViolations.from_amounts(segment.pose_constraints, amounts, n).costs()
+
+    @cached_property
+    def _body(self) -> Poses:
+        """The body of the base motion, in the pose of its first frame."""
+        return replace(Poses.from_motion(self._frame), up=self._library.up)
+
+    def _poses(self, segment: PendingSegment, rotations: FloatArray) -> Poses:
+        """Return the world poses of several candidates in a segment, which gives the translations.
+
+        `rotations` are local, of all joints in the segment's frames, one candidate after the other:
+        shape (n_candidates * n_frames, n_joints, 4).
+        """
+        n_candidates = len(rotations) // (segment.length + 1)
+        offsets = np.tile(segment.base.positions[segment.rows], (n_candidates, 1, 1))
+        transforms = world_transforms(self._frame.skeleton, rotations, offsets)
+        return self._body.with_poses(np.tile(segment.frames, n_candidates), *transforms)
 
     def _origin_violations(
         self, segment: Segments, members: IntArray, rules: StreamRules
@@ -188,7 +202,7 @@ class StreamSearch:
             and constraint.applies(segment.frames).any()
         ]
         if any(isinstance(constraint, AvoidSelf) for constraint in constraints):
-            captured = self._body.poses(segment, segment.rotations)
+            captured = self._poses(segment, segment.rotations)
             constraints = with_captured_depth(constraints, captured)
         return tuple(constraints)
 
@@ -215,7 +229,7 @@ class StreamSearch:
 
     def _sample(self, segment: PendingSegment, group: str, donors: IntArray) -> SampledDonors:
         tracks = [
-            segment.rotations_with_neighbours if donor < 0 else self._donors.frames.rotations(donor)
+            segment.rotations_with_neighbours if donor < 0 else self._donors.read_rotations(donor)
             for donor in donors.tolist()
         ]
         joints = self._donors.joints[group]
