@@ -213,24 +213,14 @@ class Config:
 
     @classmethod
     def paper(cls, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
-        """Return the parameters of the paper.
-
-        Parameters
-        ----------
-        **changes
-            Fields to set to other values.
-
-        Returns
-        -------
-        Config
-            The configuration.
+        """Return the parameters of the paper, with the fields `changes` set to other values.
 
         Notes
         -----
-        Results differ from the printed method in these points: the window of the seam curve
-        is clamped to half of a short segment and skipped where no frame remains; donors are
-        sampled by a curve through neighbouring frames of their clip; faulty clips are excluded
-        donors; eq. 19 counts intervals instead of frames; sigma bounds the diameter of a cluster.
+        Results differ from the printed method in these points: the window of the seam curve is
+        clamped to half of a short segment and skipped where no frame remains; donors are sampled by
+        a curve through neighbouring frames of their clip; faulty clips are excluded donors; eq. 19
+        counts intervals instead of frames; sigma bounds the diameter of a cluster.
         """
         literal = cls(
             min_length=FRAME,
@@ -256,10 +246,7 @@ class Config:
     def from_dict(cls, values: dict[str, Any]) -> "Config":
         """Return the configuration whose `as_dict` is `values`.
 
-        Raises
-        ------
-        ValueError
-            If a name is not a field or a value is out of range.
+        Raises ValueError if a name is not a field or a value is out of range.
         """
         unknown = set(values) - {field.name for field in fields(cls)}
         if unknown:

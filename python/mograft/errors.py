@@ -16,22 +16,13 @@ class BvhError(MograftError, ValueError):
     message : str
         What was expected and what was found.
     path : str or Path
-        The file, or a name for the stream that was read.
+        The file, or a name for the stream that was read; an attribute of type str.
     line, column : int, optional
-        Position of the error, counted from 1.
-
-    Attributes
-    ----------
-    path, line, column
-        As given.
+        Position of the error, counted from 1; also attributes.
     """
 
     def __init__(
-        self,
-        message: str,
-        path: str | Path,
-        line: int | None = None,
-        column: int | None = None,
+        self, message: str, path: str | Path, line: int | None = None, column: int | None = None
     ) -> None:
         self.path = str(path)
         self.line = line

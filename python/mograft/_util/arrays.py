@@ -68,7 +68,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
 
 
 def restore(owner: object, state: dict[str, Any]) -> None:
-    """Set the fields of an unpickled or copied value and make its arrays read-only."""
+    """Set fields of a frozen value, and make their arrays read-only."""
     for value in state.values():
         if isinstance(value, np.ndarray):
             make_read_only(value)

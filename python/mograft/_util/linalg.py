@@ -1,9 +1,7 @@
 """Matrix products and eigenvectors with the same bits for any number of BLAS threads.
 
-The order in which a BLAS adds depends on its number of threads, and so do the last bits of its
-results. Such bits decide ties between clusters. Two rules remove them: factors are rounded to a
-grid on which sums of products are exact in any order, and eigenvectors are rounded to the same
-grid, which is much coarser than the bits that differ.
+The order of additions in a BLAS, and so the last bits of a result, depend on the number of its
+threads; such bits decide ties between clusters. Rounding to a grid removes the difference.
 """
 
 import numpy as np

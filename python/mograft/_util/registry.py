@@ -1,8 +1,7 @@
-"""Registries of strategies: the values that a parameter accepts, and the object behind each.
+"""The values that a parameter accepts, and the object behind each.
 
 This module imports neither NumPy nor other modules of the package, so that the command line can
-list the accepted values without loading them. The modules that implement the strategies attach
-their objects with `Registry.implemented_by`.
+list the values without loading them. Modules attach objects with `Registry.implemented_by`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,18 +14,7 @@ S = TypeVar("S")
 
 @dataclass(frozen=True, eq=False)
 class Registry(Generic[T]):
-    """The accepted values of one parameter, in the order in which they are documented.
-
-    Examples
-    --------
-    >>> fruits = Registry("fruit", {"apple": 3, "pear": 5})
-    >>> fruits.get("pear"), fruits.names
-    (5, ('apple', 'pear'))
-    >>> fruits.get("aple")
-    Traceback (most recent call last):
-    ...
-    ValueError: `fruit` must be one of 'apple', 'pear', got 'aple'; did you mean 'apple'?
-    """
+    """The accepted values of one parameter, in the order in which they are documented."""
 
     parameter: str  # its name, for messages
     entries: Mapping[str, T]  # the object of each accepted value

@@ -7,7 +7,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.groups import JointGroups
 from mograft.body.mass import mass_model
-from mograft.motion import rotations
+from mograft.io.units import ExportTransform
 from mograft.motion.skeleton import Skeleton
 
 _CORNERS_PER_BONE = 24
@@ -21,19 +21,16 @@ class BoneMesh(NamedTuple):
     joints: IntArray  # the joint that each corner is bound to, shape (24 * n_bones,)
 
 
-def bone_mesh(skeleton: Skeleton, scale: float, to_y_up: FloatArray) -> BoneMesh:
+def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
     """Return the mesh of the bones in the rest pose.
 
-    `scale` is in metres per unit of length; `to_y_up`, shape (4,), xyzw, rotates the up direction
-    of the motion to y. A skeleton whose bones all have no length gets one bone at its root, because
-    a skin needs a mesh.
+    A skeleton whose bones all have no length gets one bone at its root, because a skin needs a
+    mesh.
     """
-    rest = scale * rotations.rotate(to_y_up, skeleton.rest_positions())
-    thickness = 0.016 * scale * mass_model(skeleton).height
+    rest = transform.points(skeleton.rest_positions())
+    thickness = 0.016 * transform.scale * mass_model(skeleton).height
     bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
-    for site in skeleton.end_sites:
-        end = rest[site.parent] + scale * rotations.rotate(to_y_up, site.offset)
-        bones.append((site.parent, end))
+    bones += [(s.parent, rest[s.parent] + transform.points(s.offset)) for s in skeleton.end_sites]
     points: list[FloatArray] = []
     normals: list[FloatArray] = []
     joints: list[int] = []

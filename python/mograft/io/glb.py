@@ -15,16 +15,16 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.atomic import write_bytes
 from mograft.body.groups import JointGroups
-from mograft.body.mass import up_axis
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.palette import linear_colours
-from mograft.io.units import metres_per_unit, rotation_to_y_up
+from mograft.io.units import ExportTransform
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-# Constants of the glTF specification: component types, and the target of vertex buffers.
-_FLOAT, _UNSIGNED_BYTE, _UNSIGNED_SHORT = 5126, 5121, 5123
+# Constants of the glTF specification: component types by NumPy type, and the target of vertex
+# buffers.
+_COMPONENT_TYPES = {"f4": 5126, "u1": 5121, "u2": 5123}
 _ARRAY_BUFFER = 34962
 
 
@@ -83,17 +83,13 @@ def write_glb(
     first = clips[0]
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
-    scale, unit = metres_per_unit(first.skeleton, scale)
-    group_indices = joint_group_indices(first.skeleton, groups)
+    transform = ExportTransform.of(first, scale)
     buffer = _Buffer()
-    document = _build_document(buffer, clips, scale, rotation_to_y_up(first), group_indices)
-    document["asset"]["extras"] = {
-        "metres_in_a_unit": scale,
-        "unit": unit,
-        "up_in_the_motion": "xyz"[up_axis(first)],
-    }
+    document = _build_document(
+        buffer, clips, transform, joint_group_indices(first.skeleton, groups)
+    )
     write_bytes(Path(path), buffer.pack(document))
-    return scale
+    return transform.scale
 
 
 @dataclass
@@ -109,7 +105,6 @@ class _Buffer:
         array: npt.NDArray[Any],
         element_type: str,
         *,
-        component: int = _FLOAT,
         has_bounds: bool = False,
         is_vertex_data: bool = False,
     ) -> int:
@@ -124,7 +119,7 @@ class _Buffer:
             view["target"] = _ARRAY_BUFFER
         accessor = {
             "bufferView": len(self.views),
-            "componentType": component,
+            "componentType": _COMPONENT_TYPES[array.dtype.str[1:]],
             "count": len(array),
             "type": element_type,
         }
@@ -159,27 +154,28 @@ class _Buffer:
 
 
 def _build_document(
-    buffer: _Buffer,
-    motions: Sequence[Motion],
-    scale: float,
-    to_y_up: FloatArray,
-    group_indices: IntArray,
+    buffer: _Buffer, motions: Sequence[Motion], transform: ExportTransform, group_indices: IntArray
 ) -> dict[str, Any]:
     """Fill the buffer; return the JSON document without what `_Buffer.pack` adds."""
     skeleton = motions[0].skeleton
-    rest = scale * rotations.rotate(to_y_up, skeleton.rest_positions())
-    mesh = _build_mesh(buffer, bone_mesh(skeleton, scale, to_y_up), group_indices)
+    rest = transform.points(skeleton.rest_positions())
+    mesh = _build_mesh(buffer, bone_mesh(skeleton, transform), group_indices)
     # In the rest pose, the axes of every joint are those of the rotated root.
     inverse_bind = np.zeros((skeleton.n_joints, 4, 4))
-    inverse_bind[:, :3, :3] = rotations.rotate(rotations.inverse(to_y_up), np.eye(3)).T
-    inverse_bind[:, :3, 3] = -rotations.rotate(rotations.inverse(to_y_up), rest)
+    from_y_up = rotations.inverse(transform.to_y_up)
+    inverse_bind[:, :3, :3] = rotations.rotate(from_y_up, np.eye(3)).T
+    inverse_bind[:, :3, 3] = -rotations.rotate(from_y_up, rest)
     inverse_bind[:, 3, 3] = 1.0
     columns = inverse_bind.transpose(0, 2, 1).astype("<f4")
     return {
-        "asset": {"version": "2.0", "generator": f"mograft {VERSION}"},
+        "asset": {
+            "version": "2.0",
+            "generator": f"mograft {VERSION}",
+            "extras": transform.metadata,
+        },
         "scene": 0,
         "scenes": [{"nodes": [0, skeleton.n_joints]}],
-        "nodes": _build_nodes(skeleton, scale, rest[0], to_y_up),
+        "nodes": _build_nodes(skeleton, transform, rest[0]),
         "meshes": [{"name": "bones", "primitives": [mesh]}],
         "materials": [
             {
@@ -195,23 +191,21 @@ def _build_document(
             }
         ],
         "animations": [
-            _build_animation(buffer, motion, scale, to_y_up, scale * skeleton.offsets)
-            for motion in motions
+            _build_animation(buffer, motion, transform, skeleton.offsets) for motion in motions
         ],
     }
 
 
 def _build_nodes(
-    skeleton: Skeleton, scale: float, root_position: FloatArray, to_y_up: FloatArray
+    skeleton: Skeleton, transform: ExportTransform, root_position: FloatArray
 ) -> list[dict[str, Any]]:
     """Return one node per joint and the node of the mesh."""
     nodes: list[dict[str, Any]] = []
     for joint, name in enumerate(skeleton.names):
-        translation = scale * skeleton.offsets[joint]
+        translation = transform.scale * skeleton.offsets[joint] if joint else root_position
         node: dict[str, Any] = {"name": name, "translation": translation.tolist()}
         if joint == 0:
-            node["translation"] = root_position.tolist()
-            node["rotation"] = to_y_up.tolist()
+            node["rotation"] = transform.to_y_up.tolist()
         if skeleton.children[joint]:
             node["children"] = list(skeleton.children[joint])
         nodes.append(node)
@@ -220,9 +214,11 @@ def _build_nodes(
 
 
 def _build_animation(
-    buffer: _Buffer, motion: Motion, scale: float, to_y_up: FloatArray, offsets: FloatArray
+    buffer: _Buffer, motion: Motion, transform: ExportTransform, offsets: FloatArray
 ) -> dict[str, Any]:
-    """Return a motion as keys for nodes with rest translations `offsets`, shape (n_joints, 3)."""
+    """Return a motion as keys for a skeleton with rest offsets, shape (n_joints, 3)."""
+    quats, positions = transform.local_transforms(motion)
+    offsets = transform.scale * offsets
     times = (np.arange(motion.n_frames) * motion.frame_time).astype("<f4")
     # Accessors of the times by number of keys. Each is added with its first use, because
     # validators report unused accessors.
@@ -230,15 +226,9 @@ def _build_animation(
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
     for joint in range(motion.n_joints):
-        quats = motion.rotations[:, joint]
-        positions = scale * motion.positions[:, joint]
-        if joint == 0:
-            quats = rotations.multiply(np.broadcast_to(to_y_up, quats.shape), quats)
-            positions = rotations.rotate(to_y_up, positions)
-        tracks: list[tuple[str, str, FloatArray]] = []
-        tracks.append(("rotation", "VEC4", rotations.continuous_signs(quats[:, None])[:, 0]))
-        if joint == 0 or (positions != offsets[joint]).any():
-            tracks.append(("translation", "VEC3", positions))
+        tracks = [("rotation", "VEC4", quats[:, joint])]
+        if joint == 0 or (positions[:, joint] != offsets[joint]).any():
+            tracks.append(("translation", "VEC3", positions[:, joint]))
         for path, element_type, values in tracks:
             is_constant = not np.ptp(values, axis=0).any()
             keys = values[:1] if is_constant else values
@@ -254,22 +244,17 @@ def _build_animation(
 def _build_mesh(buffer: _Buffer, mesh: BoneMesh, group_indices: IntArray) -> dict[str, Any]:
     """Return the bones as a mesh primitive whose vertices are bound to one joint each."""
     points, normals, vertex_joints = mesh
-    fits_byte = len(group_indices) <= 256
-    joints = np.zeros((len(vertex_joints), 4), "u1" if fits_byte else "<u2")
+    joints = np.zeros((len(vertex_joints), 4), "u1" if len(group_indices) <= 256 else "<u2")
     joints[:, 0] = vertex_joints
     weights = np.zeros((len(vertex_joints), 4), "<f4")
     weights[:, 0] = 1.0
     colours = linear_colours(group_indices[vertex_joints])
+    arrays = {"POSITION": points, "NORMAL": normals, "COLOR_0": colours}
+    arrays = {name: array.astype("<f4") for name, array in arrays.items()}
     attributes = {
-        "POSITION": buffer.add(points.astype("<f4"), "VEC3", has_bounds=True, is_vertex_data=True),
-        "NORMAL": buffer.add(normals.astype("<f4"), "VEC3", is_vertex_data=True),
-        "COLOR_0": buffer.add(colours.astype("<f4"), "VEC3", is_vertex_data=True),
-        "JOINTS_0": buffer.add(
-            joints,
-            "VEC4",
-            component=_UNSIGNED_BYTE if fits_byte else _UNSIGNED_SHORT,
-            is_vertex_data=True,
-        ),
-        "WEIGHTS_0": buffer.add(weights, "VEC4", is_vertex_data=True),
+        name: buffer.add(
+            array, f"VEC{array.shape[1]}", has_bounds=name == "POSITION", is_vertex_data=True
+        )
+        for name, array in (arrays | {"JOINTS_0": joints, "WEIGHTS_0": weights}).items()
     }
     return {"attributes": attributes, "material": 0}

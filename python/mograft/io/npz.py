@@ -91,15 +91,6 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
         If the file is damaged or is not such a file.
     OSError
         If the file cannot be read.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mograft.dancer import dance
-    >>> target = Path(tempfile.mkdtemp()) / "dance.npz"
-    >>> write_npz(dance(strides=1).motion[:30], target)
-    >>> read_npz(target).n_frames
-    30
     """
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:

@@ -1,5 +1,7 @@
 """Units and axes of exported files: metres, y up."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mograft._util.arrays import FloatArray
@@ -14,43 +16,73 @@ UNITS = {"m": 1.0, "CMU": 0.056444, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
 _HUMAN_HEIGHT = 1.7  # metres
 
 
+@dataclass(frozen=True, eq=False)
+class ExportTransform:
+    """The transform of a motion to metres and y up: a factor for all lengths, a turn of the root.
+
+    The axes of the other joints stay those of the motion, relative to the root.
+    """
+
+    scale: float  # metres per unit of length
+    unit: str  # key of `UNITS` if the scale was guessed, else "given"
+    up_axis: int
+    to_y_up: FloatArray  # rotation from the up direction of the motion to y, shape (4,), xyzw
+
+    @classmethod
+    def of(cls, motion: Motion, scale: float | None) -> "ExportTransform":
+        """Return the transform of a motion; without a scale, guess it by `guess_unit`.
+
+        Raises ValueError if `scale` is not above 0.
+        """
+        unit = "given" if scale is not None else guess_unit(motion.skeleton)
+        if scale is None:
+            scale = UNITS[unit]
+        elif not (np.isfinite(scale) and scale > 0):
+            raise ValueError(f"`scale` must be above 0 metres per unit, got {scale}")
+        axis = up_axis(motion)
+        return cls(float(scale), unit, axis, _rotation_to_y_up(motion, axis))
+
+    @property
+    def metadata(self) -> dict[str, float | str]:
+        """The record of the transform in an exported file."""
+        return {
+            "metres_in_a_unit": self.scale,
+            "unit": self.unit,
+            "up_in_the_motion": "xyz"[self.up_axis],
+        }
+
+    def points(self, points: FloatArray) -> FloatArray:
+        """Transform points or vectors, shape (..., 3)."""
+        return self.scale * rotations.rotate(self.to_y_up, points)
+
+    def local_transforms(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Return local rotations, (n_frames, n_joints, 4), and positions, (n_frames, n_joints, 3).
+
+        The rotations have continuous signs.
+        """
+        quats, positions = motion.rotations.copy(), self.scale * motion.positions
+        quats[:, 0] = rotations.multiply(self.to_y_up, quats[:, 0])
+        positions[:, 0] = rotations.rotate(self.to_y_up, positions[:, 0])
+        return rotations.continuous_signs(quats), positions
+
+
 def guess_unit(skeleton: Skeleton) -> str:
     """Return the key of `UNITS` in which the height of a skeleton is nearest to 1.7 m.
 
     BVH files do not state their unit. The guess is wrong for small children and for animals.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> guess_unit(dance(strides=1).motion.skeleton)
-    'cm'
     """
     height = mass_model(skeleton).height
     return min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / _HUMAN_HEIGHT)))
 
 
-def metres_per_unit(skeleton: Skeleton, scale: float | None) -> tuple[float, str]:
-    """Return the metres per unit of length, and the key of `UNITS` or ``"given"``.
-
-    Without a `scale` the unit is that of `guess_unit`. Raises ValueError if `scale` is not above 0.
-    """
-    if scale is None:
-        unit = guess_unit(skeleton)
-        return UNITS[unit], unit
-    if not (np.isfinite(scale) and scale > 0):
-        raise ValueError(f"`scale` must be above 0 metres per unit, got {scale}")
-    return float(scale), "given"
-
-
-def rotation_to_y_up(motion: Motion) -> FloatArray:
-    """Return the rotation from the up direction of a motion to y, shape (4,), xyzw."""
-    axis = up_axis(motion)
+def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
+    """Return the rotation of the up axis to y, or to -y if the head is below the feet."""
     model = mass_model(motion.skeleton)
     low = [foot.ankle for foot in model.feet] or [model.hips]
     high = model.head if model.head is not None else model.hips
-    heights = motion.world_positions()[..., axis]
+    heights = motion.world_positions()[..., up_axis]
     half = np.sqrt(0.5)
-    rotation = np.array([[0, 0, half, half], [0, 0, 0, 1.0], [-half, 0, 0, half]][axis])
+    rotation = np.array([[0, 0, half, half], [0, 0, 0, 1.0], [-half, 0, 0, half]][up_axis])
     if heights[:, high].mean() < heights[:, low].mean():
         rotation = rotations.multiply(np.array([0, 0, 1.0, 0]), rotation)
     return rotation

@@ -10,10 +10,9 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
-from mograft.body.mass import up_axis
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.palette import linear_colours
-from mograft.io.units import metres_per_unit, rotation_to_y_up
+from mograft.io.units import ExportTransform
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -21,12 +20,10 @@ from mograft.motion.skeleton import Skeleton
 SUFFIXES = (".usd", ".usda", ".usdc")
 
 # Paths of the prims.
-_FIGURE, _SKELETON, _ANIMATION, _MESH = (
-    "/figure",
-    "/figure/skeleton",
-    "/figure/motion",
-    "/figure/bones",
-)
+_FIGURE = "/figure"
+_SKELETON = "/figure/skeleton"
+_ANIMATION = "/figure/motion"
+_MESH = "/figure/bones"
 
 
 def write_usd(
@@ -44,11 +41,8 @@ def write_usd(
         The motion.
     path : str or path
         The file to write: ``.usda`` is text, ``.usdc`` and ``.usd`` are binary.
-    scale : float, optional
-        Metres per unit of length. Default: guessed from the height of the skeleton.
-    groups : JointGroups or str, optional
-        Joint groups that colour the bones, or the name of a preset. Default: trunk, arms and
-        legs.
+    scale, groups
+        As for `write_glb`.
 
     Returns
     -------
@@ -87,32 +81,22 @@ def write_usd(
             "USD needs usd-core: pip install 'mograft[usd]'", name="usd-core"
         ) from error
     skeleton = motion.skeleton
-    scale, unit = metres_per_unit(skeleton, scale)
-    to_y_up = rotation_to_y_up(motion)
+    transform = ExportTransform.of(motion, scale)
     group_indices = joint_group_indices(skeleton, groups)
-
     # The stage is in memory, so an interrupted call leaves no file.
     stage = Usd.Stage.CreateInMemory()
-    metadata: dict[str, float | str] = {
-        "metres_in_a_unit": scale,
-        "unit": unit,
-        "up_in_the_motion": "xyz"[up_axis(motion)],
-    }
-    _define_stage(stage, motion, metadata)
-    _define_skeleton(stage, skeleton, scale, to_y_up)
-    _define_animation(stage, motion, scale, to_y_up)
-    _define_mesh(stage, bone_mesh(skeleton, scale, to_y_up), group_indices)
+    _define_stage(stage, motion, transform)
+    _define_skeleton(stage, skeleton, transform)
+    _define_animation(stage, motion, transform)
+    _define_mesh(stage, bone_mesh(skeleton, transform), group_indices)
     with atomic_path(target) as draft:
         if not stage.GetRootLayer().Export(str(draft)):
             raise OSError(f"{target}: cannot be written")
-    return scale
+    return transform.scale
 
 
-def _define_stage(
-    stage: Any,  # noqa: ANN401 - pxr has no types
-    motion: Motion,
-    metadata: dict[str, float | str],
-) -> None:
+# The stage of pxr has no type.
+def _define_stage(stage: Any, motion: Motion, transform: ExportTransform) -> None:  # noqa: ANN401
     """Set units, axes, times and metadata, and define the figure that contains the other prims."""
     from pxr import UsdGeom, UsdSkel
 
@@ -122,17 +106,16 @@ def _define_stage(
     stage.SetFramesPerSecond(motion.rate)
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(motion.n_frames - 1)
-    stage.GetRootLayer().customLayerData = {"mograft": metadata}
+    stage.GetRootLayer().customLayerData = {"mograft": transform.metadata}
     figure = UsdSkel.Root.Define(stage, _FIGURE)
     stage.SetDefaultPrim(figure.GetPrim())
     figure.GetPrim().SetDisplayName(_to_usd_text(motion.name or "motion"))
 
 
 def _define_skeleton(
-    stage: Any,  # noqa: ANN401 - pxr has no types
+    stage: Any,  # noqa: ANN401
     skeleton: Skeleton,
-    scale: float,
-    to_y_up: FloatArray,
+    transform: ExportTransform,
 ) -> None:
     """Add the skeleton in its rest pose."""
     from pxr import UsdSkel
@@ -140,22 +123,17 @@ def _define_skeleton(
     prim = UsdSkel.Skeleton.Define(stage, _SKELETON)
     prim.CreateJointsAttr(_joint_paths(skeleton))
     prim.CreateJointNamesAttr([_to_usd_text(name) for name in skeleton.names])
-    world_positions = scale * rotations.rotate(to_y_up, skeleton.rest_positions())
-    positions = scale * skeleton.offsets
+    world_positions = transform.points(skeleton.rest_positions())
+    positions = transform.scale * skeleton.offsets
     positions[0] = world_positions[0]
     quats = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
-    quats[0] = to_y_up
-    world_quats = np.tile(to_y_up, (skeleton.n_joints, 1))
+    quats[0] = transform.to_y_up
+    world_quats = np.tile(transform.to_y_up, (skeleton.n_joints, 1))
     prim.CreateBindTransformsAttr(_to_matrices(world_quats, world_positions))
     prim.CreateRestTransformsAttr(_to_matrices(quats, positions))
 
 
-def _define_animation(
-    stage: Any,  # noqa: ANN401 - pxr has no types
-    motion: Motion,
-    scale: float,
-    to_y_up: FloatArray,
-) -> None:
+def _define_animation(stage: Any, motion: Motion, transform: ExportTransform) -> None:  # noqa: ANN401
     """Add the motion and bind it to the skeleton."""
     from pxr import Sdf, UsdSkel, Vt
 
@@ -163,12 +141,8 @@ def _define_animation(
     animation.CreateJointsAttr(_joint_paths(motion.skeleton))
     ones = np.ones((motion.n_joints, 3), np.float16)
     animation.CreateScalesAttr(Vt.Vec3hArray.FromNumpy(ones))
-    quats = motion.rotations.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(to_y_up, quats[:, 0].shape), quats[:, 0])
-    quats = rotations.continuous_signs(quats).astype(np.float32)
-    positions = scale * motion.positions
-    positions[:, 0] = rotations.rotate(to_y_up, positions[:, 0])
-    positions = positions.astype(np.float32)
+    local = transform.local_transforms(motion)
+    quats, positions = (values.astype(np.float32) for values in local)
     rotation_keys = animation.CreateRotationsAttr()
     translation_keys = animation.CreateTranslationsAttr()
     with Sdf.ChangeBlock():

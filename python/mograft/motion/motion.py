@@ -15,7 +15,6 @@ from mograft._util.arrays import (
     as_floats,
     as_quaternions,
     as_vectors,
-    make_read_only,
     restore,
 )
 from mograft._util.runs import find_runs
@@ -89,11 +88,8 @@ class Motion:
             if got != shape:
                 raise ValueError(f"`channel_values` must have shape {shape}, got {got}")
             arrays["channel_values"] = self.channel_values
-        for name, array in arrays.items():
-            view = array.view()
-            make_read_only(view)
-            object.__setattr__(self, name, view)
-        object.__setattr__(self, "frame_time", frame_time)
+        views = {name: array.view() for name, array in arrays.items()}
+        restore(self, {"frame_time": frame_time, **views})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         restore(self, state)
@@ -162,10 +158,8 @@ class Motion:
 
         Returns
         -------
-        rotations : ndarray, shape (n_frames, n_joints, 4)
-            Unit quaternions, xyzw.
-        positions : ndarray, shape (n_frames, n_joints, 3)
-            In the file's unit.
+        rotations, positions : ndarray, shape (n_frames, n_joints, 4) and (n_frames, n_joints, 3)
+            Unit quaternions, xyzw, and positions in the unit of the file.
         """
         return world_transforms(self.skeleton, self.rotations, self.positions)
 
@@ -219,14 +213,11 @@ class Motion:
         return int(moving[0]) if len(moving) else 0
 
     def channel_numbers(self) -> FloatArray:
-        """Return the channel values of the motion as a file stores them.
+        """Return the channel values as a file stores them, shape (n_frames, n_channels).
 
-        Returns
-        -------
-        ndarray, shape (n_frames, n_channels)
-            In the order and units of the file (degrees). Known values are returned as read.
-            Missing ones are derived from rotations and translations; each derived angle is
-            the nearest to the previous frame.
+        Order and units (degrees) are those of the file. Known values are returned as read. Missing
+        ones are derived from rotations and translations; each derived angle is the nearest to the
+        previous frame.
         """
         n_frames, skeleton = self.n_frames, self.skeleton
         known = self.channel_values

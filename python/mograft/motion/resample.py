@@ -41,23 +41,12 @@ def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
         If a shape is wrong, a value is not finite, a quaternion does not have unit norm or the
         times do not increase.
 
-    See Also
-    --------
-    cubic : Interpolation with continuous angular velocity.
-
     Notes
     -----
     The paper writes "cubic interpolation of quaternions (SLERP)" in 4.1.3 and 4.5; SLERP is not
-    cubic. The method resamples with `cubic`, because SLERP changes the angular velocity abruptly
-    at every frame. It uses SLERP in three places, as part of another kernel:
-
-    - A segment of two frames has no third frame for a parabola, and `resample_segments` returns
-      ``slerp`` of the two.
-    - At a seam, the seam treatments "displacement", "paper" and "offset" let both segments meet
-      in the pose halfway along the shorter arc, which is ``slerp`` at 0.5.
-    - The seam treatment "dead" fades from one pose to the other by ``slerp``.
-
-    This function is for callers who need constant angular velocity between frames.
+    cubic. The package resamples with `cubic`, because SLERP changes the angular velocity abruptly
+    at every frame. It uses SLERP only between two poses: to resample a segment of two frames, and
+    in the seam treatments.
 
     Examples
     --------
@@ -130,34 +119,15 @@ def cubic_positions(
 
 
 def resample_segments(
-    rotations: npt.ArrayLike,
-    starts: npt.ArrayLike,
-    stops: npt.ArrayLike,
-    counts: npt.ArrayLike,
+    rotations: npt.ArrayLike, starts: npt.ArrayLike, stops: npt.ArrayLike, counts: npt.ArrayLike
 ) -> FloatArray:
-    """Resample each segment of a clip to a given number of equally spaced frames.
+    """Resample each segment of a clip to a given number of equally spaced frames; concatenate them.
 
-    The curve is that of `cubic` and uses no frame outside the segment. A sample at the time of a
-    frame is that frame bit for bit, so resampling to the original count returns the segment.
-
-    Parameters
-    ----------
-    rotations : array_like, shape (n_frames, n_joints, 4)
-        Unit quaternions of the clip, at equal time steps.
-    starts, stops : array_like of int, shape (n_segments,)
-        First and last frame of each segment, both included.
-    counts : array_like of int, shape (n_segments,)
-        Number of frames of each resampled segment; a count of 1 returns the first frame.
-
-    Returns
-    -------
-    ndarray, shape (counts.sum(), n_joints, 4)
-        Frames of all segments, concatenated.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a segment exceeds the clip or spans no interval.
+    Segment i, from frame ``starts[i]`` to ``stops[i]`` inclusive of `rotations`, shape (n_frames,
+    n_joints, 4), becomes ``counts[i]`` frames. The curve is that of `cubic` and uses no frame
+    outside the segment. A sample at the time of a frame is that frame bit for bit; a count of 1
+    returns the first frame. Raises ValueError if a shape is wrong or a segment exceeds the clip or
+    spans no interval.
 
     Examples
     --------
@@ -170,10 +140,7 @@ def resample_segments(
 
 
 def resample_segment_positions(
-    positions: npt.ArrayLike,
-    starts: npt.ArrayLike,
-    stops: npt.ArrayLike,
-    counts: npt.ArrayLike,
+    positions: npt.ArrayLike, starts: npt.ArrayLike, stops: npt.ArrayLike, counts: npt.ArrayLike
 ) -> FloatArray:
     """Resample positions, shape (n_frames, n_joints, 3), of segments; see `resample_segments`."""
     vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))

@@ -223,28 +223,12 @@ def to_euler(
 ) -> FloatArray:
     """Return intrinsic Euler angles of consecutive rotations, without jumps of 2π.
 
-    Of all angles that give a rotation, those nearest to the previous frame are returned; in the
-    first frame, those nearest to `near`. In gimbal lock the first angle keeps its value. With fewer
-    than three axes the remaining part of the rotation is dropped.
-
-    Parameters
-    ----------
-    rotations : array_like, shape (n_frames, 4)
-        Unit quaternions.
-    order : str
-        One to three different letters of X, Y and Z, as for `from_euler`.
-    near : array_like, shape (3,), optional
-        Angles in radians, in the order of the axes; missing letters of `order` follow as X, Y, Z.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, len(order))
-        Angles in radians.
-
-    Raises
-    ------
-    ValueError
-        If `order` is invalid, a shape is wrong or a quaternion does not have unit norm.
+    The rotations are unit quaternions, shape (n_frames, 4); the angles are in radians, shape
+    (n_frames, len(order)). `order` has one to three different letters of X, Y and Z, as for
+    `from_euler`. Of all angles that give a rotation, those nearest to the previous frame are
+    returned; in the first frame, those nearest to `near`, shape (3,), whose angles are in the order
+    of the axes. In gimbal lock the first angle keeps its value. With fewer than three axes the
+    remaining part of the rotation is dropped. Raises ValueError if an argument is invalid.
 
     Examples
     --------

@@ -14,7 +14,6 @@ from mograft._util.arrays import (
     as_floats,
     as_indices,
     as_vectors,
-    make_read_only,
     restore,
 )
 from mograft.errors import SkeletonMismatchError, join_names
@@ -44,9 +43,7 @@ class EndSite:
     name: str = ""
 
     def __post_init__(self) -> None:
-        offset = as_floats("offset", self.offset, (3,)).copy()
-        make_read_only(offset)
-        object.__setattr__(self, "offset", offset)
+        restore(self, {"offset": as_floats("offset", self.offset, (3,)).copy()})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         restore(self, state)
@@ -124,16 +121,8 @@ class Skeleton:
                 raise ValueError(
                     f"end site parent must be a joint, 0 to {n_joints - 1}, got {site.parent}"
                 )
-        make_read_only(parents)
-        make_read_only(offsets)
-        for name, value in (
-            ("names", names),
-            ("parents", parents),
-            ("offsets", offsets),
-            ("channels", channels),
-            ("end_sites", tuple(self.end_sites)),
-        ):
-            object.__setattr__(self, name, value)
+        checked = {"names": names, "parents": parents, "offsets": offsets, "channels": channels}
+        restore(self, checked | {"end_sites": tuple(self.end_sites)})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         restore(self, state)
@@ -163,17 +152,14 @@ class Skeleton:
     @cached_property
     def children_and_sites(self) -> "tuple[tuple[int | EndSite, ...], ...]":
         """Child joints and end sites of each joint, in the order of the file."""
-        sites: list[list[EndSite]] = [[] for _ in self.names]
+        rows: list[list[tuple[int, int, int | EndSite]]] = [
+            [(rank, 1, child) for rank, child in enumerate(children)] for children in self.children
+        ]
         for site in self.end_sites:
-            sites[site.parent].append(site)
-        items: list[tuple[int | EndSite, ...]] = []
-        for children, joint_sites in zip(self.children, sites, strict=True):
-            slots: list[list[int | EndSite]] = [[child] for child in children]
-            slots.append([])
-            for site in reversed(joint_sites):
-                slots[min(site.before, len(children))].insert(0, site)
-            items.append(tuple(item for slot in slots for item in slot))
-        return tuple(items)
+            rank = min(site.before, len(self.children[site.parent]))
+            rows[site.parent].append((rank, 0, site))  # before the child of the same rank
+        ordered = (sorted(row, key=lambda entry: entry[:2]) for row in rows)
+        return tuple(tuple(item for _, _, item in row) for row in ordered)
 
     @cached_property
     def channel_columns(self) -> tuple[range, ...]:
@@ -208,10 +194,7 @@ class Skeleton:
     def index(self, name: str) -> int:
         """Return the index of the joint with a name.
 
-        Raises
-        ------
-        ValueError
-            If no joint or more than one has the name.
+        Raises ValueError if no joint or more than one has the name.
         """
         found = [joint for joint, known in enumerate(self.names) if known == name]
         if len(found) != 1:
@@ -232,21 +215,10 @@ class Skeleton:
         return replace(self, offsets=as_vectors("offsets", offsets))
 
     def check_same_hierarchy(self, other: "Skeleton", name: str = "the other skeleton") -> None:
-        """Check that another skeleton has the same joint names and parents.
+        """Raise SkeletonMismatchError unless another skeleton has the same joint names and parents.
 
-        Offsets and channels may differ.
-
-        Parameters
-        ----------
-        other : Skeleton
-            The skeleton to compare with.
-        name : str
-            Name of the other skeleton in the message.
-
-        Raises
-        ------
-        SkeletonMismatchError
-            If they differ; the message names the joints.
+        Offsets and channels may differ. The message names the joints that differ, and the other
+        skeleton as `name`.
         """
         if self.names == other.names and np.array_equal(self.parents, other.parents):
             return

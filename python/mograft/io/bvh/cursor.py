@@ -1,11 +1,12 @@
 """A cursor over the text of a BVH file: tokens, line numbers, errors and repairs."""
 
 import codecs
+import math
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import IO, Any, NoReturn, TypeAlias
 
 from mograft.errors import BvhError
@@ -55,7 +56,9 @@ class Cursor:
         self.file_bytes = _file_bytes(stream)  # CHUNK_BYTES if the size is unknown
         self._stream = stream
         self._decoder: codecs.IncrementalDecoder | None = None
-        self._repairs: dict[str, _Repair] = {}
+        # Line and message of the first deviation of each kind, and the number of deviations.
+        self._repairs: dict[str, tuple[int, str]] = {}
+        self._n_repairs = Counter[str]()
         # Line and column of the position `_counted` in the buffer.
         self._counted, self._line, self._column = 0, 1, 1
         self._word_start = 0
@@ -177,23 +180,23 @@ class Cursor:
 
     def take_number(self, meaning: str) -> float:
         """Return the next word as a finite number; `meaning` names it in the error."""
-        word = self.take_word()
-        value = _to_float(word)
-        if value == float("inf"):
-            self.fail(f"expected {meaning}, got {describe_number(word)}")
-        return value
+        return self._to_float(self.take_word(), meaning)
 
     def take_count(self, meaning: str) -> int:
         """Return the next word as a non-negative integer; `meaning` names it in the error."""
         word = self.take_word()
-        value = _to_float(word)
-        if value == float("inf"):
-            self.fail(f"expected {meaning}, got {describe_number(word)}")
+        value = self._to_float(word, meaning)
         if not value.is_integer() or value < 0 or value >= 2**53:
             self.fail(f"expected {meaning}, got {describe_word(word)}")
         if not word.isdigit():
             self.tolerate("count", f"{describe_word(word)} read as {int(value)}")
         return int(value)
+
+    def _to_float(self, word: bytes, meaning: str) -> float:
+        value = float(word) if _NUMBER.fullmatch(word) else math.inf
+        if math.isinf(value):
+            self.fail(f"expected {meaning}, got {describe_number(word)}")
+        return value
 
     def position(self) -> Position:
         """Return line and column of the word that was taken last."""
@@ -210,11 +213,8 @@ class Cursor:
         found_at = position or self.position()
         if self.strict:
             self.fail(f"{message}: refused in strict mode", found_at)
-        repair = self._repairs.get(kind)
-        if repair is None:
-            self._repairs[kind] = _Repair(found_at[0], message)
-        else:
-            repair.n_more += 1
+        self._repairs.setdefault(kind, (found_at[0], message))
+        self._n_repairs[kind] += 1
 
     def move(self, size: int, n_line_ends: int) -> None:
         """Move forward by `size` bytes of ASCII that hold `n_line_ends` line ends."""
@@ -229,8 +229,12 @@ class Cursor:
 
     def repairs(self) -> tuple[str, ...]:
         """Return the deviations that were tolerated, ordered by line."""
-        ordered = sorted(self._repairs.values(), key=lambda repair: repair.line)
-        return tuple(map(str, ordered))
+        texts = []
+        for kind, (line, message) in sorted(self._repairs.items(), key=lambda item: item[1][0]):
+            n_more = self._n_repairs[kind] - 1
+            more = f" (and {n_more} more like it)" if n_more else ""
+            texts.append(f"line {line}: {message}{more}")
+        return tuple(texts)
 
     def _count_to(self, offset: int) -> None:
         if offset <= self._counted:
@@ -243,17 +247,6 @@ class Cursor:
             passed = passed[max(passed.rfind(b"\n"), passed.rfind(b"\r")) + 1 :]
         self._column += len(passed.decode("utf-8", "replace"))
         self._counted = offset
-
-
-@dataclass
-class _Repair:
-    line: int
-    message: str
-    n_more: int = 0
-
-    def __str__(self) -> str:
-        more = f" (and {self.n_more} more like it)" if self.n_more else ""
-        return f"line {self.line}: {self.message}{more}"
 
 
 @contextmanager
@@ -280,12 +273,6 @@ def match_end(pattern: re.Pattern[bytes], buffer: bytes, start: int) -> int:
     """Return the end of a pattern's match at `start`; `start` if it does not match."""
     match = pattern.match(buffer, start)
     return start if match is None else match.end()
-
-
-def _to_float(word: bytes) -> float:
-    """Return the number that a word spells; infinity if it spells none that is finite."""
-    value = float(word) if _NUMBER.fullmatch(word) else float("inf")
-    return float("inf") if value == float("-inf") else value
 
 
 def describe_word(word: bytes) -> str:

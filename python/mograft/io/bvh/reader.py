@@ -1,13 +1,7 @@
 """Reading and scanning of BVH files.
 
-The reader accepts any white space and any line ends. Deviations from the format that have one
-clear meaning are listed with their line in `Motion.repairs`; ``strict=True`` refuses them. Text
-without a clear meaning raises `BvhError` with line and column. `Motion.channel_values` holds the
-numbers as read, so that `write_bvh` reproduces them exactly.
-
-Angles in the file are in degrees, intrinsic, in the order of the channels of a joint. A position
-channel is the position of a joint relative to its parent and replaces that component of OFFSET,
-as in Blender; other programs (three.js, fairmotion) add the two.
+Deviations from the format that have one clear meaning become repairs, or errors if `strict`;
+text without a clear meaning raises `BvhError`.
 """
 
 import os
@@ -71,18 +65,20 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     Parameters
     ----------
     source : path or file object
-        The file; an open file may be text or binary.
+        The file; an open file may be text or binary. White space and line ends may be of any kind.
     strict : bool
         Whether deviations that `Motion.repairs` would list are errors.
     add_offsets : bool
-        Add position channels to OFFSET instead of replacing it. The sums become the channel
-        values of the motion, so a program that does not add reads the written file correctly.
+        Add position channels to OFFSET, as three.js does, instead of replacing it, as Blender does.
+        The sums become the channel values of the motion, so a program that does not add reads the
+        written file correctly.
 
     Returns
     -------
     Motion
         Named after the file, without its suffix. It has all frames found, even if the file
-        declares another number. Quaternions do not change sign from frame to frame.
+        declares another number. `Motion.channel_values` holds the numbers as read, so that
+        `write_bvh` reproduces them. Quaternions do not change sign from frame to frame.
 
     Raises
     ------
@@ -130,16 +126,12 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
 
 
 def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
-    """Check a BVH file as `read_bvh` does, and return its summary.
-
-    Memory does not grow with the number of frames.
+    """Check a BVH file as `read_bvh` does, and return its summary, in constant memory.
 
     Parameters
     ----------
-    source : path or file object
-        The file; an open file may be text or binary.
-    strict : bool
-        Whether deviations that `BvhSummary.repairs` would list are errors.
+    source, strict
+        As for `read_bvh`.
 
     Returns
     -------
@@ -148,10 +140,8 @@ def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
 
     Raises
     ------
-    BvhError
-        If the file is not a valid BVH motion; names path, line, column and the expected text.
-    OSError
-        If the file cannot be read.
+    BvhError, OSError
+        As for `read_bvh`.
 
     Examples
     --------

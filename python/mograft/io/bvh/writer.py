@@ -1,6 +1,7 @@
 """Writing of BVH files."""
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -105,24 +106,18 @@ def _format_blocks(motion: Motion) -> Iterator[bytes]:
 
 
 def _check_names(skeleton: Skeleton) -> None:
-    for joint, name in enumerate(skeleton.names):
+    owners = [(f"joint {joint}", name) for joint, name in enumerate(skeleton.names)]
+    for owner, name in owners:
         if not name:
-            raise ValueError(f"joint {joint} must have a name to be written, got none")
-        _check_name(f"joint {joint}", name)
-    for site in skeleton.end_sites:
-        _check_name(f"the end site of {skeleton.names[site.parent]}", site.name)
-
-
-def _check_name(owner: str, name: str) -> None:
-    try:
-        encoded = name.encode()
-    except UnicodeEncodeError:
-        encoded = b"{"
-    if name.strip(" \t\v\f") != name or {*b"\r\n{"} & {*encoded}:
-        raise ValueError(
-            f"the name of {owner} must be Unicode without line end, '{{' and white space at its "
-            f"ends to be written, got {name!r}"
-        )
+            raise ValueError(f"{owner} must have a name to be written, got none")
+    owners += [(f"the end site of {skeleton.names[s.parent]}", s.name) for s in skeleton.end_sites]
+    for owner, name in owners:
+        # Lone surrogates (category Cs) cannot be encoded.
+        if name.strip(" \t\v\f") != name or re.search("[\r\n{\ud800-\udfff]", name):
+            raise ValueError(
+                f"the name of {owner} must be Unicode without line end, '{{' and white space at "
+                f"its ends to be written, got {name!r}"
+            )
 
 
 def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
