@@ -67,7 +67,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
     return indices
 
 
-def restore(owner: object, state: dict[str, Any]) -> None:
+def set_fields(owner: object, state: dict[str, Any]) -> None:
     """Set fields of a frozen value, and make their arrays read-only."""
     for value in state.values():
         if isinstance(value, np.ndarray):

@@ -13,7 +13,7 @@ from mograft._util.arrays import (
     IntArray,
     as_indices,
     make_read_only,
-    restore,
+    set_fields,
 )
 from mograft._util.gaussian import gaussian_filter
 from mograft._util.validate import check_type
@@ -65,7 +65,7 @@ class Segments:
             object.__setattr__(self, name, array)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        restore(self, state)
+        set_fields(self, state)
 
     def __len__(self) -> int:
         return len(self.start)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, make_read_only, restore
+from mograft._util.arrays import FloatArray, make_read_only, set_fields
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.body_parts import ARM, LEG
 from mograft.body.hierarchy import subtree_mask
@@ -56,7 +56,7 @@ class MassModel:
             make_read_only(array)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        restore(self, state)
+        set_fields(self, state)
 
     def __repr__(self) -> str:
         return f"MassModel({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, as_floats, make_read_only, restore
+from mograft._util.arrays import BoolArray, FloatArray, as_floats, make_read_only, set_fields
 from mograft._util.validate import is_integer
 from mograft.dancer.plan import StrArray, make_clock, make_foot, make_pelvis, make_plan, make_route
 from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
@@ -56,7 +56,7 @@ class Dance:
             make_read_only(array)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        restore(self, state)
+        set_fields(self, state)
 
     def __len__(self) -> int:
         return self.motion.n_frames

@@ -15,7 +15,7 @@ from mograft._util.arrays import (
     as_floats,
     as_quaternions,
     as_vectors,
-    restore,
+    set_fields,
 )
 from mograft._util.runs import find_runs
 from mograft.motion import rotations
@@ -89,10 +89,10 @@ class Motion:
                 raise ValueError(f"`channel_values` must have shape {shape}, got {got}")
             arrays["channel_values"] = self.channel_values
         views = {name: array.view() for name, array in arrays.items()}
-        restore(self, {"frame_time": frame_time, **views})
+        set_fields(self, {"frame_time": frame_time, **views})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        restore(self, state)
+        set_fields(self, state)
 
     def __repr__(self) -> str:
         joints = "1 joint" if self.n_joints == 1 else f"{self.n_joints} joints"

@@ -14,7 +14,7 @@ from mograft._util.arrays import (
     as_floats,
     as_indices,
     as_vectors,
-    restore,
+    set_fields,
 )
 from mograft.errors import SkeletonMismatchError, join_names
 
@@ -43,10 +43,10 @@ class EndSite:
     name: str = ""
 
     def __post_init__(self) -> None:
-        restore(self, {"offset": as_floats("offset", self.offset, (3,)).copy()})
+        set_fields(self, {"offset": as_floats("offset", self.offset, (3,)).copy()})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        restore(self, state)
+        set_fields(self, state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +122,10 @@ class Skeleton:
                     f"end site parent must be a joint, 0 to {n_joints - 1}, got {site.parent}"
                 )
         checked = {"names": names, "parents": parents, "offsets": offsets, "channels": channels}
-        restore(self, checked | {"end_sites": tuple(self.end_sites)})
+        set_fields(self, checked | {"end_sites": tuple(self.end_sites)})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        restore(self, state)
+        set_fields(self, state)
 
     def __repr__(self) -> str:
         return f"Skeleton({self.n_joints} joints, {self.n_channels} channels, root {self.names[0]})"
