@@ -34,11 +34,9 @@ RULES: tuple[Rule, ...] = ("all", "majority", "any")
 _DEGENERATE_MARGIN = 0.01
 """Heights from a support of one point or a line within which a point is still supported."""
 _STATURE_METERS = 1.75
-_GRAVITY = 9.81
-"""In metres per square second."""
+_GRAVITY = 9.81  # in metres per square second
 _SMOOTHING_SECONDS = 0.2
-_MIN_LOAD = 0.2
-"""Share of gravity that the floor must carry for a zero-moment point to exist."""
+_MIN_LOAD = 0.2  # share of gravity that the floor must carry for a zero-moment point to exist
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,7 @@ from mograft.synthesis.graft import Grafts
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
 
-_N_INSTANTS = 10
-"""Equidistant instants of a segment at which contact patterns are compared."""
+_N_INSTANTS = 10  # equidistant instants of a segment at which contact patterns are compared
 
 
 @dataclass(frozen=True)
@@ -354,10 +353,7 @@ def _plan_grafts(
 
 
 def _draw_sequence(
-    pool: SegmentPool,
-    candidates: Sequence[IntArray],
-    max_angle: float,
-    rng: np.random.Generator,
+    pool: SegmentPool, candidates: Sequence[IntArray], max_angle: float, rng: np.random.Generator
 ) -> IntArray:
     """Draw a donor sequence from first to last position (paper, 4.4)."""
     donors: list[int] = []

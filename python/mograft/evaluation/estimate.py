@@ -16,15 +16,12 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.evaluation._extra import import_extra
 
-BLOCK_SEGMENTS = 10
-"""Neighbouring segments in one block: a few seconds of motion."""
+BLOCK_SEGMENTS = 10  # neighbouring segments in one block: a few seconds of motion
 MIN_CLIPS_AS_BLOCKS = 10
 """Number of clips from which each clip is one block: clips are independent of each other."""
-MIN_BLOCKS = 5
-"""Number of blocks below which no interval is computed."""
+MIN_BLOCKS = 5  # number of blocks below which no interval is computed
 _N_RESAMPLES = 2000
-_MIN_FINITE_SHARE = 0.9
-"""Share of the resamples that must have a finite value for an interval."""
+_MIN_FINITE_SHARE = 0.9  # share of the resamples that must have a finite value for an interval
 
 
 @dataclass(frozen=True)

@@ -106,11 +106,7 @@ class _TestCounts:
 
 
 def judgement(
-    library: Library,
-    labels: Labels,
-    methods: Sequence[Method] | None = None,
-    *,
-    seed: int = 0,
+    library: Library, labels: Labels, methods: Sequence[Method] | None = None, *, seed: int = 0
 ) -> Judgement:
     """Train a classifier on labels and apply it to the donors of methods.
 

@@ -14,8 +14,7 @@ from mograft.library.library import Library
 COLUMNS = ("clip", "first", "last", "group", "donor_clip", "donor_first", "donor_last")
 """Columns that identify a labelled piece; `label` and `seconds` follow them."""
 
-_Key = tuple[str, int, int]
-"""Clip name, first frame and last frame of a segment."""
+_Key = tuple[str, int, int]  # clip name, first frame and last frame of a segment
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,16 +23,13 @@ from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import Page, assemble_page, embed_json
 
-_CONTEXT_SECONDS = 0.4
-"""Duration of the motion that is shown before and after each piece."""
-_FRAME_RATE = 30.0
-"""Frame rate of the page, unless that of the library is lower."""
+_CONTEXT_SECONDS = 0.4  # duration of the motion that is shown before and after each piece
+_FRAME_RATE = 30.0  # frame rate of the page, unless that of the library is lower
 _VIEW_ANGLE = 0.6
 """Angle in radians between the line of sight and the facing direction at the first frame."""
 _MAX_COORDINATE = 4.0
 """Coordinate in skeleton heights that the largest 16-bit integer of the page stands for."""
-_MAX_ROUNDS = 40
-"""Number of grafts of each clip from which pieces are drawn, at most."""
+_MAX_ROUNDS = 40  # number of grafts of each clip from which pieces are drawn, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,10 +178,7 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
     values = {
         "key": hashlib.sha256(repr(rows).encode()).hexdigest()[:16],
         "columns": COLUMNS,
-        "parents": [
-            *skeleton.parents.tolist(),
-            *(site.parent for site in skeleton.end_sites),
-        ],
+        "parents": [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)],
         "group": group_of_joint.tolist(),
         "dt": step / library.rate,
         "unit": _MAX_COORDINATE / 32767,

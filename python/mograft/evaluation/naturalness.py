@@ -39,8 +39,7 @@ from mograft.library.library import Library
 MIN_SEGMENTS = 60
 MIN_RATE_DIFFERENCE = 0.1
 """Difference between the acceptance rates of captured and random parts below which κ is refused."""
-GROUP_SEGMENTS = 40
-"""Neighbouring segments that stay together in cross-validation."""
+GROUP_SEGMENTS = 40  # neighbouring segments that stay together in cross-validation
 _N_FOLDS = 5
 _MIN_TEST_SEGMENTS, _MIN_TRAIN_SEGMENTS = 2, 10
 _MAX_TRAIN_SEGMENTS = 600
@@ -332,11 +331,7 @@ def _score_fold(
 
 
 def _train_classifier(
-    features: PairFeatures,
-    train: IntArray,
-    groups: IntArray,
-    rng: np.random.Generator,
-    seed: int,
+    features: PairFeatures, train: IntArray, groups: IntArray, rng: np.random.Generator, seed: int
 ) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
     """Return a function that scores pairs, and the selected parameters."""
     inner = assign_folds(np.unique(groups[train], return_inverse=True)[1], N_INNER_FOLDS, seed)

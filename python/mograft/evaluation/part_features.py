@@ -8,8 +8,7 @@ from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.motion import rotations
 
-_N_INSTANTS = 10
-"""Equidistant instants of a segment at which features are sampled."""
+_N_INSTANTS = 10  # equidistant instants of a segment at which features are sampled
 
 
 def part_features(library: Library, group: str) -> FloatArray:

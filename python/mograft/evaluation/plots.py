@@ -68,8 +68,7 @@ def draw_quality(rows: Sequence[Quality]) -> "Figure":
 
 
 def draw_counts(
-    by_name: Mapping[str, Sequence[Enrichment]],
-    paper: Mapping[int, Sequence[float]] | None = None,
+    by_name: Mapping[str, Sequence[Enrichment]], paper: Mapping[int, Sequence[float]] | None = None
 ) -> "Figure":
     """Draw the combinations per segment against the scale of the threshold.
 

@@ -22,16 +22,14 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
-_WINDOW_RATE = 10.0
-"""Frames per second at which windows are compared."""
+_WINDOW_RATE = 10.0  # frames per second at which windows are compared
 _COVERAGE_SECONDS, _LOCAL_SECONDS = 1.0, 0.5
 """Durations of the windows of coverage and of local diversity."""
 _MAX_COVERED_DISTANCE = 2.0
 """Mean L2 distance of 6D rotations per frame below which a window is covered."""
 _MAX_SOURCE_FRAMES = 20_000
 """Frames at `_WINDOW_RATE`, half an hour, above which only every k-th window is compared."""
-_SEAM_BLOCK_FRAMES = 75
-"""Seams of one base within this many frames are one block of the bootstrap."""
+_SEAM_BLOCK_FRAMES = 75  # seams of one base within this many frames are one block of the bootstrap
 _MAX_BLOCKS_PER_BASE = 100_000
 
 

@@ -40,8 +40,7 @@ from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
 TOPICS = ("enrichment", "balance", "naturalness", "quality")
-BALANCE_MARGIN = 0.01
-"""Margin of the second row of static balance, in skeleton heights."""
+BALANCE_MARGIN = 0.01  # margin of the second row of static balance, in skeleton heights
 
 Progress = Callable[[str, int, int], None]
 _MEASURES = {"static": static_balance, "dynamic": dynamic_balance}

@@ -14,10 +14,8 @@ from mograft.motion.motion import Motion
 
 _MAX_CONTACT_HEIGHT = 0.035
 """Height above its floor up to which an ankle or toe carries weight, at any speed."""
-_HEEL_LENGTH = 0.035
-"""Distance from the ankle back to the end of the heel."""
-_FOOT_LENGTH = 0.117
-"""Distance from the ankle to the tip of the foot."""
+_HEEL_LENGTH = 0.035  # distance from the ankle back to the end of the heel
+_FOOT_LENGTH = 0.117  # distance from the ankle to the tip of the foot
 _BALL_HALF_WIDTH, _TIP_HALF_WIDTH = 0.0275, 0.0165
 _MIN_FOOT_EXTENT = 0.02
 """Horizontal distance from ankle to toe below which the foot has no direction."""
