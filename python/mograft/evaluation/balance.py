@@ -7,7 +7,7 @@ It shows whether grafts are less balanced than the recordings that they were mad
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mograft.body.mass import center_of_mass, mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import import_extra
-from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.support_polygon import Support, signed_distance, support_polygons
 from mograft.motion.motion import Motion
 
@@ -31,10 +31,9 @@ PAPER_TABLE: Mapping[str, tuple[float, int]] = {
 Rule = Literal["all", "majority", "any"]
 RULES: tuple[Rule, ...] = ("all", "majority", "any")
 
-_DEGENERATE_MARGIN = 0.01
-"""Heights from a support of one point or a line within which a point is still supported."""
+_DEGENERATE_MARGIN = 0.01  # heights from a support of one point or line that are still inside
 _STATURE_METERS = 1.75
-_GRAVITY = 9.81  # in metres per square second
+_GRAVITY = 9.81  # m/s²
 _SMOOTHING_SECONDS = 0.2
 _MIN_LOAD = 0.2  # share of gravity that the floor must carry for a zero-moment point to exist
 
@@ -211,7 +210,7 @@ def _balance_of_points(
             f"got {len(support.sizes)}"
         )
     distances = signed_distance(support.polygons, support.sizes, points[:, support.axes])
-    distances = distances / support.height
+    distances /= support.height
     distances = np.where(support.sizes < 3, distances - _DEGENERATE_MARGIN, distances)
     model = mass_model(motion.skeleton)
     return Balance(
@@ -246,7 +245,7 @@ class BalanceSample:
 
 
 @dataclass(frozen=True)
-class BalanceRow:
+class BalanceRow(Record):
     """Rates of unbalanced segments of one method by one rule.
 
     Attributes
@@ -282,20 +281,11 @@ class BalanceRow:
     flight: float
     runs: int
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict for JSON."""
-        return {
-            "kind": self.kind,
-            "rule": self.rule,
-            "margin": self.margin,
-            "method": self.method,
-            "rate": self.rate.as_dict(),
-            "spread_of_runs": self.spread if math.isfinite(self.spread) else None,
-            "rate_changed": self.changed.as_dict(),
-            "difference_changed": self.difference.as_dict(),
-            "flight": self.flight,
-            "runs": self.runs,
-        }
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {
+        "spread": "spread_of_runs",
+        "changed": "rate_changed",
+        "difference": "difference_changed",
+    }
 
 
 def balance_row(

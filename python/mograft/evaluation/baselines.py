@@ -15,6 +15,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.contacts import detect_contacts, find_legs
 from mograft.errors import InsufficientDataError
+from mograft.evaluation.part_features import equidistant_instants
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.search.candidates import SegmentPool
@@ -23,8 +24,6 @@ from mograft.search.trellis import DonorSequences
 from mograft.synthesis.graft import Grafts
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
-
-_N_INSTANTS = 10  # equidistant instants of a segment at which contact patterns are compared
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class Analogy(Method):
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
         """Return the candidates for base segments; see `Method.candidates`."""
-        return _first_pool(library).candidate_lists(scenario, library.config)
+        return library.pool(grafted_group(library)).candidate_lists(scenario, library.config)
 
 
 @dataclass(frozen=True)
@@ -223,12 +222,11 @@ def contact_patterns(library: Library) -> BoolArray:
     if the skeleton has no legs.
     """
     contacts, cut = _foot_contacts(library), library.segments
-    states = np.empty((len(cut), _N_INSTANTS, contacts[0].shape[1]), bool)
-    fractions = np.linspace(0.0, 1.0, _N_INSTANTS)
+    instants = equidistant_instants(cut).round().astype(np.int64)
+    states = np.empty((*instants.shape, contacts[0].shape[1]), bool)
     for clip, touching in enumerate(contacts):
         segments = cut.of_clip(clip)
-        frames = cut.start[segments][:, None] + fractions * cut.lengths[segments][:, None]
-        states[segments] = touching[frames.round().astype(np.int64)]
+        states[segments] = touching[instants[segments]]
     return states
 
 
@@ -243,10 +241,8 @@ def contact_sequences(library: Library) -> list[str]:
     for start, stop, clip in zip(cut.start, cut.stop, cut.clip, strict=True):
         rows = contacts[clip][start : stop + 1].astype(np.int64).tolist()
         states = ["".join(map(str, row)) for row in rows]
-        lasting = [
-            state for state, frames in groupby(states) if sum(1 for _ in frames) > 1
-        ] or states[:1]
-        sequences.append(">".join(state for state, _ in groupby(lasting)))
+        lasting = [state for state, frames in groupby(states) if len(list(frames)) > 1]
+        sequences.append(">".join(state for state, _ in groupby(lasting or states[:1])))
     return sequences
 
 
@@ -367,10 +363,15 @@ def _draw_sequence(
     return np.array(donors, np.int64)
 
 
-def _first_pool(library: Library) -> SegmentPool:
-    """Return the pool of the first grafted group; the candidates of all groups are equal."""
-    grafted = next(name for name in library.groups.names if name != library.groups.base)
-    return library.pool(grafted)
+def grafted_group(library: Library, group: str | None = None) -> str:
+    """Return `group`, or the first group that is not the base group if `group` is None.
+
+    Raise ValueError if `group` is the base group or is unknown.
+    """
+    others = [name for name in library.groups.names if name != library.groups.base]
+    if group is not None and group not in others:
+        raise ValueError(f"`group` must be one of {', '.join(others)}, got {group!r}")
+    return others[0] if group is None else group
 
 
 def _has_similar_length(library: Library, segment: int) -> BoolArray:

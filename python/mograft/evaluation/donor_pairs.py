@@ -9,8 +9,7 @@ from mograft.evaluation.baselines import Method, draw_donors
 from mograft.library.library import Library
 
 _MAX_DONORS = 20  # donors of one segment that are scored, at most
-_MAX_PAIRS = 10_000
-"""Pairs in one fold that are scored, as a guideline: each segment has two donors or more."""
+_MAX_PAIRS = 10_000  # pairs in one fold that are scored, unless segments would have below 2 donors
 _N_SEQUENCES = 20  # donor sequences that are drawn for each clip from a method that selects by cost
 _CHUNK = 500  # segments whose candidates are in memory at the same time
 

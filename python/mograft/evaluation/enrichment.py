@@ -4,13 +4,15 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft.analysis.clustering import cut, threshold
 from mograft.body.groups import PRESETS, JointGroups
+from mograft.evaluation.baselines import grafted_group
+from mograft.evaluation.estimate import Record
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 
@@ -36,7 +38,7 @@ class Count:
 
 
 @dataclass(frozen=True)
-class Enrichment:
+class Enrichment(Record):
     """Counts for one reading of the threshold and one scale.
 
     Attributes
@@ -65,15 +67,15 @@ class Enrichment:
     diameter: float
     counts: tuple[Count, ...]
 
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {
+        "clusters": "base_clusters",
+        "largest": "largest_cluster",
+    }
+
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON; the counts are strings, since they may be of any size."""
         return {
-            "segments": self.segments,
-            "base_clusters": self.clusters,
-            "largest_cluster": self.largest,
-            "sigma": self.sigma,
-            "sigma_scale": self.sigma_scale,
-            "diameter": self.diameter,
+            **super().as_dict(),
             "counts": [
                 {
                     "groups": count.groups,
@@ -189,8 +191,7 @@ def _count_combinations(
     diameter: float,
     groups: Sequence[int],
 ) -> Enrichment:
-    grafted = next(name for name in library.groups.names if name != library.groups.base)
-    pool = replace(library.pool(grafted), labels=labels)
+    pool = replace(library.pool(grafted_group(library)), labels=labels)
     n = len(labels)
     candidates = pool.candidate_lists(np.arange(n), library.config)
     sizes = np.bincount(labels)

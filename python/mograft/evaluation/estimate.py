@@ -5,9 +5,9 @@ neighbours, or whole clips, instead of single segments.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -17,15 +17,34 @@ from mograft.analysis.segmentation import Segments
 from mograft.evaluation._extra import import_extra
 
 BLOCK_SEGMENTS = 10  # neighbouring segments in one block: a few seconds of motion
-MIN_CLIPS_AS_BLOCKS = 10
-"""Number of clips from which each clip is one block: clips are independent of each other."""
+MIN_CLIPS_AS_BLOCKS = 10  # from this number of clips on, each clip is one block
 MIN_BLOCKS = 5  # number of blocks below which no interval is computed
 _N_RESAMPLES = 2000
 _MIN_FINITE_SHARE = 0.9  # share of the resamples that must have a finite value for an interval
 
 
+class Record:
+    """Base class of result dataclasses that become JSON objects."""
+
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {}  # keys of the fields whose names are not the keys
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return a dict for JSON, with the fields in their order."""
+        values = vars(self).items()
+        return {self.JSON_KEYS.get(name, name): _as_json(value) for name, value in values}
+
+
+def _as_json(value: object) -> object:
+    """Return records as dicts, tuples as lists, and floats that are not finite as None."""
+    if isinstance(value, Record):
+        return value.as_dict()
+    if isinstance(value, tuple):
+        return [_as_json(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Record):
     """A number, its 95 % interval and the sample that it was computed from.
 
     Attributes
@@ -52,14 +71,8 @@ class Estimate:
     @classmethod
     def without_value(cls, n: int, unit: str, interval_method: str) -> Self:
         """Return an estimate without a value and without an interval."""
-        return cls(
-            value=math.nan,
-            low=math.nan,
-            high=math.nan,
-            n=n,
-            unit=unit,
-            interval_method=interval_method,
-        )
+        nan = math.nan
+        return cls(value=nan, low=nan, high=nan, n=n, unit=unit, interval_method=interval_method)
 
     def __str__(self) -> str:
         return self.text()
@@ -85,12 +98,10 @@ class Estimate:
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON; values that are not finite become None."""
-        low, high, value = (
-            x if math.isfinite(x) else None for x in (self.low, self.high, self.value)
-        )
+        interval = [self.low, self.high]
         return {
-            "value": value,
-            "interval": None if low is None or high is None else [low, high],
+            "value": _as_json(self.value),
+            "interval": interval if np.isfinite(interval).all() else None,
             "n": self.n,
             "of": self.unit,
             "method": self.interval_method,
@@ -109,14 +120,8 @@ def proportion(hits: int, n: int, unit: str) -> Estimate:
     if n == 0:
         return Estimate.without_value(0, unit, "Wilson")
     interval = import_extra("scipy.stats").binomtest(hits, n).proportion_ci(method="wilson")
-    return Estimate(
-        value=hits / n,
-        low=float(interval.low),
-        high=float(interval.high),
-        n=n,
-        unit=unit,
-        interval_method="Wilson",
-    )
+    low, high = float(interval.low), float(interval.high)
+    return Estimate(value=hits / n, low=low, high=high, n=n, unit=unit, interval_method="Wilson")
 
 
 def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
@@ -158,6 +163,28 @@ def block_bootstrap(
     return limits[0], limits[1]
 
 
+def bootstrap_estimate(
+    value: float,
+    statistic: Callable[[FloatArray], FloatArray],
+    n_blocks: int,
+    *,
+    n: int,
+    unit: str,
+    seed: int,
+    interval_method: str | None = None,
+) -> Estimate:
+    """Return an estimate whose interval is that of `block_bootstrap`."""
+    low, high = block_bootstrap(statistic, n_blocks, seed)
+    return Estimate(
+        value=value,
+        low=float(low[0]),
+        high=float(high[0]),
+        n=n,
+        unit=unit,
+        interval_method=interval_method or f"bootstrap of {n_blocks} blocks",
+    )
+
+
 def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: int = 0) -> Estimate:
     """Return a mean with a bootstrap interval that resamples blocks.
 
@@ -165,26 +192,26 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
     blocks.
     """
     array = np.asarray(values, np.float64)
-    is_finite = np.isfinite(array)
-    array, members = array[is_finite], np.asarray(blocks)[is_finite]
-    if not len(array):
+    finite = array[np.isfinite(array)]
+    if not len(finite):
         return Estimate.without_value(0, unit, "block bootstrap")
-    distinct, index = np.unique(members, return_inverse=True)
-    sums = np.bincount(index, array)
-    counts = np.bincount(index).astype(np.float64)
-    low, high = block_bootstrap(
+    sums, counts = block_sums(array, np.asarray(blocks))
+    return bootstrap_estimate(
+        float(finite.mean()),
         lambda multiplicities: (multiplicities @ sums) / (multiplicities @ counts),
-        len(distinct),
-        seed,
-    )
-    return Estimate(
-        value=float(array.mean()),
-        low=float(low[0]),
-        high=float(high[0]),
-        n=len(array),
+        len(sums),
+        n=len(finite),
         unit=unit,
-        interval_method=f"bootstrap of {len(distinct)} blocks",
+        seed=seed,
     )
+
+
+def block_sums(values: FloatArray, blocks: npt.NDArray[Any]) -> tuple[FloatArray, FloatArray]:
+    """Return the sum and the number of the finite values in each block that has any."""
+    is_finite = np.isfinite(values)
+    _, index = np.unique(blocks[is_finite], return_inverse=True)
+    sums, counts = np.bincount(index, values[is_finite]), np.bincount(index)
+    return sums.astype(np.float64), counts.astype(np.float64)
 
 
 def rogan_gladen(positive: float, sensitivity: float, specificity: float) -> float:

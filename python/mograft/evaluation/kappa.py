@@ -8,15 +8,13 @@ from typing import Any, Literal
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.evaluation import estimate
-from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.estimate import Estimate, Record, bootstrap_estimate
 
-_BlockSums = tuple[FloatArray, FloatArray]
-"""Sums and counts of values, both of shape (n_splits, n_blocks)."""
+_BlockSums = tuple[FloatArray, FloatArray]  # sums and counts, each (n_splits, n_blocks)
 
 
 @dataclass(frozen=True)
-class Difference:
+class Difference(Record):
     """Difference of the κ of two methods, the first minus the second, on common resamples."""
 
     first: str
@@ -34,12 +32,7 @@ class Difference:
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON."""
-        return {
-            "first": self.first,
-            "second": self.second,
-            "kappa": self.kappa.as_dict(),
-            "verdict": self.verdict,
-        }
+        return {**super().as_dict(), "verdict": self.verdict}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +51,8 @@ class Kappas:
 
     def mean(self, values: FloatArray, unit: str) -> Estimate:
         """Return the mean of values of shape (n_splits, n_segments)."""
-        sums = self._block_sums(values, values)
-        return self._estimate([sums], lambda means: means[0], values, unit)
+        terms = [self._block_sums(values, values)]
+        return self._estimate(terms, lambda means: means[0], values, unit)
 
     def kappa(self, method: str, *, is_matched: bool = False) -> Estimate:
         """Return κ of a method, with the number of segments that have a donor.
@@ -72,9 +65,8 @@ class Kappas:
 
     def difference(self, first: str, second: str) -> Difference:
         """Return κ of the first method minus κ of the second."""
-        terms = [*self._kappa_terms(first), *self._kappa_terms(second)]
         difference = self._estimate(
-            terms,
+            [*self._kappa_terms(first), *self._kappa_terms(second)],
             lambda means: _kappa(means[:3]) - _kappa(means[3:]),
             self.accepted[first] + self.accepted[second],
             "segments with a donor of both",
@@ -129,13 +121,13 @@ class Kappas:
                 means.append(total / number)
             return combine(means)
 
-        low, high = estimate.block_bootstrap(statistic, n_blocks, self.seed)
-        return Estimate(
-            value=float(value),
-            low=float(low[0]),
-            high=float(high[0]),
+        return bootstrap_estimate(
+            float(value),
+            statistic,
+            n_blocks,
             n=n,
             unit=unit,
+            seed=self.seed,
             interval_method=interval_method,
         )
 

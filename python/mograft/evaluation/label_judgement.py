@@ -5,9 +5,9 @@ the shares are corrected for the errors of the classifier.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from mograft.evaluation.donor_pairs import (
     sample_pairs,
     selected_donors,
 )
-from mograft.evaluation.estimate import Estimate, rogan_gladen
+from mograft.evaluation.estimate import Estimate, Record, proportion, rogan_gladen
 from mograft.evaluation.label_table import Labels
 from mograft.evaluation.part_features import part_features
 from mograft.library.library import Library
@@ -39,7 +39,7 @@ _TRAIN_SHARE = 0.6
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Record):
     """Shares of the exchanged parts of one method that a classifier calls natural.
 
     `corrected` is `called` corrected for the errors of the classifier on the test labels
@@ -51,17 +51,11 @@ class Verdict:
     called: Estimate
     corrected: Estimate
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict for JSON."""
-        return {
-            "method": self.method,
-            "called_natural": self.called.as_dict(),
-            "corrected": self.corrected.as_dict(),
-        }
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {"called": "called_natural"}
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Judgement(Record):
     """Results of a classifier that was trained on labels."""
 
     group: str
@@ -72,37 +66,8 @@ class Judgement:
     accuracy: Estimate
     sensitivity: Estimate
     specificity: Estimate
-    verdicts: tuple[Verdict, ...]
     parameters: dict[str, float]  # of the classifier
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict for JSON."""
-        values = {
-            name: value.as_dict() if isinstance(value, Estimate) else value
-            for name, value in vars(self).items()
-            if name != "verdicts"
-        }
-        return {**values, "verdicts": [verdict.as_dict() for verdict in self.verdicts]}
-
-
-@dataclass(frozen=True)
-class _TestCounts:
-    """Classification of the test labels."""
-
-    true_positives: int
-    positives: int
-    true_negatives: int
-    negatives: int
-
-    def sensitivity(self) -> Estimate:
-        return estimate.proportion(self.true_positives, self.positives, "test labels")
-
-    def specificity(self) -> Estimate:
-        return estimate.proportion(self.true_negatives, self.negatives, "test labels")
-
-    def accuracy(self) -> Estimate:
-        n_correct = self.true_positives + self.true_negatives
-        return estimate.proportion(n_correct, self.positives + self.negatives, "test labels")
+    verdicts: tuple[Verdict, ...]
 
 
 def judgement(
@@ -164,13 +129,9 @@ def judgement(
     classifier = build_classifier(parameters).fit(train_features, classes)
     predicted = classifier.predict(features.join(pairs[~is_train])).astype(bool)
     truth = natural[~is_train]
-    counts = _TestCounts(
-        true_positives=int((predicted & truth).sum()),
-        positives=int(truth.sum()),
-        true_negatives=int((~predicted & ~truth).sum()),
-        negatives=int((~truth).sum()),
-    )
-    captured = labels.natural[~is_exchanged]
+    is_correct = predicted == truth
+    sensitivity = _share(is_correct[truth], "test labels")
+    specificity = _share(is_correct[~truth], "test labels")
     rng = np.random.default_rng(seed)
     selected = selected_donors(library, labels.group, methods, seed)
     donors = donors_in_fold(library, methods, np.zeros_like(segments), selected)
@@ -181,19 +142,23 @@ def judgement(
         if len(sample):
             predictions = classifier.predict(features.join(sample)).astype(np.float64)
             rates = mean_by_segment(predictions, sample, len(segments))
-        verdicts.append(_verdict(name, rates, blocks, counts, seed))
+        verdicts.append(_verdict(name, rates, blocks, (sensitivity, specificity), seed))
     return Judgement(
         group=labels.group,
         learned=int(is_train.sum()),
         tested=len(truth),
-        natural=estimate.proportion(int(natural.sum()), len(natural), "exchanged pieces"),
-        captured=estimate.proportion(int(captured.sum()), len(captured), "captured pieces"),
-        accuracy=counts.accuracy(),
-        sensitivity=counts.sensitivity(),
-        specificity=counts.specificity(),
-        verdicts=tuple(verdicts),
+        natural=_share(natural, "exchanged pieces"),
+        captured=_share(labels.natural[~is_exchanged], "captured pieces"),
+        accuracy=_share(is_correct, "test labels"),
+        sensitivity=sensitivity,
+        specificity=specificity,
         parameters=parameters,
+        verdicts=tuple(verdicts),
     )
+
+
+def _share(is_hit: BoolArray, unit: str) -> Estimate:
+    return proportion(int(is_hit.sum()), len(is_hit), unit)
 
 
 def _check_labels(natural: BoolArray) -> None:
@@ -217,43 +182,40 @@ def _split_labels(blocks: IntArray, seed: int) -> BoolArray:
 
 
 def _verdict(
-    method: str, rates: FloatArray, blocks: IntArray, counts: _TestCounts, seed: int
+    method: str, rates: FloatArray, blocks: IntArray, errors: tuple[Estimate, Estimate], seed: int
 ) -> Verdict:
-    """Return the share of natural parts of a method, as called and as corrected."""
+    """Return the share of natural parts of a method, as called and as corrected.
+
+    `errors` are the sensitivity and the specificity of the classifier.
+    """
     called = estimate.block_mean(rates, blocks, "segments with a donor", seed)
-    n_true_positive, n_positive = counts.true_positives, counts.positives
-    n_true_negative, n_negative = counts.true_negatives, counts.negatives
-    corrected = rogan_gladen(
-        called.value, n_true_positive / n_positive, n_true_negative / n_negative
-    )
+    sensitivity, specificity = errors
+    corrected = rogan_gladen(called.value, sensitivity.value, specificity.value)
     interval_method = f"{called.interval_method}, and of the test labels"
     # The correction divides by the gain over chance, which must differ from 0 significantly.
-    low_gain = counts.sensitivity().low + counts.specificity().low - 1.0
+    low_gain = sensitivity.low + specificity.low - 1.0
     if not math.isfinite(corrected) or low_gain <= 0:
         undefined = Estimate.without_value(called.n, called.unit, interval_method)
         return Verdict(method, called, undefined)
-    has_rate = np.isfinite(rates)
-    distinct, index = np.unique(blocks[has_rate], return_inverse=True)
-    sums = np.bincount(index, rates[has_rate])
-    sizes = np.bincount(index).astype(np.float64)
+    sums, sizes = estimate.block_sums(rates, blocks)
     rng = np.random.default_rng(seed)
 
     def statistic(multiplicities: FloatArray) -> FloatArray:
         means = (multiplicities @ sums) / (multiplicities @ sizes)
-        n = len(multiplicities)
-        sensitivity = rng.binomial(n_positive, n_true_positive / n_positive, n) / n_positive
-        specificity = rng.binomial(n_negative, n_true_negative / n_negative, n) / n_negative
-        gain = sensitivity + specificity - 1.0
-        values: FloatArray = np.where(gain > 0, (means + specificity - 1.0) / gain, np.nan)
+        true_positives, true_negatives = (
+            rng.binomial(share.n, share.value, len(multiplicities)) / share.n for share in errors
+        )
+        gain = true_positives + true_negatives - 1.0
+        values: FloatArray = np.where(gain > 0, (means + true_negatives - 1.0) / gain, np.nan)
         return values
 
-    low, high = estimate.block_bootstrap(statistic, len(distinct), seed)
-    interval = Estimate(
-        value=corrected,
-        low=float(low[0]),
-        high=float(high[0]),
+    interval = estimate.bootstrap_estimate(
+        corrected,
+        statistic,
+        len(sums),
         n=called.n,
         unit=called.unit,
+        seed=seed,
         interval_method=interval_method,
     )
     return Verdict(method, called, interval)

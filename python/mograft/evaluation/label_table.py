@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from mograft._util.arrays import BoolArray, IntArray
+from mograft.evaluation.baselines import grafted_group
 from mograft.library.library import Library
 
+# Columns that identify a labelled piece; `label` and `seconds` follow them.
 COLUMNS = ("clip", "first", "last", "group", "donor_clip", "donor_first", "donor_last")
-"""Columns that identify a labelled piece; `label` and `seconds` follow them."""
 
 _Key = tuple[str, int, int]  # clip name, first frame and last frame of a segment
 
@@ -28,17 +29,6 @@ class Labels:
 
     def __len__(self) -> int:
         return len(self.natural)
-
-
-def grafted_group(library: Library, group: str | None) -> str:
-    """Return `group`, or the first group that is not the base group if `group` is None.
-
-    Raise ValueError if `group` is the base group or is unknown.
-    """
-    others = [name for name in library.groups.names if name != library.groups.base]
-    if group is not None and group not in others:
-        raise ValueError(f"`group` must be one of {', '.join(others)}, got {group!r}")
-    return others[0] if group is None else group
 
 
 def label_row(library: Library, group: str, segment: int, donor: int) -> tuple[str, ...]:
@@ -108,7 +98,7 @@ def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
             f"got {', '.join(sorted(groups))}"
         )
     table = np.array(pairs, np.int64).reshape(-1, 3)
-    group = groups.pop() if groups else grafted_group(library, None)
+    group = groups.pop() if groups else grafted_group(library)
     return Labels(table[:, 0], table[:, 1], table[:, 2].astype(bool), group)
 
 

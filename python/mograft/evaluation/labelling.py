@@ -14,8 +14,14 @@ from mograft._util.arrays import FloatArray
 from mograft.body.contacts import Ground
 from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
-from mograft.evaluation.baselines import Captured, Method, RandomLength, grafts_by
-from mograft.evaluation.label_table import COLUMNS, grafted_group, label_row
+from mograft.evaluation.baselines import (
+    Captured,
+    Method,
+    RandomLength,
+    grafted_group,
+    grafts_by,
+)
+from mograft.evaluation.label_table import COLUMNS, label_row
 from mograft.evaluation.support_polygon import facing_directions
 from mograft.library.library import Library
 from mograft.motion import rotations
@@ -25,10 +31,8 @@ from mograft.viewing.page import Page, assemble_page, embed_json
 
 _CONTEXT_SECONDS = 0.4  # duration of the motion that is shown before and after each piece
 _FRAME_RATE = 30.0  # frame rate of the page, unless that of the library is lower
-_VIEW_ANGLE = 0.6
-"""Angle in radians between the line of sight and the facing direction at the first frame."""
-_MAX_COORDINATE = 4.0
-"""Coordinate in skeleton heights that the largest 16-bit integer of the page stands for."""
+_VIEW_ANGLE = 0.6  # radians from the line of sight to the facing direction at the first frame
+_MAX_COORDINATE = 4.0  # skeleton heights that the largest 16-bit integer of the page stands for
 _MAX_ROUNDS = 40  # number of grafts of each clip from which pieces are drawn, at most
 
 

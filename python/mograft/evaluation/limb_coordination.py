@@ -55,20 +55,11 @@ def _correlation(a: FloatArray, b: FloatArray, lag: int) -> float:
 def _opposite_limbs(skeleton: Skeleton) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     """Return the end joints of each upper arm and of the opposite thigh."""
     known = anatomy(skeleton)
-    if not known.human:
-        return []
     pairs = []
     for arm_side, leg_side in (("left", "right"), ("right", "left")):
-        ends = [
-            known.joints(part, side=side)
-            for part, side in (
-                ("upper_arm", arm_side),
-                ("forearm", arm_side),
-                ("thigh", leg_side),
-                ("shank", leg_side),
-            )
-        ]
-        if not all(ends):
+        side_of = {"upper_arm": arm_side, "forearm": arm_side, "thigh": leg_side, "shank": leg_side}
+        ends = [known.joints(part, side=side) for part, side in side_of.items()]
+        if not (known.human and all(ends)):
             return []
         upper, fore, thigh, shank = (int(joints[0]) for joints in ends)
         pairs.append(((upper, fore), (thigh, shank)))

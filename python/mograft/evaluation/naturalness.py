@@ -8,7 +8,7 @@ combination that was never captured scores low.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import import_extra
-from mograft.evaluation.baselines import Method, default_methods
+from mograft.evaluation.baselines import Method, default_methods, grafted_group
 from mograft.evaluation.classifier import (
     N_INNER_FOLDS,
     PairFeatures,
@@ -31,25 +31,22 @@ from mograft.evaluation.donor_pairs import (
     sample_pairs,
     selected_donors,
 )
-from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.kappa import Difference, Kappas
 from mograft.evaluation.part_features import part_features
+from mograft.library.clusters import Progress
 from mograft.library.library import Library
 
 MIN_SEGMENTS = 60
-MIN_RATE_DIFFERENCE = 0.1
-"""Difference between the acceptance rates of captured and random parts below which κ is refused."""
+MIN_RATE_DIFFERENCE = 0.1  # κ needs this difference of the rates of captured and random parts
 GROUP_SEGMENTS = 40  # neighbouring segments that stay together in cross-validation
 _N_FOLDS = 5
 _MIN_TEST_SEGMENTS, _MIN_TRAIN_SEGMENTS = 2, 10
-_MAX_TRAIN_SEGMENTS = 600
-"""Captured pairs in the training set, at most: the run time of the SVM grows with the square."""
-
-Progress = Callable[[str, int, int], None]
+_MAX_TRAIN_SEGMENTS = 600  # limits the run time of the SVM, which grows with the square
 
 
 @dataclass(frozen=True)
-class Score:
+class Score(Record):
     """Compatibility of the donors of one method."""
 
     method: str
@@ -58,19 +55,11 @@ class Score:
     matched: Estimate
     exchangeable: float
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict for JSON."""
-        return {
-            "method": self.method,
-            "accepted": self.accepted.as_dict(),
-            "kappa": self.kappa.as_dict(),
-            "kappa_matched": self.matched.as_dict(),
-            "exchangeable": self.exchangeable,
-        }
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {"matched": "kappa_matched"}
 
 
 @dataclass(frozen=True)
-class Compatibility:
+class Compatibility(Record):
     """Compatibility of the parts of one grafted group.
 
     Attributes
@@ -110,6 +99,12 @@ class Compatibility:
     differences: tuple[Difference, ...]
     parameters: tuple[dict[str, float], ...]
 
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {
+        "captured": "accepted_captured",
+        "random": "accepted_random",
+        "parameters": "classifier",
+    }
+
     def difference(self, first: str, second: str) -> Difference:
         """Return the difference of two methods by name.
 
@@ -122,22 +117,6 @@ class Compatibility:
             if (difference.first, difference.second) == (first, second):
                 return difference
         raise KeyError(f"{first} and {second} were not compared")
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict for JSON."""
-        return {
-            "group": self.group,
-            "segments": self.segments,
-            "splits": self.splits,
-            "folds": self.folds,
-            "fold_groups": self.fold_groups,
-            "auc": self.auc.as_dict(),
-            "accepted_captured": self.captured.as_dict(),
-            "accepted_random": self.random.as_dict(),
-            "scores": [score.as_dict() for score in self.scores],
-            "differences": [difference.as_dict() for difference in self.differences],
-            "classifier": list(self.parameters),
-        }
 
 
 def fold_groups(library: Library) -> IntArray:
@@ -202,7 +181,7 @@ def compatibility(
     rates a.
     """
     base = library.groups.base
-    group = next(g for g in library.groups.names if g != base) if group is None else group
+    group = grafted_group(library) if group is None else group
     if group == base:
         raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
     methods = default_methods(library) if methods is None else methods

@@ -3,12 +3,13 @@
 import numpy as np
 
 from mograft._util.arrays import FloatArray
+from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import feature_joints
 from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.motion import rotations
 
-_N_INSTANTS = 10  # equidistant instants of a segment at which features are sampled
+N_INSTANTS = 10  # equidistant instants of a segment at which features are sampled
 
 
 def part_features(library: Library, group: str) -> FloatArray:
@@ -40,8 +41,7 @@ def part_features(library: Library, group: str) -> FloatArray:
             local = rotations.rotate(rotations.inverse(world_rotations[:, reference, None]), local)
         velocity = np.gradient(local, axis=0) * clip.rate
         segments = cut.of_clip(index)
-        fractions = np.linspace(0.0, 1.0, _N_INSTANTS)
-        frames = cut.start[segments, None] + fractions * cut.lengths[segments, None]
+        frames = equidistant_instants(cut[segments])
         parts = [_interpolate(track, frames) for track in (local, velocity)]
         if is_base:
             parts[0][:, :, -1] -= parts[0][:, :1, -1]
@@ -50,6 +50,11 @@ def part_features(library: Library, group: str) -> FloatArray:
             parts = [rotations.rotate(to_heading[:, None, None], part) for part in parts]
         rows.append(np.concatenate([part.reshape(len(segments), -1) for part in parts], axis=1))
     return np.concatenate(rows)
+
+
+def equidistant_instants(cut: Segments) -> FloatArray:
+    """Return ten fractional frames of each segment from start to stop, (n_segments, 10)."""
+    return cut.start[:, None] + np.linspace(0.0, 1.0, N_INSTANTS) * cut.lengths[:, None]
 
 
 def _interpolate(track: FloatArray, frames: FloatArray) -> FloatArray:

@@ -17,8 +17,7 @@ from mograft.evaluation.quality import Quality
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_INK, _FAINT, _MARK = "#7d838b", "#b9bec5", "#4a86cf"
-"""Colours that are legible on a light and on a dark background."""
+_INK, _FAINT, _MARK = "#7d838b", "#b9bec5", "#4a86cf"  # legible on light and dark backgrounds
 _LINES = ("#4a86cf", "#d9596b", "#2f9e68", "#b08a00")
 
 

@@ -5,9 +5,9 @@ recording in one respect, and in which direction.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,25 +16,22 @@ from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import Ground, find_legs, skating_share
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
-from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.limb_coordination import coordination
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
 _WINDOW_RATE = 10.0  # frames per second at which windows are compared
-_COVERAGE_SECONDS, _LOCAL_SECONDS = 1.0, 0.5
-"""Durations of the windows of coverage and of local diversity."""
-_MAX_COVERED_DISTANCE = 2.0
-"""Mean L2 distance of 6D rotations per frame below which a window is covered."""
-_MAX_SOURCE_FRAMES = 20_000
-"""Frames at `_WINDOW_RATE`, half an hour, above which only every k-th window is compared."""
+_COVERAGE_SECONDS, _LOCAL_SECONDS = 1.0, 0.5  # windows of coverage and of local diversity
+_MAX_COVERED_DISTANCE = 2.0  # mean L2 distance of 6D rotations per frame to a near window
+_MAX_SOURCE_FRAMES = 20_000  # above this, half an hour, only every k-th window is compared
 _SEAM_BLOCK_FRAMES = 75  # seams of one base within this many frames are one block of the bootstrap
 _MAX_BLOCKS_PER_BASE = 100_000
 
 
 @dataclass(frozen=True)
-class Quality:
+class Quality(Record):
     """Measures of the grafts of one method.
 
     Attributes
@@ -78,13 +75,6 @@ class Quality:
     coordination: Estimate
     lag: Estimate
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict for JSON."""
-        return {
-            name: value.as_dict() if isinstance(value, Estimate) else value
-            for name, value in vars(self).items()
-        }
-
 
 def angular_derivatives(quats: FloatArray, rate: float) -> tuple[float, float]:
     """Return the mean angular acceleration and jerk of joints, in rad/s² and rad/s³.
@@ -95,10 +85,8 @@ def angular_derivatives(quats: FloatArray, rate: float) -> tuple[float, float]:
     steps = rotations.multiply(rotations.inverse(quats[:-1]), quats[1:])
     accelerations = np.diff(rotations.log(steps) * rate, axis=0) * rate
     jerks = np.diff(accelerations, axis=0) * rate
-    acceleration, jerk = (
-        float(np.linalg.norm(vectors, axis=-1).mean()) for vectors in (accelerations, jerks)
-    )
-    return acceleration, jerk
+    mean_acceleration = np.linalg.norm(accelerations, axis=-1).mean()
+    return float(mean_acceleration), float(np.linalg.norm(jerks, axis=-1).mean())
 
 
 def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Quality:
@@ -136,93 +124,59 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
     joints = _grafted_joints(grafts[0][0])
     source = [_coarse(clip, joints) for clip in grafts[0][0].library.clips]
     step = math.ceil(sum(map(len, source)) / _MAX_SOURCE_FRAMES)
-    values: dict[str, list[float]] = {name: [] for name in Quality.__dataclass_fields__}
-    part_blocks: list[int] = []
-    seam_blocks: list[int] = []
+    values = defaultdict[str, list[float]](list)
+    diversities, is_new, gaps = list[float](), list[float](), list[float]()
+    part_blocks, seam_blocks = list[int](), list[int]()
     for index, several in enumerate(grafts):
-        recording = _measure_recording(several[0].base, joints)
-        values["diversity"].append(diversity([graft.motion for graft in several], joints))
+        base = several[0].base
+        if base.n_frames < 4:
+            raise InsufficientDataError(
+                f"quality needs 4 frames to differentiate, {base.name} has {base.n_frames}"
+            )
+        ground = Ground.of(base)
+        recording = _measure(base, joints, ground)
+        diversities.append(diversity([graft.motion for graft in several], joints))
         first_block = _MAX_BLOCKS_PER_BASE * index
         for graft in several:
             for s in graft.substitutions:
-                values["new_segments"].append(float(not s.is_own))
+                is_new.append(float(not s.is_own))
                 part_blocks.append(first_block + s.segment // estimate.BLOCK_SEGMENTS)
             for seam in graft.seams:
-                values["seam_gap"].append(math.degrees(seam.gap))
+                gaps.append(math.degrees(seam.gap))
                 seam_blocks.append(first_block + seam.frame // _SEAM_BLOCK_FRAMES)
-            for name, value in _compare(graft, joints, recording).items():
-                values[name].append(value)
+            for name, value in _measure(graft.motion, joints, ground).items():
+                reference, is_ratio = recording[name], name in ("acceleration", "jerk")
+                values[name].append(_ratio(value, reference) if is_ratio else value - reference)
             coverage, local = nearest_windows(source, _coarse(graft.motion, joints), step)
             values["coverage"].append(coverage)
             values["local_diversity"].append(local)
 
-    def mean_of(name: str, unit: str = "grafts", blocks: Sequence[int] | None = None) -> Estimate:
-        sample = values[name]
-        return estimate.block_mean(
-            sample, range(len(sample)) if blocks is None else blocks, unit, seed
-        )
-
     return Quality(
         method=method,
         runs=len(grafts[0]),
-        new_segments=mean_of("new_segments", "parts", part_blocks),
-        seam_gap=mean_of("seam_gap", "seams", seam_blocks),
-        seam_gap_p90=_percentile_90(np.array(values["seam_gap"]), np.array(seam_blocks), seed),
-        acceleration=mean_of("acceleration"),
-        jerk=mean_of("jerk"),
-        foot_skate=mean_of("foot_skate"),
-        coverage=mean_of("coverage"),
-        local_diversity=mean_of("local_diversity"),
-        diversity=mean_of("diversity", "bases"),
-        coordination=mean_of("coordination"),
-        lag=mean_of("lag"),
+        new_segments=estimate.block_mean(is_new, part_blocks, "parts", seed),
+        seam_gap=estimate.block_mean(gaps, seam_blocks, "seams", seed),
+        seam_gap_p90=_percentile_90(np.array(gaps), np.array(seam_blocks), seed),
+        diversity=estimate.block_mean(diversities, range(len(diversities)), "bases", seed),
+        **{
+            name: estimate.block_mean(sample, range(len(sample)), "grafts", seed)
+            for name, sample in values.items()
+        },
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Recording:
-    """Measures of a base with which those of its grafts are compared."""
-
-    ground: Ground
-    acceleration: float
-    jerk: float
-    skating: float
-    coordination: float
-    lag: float
-
-
-def _measure_recording(base: Motion, joints: IntArray) -> _Recording:
-    if base.n_frames < 4:
-        raise InsufficientDataError(
-            f"quality needs 4 frames to differentiate, {base.name} has {base.n_frames}"
-        )
-    ground = Ground.of(base)
-    acceleration, jerk = angular_derivatives(base.rotations[:, joints], base.rate)
-    correlation, lag = coordination(base)
-    return _Recording(
-        ground=ground,
-        acceleration=acceleration,
-        jerk=jerk,
-        skating=skating_share(base, ground),
-        coordination=correlation,
-        lag=lag,
-    )
-
-
-def _compare(graft: Graft, joints: IntArray, recording: _Recording) -> dict[str, float]:
-    """Return the measures of a graft relative to those of its base."""
-    motion = graft.motion
-    acceleration, jerk = angular_derivatives(motion.rotations[:, joints], graft.base.rate)
+def _measure(motion: Motion, joints: IntArray, ground: Ground) -> dict[str, float]:
+    """Return the measures of a motion that are compared with those of the base, by field."""
+    acceleration, jerk = angular_derivatives(motion.rotations[:, joints], motion.rate)
     correlation, lag = coordination(motion)
-    values = {
-        "acceleration": _ratio(acceleration, recording.acceleration),
-        "jerk": _ratio(jerk, recording.jerk),
-        "coordination": correlation - recording.coordination,
-        "lag": lag - recording.lag,
+    has_legs = bool(find_legs(motion.skeleton))
+    return {
+        "acceleration": acceleration,
+        "jerk": jerk,
+        "foot_skate": skating_share(motion, ground) if has_legs else math.nan,
+        "coordination": correlation,
+        "lag": lag,
     }
-    if find_legs(motion.skeleton):
-        values["foot_skate"] = skating_share(motion, recording.ground) - recording.skating
-    return values
 
 
 def _ratio(value: float, reference: float) -> float:
@@ -231,6 +185,8 @@ def _ratio(value: float, reference: float) -> float:
 
 def _percentile_90(values: FloatArray, blocks: IntArray, seed: int) -> Estimate:
     """Return the 90th percentile of seam gaps with an interval that resamples blocks."""
+    if not len(values):
+        return Estimate.without_value(0, "seams", "bootstrap of 0 blocks")
     distinct, index = np.unique(blocks, return_inverse=True)
     order = np.argsort(values, kind="stable")
 
@@ -242,16 +198,9 @@ def _percentile_90(values: FloatArray, blocks: IntArray, seed: int) -> Estimate:
             percentiles[resample] = values[order][position]
         return percentiles
 
-    low, high = np.full((2, 1), np.nan)
-    if len(distinct) >= estimate.MIN_BLOCKS:
-        low, high = estimate.block_bootstrap(weighted_percentiles, len(distinct), seed)
-    return Estimate(
-        value=float(np.percentile(values, 90)) if len(values) else math.nan,
-        low=float(low[0]),
-        high=float(high[0]),
-        n=len(values),
-        unit="seams",
-        interval_method=f"bootstrap of {len(distinct)} blocks",
+    value = float(np.percentile(values, 90))
+    return estimate.bootstrap_estimate(
+        value, weighted_percentiles, len(distinct), n=len(values), unit="seams", seed=seed
     )
 
 

@@ -1,7 +1,8 @@
 """All measures of one library, as numbers and as a JSON document."""
 
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -35,14 +36,13 @@ from mograft.evaluation.label_table import Labels
 from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.support_polygon import Support, support_polygons
+from mograft.library.clusters import Progress
 from mograft.library.library import Library
-from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
 TOPICS = ("enrichment", "balance", "naturalness", "quality")
 BALANCE_MARGIN = 0.01  # margin of the second row of static balance, in skeleton heights
 
-Progress = Callable[[str, int, int], None]
 _MEASURES = {"static": static_balance, "dynamic": dynamic_balance}
 
 
@@ -225,8 +225,14 @@ def evaluate(
     if "naturalness" in topics:
         # Changes of the configuration alter the motions, but not the pairs of parts.
         selecting = [method for method in methods if not method.config_changes]
-        compatibilities = _compatibilities(library, selecting, seed, refusals, progress)
-        people = _judge(library, labels, selecting, seed, refusals)
+        for group in library.groups.names:
+            if group != library.groups.base:
+                with _recorded_refusal(refusals, f"naturalness of {group}"):
+                    found = compatibility(library, group, selecting, seed=seed, progress=progress)
+                    compatibilities.append(found)
+        if labels is not None:
+            with _recorded_refusal(refusals, "labels"):
+                people = judgement(library, labels, selecting, seed=seed)
     return Evaluation(
         library=library,
         topics=tuple(topics),
@@ -252,38 +258,13 @@ def evaluate(
     )
 
 
-def _compatibilities(
-    library: Library,
-    methods: Sequence[Method],
-    seed: int,
-    refusals: dict[str, str],
-    progress: Progress | None,
-) -> list[Compatibility]:
-    found = []
-    for group in library.groups.names:
-        if group == library.groups.base:
-            continue
-        try:
-            found.append(compatibility(library, group, methods, seed=seed, progress=progress))
-        except InsufficientDataError as error:
-            refusals[f"naturalness of {group}"] = str(error)
-    return found
-
-
-def _judge(
-    library: Library,
-    labels: Labels | None,
-    methods: Sequence[Method],
-    seed: int,
-    refusals: dict[str, str],
-) -> Judgement | None:
-    if labels is None:
-        return None
+@contextmanager
+def _recorded_refusal(refusals: dict[str, str], topic: str) -> Iterator[None]:
+    """Record an `InsufficientDataError` of the block as the refusal of a topic."""
     try:
-        return judgement(library, labels, methods, seed=seed)
+        yield
     except InsufficientDataError as error:
-        refusals["labels"] = str(error)
-        return None
+        refusals[topic] = str(error)
 
 
 def _select_bases(library: Library, max_count: int) -> list[str]:
@@ -311,29 +292,22 @@ class _Grafting:
         rows: list[BalanceRow] = []
         qualities: list[Quality] = []
         if "balance" in topics:
-            try:
+            with _recorded_refusal(refusals, "balance"):
                 bases = _Bases.of(self.library, self.base_names)
                 rows += _balance_rows("recording", bases.recording_samples(), refusals)
-            except InsufficientDataError as error:
-                refusals["balance"] = str(error)
         for position, method in enumerate(self.methods):
             if progress is not None:
                 progress("grafting", position, len(self.methods))
-            try:
+            with _recorded_refusal(refusals, method.name):
                 grafts = [
                     list(grafts_by(method, self.library, name, self.runs, seed=self.seed))
                     for name in self.base_names
                 ]
-            except InsufficientDataError as error:
-                refusals[method.name] = str(error)
-                continue
-            if bases is not None:
-                rows += _balance_rows(method.name, bases.graft_samples(grafts), refusals)
-            if "quality" in topics:
-                try:
-                    qualities.append(quality(method.name, grafts, self.seed))
-                except InsufficientDataError as error:
-                    refusals["quality"] = str(error)
+                if bases is not None:
+                    rows += _balance_rows(method.name, bases.graft_samples(grafts), refusals)
+                if "quality" in topics:
+                    with _recorded_refusal(refusals, "quality"):
+                        qualities.append(quality(method.name, grafts, self.seed))
         if progress is not None:
             progress("grafting", len(self.methods), len(self.methods))
         return rows, qualities
@@ -343,7 +317,6 @@ class _Grafting:
 class _Bases:
     """Bases with their segments and supports, and their balance by kind."""
 
-    motions: list[Motion]
     cuts: list[Segments]
     supports: list[Support]
     balances: dict[str, list[Balance]]
@@ -353,19 +326,14 @@ class _Bases:
         index = {entry.name: clip for clip, entry in enumerate(library.entries)}
         motions = [library.clips[index[name]] for name in names]
         segments = library.segments
-        cuts = [
-            Segments(segments.start[scenario], segments.stop[scenario])
-            for scenario in (segments.of_clip(index[name]) for name in names)
-        ]
+        cuts = [segments[segments.of_clip(index[name])] for name in names]
         supports = [support_polygons(motion) for motion in motions]
+        pairs = list(zip(motions, supports, strict=True))
         balances = {
-            kind: [
-                measure(motion, support=support)
-                for motion, support in zip(motions, supports, strict=True)
-            ]
+            kind: [measure(motion, support=support) for motion, support in pairs]
             for kind, measure in _MEASURES.items()
         }
-        return cls(motions, cuts, supports, balances)
+        return cls(cuts, supports, balances)
 
     def recording_samples(self) -> dict[str, BalanceSample]:
         """Return for each kind of balance the bases as their own grafts."""
@@ -417,8 +385,6 @@ def _balance_rows(
         for rule in RULES:
             margins = (0.0, BALANCE_MARGIN) if (kind, rule) == ("static", "all") else (0.0,)
             for margin in margins:
-                try:
+                with _recorded_refusal(refusals, f"{kind} balance"):
                     rows.append(balance_row(method, sample, rule, margin))
-                except InsufficientDataError as error:
-                    refusals[f"{kind} balance"] = str(error)
     return rows

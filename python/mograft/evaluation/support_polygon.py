@@ -12,13 +12,11 @@ from mograft.body.contacts import Ground
 from mograft.errors import InsufficientDataError
 from mograft.motion.motion import Motion
 
-_MAX_CONTACT_HEIGHT = 0.035
-"""Height above its floor up to which an ankle or toe carries weight, at any speed."""
+_MAX_CONTACT_HEIGHT = 0.035  # of an ankle or toe that carries weight, above its floor
 _HEEL_LENGTH = 0.035  # distance from the ankle back to the end of the heel
 _FOOT_LENGTH = 0.117  # distance from the ankle to the tip of the foot
 _BALL_HALF_WIDTH, _TIP_HALF_WIDTH = 0.0275, 0.0165
-_MIN_FOOT_EXTENT = 0.02
-"""Horizontal distance from ankle to toe below which the foot has no direction."""
+_MIN_FOOT_EXTENT = 0.02  # horizontal distance from ankle to toe of a foot with a direction
 
 
 @dataclass(frozen=True, eq=False)
