@@ -1,18 +1,17 @@
 """Export the tables of a library to Parquet, CSV or NPZ."""
 
-import contextlib
 import csv
 import os
-import secrets
-import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import IO, Any, Literal
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from mograft._util.atomic import atomic_path
 from mograft.library.library import Library
 
 Column = npt.NDArray[Any] | list[Any]
@@ -70,34 +69,35 @@ def export_tables(
         raise ValueError(f"`kind` must be 'parquet', 'csv' or 'npz', got {kind!r}")
     tables = library_tables(library)
     target = Path(path)
-    with _replace_when_complete(target) as draft:
-        if kind == "npz":
-            arrays = {
-                f"{table}/{name}": np.asarray(column)
-                for table, columns in tables.items()
-                for name, column in columns.items()
-            }
-            with draft.open("wb") as stream:
-                _write_npz(stream, arrays)
-            return [target]
+    if kind == "npz":
+        arrays: dict[str, Any] = {
+            f"{table}/{name}": np.asarray(column)
+            for table, columns in tables.items()
+            for name, column in columns.items()
+        }
+        with atomic_path(target) as draft, draft.open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **arrays)
+        return [target]
+    write = _write_parquet if kind == "parquet" else _write_csv
+    with TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as folder:
+        draft = Path(folder, target.name)
         draft.mkdir()
-        write = _write_parquet if kind == "parquet" else _write_csv
         for name, columns in tables.items():
             write(draft / f"{name}.{kind}", columns)
+        if target.is_dir():
+            # Other files in the folder stay.
+            for file in draft.iterdir():
+                os.replace(file, target / file.name)
+        else:
+            os.replace(draft, target)
     return [target / f"{name}.{kind}" for name in tables]
-
-
-def _write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-    np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
 def _write_csv(path: Path, columns: Mapping[str, Column]) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         rows = csv.writer(stream)
         rows.writerow(columns)
-        lists = [
-            column if isinstance(column, list) else column.tolist() for column in columns.values()
-        ]
+        lists = [np.asarray(column).tolist() for column in columns.values()]
         rows.writerows(zip(*lists, strict=True))
 
 
@@ -111,22 +111,3 @@ def _write_parquet(path: Path, columns: Mapping[str, Column]) -> None:
         ) from error
     table = pyarrow.table({name: pyarrow.array(column) for name, column in columns.items()})
     pyarrow.parquet.write_table(table, path)
-
-
-@contextlib.contextmanager
-def _replace_when_complete(target: Path) -> Iterator[Path]:
-    """Give a temporary file or folder whose contents replace the target's at the end."""
-    draft = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
-    try:
-        yield draft
-        if target.is_dir() and draft.is_dir():
-            # Other files in the folder stay.
-            for path in draft.iterdir():
-                os.replace(path, target / path.name)
-        else:
-            os.replace(draft, target)
-    finally:
-        if draft.is_dir():
-            shutil.rmtree(draft, ignore_errors=True)
-        else:
-            draft.unlink(missing_ok=True)
