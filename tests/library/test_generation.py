@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from mograft import Library, LibraryError, Segments
+from mograft import Library, LibraryError
 from mograft.library import generation, storage
 from tests.library.checks import DANCE, assert_same_libraries, list_files
 
@@ -117,7 +117,7 @@ def test_write_full_disk_names_file_and_leaves_old_library(clip_folder, tmp_path
     writer = generation.GenerationWriter(tmp_path, tmp_path / "x", None, 9)
     (tmp_path / "0009" / "catalog.sqlite").mkdir()
     with pytest.raises(LibraryError, match=r"catalog\.sqlite cannot be written"):
-        writer.write_clip_table([], [], {}, Segments([], []), np.zeros(0, bool), {})
+        writer.write_clip_table(library, [])
     shutil.rmtree(tmp_path / "0009")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
     assert storage.list_leftovers(tmp_path / "l") == []

@@ -117,16 +117,16 @@ _COLUMN_OF_FIELD = {
 
 def write_clip_table(
     path: Path,
+    folder: Path,
     table: ClipTable,
     segments: Segments,
     is_donor: BoolArray,
     labels: Mapping[str, IntArray],
-    folder: Path,
 ) -> None:
-    """Create the database of the library in `folder`, to which paths of files are relative.
+    """Create the database of the library in `folder`; it holds paths relative to this folder.
 
     `is_donor` says for each segment whether it may be a donor. `labels` holds the cluster of each
-    segment by joint group. A file that cannot be written raises LibraryError.
+    segment by joint group. Raise LibraryError if the file cannot be written.
     """
     clips = zip(table.entries, table.locations, strict=True)
     ends = (segments.clip, segments.start, segments.stop, is_donor.astype(np.int64))

@@ -12,12 +12,7 @@ from mograft.analysis.embedding import Embedding
 from mograft.analysis.segmentation import Segments
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.library.clip_table import (
-    ClipInfo,
-    ClipLocation,
-    skeleton_from_json,
-    skeleton_to_json,
-)
+from mograft.library.clip_table import ClipInfo, ClipLocation, skeleton_from_json, skeleton_to_json
 from mograft.library.data import LibraryData
 from mograft.library.generation import GenerationWriter, write_generation
 from mograft.library.packing import pack
@@ -127,9 +122,7 @@ def commit_library(
         group: _write_group(writer, library, index, boundary_states[group])
         for index, group in enumerate(library.groups.names)
     }
-    writer.write_clip_table(
-        library.entries, locations, library.refused, segments, library.is_donor, library.labels
-    )
+    writer.write_clip_table(library, locations)
     writer.commit(
         {
             "config": library.config.as_dict(),

@@ -13,18 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.arrays import BoolArray, IntArray, Packed
+from mograft._util.arrays import Packed
 from mograft._util.lock import exclusive_lock
-from mograft.analysis.segmentation import Segments
 from mograft.errors import LibraryError
 from mograft.library.array_files import ArrayWriter
-from mograft.library.clip_table import (
-    ClipInfo,
-    ClipLocation,
-    ClipTable,
-    skeleton_to_json,
-    write_clip_table,
-)
+from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
+from mograft.library.data import LibraryData
 from mograft.library.ingest import IngestedClip
 from mograft.library.packing import PackedMotion
 from mograft.library.storage import (
@@ -189,24 +183,17 @@ class GenerationWriter:
         if name in self._writers:
             self._close(name)
 
-    def write_clip_table(
-        self,
-        entries: Sequence[ClipInfo],
-        locations: Sequence[ClipLocation],
-        refused: Mapping[str, str],
-        segments: Segments,
-        is_donor: BoolArray,
-        labels: Mapping[str, IntArray],
-    ) -> None:
-        """Write the database; for the parameters see `ClipTable` and `write_clip_table`."""
+    def write_clip_table(self, library: LibraryData, locations: Sequence[ClipLocation]) -> None:
+        """Write the database of a library whose clips were written at `locations`."""
         table = ClipTable(
-            entries=tuple(entries),
+            entries=library.entries,
             locations=tuple(locations),
             skeletons=tuple(skeleton for _, skeleton in self._skeletons.values()),
-            refused=refused,
+            refused=library.refused,
         )
+        path = self.folder / DATABASE
         write_clip_table(
-            self.folder / DATABASE, table, segments, is_donor, labels, folder=self.final
+            path, self.final, table, library.segments, library.is_donor, library.labels
         )
         self._written.append(DATABASE)
 
