@@ -21,23 +21,6 @@ from mograft.motion.motion import Motion
 L = TypeVar("L", bound=LibraryData)
 
 
-class _ClipList:
-    """Keeps ingested clips in memory."""
-
-    def __init__(self, run: IngestRun) -> None:
-        self.clips: list[IngestedClip] = []
-        self.entries: list[ClipInfo] = []
-        self._tags = run.tags
-
-    def receive(self, pending: PendingClip, clip: IngestedClip) -> None:
-        self.clips.append(clip)
-        self.entries.append(pending.updated_info(clip, self._tags))
-
-    def discard(self) -> None:
-        self.clips.clear()
-        self.entries.clear()
-
-
 def build_library(
     library_type: type[L],
     sources: ClipSource | Iterable[ClipSource],
@@ -47,12 +30,13 @@ def build_library(
     """Build a library in memory; see `Library.build`."""
     found = find_clips(sources)
     pending = [run.pending(ClipOrder(index), clip) for index, clip in enumerate(found)]
-    ingested = _ClipList(run)
+    ingested: list[tuple[PendingClip, IngestedClip]] = []
     spec = run.ingest_and_choose_spec(pending, ingested)
-    clips, skeleton, config = ingested.clips, spec.skeleton, run.config
+    clips = [clip for _, clip in ingested]
+    skeleton, config = spec.skeleton, run.config
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, skeleton)
-    entries = name_clips(ingested.entries)
+    entries = name_clips([source.updated_info(clip, run.tags) for source, clip in ingested])
     warn_of_clips(entries, spec.rate, stacklevel=3)
     segments = join_segments([(clip.segments.start, clip.segments.stop) for clip in clips])
     rows = np.concatenate([clip.samples for clip in clips])

@@ -192,6 +192,7 @@ class DerivableLibrary(LibraryData):
             motion = motion.resample(self.rate)
         segments = segment(motion, self.config)
         samples = sample_segments(motion, segments, self.spec, self.config)
+        states = [boundary_states(motion, segments)]
         held = self.groups.divided_channels(self.skeleton)
         embedding = {
             group: None
@@ -216,10 +217,7 @@ class DerivableLibrary(LibraryData):
             embedding=embedding,
             labels=labels,
             boundary_states=join_boundary_states(
-                [boundary_states(motion, segments)],
-                self.groups,
-                self.skeleton,
-                self.boundary_states,
+                states, self.groups, self.skeleton, self.boundary_states
             ),
         )
 

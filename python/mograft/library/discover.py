@@ -63,21 +63,6 @@ def _find_files(path: str) -> list[FoundClip]:
     return [FoundClip(match) for match in matches or [path]]
 
 
-def sort_by_path(clips: Sequence[FoundClip], folder: Path) -> dict[tuple[str, ...], FoundClip]:
-    """Return each file once, by its path relative to a folder, sorted by these paths.
-
-    Raise TypeError if a clip is a motion.
-    """
-    by_path = {}
-    for clip in clips:
-        if isinstance(clip.source, Motion):
-            raise TypeError(
-                "`sources` must be files, got a Motion: use Library.build and Library.save"
-            )
-        by_path[relative_path(clip.source, folder).parts] = clip
-    return {path: by_path[path] for path in sorted(by_path)}
-
-
 def relative_path(path: str, folder: Path) -> Path:
     """Return the path of a file relative to a folder; absolute if it is on another drive."""
     parent, name = os.path.split(os.path.abspath(path))

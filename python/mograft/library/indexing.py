@@ -21,14 +21,15 @@ from mograft.library.discover import (
     find_clips,
     matching_values,
     relative_path,
-    sort_by_path,
 )
 from mograft.library.folder import BoundaryParts, commit_library, load_library
 from mograft.library.generation import GenerationWriter, write_generation
 from mograft.library.ingest import IngestedClip, IngestTask, SourceFile
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
 from mograft.library.spec import LibrarySpec, has_same_hierarchy
+from mograft.library.storage import StoredLibrary
 from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges
+from mograft.motion.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,8 @@ class _ClipWriter:
         self.clips: list[_IndexedClip] = []
         self._writer, self._tags = writer, run.tags
 
-    def receive(self, pending: PendingClip, clip: IngestedClip) -> None:
+    def append(self, ingested: tuple[PendingClip, IngestedClip], /) -> None:
+        pending, clip = ingested
         location = self._writer.write_clip(clip)
         self.clips.append(
             _IndexedClip(
@@ -70,7 +72,7 @@ class _ClipWriter:
             )
         )
 
-    def discard(self) -> None:
+    def clear(self) -> None:
         self.clips.clear()
         self._writer.restart()
 
@@ -109,7 +111,7 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
         ]
         if not pending and not run.tags:
             return
-        kept = _kept_clips(base, pending, run)
+        kept = _kept_clips(base, writer.base, pending, run)
         receiver = _ClipWriter(writer, run)
         spec, clips = _ingest_additions(writer, run, base, kept, pending, receiver)
         # Without new files, and unless all clips were ingested again, only tags have changed.
@@ -120,9 +122,15 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
 def _pending_files(
     run: IngestRun, sources: ClipSource | Iterable[ClipSource], folder: Path
 ) -> list[PendingClip]:
-    """Return the files that sources stand for, in the order of the library."""
-    by_path = sort_by_path(find_clips(sources), folder)
-    return [run.pending(ClipOrder(0, path), found) for path, found in by_path.items()]
+    """Return each file that sources stand for once, in the order of the library."""
+    by_path = {}
+    for found in find_clips(sources):
+        if isinstance(found.source, Motion):
+            raise TypeError(
+                "`sources` must be files, got a Motion: use Library.build and Library.save"
+            )
+        by_path[relative_path(found.source, folder).parts] = found
+    return [run.pending(ClipOrder(0, path), by_path[path]) for path in sorted(by_path)]
 
 
 def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool:
@@ -144,22 +152,19 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
 
 
 def _kept_clips(
-    base: LibraryData, pending: Sequence[PendingClip], run: IngestRun
+    base: LibraryData, stored: StoredLibrary, pending: Sequence[PendingClip], run: IngestRun
 ) -> list[_IndexedClip]:
     """Return the clips of the previous generation that no pending clip replaces."""
-    if base.folder is None:
-        raise RuntimeError("the library must be stored")
     replaced = {clip.order for clip in pending}
     indices = np.arange(len(base.entries) + 1)
     bounds = np.searchsorted(base.segments.clip, indices).tolist()
     kept = []
-    for index, (info, location) in enumerate(
-        zip(base.entries, _stored_clips(base).table.locations, strict=True)
-    ):
+    clips = zip(base.entries, stored.table.locations, strict=True)
+    for index, (info, location) in enumerate(clips):
         order = ClipOrder(1, (f"{index:09}",))
         if info.source_file is not None:
             path = info.source_file.path
-            order = ClipOrder(0, relative_path(path, base.folder).parts)
+            order = ClipOrder(0, relative_path(path, stored.folder).parts)
             tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(path))))
             if len(tags) > len(info.tags):
                 info = replace(info, tags=tuple(tags))
@@ -203,7 +208,7 @@ def _ingest_additions(
     if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):
         run.raise_if_strict()
         return base.spec, [*kept, *receiver.clips]
-    receiver.discard()
+    receiver.clear()
     again = [PendingClip(clip.order, None, clip.info.rate_override, clip.info) for clip in kept]
     all_tasks = chain(_stored_tasks(base, kept), map(PendingClip.task, pending))
     run.ingest_with_spec([*again, *pending], all_tasks, receiver, spec)
@@ -213,17 +218,13 @@ def _ingest_additions(
 
 def _stored_tasks(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[IngestTask]:
     """Yield tasks for clips of the previous generation; each is read when it is needed."""
-    clips = _stored_clips(base)
+    clips = base.clips
+    if not isinstance(clips, StoredClips):
+        raise TypeError("the library must be stored")
     index_of = {location: index for index, location in enumerate(clips.table.locations)}
     for clip in kept:
         motion = clips.original(index_of[clip.location], as_read=True)
         yield IngestTask(motion, clip.info.rate_override, clip.info.source_file)
-
-
-def _stored_clips(base: LibraryData) -> StoredClips:
-    if not isinstance(base.clips, StoredClips):
-        raise TypeError("the library must be stored")
-    return base.clips
 
 
 def _complete(

@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol, TypedDict
 import numpy as np
 
 from mograft.config import Config
+from mograft.errors import join_names
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
 from mograft.library.discover import FoundClip, matching_values
@@ -94,13 +95,13 @@ class PendingClip:
 
 
 class ClipReceiver(Protocol):
-    """Receives ingested clips."""
+    """A list of ingested clips, or a store with the same methods."""
 
-    def receive(self, pending: PendingClip, clip: IngestedClip) -> None:
+    def append(self, clip: tuple[PendingClip, IngestedClip], /) -> None:
         """Store a clip."""
         ...
 
-    def discard(self) -> None:
+    def clear(self) -> None:
         """Remove all clips: they are ingested again with another specification."""
         ...
 
@@ -146,7 +147,7 @@ class IngestRun:
             if chosen.is_equivalent(spec):
                 self.raise_if_strict()
                 return spec
-            receiver.discard()
+            receiver.clear()
             spec = chosen
 
     def ingest_with_spec(
@@ -165,7 +166,7 @@ class IngestRun:
             if result.properties is not None:
                 properties.append((clip.order, result.properties))
             if isinstance(result, IngestedClip):
-                receiver.receive(clip, result)
+                receiver.append((clip, result))
                 continue
             self.errors[result.label] = result.error
             if result.properties is None and self.strict:
@@ -220,17 +221,14 @@ def warn_of_clips(entries: Sequence[ClipInfo], rate: float, *, stacklevel: int) 
 
     resampled = [info.name for info in entries if not rates_match(info.source_rate, rate)]
     if resampled:
-        names = _join_first(resampled, _MAX_WARNINGS, ", ", " and {} more")
+        names = join_names(resampled, _MAX_WARNINGS)
         warn(f"resampled to {rate:.6g} fps, the frame rate of the library: {names}")
     faulty = [info for info in entries if info.faults]
     for info in faulty[:_MAX_WARNINGS]:
-        faults = _join_first(info.faults, _MAX_FAULTS, "; ", "; and {} more")
-        warn(f"{info.name}: {faults}. Segments with these frames are excluded as donors")
+        faults = list(info.faults[:_MAX_FAULTS])
+        if len(info.faults) > _MAX_FAULTS:
+            faults.append(f"and {len(info.faults) - _MAX_FAULTS} more")
+        warn(f"{info.name}: {'; '.join(faults)}. Segments with these frames are excluded as donors")
     if len(faulty) > _MAX_WARNINGS:
         n = len(faulty) - _MAX_WARNINGS
         warn(f"faults in {n} more clips; segments with these frames are excluded as donors, too")
-
-
-def _join_first(words: Sequence[str], limit: int, separator: str, rest: str) -> str:
-    n_more = len(words) - limit
-    return separator.join(words[:limit]) + (rest.format(n_more) if n_more > 0 else "")

@@ -1,21 +1,8 @@
-"""Read libraries from disk: a folder of arrays, a database, and a manifest with their hashes.
+"""Read libraries from disk: arrays, a database, and a manifest with their hashes.
 
-::
-
-    NAME/manifest.json        metadata of the library, and the SHA-256 of every other file
-    NAME/0003/                its third generation
-        catalog.sqlite        clips, skeletons, segments, labels
-        frames-0001.npy       the clips as they were read, packed, float64, one after the other
-        frames-0003.npy       the clips that were added in this generation
-        samples-0001.npy      the samples of the segments, float32, one row each
-        starts.npy ...        the segments
-        0/points.npy ...      the first joint group: embedding, labels, boundary states
-
-Files of a generation never change. The next generation links the files that both have in common
-instead of copying them. A generation becomes the library at the moment when a manifest that names
-it replaces the previous manifest: if writing stops, by a crash or otherwise, the folder holds
-either the old library or the new one. Readers need no lock. Writers hold an exclusive lock
-(`mograft.library.generation`).
+docs/library.md lists the files. Files of a generation never change: a generation becomes the
+library when the manifest that names it replaces the previous manifest. Readers need no lock;
+writers hold an exclusive one (`mograft.library.generation`).
 """
 
 import hashlib
