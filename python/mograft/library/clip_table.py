@@ -102,7 +102,7 @@ INSERT INTO clip VALUES (
     :first_row, :content, :frame_time, :repairs, :skeleton
 )
 """
-"""The parameters are named as the fields of `ClipInfo`, `SourceFile` and `ClipLocation`."""
+"""The parameters have the names of the fields of `ClipInfo`, `SourceFile` and `ClipLocation`."""
 
 _COLUMN_OF_FIELD = {
     "source_name": "own_name",
@@ -125,8 +125,8 @@ def write_clip_table(
 ) -> None:
     """Create the database of the library in `folder`; it holds paths relative to this folder.
 
-    `is_donor` says for each segment whether it may be a donor. `labels` holds the cluster of each
-    segment by joint group. Raise LibraryError if the file cannot be written.
+    `is_donor` holds whether each segment may be a donor, `labels` the cluster of each segment by
+    joint group. Raise LibraryError if the file cannot be written.
     """
     clips = zip(table.entries, table.locations, strict=True)
     ends = (segments.clip, segments.start, segments.stop, is_donor.astype(np.int64))
@@ -177,7 +177,7 @@ def _create_database(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def read_clip_table(path: Path) -> ClipTable:
-    """Read the clips from a database that lies in the folder of a generation of a library.
+    """Read the clips from the database in the folder of a generation.
 
     Relative paths of source files become absolute. A damaged database raises sqlite3.Error,
     KeyError, TypeError or ValueError.

@@ -79,7 +79,7 @@ def _relative_folder(path: str, start: str) -> Path:
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
-    """Make names distinct by appending ``~2`` and on; empty names become ``clip`` and an index."""
+    """Append ``~2``, ``~3``... to repeated names; empty names become ``clip`` and an index."""
     taken: set[str] = set()
     distinct = []
     for index, given in enumerate(names):

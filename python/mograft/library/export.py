@@ -22,7 +22,8 @@ def library_tables(library: Library) -> dict[str, dict[str, Column]]:
 
     The tables are ``clips``; ``segments``, with the cluster ``label_GROUP`` for each joint group;
     and ``points``, with the coordinates ``GROUP_0``, ``GROUP_1``... of the segments. Row `i` of
-    ``segments`` and of ``points`` is segment `i`. The column ``clip`` counts the rows of ``clips``.
+    ``segments`` and of ``points`` is segment `i`. The column ``clip`` of ``segments`` holds row
+    numbers of ``clips``.
     """
     segments = library.segments
     points: dict[str, Column] = {"segment": np.arange(len(segments))}
@@ -59,7 +60,7 @@ def library_tables(library: Library) -> dict[str, dict[str, Column]]:
 def export_tables(
     library: Library, path: str | PathLike[str], kind: Literal["parquet", "csv", "npz"]
 ) -> list[Path]:
-    """Write the tables of a library; return the files, which may exist and are replaced.
+    """Write the tables of a library over existing files; return the paths.
 
     `path` is the file for "npz", whose arrays are named ``TABLE/COLUMN``, else the folder for one
     file per table. Raise ValueError for another `kind`, and ModuleNotFoundError, with the way to

@@ -47,9 +47,9 @@ written again."""
 class GenerationWriter:
     """Write the next generation of a library; created by `write_generation`.
 
-    The generation is written in the folder `root`. This is the library, `final`, or is renamed to
-    it at the end. `base` is the previous generation, if clips are added to it. `shards` are the
-    names of the files that hold frames and samples.
+    The generation is written in the folder `root`: the library, `final`, or a temporary folder
+    that is renamed to it at the end. `base` is the previous generation, if clips are added to it.
+    `shards` are the names of the generations whose files hold frames and samples.
     """
 
     def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
@@ -129,10 +129,6 @@ class GenerationWriter:
     def write_samples(self, rows: Packed) -> None:
         """Write samples of segments."""
         self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
-
-    def boundary_state_keys(self) -> list[str]:
-        """Return the keys of the boundary states of the clips that were written."""
-        return [name.removeprefix("edges-") for name in self._writers if name.startswith("edges-")]
 
     def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
         """Return boundary states of the clips that were written: rows of segments, all joints."""
@@ -236,7 +232,7 @@ def write_generation(
 ) -> Iterator[GenerationWriter]:
     """Write the next generation of a library, under an exclusive lock.
 
-    The library must be new, unless `force` says to replace it or `add` to continue it: else raise
+    `force` replaces an existing library, `add` continues it; without them it raises
     FileExistsError. Everything that was written and not committed is removed at the end. Raise
     LibraryError if the folder is not a library, or another process is writing to it.
     """

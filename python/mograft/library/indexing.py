@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import chain
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from mograft.library.spec import LibrarySpec, has_same_hierarchy
 from mograft.library.storage import StoredLibrary
 from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges
 from mograft.motion.motion import Motion
+from mograft.search.boundary_states import BoundaryStates
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,10 +300,7 @@ def _boundary_parts(
                 elif base is not None:
                     yield base.boundary_states[group][key][start:stop]
 
-    keys = (
-        writer.boundary_state_keys() if base is None else next(iter(base.boundary_states.values()))
-    )
     return {
-        group: {key: parts(group, key, joints) for key in keys}
+        group: {state.name: parts(group, state.name, joints) for state in fields(BoundaryStates)}
         for group, joints in feature_joints_by_group(library.groups, library.skeleton).items()
     }

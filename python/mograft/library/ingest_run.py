@@ -47,7 +47,7 @@ class IngestOptions(TypedDict, total=False):
 class ClipOrder(NamedTuple):
     """The position of a clip in a library: clips are sorted by rank, then by path."""
 
-    rank: int
+    rank: int  # in a folder 0 for files and 1 for other clips, in memory the index of the clip
     path: tuple[str, ...] = ()  # relative to the library; for a clip without a file, its index
 
 
@@ -72,7 +72,7 @@ class PendingClip:
     def updated_info(
         self, clip: IngestedClip, tags: Mapping[str, Iterable[str]] | None
     ) -> ClipInfo:
-        """Return the metadata of the ingested clip; another clip may have the same name."""
+        """Return the metadata of the ingested clip; its name is not yet unique."""
         if self.info is not None:
             return replace(self.info, n_frames=clip.n_frames, faults=clip.faults)
         words: list[str] = []

@@ -218,10 +218,10 @@ class Library(DerivableLibrary):
         Raises
         ------
         LibraryError
-            If the library is damaged.
+            If the library is damaged, or another process is writing to it.
         ValueError
-            If the library is in memory.
-        BvhError, FileNotFoundError, LibraryError, SkeletonMismatchError
+            If the library is in memory, or no clip can be used.
+        BvhError, FileNotFoundError, SkeletonMismatchError
             As for `index`.
 
         Notes

@@ -35,8 +35,8 @@ class PackedMotion:
 def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
     """Pack a motion: its channels alone, in half the space, if its poses follow from them.
 
-    `as_read` says that they do, because the motion is an unchanged result of `read_bvh`. By default
-    `pack` checks it.
+    They do for an unchanged result of `read_bvh`, which `as_read` declares. By default `pack`
+    compares them bit for bit.
     """
     values = motion.channel_values
     content: PackedContent = "poses" if values is None else "both"

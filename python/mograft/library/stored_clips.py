@@ -100,7 +100,7 @@ class ExtendedClips(Sequence[Motion]):
 class RowRange(NamedTuple):
     """Consecutive rows of one shard."""
 
-    shard: int  # index
+    shard: int  # index of the shard
     first: int  # the first row
     n: int  # number of rows
 
