@@ -38,11 +38,14 @@ class RootTransforms:
         parent = int(motion.skeleton.parents[joint])
         if parent < 0:
             return self
-        world = RootTransforms.from_motion(motion, parent)[frames]
-        inverse = rotations.inverse(world.rotations)
+        return self.relative_to(RootTransforms.from_motion(motion, parent)[frames])
+
+    def relative_to(self, parents: "RootTransforms") -> "RootTransforms":
+        """Return the local transforms of joints with the given parents."""
+        inverse = rotations.inverse(parents.rotations)
         return RootTransforms(
             rotations.multiply(inverse, self.rotations),
-            rotations.rotate(inverse, self.positions - world.positions),
+            rotations.rotate(inverse, self.positions - parents.positions),
         )
 
     def __getitem__(self, index: npt.NDArray[np.bool_] | IntArray) -> "RootTransforms":

@@ -11,7 +11,6 @@ from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.blend.root_motion import blend_root_velocity, integrate_root, yaw_rates
 from mograft.blend.trunk_lean import TrunkLean
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
-from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
 
@@ -90,10 +89,8 @@ class GraftedRoot:
         source = RootTransforms(
             timeline.merge_frames(source.rotations), timeline.merge_frames(source.positions)
         )
-        columns = self.rotation_column, self.position_column
-        closed = RootTransforms(quats[:, columns[0]], positions[:, columns[1]])
-        root = integrate_root(velocities, captured, source, closed, self.up)
-        quats[:, columns[0]], positions[:, columns[1]] = root.rotations, root.positions
+        root = integrate_root(velocities, captured, source, self._root(quats, positions), self.up)
+        self._set_root(quats, positions, root)
 
     def to_local(self, base: Motion, quats: FloatArray, positions: FloatArray) -> None:
         """Replace the root's world rotations and positions, in place, by local ones.
@@ -102,27 +99,22 @@ class GraftedRoot:
         """
         if base.skeleton.parents[self.joint] < 0:
             return
-        columns = self.rotation_column, self.position_column
-        root = RootTransforms(quats[:, columns[0]], positions[:, columns[1]])
-        base_quats, base_places = (values[:, self.joint] for values in base.world_transforms())
-        has_base_rotation = (root.rotations == base_quats).all(axis=1)
-        has_base_position = (root.positions == base_places).all(axis=1)
-        local = self._relative_to_parent(base, root)
-        quats[:, columns[0]] = np.where(
-            has_base_rotation[:, None], base.rotations[:, self.joint], local.rotations
-        )
-        positions[:, columns[1]] = np.where(
-            has_base_position[:, None], base.positions[:, self.joint], local.positions
-        )
+        root, parent = self._root(quats, positions), base.skeleton.parents[self.joint]
+        world_quats, places = base.world_transforms()
+        has_base_rotation = (root.rotations == world_quats[:, self.joint]).all(axis=1)
+        has_base_position = (root.positions == places[:, self.joint]).all(axis=1)
+        local = root.relative_to(RootTransforms(world_quats[:, parent], places[:, parent]))
+        local.rotations[has_base_rotation] = base.rotations[has_base_rotation, self.joint]
+        local.positions[has_base_position] = base.positions[has_base_position, self.joint]
+        self._set_root(quats, positions, local)
 
-    def _relative_to_parent(self, base: Motion, root: RootTransforms) -> RootTransforms:
-        parent = int(base.skeleton.parents[self.joint])
-        quats, places = (values[:, parent] for values in base.world_transforms())
-        inverse = rotations.inverse(quats)
-        return RootTransforms(
-            rotations.multiply(inverse, root.rotations),
-            rotations.rotate(inverse, root.positions - places),
-        )
+    def _root(self, quats: FloatArray, positions: FloatArray) -> RootTransforms:
+        """Return the root's columns of tracks."""
+        return RootTransforms(quats[:, self.rotation_column], positions[:, self.position_column])
+
+    def _set_root(self, quats: FloatArray, positions: FloatArray, root: RootTransforms) -> None:
+        quats[:, self.rotation_column] = root.rotations
+        positions[:, self.position_column] = root.positions
 
     def _with_world_tracks(self, layout: DonorLayout, clips: Sequence[Motion]) -> DonorLayout:
         """Return the layout with the root's tracks in world coordinates."""
@@ -131,9 +123,8 @@ class GraftedRoot:
         quats = [track.copy() for track in layout.rotations]
         places = [track.copy() for track in layout.positions]
         for clip, rotation, position in zip(clips, quats, places, strict=True):
-            world_quats, world_places = clip.world_transforms()
-            rotation[:, self.rotation_column] = world_quats[:, self.joint]
-            position[:, self.position_column] = world_places[:, self.joint]
+            world = RootTransforms(*(values[:, self.joint] for values in clip.world_transforms()))
+            self._set_root(rotation, position, world)
         return replace(layout, rotations=quats, positions=places)
 
     def _states(self, layout: DonorLayout, frames: IntArray) -> RootTransforms:

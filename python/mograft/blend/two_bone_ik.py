@@ -79,13 +79,9 @@ def bend_leg(
     quats = motion.rotations[:, joints].copy()
     for column, (joint, change) in enumerate(zip(joints, (at_hip, at_knee, at_ankle), strict=True)):
         parent = int(motion.skeleton.parents[joint])
-        above = (
-            world_rotations[frames, parent]
-            if parent >= 0
-            else np.broadcast_to(rotations.IDENTITY, change.shape)
-        )
-        changed = rotations.multiply(rotations.inverse(above), change)
-        quats[frames, column] = rotations.multiply(changed, world_rotations[frames, joint])
+        if parent >= 0:
+            change = rotations.multiply(rotations.inverse(world_rotations[frames, parent]), change)
+        quats[frames, column] = rotations.multiply(change, world_rotations[frames, joint])
     quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
     quats = np.where(is_moved[:, None, None], quats, motion.rotations[:, joints])
     return Part(joints, quats, motion.positions[:, joints])

@@ -1,12 +1,14 @@
 """Differences and velocities of rotations and of translations, behind one interface."""
 
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.motion import rotations
 from mograft.motion.resample import cubic, cubic_positions
+
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class ValueSpace(Protocol):
@@ -31,12 +33,7 @@ class ValueSpace(Protocol):
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
         """Return values at fractional frames of a track; on a frame, that frame exactly."""
 
-    def hermite(
-        self,
-        values: tuple[FloatArray, FloatArray],
-        velocities: tuple[FloatArray, FloatArray],
-        t: FloatArray,
-    ) -> FloatArray:
+    def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         """Return cubics at t of [0, 1], given start and end values and velocities per unit of t."""
 
 
@@ -65,12 +62,7 @@ class _Rotations:
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
         return cubic(np.arange(len(values)), values, frames)
 
-    def hermite(
-        self,
-        values: tuple[FloatArray, FloatArray],
-        velocities: tuple[FloatArray, FloatArray],
-        t: FloatArray,
-    ) -> FloatArray:
+    def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         shape = values[0].shape
         start, end, leaving, reaching = (
             own.reshape(-1, own.shape[-1]) for own in (*values, *velocities)
@@ -97,12 +89,7 @@ class _Translations:
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
         return cubic_positions(np.arange(len(values)), values, frames)
 
-    def hermite(
-        self,
-        values: tuple[FloatArray, FloatArray],
-        velocities: tuple[FloatArray, FloatArray],
-        t: FloatArray,
-    ) -> FloatArray:
+    def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         t = t[:, None, None]
         s = 1.0 - t
         curve: FloatArray = (

@@ -71,8 +71,7 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     if is_new.sum() < 2:
         raise ValueError("`path` must have at least two different points, got 1")
     graph = transitions(library) if graph is None else graph
-    search = _PathSearch.prepare(library, graph, corners[is_new])
-    nodes, turn = search.run()
+    nodes, turn = _PathSearch(library, graph, corners[is_new]).run()
     place = np.zeros(3)
     place[[axis for axis in range(3) if axis != library.up]] = corners[0]
     return Scenario(graph.segments[nodes], None, place, turn)
@@ -114,42 +113,26 @@ class _Beam:
         return _Beam(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
 
-@dataclass(frozen=True, eq=False)
 class _PathSearch:
     """A path and a transition graph in skeleton heights, floor positions as complex numbers."""
 
-    graph: Transitions
-    corners: ComplexArray
-    arc_lengths: FloatArray
-    displacements: ComplexArray
-    seam_displacements: ComplexArray
-    durations: FloatArray
-    height: float
-    rotation_sense: float
-
-    @classmethod
-    def prepare(cls, library: Library, graph: Transitions, corners: FloatArray) -> "_PathSearch":
+    def __init__(self, library: Library, graph: Transitions, corners: FloatArray) -> None:
         """Convert the path, whose successive corners differ, and the graph."""
-        height = mass_model(library.skeleton).height
-        corners = (corners - corners[0]) / height
+        self.graph = graph
+        self.height = mass_model(library.skeleton).height
+        corners = (corners - corners[0]) / self.height
         legs = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-        floor = [axis for axis in range(3) if axis != library.up]
+        self.arc_lengths = np.concatenate([[0.0], np.cumsum(legs)])
         to_complex = np.array([1.0, 1j])
-        displacements, seam_displacements = (
-            vectors[:, floor] @ to_complex / height
+        self.corners = corners @ to_complex
+        floor = [axis for axis in range(3) if axis != library.up]
+        self.displacements, self.seam_displacements = (
+            vectors[:, floor] @ to_complex / self.height
             for vectors in (graph.displacements, graph.seam_displacements)
         )
-        return cls(
-            graph=graph,
-            corners=corners @ to_complex,
-            arc_lengths=np.concatenate([[0.0], np.cumsum(legs)]),
-            displacements=displacements,
-            seam_displacements=seam_displacements,
-            durations=library.segments.lengths[graph.segments] / library.rate,
-            height=height,
-            # A rotation about the up axis goes from x to y, but from z to x if y points up.
-            rotation_sense=-1.0 if library.up == 1 else 1.0,
-        )
+        self.durations = library.segments.lengths[graph.segments] / library.rate
+        # A rotation about the up axis goes from x to y, but from z to x if y points up.
+        self.rotation_sense = -1.0 if library.up == 1 else 1.0
 
     def run(self) -> tuple[IntArray, float]:
         """Return the nodes of the best walk to the end of the path, and its initial turn."""
@@ -158,7 +141,8 @@ class _PathSearch:
         max_seconds = _MAX_DURATION_FACTOR * float(total + 1.0) / speed
         beam = _Beam.start(len(self.displacements))
         history: list[_Beam] = []
-        while not history or total - beam.progress[0] != 0:
+        while not history or beam.progress[0] != total:
+            beam = self._expand(beam) if history else beam
             beam = self._walk_segment(beam)
             rows = self._best_rows(beam, max_seconds)
             if not len(rows):
@@ -169,8 +153,6 @@ class _PathSearch:
                 )
             beam = beam.select(rows)
             history.append(beam)
-            if total - beam.progress[0] != 0:
-                beam = self._expand(beam)
         nodes, row = [], 0
         for states in reversed(history):
             nodes.append(int(states.node[row]))
@@ -221,15 +203,13 @@ class _PathSearch:
         if is_new.any():
             parent, edge = parent[is_new], edge[is_new]
         added = self._rotate(self.seam_displacements[edge], beam.turn[parent])
-        return _Beam(
+        return replace(
+            beam.select(parent),
             node=graph.targets[edge],
             previous=beam.node[parent],
-            initial_turn=beam.initial_turn[parent],
             turn=beam.turn[parent] + graph.yaw_changes[edge],
             position=beam.position[parent] + added,
-            progress=beam.progress[parent],
             cost=beam.cost[parent] + graph.costs[edge],
-            seconds=beam.seconds[parent],
             parent=parent,
         )
 

@@ -9,6 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.foot_planting import plant_feet
 from mograft.blend.recombine import recombine
+from mograft.blend.rigid_alignment import RootTransforms
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.contacts import detect_contacts, find_legs, foot_heights
 from mograft.library.library import Library
@@ -86,17 +87,15 @@ def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
 def _place_root(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
     """Return a still figure with its root rotated about up and moved to the scenario's place."""
     world_quats, world_positions = motion.world_transforms()
-    position, parent = world_positions[0, root].copy(), int(motion.skeleton.parents[root])
+    position, parent = world_positions[0, root], int(motion.skeleton.parents[root])
     if scenario.place is not None:
-        height = position[up]
-        position = scenario.place.copy()
-        position[up] = height
+        position = np.where(np.arange(3) == up, position, scenario.place)
     yaw = rotations.from_axis_angle(np.eye(3)[up], scenario.turn)
-    quat = rotations.multiply(yaw, world_quats[0, root])
+    transform = RootTransforms(rotations.multiply(yaw, world_quats[0, root]), position)
     if parent >= 0:
-        inverse = rotations.inverse(world_quats[0, parent])
-        quat = rotations.multiply(inverse, quat)
-        position = rotations.rotate(inverse, position - world_positions[0, parent])
+        transform = transform.relative_to(
+            RootTransforms(world_quats[0, parent], world_positions[0, parent])
+        )
     quats, positions = motion.rotations.copy(), motion.positions.copy()
-    quats[:, root], positions[:, root] = quat, position
+    quats[:, root], positions[:, root] = transform.rotations, transform.positions
     return replace(motion, rotations=quats, positions=positions)

@@ -136,20 +136,23 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     starts, ends = segment_ends(library, segments)
     has_successor = np.diff(segments) == 1
     has_successor &= np.diff(library.segments.clip[segments]) == 0
-    candidates = _Candidates.find(starts, ends, has_successor)
-    limit, nodes = candidates.choose_limit(
-        min(_cheap_cost(starts, ends, has_successor), _MAX_LIMIT), len(segments)
-    )
+    sources, targets, costs = _candidate_edges(starts, ends, has_successor)
+    limit = min(_cheap_cost(starts, ends, has_successor), _MAX_LIMIT)
+    while True:
+        is_within = costs <= limit
+        nodes = largest_strong_component(len(segments), sources[is_within], targets[is_within])
+        if len(nodes) >= _MIN_SEGMENT_SHARE * len(segments) or limit >= _MAX_WIDENED_LIMIT:
+            break
+        limit *= 1.25
     if len(nodes) < _MIN_SEGMENTS:
         raise ValueError(
             f"at least {_MIN_SEGMENTS} of {len(segments)} segments must be reachable from one "
             f"another, got {len(nodes)}: the motion never returns to a similar pose; add clips"
         )
-    sources, targets, costs = candidates.edges(limit)
     node_of = np.full(len(segments), -1)
     node_of[nodes] = np.arange(len(nodes))
-    inside = (node_of[sources] >= 0) & (node_of[targets] >= 0)
-    sources, targets, costs = sources[inside], targets[inside], costs[inside]
+    is_edge = is_within & (node_of[sources] >= 0) & (node_of[targets] >= 0)
+    sources, targets, costs = sources[is_edge], targets[is_edge], costs[is_edge]
     yaw_changes, seam_displacements = _root_changes(
         ends, starts, sources, targets, has_successor, library.up
     )
@@ -188,45 +191,26 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     return segments
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidates:
-    """Transitions that are considered, with their costs, and successors in clips."""
+def _candidate_edges(
+    starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return source, target and cost of the considered transitions, sorted.
 
-    sources: IntArray
-    targets: IntArray
-    costs: FloatArray
-    successor_of: IntArray
-
-    @classmethod
-    def find(
-        cls, starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
-    ) -> "_Candidates":
-        """Return the nearest segments after each; raise ValueError if there are none."""
-        sources, targets = _nearest_pairs(starts, ends, has_successor)
-        if not len(sources):
-            raise ValueError(
-                "a transition graph needs transitions between segments that are not consecutive "
-                "in a clip, got none"
-            )
-        costs = transition_costs(ends, starts, sources, targets)
-        return cls(sources, targets, costs, np.flatnonzero(has_successor))
-
-    def edges(self, limit: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return source, target and cost of all transitions within a limit, sorted."""
-        kept = self.costs <= limit
-        sources = np.concatenate([self.sources[kept], self.successor_of])
-        targets = np.concatenate([self.targets[kept], self.successor_of + 1])
-        costs = np.concatenate([self.costs[kept], np.zeros(len(self.successor_of))])
-        order = np.lexsort((targets, sources))
-        return sources[order], targets[order], costs[order]
-
-    def choose_limit(self, limit: float, n: int) -> tuple[float, IntArray]:
-        """Return the limit, widened if few segments remain, and the segments that remain."""
-        nodes = largest_strong_component(n, *self.edges(limit)[:2])
-        while len(nodes) < _MIN_SEGMENT_SHARE * n and limit < _MAX_WIDENED_LIMIT:
-            limit *= 1.25
-            nodes = largest_strong_component(n, *self.edges(limit)[:2])
-        return limit, nodes
+    They are those to the nearest segments and those to successors in clips, whose cost is 0.
+    """
+    sources, targets = _nearest_pairs(starts, ends, has_successor)
+    if not len(sources):
+        raise ValueError(
+            "a transition graph needs transitions between segments that are not consecutive "
+            "in a clip, got none"
+        )
+    costs = transition_costs(ends, starts, sources, targets)
+    successor_of = np.flatnonzero(has_successor)
+    sources = np.concatenate([sources, successor_of])
+    targets = np.concatenate([targets, successor_of + 1])
+    costs = np.concatenate([costs, np.zeros(len(successor_of))])
+    order = np.lexsort((targets, sources))
+    return sources[order], targets[order], costs[order]
 
 
 def _root_changes(

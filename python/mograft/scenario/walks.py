@@ -1,7 +1,5 @@
 """Random walks on the transition graph: by duration, by number of frames, to beats (paper, 4.4)."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -64,7 +62,7 @@ def walk(
     """
     if isinstance(duration, bool) or not as_floats("duration", duration, ()) > 0.0:
         raise ValueError(f"`duration` must be above 0 seconds, got {duration!r}")
-    rng = _generator(seed)
+    rng = np.random.default_rng(as_integer("seed", seed))
     graph = transitions(library) if graph is None else graph
     probabilities = graph.probabilities()
     lengths = library.segments.lengths[graph.segments]
@@ -119,7 +117,7 @@ def fill(
     300
     """
     total = as_integer("frames", frames, 2) - 1
-    rng = _generator(seed)
+    rng = np.random.default_rng(as_integer("seed", seed))
     graph = transitions(library) if graph is None else graph
     _check_table_size(total, graph)
     lengths = library.segments.lengths[graph.segments]
@@ -211,13 +209,14 @@ def to_beats(
     if (steps := np.diff(times)).min() <= 0:
         first = int(np.argmax(steps <= 0))
         raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")
-    rng = _generator(seed)
+    rng = np.random.default_rng(as_integer("seed", seed))
     graph = transitions(library) if graph is None else graph
     lengths = library.segments.lengths[graph.segments]
     _check_table_size(round(float(times[-1] - times[0]) * library.rate), graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
-    plan = _BeatPlan.solve(graph, lengths, spans, times)
-    path = _WalkPath(graph, rng, int(rng.choice(len(lengths), p=_normalize(plan.meets[0]))))
+    probabilities = graph.probabilities()
+    meets, continues = _plan_beats(graph, probabilities, lengths, spans, times)
+    path = _WalkPath(graph, rng, int(rng.choice(len(lengths), p=_normalize(meets[0]))))
     new_lengths: list[int] = []
     for beat, span in enumerate(spans.tolist()):
         shortest, _ = _stretchable_lengths(span)
@@ -226,8 +225,8 @@ def to_beats(
             done = sum(captured)
             edges = graph.edges_from(path.node)
             targets = graph.targets[edges]
-            ending = plan.probabilities[edges] * plan.meets[beat + 1, targets]
-            continuing = plan.probabilities[edges] * plan.continues[beat][done, targets]
+            ending = probabilities[edges] * meets[beat + 1, targets]
+            continuing = probabilities[edges] * continues[beat][done, targets]
             ending *= graph.is_at_rest[path.node] and done >= shortest
             if rng.random() * (ending.sum() + continuing.sum()) < ending.sum():
                 break
@@ -239,47 +238,45 @@ def to_beats(
     return Scenario(graph.segments[path.nodes], np.array(new_lengths))
 
 
-@dataclass(frozen=True, eq=False)
-class _BeatPlan:
-    """How likely walks meet all later beats."""
+def _plan_beats(
+    graph: Transitions,
+    probabilities: FloatArray,
+    lengths: IntArray,
+    spans: IntArray,
+    times: FloatArray,
+) -> tuple[Weights, list[Weights]]:
+    """Return how likely walks meet all later beats, computed backwards from the last.
 
-    probabilities: FloatArray  # of each edge
-    meets: Weights  # (n_beats, n_segments), by the segment that starts there; greatest is 1
-    # For every beat but the last, (n_frames, n_segments): by frames since it and by the segment
-    # that starts there.
-    continues: list[Weights]
-
-    @classmethod
-    def solve(
-        cls, graph: Transitions, lengths: IntArray, spans: IntArray, times: FloatArray
-    ) -> "_BeatPlan":
-        """Compute the probabilities backwards from the last beat."""
-        probabilities, n = graph.probabilities(), len(lengths)
-        meets = np.ones((len(spans) + 1, n), np.float32)
-        continues: list[Weights] = []
-        for beat in range(len(spans) - 1, -1, -1):
-            shortest, longest = _stretchable_lengths(int(spans[beat]))
-            met_next = _expect(graph, probabilities, meets[beat + 1])
-            at_rest = np.where(graph.is_at_rest, met_next, 0.0).astype(np.float32)
-            starting = np.zeros((longest + 1, n), np.float32)
-            after = np.zeros_like(starting)
-            for done in range(longest - 1, -1, -1):
-                stop = done + lengths
-                fits = stop <= longest
-                starting[done, fits] = after[stop[fits], fits]
-                ends = (stop >= shortest) & fits
-                starting[done, ends] += at_rest[ends]
-                after[done] = _expect(graph, probabilities, starting[done])
-            if not starting[0].any():
-                raise ValueError(
-                    f"no segment sequence comes to rest at the beats from {times[beat]:.4g} s on "
-                    f"if it is stretched by up to {_MAX_BEAT_STRETCH:.0%}"
-                )
-            # Only ratios matter: the probability of many beats would underflow.
-            meets[beat] = starting[0] / starting[0].max()
-            continues.append(starting)
-        continues.reverse()
-        return cls(probabilities, meets, continues)
+    The first result, shape (n_beats, n_segments), is by beat and by the segment that starts there,
+    scaled so that the greatest is 1. The second, for every beat but the last, shape (n_frames,
+    n_segments), is by frames since the beat and by the segment that starts there.
+    """
+    n = len(lengths)
+    meets = np.ones((len(spans) + 1, n), np.float32)
+    continues: list[Weights] = []
+    for beat in range(len(spans) - 1, -1, -1):
+        shortest, longest = _stretchable_lengths(int(spans[beat]))
+        met_next = _expect(graph, probabilities, meets[beat + 1])
+        at_rest = np.where(graph.is_at_rest, met_next, 0.0).astype(np.float32)
+        starting = np.zeros((longest + 1, n), np.float32)
+        after = np.zeros_like(starting)
+        for done in range(longest - 1, -1, -1):
+            stop = done + lengths
+            fits = stop <= longest
+            starting[done, fits] = after[stop[fits], fits]
+            ends = (stop >= shortest) & fits
+            starting[done, ends] += at_rest[ends]
+            after[done] = _expect(graph, probabilities, starting[done])
+        if not starting[0].any():
+            raise ValueError(
+                f"no segment sequence comes to rest at the beats from {times[beat]:.4g} s on "
+                f"if it is stretched by up to {_MAX_BEAT_STRETCH:.0%}"
+            )
+        # Only ratios matter: the probability of many beats would underflow.
+        meets[beat] = starting[0] / starting[0].max()
+        continues.append(starting)
+    continues.reverse()
+    return meets, continues
 
 
 def _expect(graph: Transitions, probabilities: FloatArray, values: Weights) -> FloatArray:
@@ -309,10 +306,6 @@ class _WalkPath:
         self.nodes.append(self.node)
         self._uses[self.node] += 1
         return self.node
-
-
-def _generator(seed: int) -> np.random.Generator:
-    return np.random.default_rng(as_integer("seed", seed))
 
 
 def _check_table_size(n_intervals: int, graph: Transitions) -> None:
