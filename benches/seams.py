@@ -63,7 +63,7 @@ def measure_treatments(motion, seeds, blend):
         bare = timeline.merge_frames(timeline.sample(ROTATIONS, [track], timeline.frame_times()))
         seams = np.flatnonzero(timeline.find_seams([track]))
         ends = timeline.boundaries(ROTATIONS, [track], seams)
-        gaps.append(np.linalg.norm(ends.gaps(ROTATIONS), axis=-1).ravel())
+        gaps.append(np.linalg.norm(ends.gaps(), axis=-1).ravel())
         kinks.append(np.linalg.norm(ends.velocity_after - ends.velocity_before, axis=-1).ravel())
         for name in TREATMENTS:
             if name == "none":

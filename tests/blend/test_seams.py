@@ -74,7 +74,7 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
     """Pieces of constant angular velocity with any pose, including gaps near half a turn."""
     pieces, speeds = poses[:2], angular[:2]
     durations = np.array([0.4, 0.7])
-    boundaries = SeamBoundaries(pieces[:1], pieces[1:], speeds[:1], speeds[1:])
+    boundaries = SeamBoundaries(ROTATIONS, pieces[:1], pieces[1:], speeds[:1], speeds[1:])
     treatment = SEAM_TREATMENTS.get(seam)
 
     def curve(piece):
@@ -84,8 +84,8 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
             values = rotations.multiply(
                 pieces[piece], rotations.exp(speeds[piece] * from_seam[:, None, None])
             )
-            times = PieceTimes(np.full(len(seconds), piece), seconds, durations)
-            return treatment.close(ROTATIONS, values, times, boundaries, blend)
+            times = PieceTimes(np.full(len(seconds), piece), seconds, durations, blend)
+            return treatment.close(values, times, boundaries)
 
         return closed
 
@@ -114,7 +114,7 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
         # Segments without a seam at either end.
         unchanged = ~(every[:-1] | every[1:])[times.segment]
     else:
-        pieces = timeline.piece_times(np.flatnonzero(layout.seams), times)
+        pieces = timeline.piece_times(np.flatnonzero(layout.seams), times, layout.config.seam_blend)
         unchanged = (pieces.seconds >= layout.config.seam_blend) | (pieces.piece == 0)
         if not treatment.is_causal:
             last = len(pieces.durations) - 1
@@ -126,11 +126,11 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
 def test_close_pieces_that_already_meet_are_unchanged(seed, seam):
     rng = np.random.default_rng(seed)
     pose, speed = smooth_rotations(rng, 1, 3), rng.normal(size=(1, 3, 3))
-    boundaries = SeamBoundaries(pose, pose, speed, speed)
+    boundaries = SeamBoundaries(ROTATIONS, pose, pose, speed, speed)
     seconds = np.array([0.1, 0.2, 0.0, 0.1])
-    times = PieceTimes(np.array([0, 0, 1, 1]), seconds, np.array([0.2, 0.3]))
+    times = PieceTimes(np.array([0, 0, 1, 1]), seconds, np.array([0.2, 0.3]), 0.3)
     values = smooth_rotations(rng, 4, 3)
-    closed = SEAM_TREATMENTS.get(seam).close(ROTATIONS, values, times, boundaries, 0.3)
+    closed = SEAM_TREATMENTS.get(seam).close(values, times, boundaries)
     np.testing.assert_array_equal(closed, values)
 
 
@@ -138,10 +138,10 @@ def test_close_pieces_that_already_meet_are_unchanged(seed, seam):
 def test_close_causal_treatment_keeps_frames_before_the_seam(seed, seam):
     rng = np.random.default_rng(seed)
     poses, speeds = smooth_rotations(rng, 2, 3), rng.normal(size=(2, 3, 3))
-    boundaries = SeamBoundaries(poses[:1], poses[1:], speeds[:1], speeds[1:])
-    times = PieceTimes(np.zeros(5, int), np.linspace(0, 0.2, 5), np.array([0.2, 0.3]))
+    boundaries = SeamBoundaries(ROTATIONS, poses[:1], poses[1:], speeds[:1], speeds[1:])
+    times = PieceTimes(np.zeros(5, int), np.linspace(0, 0.2, 5), np.array([0.2, 0.3]), 0.3)
     values = smooth_rotations(rng, 5, 3)
-    closed = SEAM_TREATMENTS.get(seam).close(ROTATIONS, values, times, boundaries, 0.3)
+    closed = SEAM_TREATMENTS.get(seam).close(values, times, boundaries)
     np.testing.assert_array_equal(closed, values)
 
 
@@ -162,10 +162,10 @@ def test_displacement_opposite_gaps_cancel_half_way():
     pose = np.array([[rotations.IDENTITY]])
     other = rotations.exp(delta)
     boundaries = SeamBoundaries(
-        np.concatenate([pose, pose]), np.concatenate([other, other]), *[np.zeros((2, 1, 3))] * 2
+        ROTATIONS, np.concatenate([pose, pose]), np.concatenate([other, other]), *[np.zeros((2, 1, 3))] * 2
     )
-    times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3))
-    closed = SEAM_TREATMENTS.get("displacement").close(ROTATIONS, pose, times, boundaries, 0.3)
+    times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3), 0.3)
+    closed = SEAM_TREATMENTS.get("displacement").close(pose, times, boundaries)
     np.testing.assert_allclose(closed, pose, atol=1e-15)
 
 
@@ -173,10 +173,10 @@ def test_displacement_opposite_gaps_cancel_half_way():
 def test_displacement_meets_in_slerp_halfway_pose(a, b):
     assume(abs(a @ b) > 1e-6)
     before, after = np.array([[a]]), np.array([[b]])
-    boundaries = SeamBoundaries(before, after, np.zeros((1, 1, 3)), np.zeros((1, 1, 3)))
-    times = PieceTimes(np.array([0, 1]), np.array([1.0, 0.0]), np.ones(2))
+    boundaries = SeamBoundaries(ROTATIONS, before, after, np.zeros((1, 1, 3)), np.zeros((1, 1, 3)))
+    times = PieceTimes(np.array([0, 1]), np.array([1.0, 0.0]), np.ones(2), 0.3)
     poses = np.concatenate([before, after])
-    closed = SEAM_TREATMENTS.get("displacement").close(ROTATIONS, poses, times, boundaries, 0.3)
+    closed = SEAM_TREATMENTS.get("displacement").close(poses, times, boundaries)
     halfway = slerp([0.0, 1.0], poses, [0.5])
     assert_same_rotations(closed, np.concatenate([halfway, halfway]), 1e-12)
 

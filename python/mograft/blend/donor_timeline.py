@@ -123,18 +123,18 @@ class DonorTimeline:
         if self.alignment is not None:
             self.alignment.apply(space, before, seams, velocity_before)
             self.alignment.apply(space, after, seams + 1, velocity_after)
-        return SeamBoundaries(
-            before, after, velocity_before * speed[seams, 1], velocity_after * speed[seams + 1, 0]
-        )
+        velocity_before *= speed[seams, 1]
+        velocity_after *= speed[seams + 1, 0]
+        return SeamBoundaries(space, before, after, velocity_before, velocity_after)
 
-    def piece_times(self, seams: IntArray, times: SegmentTimes) -> PieceTimes:
+    def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Return times relative to the pieces that the segments `seams` end."""
         first = np.concatenate([[0], seams + 1])
         last = np.append(seams, len(self.cut) - 1)
         piece = np.searchsorted(seams, times.segment)
         frames = self.cut.start[times.segment] - self.cut.start[first[piece]] + times.frames
         durations = (self.cut.stop[last] - self.cut.start[first]) / self.rate
-        return PieceTimes(piece, frames / self.rate, durations)
+        return PieceTimes(piece, frames / self.rate, durations, blend)
 
     def find_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
         """Return between which segments there is a seam, shape (n_segments - 1,).
@@ -180,13 +180,8 @@ class DonorLayout:
         values = timeline.sample(space, tracks, times)
         every = treatment.spans_segments
         seams = np.arange(len(self.seams)) if every else np.flatnonzero(self.seams)
-        return treatment.close(
-            space,
-            values,
-            timeline.piece_times(seams, times),
-            timeline.boundaries(space, tracks, seams),
-            self.config.seam_blend,
-        )
+        piece_times = timeline.piece_times(seams, times, self.config.seam_blend)
+        return treatment.close(values, piece_times, timeline.boundaries(space, tracks, seams))
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames after the treatment's last pass."""
@@ -202,7 +197,7 @@ class DonorLayout:
         """Return the rotation gap of each joint at each seam in radians, (n_seams, n_joints)."""
         seams = np.flatnonzero(self.seams)
         boundaries = self.timeline.boundaries(ROTATIONS, self.rotations, seams)
-        angles: FloatArray = np.linalg.norm(boundaries.gaps(ROTATIONS), axis=-1)
+        angles: FloatArray = np.linalg.norm(boundaries.gaps(), axis=-1)
         return angles
 
 

@@ -120,7 +120,8 @@ def plant_feet(
     heights = np.full(contacts.shape, -np.inf) if min_heights is None else min_heights
     heights = np.where(contacts & ~planted, CLEARANCE, heights)
     displacements = np.zeros_like(points)
-    for leg in np.flatnonzero(movable).tolist():
+    bent_legs = np.flatnonzero(movable).tolist()
+    for leg in bent_legs:
         displacements[:, leg] = foot_displacements(
             points[:, leg], planted[:, leg], heights[:, leg], ground, leg, motion.rate
         )
@@ -143,7 +144,7 @@ def plant_feet(
             points[:, leg] + shift[:, None],
             displacements[:, leg] - shift[:, None],
         )
-        for leg in np.flatnonzero(movable).tolist()
+        for leg in bent_legs
     ]
     parts.append(_shifted_root(motion, world_rotations, shift) if shift.any() else None)
     still = recombine(motion, [part for part in parts if part is not None], motion.name)

@@ -22,15 +22,17 @@ class PieceTimes:
     piece: IntArray  # (n,): index of the piece
     seconds: FloatArray  # (n,): seconds since the start of that piece
     durations: FloatArray  # (n_pieces,): duration of every piece in seconds
+    blend: float  # `Config.seam_blend` in seconds
 
     @property
     def seconds_left(self) -> FloatArray:
         """Seconds to the end of the piece, shape (n,)."""
         return self.durations[self.piece] - self.seconds
 
-    def windows(self, blend: float) -> FloatArray:
-        """Return the blend time of every piece: `blend`, at most the piece's duration."""
-        return np.minimum(blend, self.durations)
+    @property
+    def windows(self) -> FloatArray:
+        """Blend time of every piece: `blend`, at most the piece's duration, shape (n_pieces,)."""
+        return np.minimum(self.blend, self.durations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +43,15 @@ class SeamBoundaries:
     Velocities are per second; those of rotations are in the joint's own frame.
     """
 
+    space: ValueSpace  # `ROTATIONS` or `TRANSLATIONS`
     before: FloatArray  # last value of the piece before the seam
     after: FloatArray  # first value of the piece after it
     velocity_before: FloatArray
     velocity_after: FloatArray
 
-    def gaps(self, space: ValueSpace) -> FloatArray:
+    def gaps(self) -> FloatArray:
         """Return the delta across every seam; exactly 0 where both values are equal."""
-        gaps = space.delta(self.before, self.after)
+        gaps = self.space.delta(self.before, self.after)
         gaps[(self.before == self.after).all(axis=-1)] = 0.0
         return gaps
 
@@ -60,25 +63,23 @@ class SeamTreatment(ABC):
     `mograft.blend.seam_treatments`.
     """
 
-    is_causal: ClassVar[bool]
-    is_velocity_continuous: ClassVar[bool]
+    is_causal: ClassVar[bool]  # frames before a seam never change; `Stream` needs this
+    is_velocity_continuous: ClassVar[bool]  # `close` makes velocities continuous, not only values
+    # How far `close` reaches. True: over the whole of the two segments that meet, and every
+    # boundary between segments is treated as a seam. False: `Config.seam_blend` seconds on the
+    # treated sides of a seam, at most to the end of the piece.
     spans_segments: ClassVar[bool] = False
 
     @abstractmethod
     def close(
-        self,
-        space: ValueSpace,
-        values: FloatArray,
-        times: PieceTimes,
-        boundaries: SeamBoundaries,
-        blend: float,
+        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
         """Return the values with all gaps at seams closed.
 
-        `space` is `ROTATIONS` or `TRANSLATIONS`. `values`, shape (n, n_joints, 4 or 3), are the
-        pieces' values at the n points in time `times`. `boundaries` are the seams between the
-        pieces. `blend` is `Config.seam_blend` in seconds. The result has the shape of `values` and
-        is continuous at the seams. A value that needs no change is returned bit for bit.
+        `values`, shape (n, n_joints, 4 or 3), are the pieces' rotations or translations at the n
+        points in time `times`. `boundaries` are the seams between the pieces. The result has the
+        shape of `values` and is continuous at the seams. A value that needs no change is returned
+        bit for bit.
         """
 
     @abstractmethod

@@ -1,7 +1,4 @@
-"""The skeleton of the dancer and its dimensions, in cm.
-
-In the rest pose it stands in a T-pose and faces z; its left side is at positive x.
-"""
+"""The skeleton of the dancer and its dimensions, in cm; for its axes see `mograft.dancer`."""
 
 from typing import TypeAlias
 

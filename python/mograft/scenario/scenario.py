@@ -42,19 +42,19 @@ class Scenario:
         segments = as_indices("segments", self.segments, ("n",)).copy()
         if not len(segments):
             raise ValueError("`segments` must hold at least one, got none")
-        make_read_only(segments)
-        object.__setattr__(self, "segments", segments)
-        object.__setattr__(self, "turn", float(as_floats("turn", self.turn, ())))
+        arrays: dict[str, FloatArray | IntArray] = {"segments": segments}
+        turn = float(as_floats("turn", self.turn, ()))
         if self.lengths is not None:
             lengths = as_indices("lengths", self.lengths, (len(segments),)).copy()
             if (lengths < 1).any():
                 raise ValueError(f"`lengths` must be at least 1, got {lengths.min()}")
-            make_read_only(lengths)
-            object.__setattr__(self, "lengths", lengths)
+            arrays["lengths"] = lengths
         if self.place is not None:
-            place = as_floats("place", self.place, (3,)).copy()
-            make_read_only(place)
-            object.__setattr__(self, "place", place)
+            arrays["place"] = as_floats("place", self.place, (3,)).copy()
+        object.__setattr__(self, "turn", turn)
+        for name, array in arrays.items():
+            make_read_only(array)
+            object.__setattr__(self, name, array)
 
     def __repr__(self) -> str:
         return f"Scenario({len(self.segments)} segments)"

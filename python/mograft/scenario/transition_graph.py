@@ -48,14 +48,13 @@ class Transitions:
     limit : float
         The greatest allowed cost.
     displacements : ndarray, shape (n, 3)
-        Captured displacement of the root over the floor from each segment's first frame to its
-        last.
+        Captured displacement of the root over the floor within each segment.
     yaw_changes : ndarray, shape (m,)
         Angle by which the target segment is rotated more about the up axis than the source
         segment, so that it continues with the heading at the seam.
     seam_displacements : ndarray, shape (m, 3)
-        Displacement that the blending of root velocities at the seam adds to those of the two
-        segments, for the source segment as captured.
+        Displacement that blending root velocities at the seam adds to those of the two segments,
+        for the source segment as captured.
     is_at_rest : ndarray of bool, shape (n,)
         Whether a segment ends at a minimum of kinetic energy, where a beat may be.
     """
@@ -98,8 +97,7 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     library : Library
         The library of the segments.
     clips : str or sequence of str, optional
-        Names of clips, or globs of names, whose segments are used. Default: all. Each clip is
-        read once.
+        Names of clips, or globs of names, whose segments are used. Default: all.
 
     Returns
     -------
@@ -109,7 +107,7 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     Raises
     ------
     ValueError
-        If no clip has such a name, if there are more than 100 000 segments, or if fewer than four
+        If no clip has such a name, there are more than 100 000 segments, or fewer than four
         segments are reachable from one another.
 
     Notes
@@ -124,7 +122,7 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     its predecessor in the clip.
 
     For each segment only the 64 nearest are considered, by the root mean square of the terms of
-    the cost. So the memory of a graph is proportional to the number of segments.
+    the cost.
 
     Examples
     --------

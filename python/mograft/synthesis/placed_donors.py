@@ -147,15 +147,16 @@ def place_donors(
     pieces = np.repeat(np.arange(1, n + 1), n_times)
     # The blend may outlast a short segment: the next one starts from the treated end.
     durations = np.full(n + 1, np.inf)
-    times = PieceTimes(pieces, np.tile(_sample_frames(n_times - 3) / rate, n), durations)
+    times = PieceTimes(pieces, np.tile(_sample_frames(n_times - 3) / rate, n), durations, config.seam_blend)
     boundaries = SeamBoundaries(
+        ROTATIONS,
         np.broadcast_to(previous.pose, (n, *previous.pose.shape)),
         raw[:, 0],
         np.broadcast_to(previous.velocity, sampled.start_velocity.shape),
         sampled.start_velocity,
     )
     flat = raw.reshape(-1, *raw.shape[2:])
-    values = treatment.close(ROTATIONS, flat, times, boundaries, config.seam_blend)
+    values = treatment.close(flat, times, boundaries)
     return PlacedDonors(sampled, values.reshape(raw.shape), rate)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, crossfade_after
-from mograft.blend.value_spaces import ValueSpace
 
 _MIN_HALF_LIFE, _MAX_HALF_LIFE = 0.05, 1.0
 """Bounds in seconds on the half-life of the extrapolated velocity."""
@@ -21,19 +20,14 @@ class _Dead(SeamTreatment):
     is_velocity_continuous = True
 
     def close(
-        self,
-        space: ValueSpace,
-        values: FloatArray,
-        times: PieceTimes,
-        boundaries: SeamBoundaries,
-        blend: float,
+        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        gaps = boundaries.gaps(space)
+        space, gaps = boundaries.space, boundaries.gaps()
         velocity = boundaries.velocity_before
         half_life = gaps / np.where(np.abs(velocity) < 1e-9, 1e-9, velocity)
         decay = np.log(2.0) / np.clip(half_life, _MIN_HALF_LIFE, _MAX_HALF_LIFE)
         seam = times.piece - 1
-        window = times.windows(blend)[times.piece]
+        window = times.windows[times.piece]
         is_fading = (seam >= 0) & (times.seconds < window)
         seam, seconds = seam[is_fading], times.seconds[is_fading][:, None, None]
         distance = velocity[seam] / decay[seam] * -np.expm1(-decay[seam] * seconds)

@@ -9,7 +9,6 @@ from mograft.blend.seams import (
     at_piece_ends,
     no_crossfade,
 )
-from mograft.blend.value_spaces import ValueSpace
 
 
 class _Displacement(SeamTreatment):
@@ -23,17 +22,12 @@ class _Displacement(SeamTreatment):
     spans_segments = True
 
     def close(
-        self,
-        space: ValueSpace,
-        values: FloatArray,
-        times: PieceTimes,
-        boundaries: SeamBoundaries,
-        blend: float,  # noqa: ARG002
+        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        half = 0.5 * boundaries.gaps(space)
+        half = 0.5 * boundaries.gaps()
         share = (times.seconds / times.durations[times.piece])[:, None, None]
         start, end = at_piece_ends(half, times.piece)
-        return add_deltas(space, values, share * end - (1.0 - share) * start)
+        return add_deltas(boundaries.space, values, share * end - (1.0 - share) * start)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
         return no_crossfade(remaining)

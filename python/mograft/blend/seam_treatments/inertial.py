@@ -10,7 +10,6 @@ from mograft.blend.seams import (
     add_deltas,
     crossfade_after,
 )
-from mograft.blend.value_spaces import ValueSpace
 
 
 class _Inertial(SeamTreatment):
@@ -25,20 +24,15 @@ class _Inertial(SeamTreatment):
     is_velocity_continuous = True
 
     def close(
-        self,
-        space: ValueSpace,
-        values: FloatArray,
-        times: PieceTimes,
-        boundaries: SeamBoundaries,
-        blend: float,
+        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        gaps = boundaries.gaps(space)
+        space, gaps = boundaries.space, boundaries.gaps()
         rate = space.delta_rate(
             -gaps, boundaries.velocity_before - space.transport(-gaps, boundaries.velocity_after)
         )
         zero = np.zeros((1, *gaps.shape[1:]))  # no seam before the first piece
         value, velocity = np.concatenate([zero, -gaps]), np.concatenate([zero, rate])
-        window = _without_overshoot(value, velocity, times.windows(blend)[:, None])
+        window = _without_overshoot(value, velocity, times.windows[:, None])
         piece = times.piece
         offsets = _decay(value[piece], velocity[piece], times.seconds, window[piece])
         return add_deltas(space, values, offsets)

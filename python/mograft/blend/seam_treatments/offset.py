@@ -11,7 +11,6 @@ from mograft.blend.seams import (
     at_piece_ends,
     crossfade_both_sides,
 )
-from mograft.blend.value_spaces import ValueSpace
 
 
 class _Offset(SeamTreatment):
@@ -26,14 +25,9 @@ class _Offset(SeamTreatment):
     is_velocity_continuous = True
 
     def close(
-        self,
-        space: ValueSpace,
-        values: FloatArray,
-        times: PieceTimes,
-        boundaries: SeamBoundaries,
-        blend: float,
+        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        gaps = boundaries.gaps(space)
+        space, gaps = boundaries.space, boundaries.gaps()
         velocity_before = space.transport(0.5 * gaps, boundaries.velocity_before)
         velocity_after = space.transport(-0.5 * gaps, boundaries.velocity_after)
         mean = 0.5 * (velocity_before + velocity_after)
@@ -42,7 +36,7 @@ class _Offset(SeamTreatment):
         start_gap, end_gap = at_piece_ends(gaps, times.piece)
         start_rate = at_piece_ends(rate_after, times.piece)[0]
         end_rate = at_piece_ends(rate_before, times.piece)[1]
-        window = times.windows(blend)[times.piece]
+        window = times.windows[times.piece]
         # At the end of a piece, time runs backwards: from the seam into the piece.
         offsets = _decay(-0.5 * start_gap, start_rate, times.seconds, window)
         offsets += _decay(0.5 * end_gap, -end_rate, times.seconds_left, window)

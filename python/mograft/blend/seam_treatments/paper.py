@@ -22,14 +22,9 @@ class _Paper(SeamTreatment):
     spans_segments = True
 
     def close(
-        self,
-        space: ValueSpace,
-        values: FloatArray,
-        times: PieceTimes,
-        boundaries: SeamBoundaries,
-        blend: float,
+        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        return displacement.TREATMENT.close(space, values, times, boundaries, blend)
+        return displacement.TREATMENT.close(values, times, boundaries)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
         return no_crossfade(remaining)
