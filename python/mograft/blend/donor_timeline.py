@@ -166,12 +166,9 @@ class DonorLayout:
 
     def close(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames with the gaps at seams closed."""
-        timeline = self.timeline
-        times = timeline.frame_times()
-        quats = timeline.merge_frames(self.close_at(ROTATIONS, times))
-        if not self.positions[0].shape[1]:
-            return quats, np.empty((len(quats), 0, 3))
-        return quats, timeline.merge_frames(self.close_at(TRANSLATIONS, times))
+        times = self.timeline.frame_times()
+        quats, positions = (self.close_at(space, times) for space in (ROTATIONS, TRANSLATIONS))
+        return self.timeline.merge_frames(quats), self.timeline.merge_frames(positions)
 
     def close_at(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
         """Return rotations or translations at any times with the gaps at seams closed."""

@@ -20,8 +20,7 @@ from mograft.body.contacts import Ground, detect_contacts, find_legs, skating_sh
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-_MAX_ERROR = 1e-4
-"""Skeleton heights between a foot and its plant beyond which the plant counts as out of reach."""
+_MAX_ERROR = 1e-4  # skeleton heights; farther from its plant, a foot counts as out of reach
 
 
 @dataclass(frozen=True)

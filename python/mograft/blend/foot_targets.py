@@ -11,15 +11,11 @@ from mograft._util.runs import find_runs
 from mograft.body.contacts import CONTACT_HEIGHT, SLIDING_SPEED, Ground, point_speeds
 from mograft.config import FRAME
 
-CLEARANCE = 0.05
-"""Skeleton heights above the floor at which a swinging foot does not touch it."""
+CLEARANCE = 0.05  # skeleton heights above the floor at which a swinging foot does not touch it
 _FADE_SECONDS = 3 * FRAME
-_RISE_FRAMES = 1.5
-"""Frames after a plant over which the lift of a swinging foot sets in."""
-_MAX_SLIDE = 0.1
-"""Skeleton heights from its mean position at which a fast foot steps instead of sliding."""
-_MAX_DEPTH = 0.01
-"""Skeleton heights that a plant may lie below the floor; above it the limit is CONTACT_HEIGHT."""
+_RISE_FRAMES = 1.5  # frames after a plant over which the lift of a swinging foot sets in
+_MAX_SLIDE = 0.1  # heights from its mean position at which a fast foot steps instead of sliding
+_MAX_DEPTH = 0.01  # skeleton heights of a plant below the floor; CONTACT_HEIGHT is that above it
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from mograft.body.contacts import Leg
 from mograft.config import FRAME
 
 _SMOOTHING_SECONDS = 3 * FRAME
-_MAX_LEG_SHARE = 0.995
-"""Share of its length to which a leg is straightened, if it is not straighter already."""
+_MAX_LEG_SHARE = 0.995  # share of its length to which a leg is straightened at most
 _N_PROJECTIONS = 10
 _MAX_SWEEPS, _SPEED_MARGIN = 1000, 0.9999
 """How often excess speed is distributed to neighbouring frames, and the share to which it falls."""

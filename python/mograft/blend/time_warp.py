@@ -12,14 +12,10 @@ from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
 from mograft.search.boundary_states import pose_gaps
 
-_BAND_SHARE = 0.2
-"""Share of a segment by which a donor may be ahead or behind."""
-_MIN_GAIN = 0.05
-"""Share by which warping must reduce the mean distance; otherwise the donor is not warped."""
-_N_KNOTS = 5
-"""Knots of a warp, ends included. A path with a knot in every frame would shake."""
-_STEPS = (2, 1, 3, 4)
-"""Steps of a path in half frames; the constant rate comes first, so that it wins ties."""
+_BAND_SHARE = 0.2  # share of a segment by which a donor may be ahead or behind
+_MIN_GAIN = 0.05  # share by which warping must reduce the mean distance, or a donor stays unwarped
+_N_KNOTS = 5  # knots of a warp, ends included. A path with a knot in every frame would shake
+_STEPS = (2, 1, 3, 4)  # in half frames; the constant rate comes first, so that it wins ties
 
 
 def warping_path(distances: FloatArray) -> FloatArray:

@@ -8,8 +8,7 @@ from mograft.body.contacts import Leg
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-_USUAL_AXIS_WEIGHT = 0.1
-"""Weight of a leg's mean bend axis; that of a frame's own axis is the sine of its bend."""
+_USUAL_AXIS_WEIGHT = 0.1  # of a leg's mean bend axis; a frame's own axis has the sine of its bend
 
 
 def bend_limb(

@@ -16,10 +16,8 @@ _N_HEADINGS = 8
 _OFF_PATH_WEIGHT, _REMAINING_WEIGHT = 3.0, 2.0
 """Cost in radians per skeleton height beside the path and height walked, and per remaining height.
 So to walk on is worth its cost up to two thirds of a height beside the path."""
-_MIN_WALKING_SPEED = 0.25
-"""Heights per second; slower segments do not walk. People walk at about 0.8."""
-_MAX_DURATION_FACTOR = 10.0
-"""Multiple of the path's duration at mean walking speed that a result may last."""
+_MIN_WALKING_SPEED = 0.25  # heights per second of a segment that walks; people walk at about 0.8
+_MAX_DURATION_FACTOR = 10.0  # limit of a result, in path durations at mean walking speed
 
 ComplexArray = npt.NDArray[np.complex128]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -55,19 +56,21 @@ def donor_contacts(
     n_frames = int(cut.stop[-1]) + 1
     contacts = np.empty((n_frames, len(leg_donors), 2), bool)
     heights = np.empty((n_frames, len(leg_donors), 2))
-    of_clip: dict[int, tuple[BoolArray, FloatArray]] = {}
     segments = library.segments
+
+    @cache
+    def clip_feet(clip: int) -> tuple[BoolArray, FloatArray]:
+        motion = library.clips[clip]
+        return detect_contacts(motion), foot_heights(motion)
+
     for leg, donors in enumerate(leg_donors):
         for position, donor in enumerate(donors.tolist()):
-            clip = int(segments.clip[donor])
-            if clip not in of_clip:
-                motion = library.clips[clip]
-                of_clip[clip] = detect_contacts(motion), foot_heights(motion)
+            clip_contacts, clip_heights = clip_feet(int(segments.clip[donor]))
             n, m = int(cut.lengths[position]), int(segments.lengths[donor])
             frames = segments.start[donor] + (np.arange(n + 1) * m + n // 2) // n
             rows = slice(int(cut.start[position]), int(cut.stop[position]) + 1)
-            contacts[rows, leg] = of_clip[clip][0][frames, leg]
-            heights[rows, leg] = of_clip[clip][1][frames, leg]
+            contacts[rows, leg] = clip_contacts[frames, leg]
+            heights[rows, leg] = clip_heights[frames, leg]
     return contacts, heights
 
 

@@ -17,12 +17,9 @@ from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-_TILT_WEIGHT, _HEIGHT_WEIGHT = 1.0, 2.0
-"""Cost in radians per radian of root tilt, and per skeleton height of root height."""
-_VELOCITY_SECONDS = 0.1
-"""Cost of a velocity difference, in units of that of the difference in value."""
-_MAX_CHUNK = 1 << 22
-"""Numbers that are compared at a time, about."""
+_TILT_WEIGHT, _HEIGHT_WEIGHT = 1.0, 2.0  # per radian of root tilt; per skeleton height of the root
+_VELOCITY_SECONDS = 0.1  # cost of a velocity difference, as a multiple of that of a value
+_MAX_CHUNK = 1 << 22  # numbers that are compared at a time, about
 
 
 @dataclass(frozen=True, eq=False)

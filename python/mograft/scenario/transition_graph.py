@@ -12,20 +12,15 @@ from mograft.motion import rotations
 from mograft.scenario.segment_ends import SegmentEnds, segment_ends, transition_costs
 from mograft.scenario.strong_components import largest_strong_component
 
-_CHEAPEST_SHARE = 0.1
-"""Share of all allowed pairs whose costs are within the limit."""
+_CHEAPEST_SHARE = 0.1  # share of all allowed pairs whose costs are within the limit
 _MAX_LIMIT = np.radians(25.0)
-_MIN_SEGMENT_SHARE = 0.5
-"""If fewer of the segments remain, the limit grows, up to `_MAX_WIDENED_LIMIT`."""
+_MIN_SEGMENT_SHARE = 0.5  # if fewer segments remain, the limit grows up to _MAX_WIDENED_LIMIT
 _MAX_WIDENED_LIMIT = np.radians(45.0)
 _TRANSITION_TEMPERATURE = np.radians(5.0)
 _MIN_SEGMENTS = 4
-_MAX_SUCCESSORS = 64
-"""Nearest segments that are considered after each; the memory of a graph grows with this number."""
-_MAX_SEGMENTS = 100_000
-"""Segments of a graph; all pairs are compared once by their feature points."""
-_MAX_SAMPLED_PAIRS = 200_000
-"""Pairs from which the cheapest tenth is estimated."""
+_MAX_SUCCESSORS = 64  # nearest segments considered after each; determines the memory of a graph
+_MAX_SEGMENTS = 100_000  # segments of a graph; all pairs are compared once by their feature points
+_MAX_SAMPLED_PAIRS = 200_000  # pairs from which the cheapest tenth is estimated
 _MAX_CHUNK = 1 << 22
 
 

@@ -9,12 +9,9 @@ from mograft.library.library import Library
 from mograft.scenario.scenario import Scenario
 from mograft.scenario.transition_graph import Transitions, transitions
 
-_MIN_RETURN = 2
-"""Segments between two uses of the same segment, if there is a choice."""
-_MAX_TABLE = 1 << 29
-"""Probabilities, one per frame and segment: 2 GB, twice."""
-_MAX_BEAT_STRETCH = 0.15
-"""Share of its length by which a segment may be stretched to meet a beat."""
+_MIN_RETURN = 2  # segments between two uses of the same segment, if there is a choice
+_MAX_TABLE = 1 << 29  # probabilities, one per frame and segment: 2 GB, twice
+_MAX_BEAT_STRETCH = 0.15  # share of its length by which a segment may be stretched to meet a beat
 
 Weights = npt.NDArray[np.float32]
 

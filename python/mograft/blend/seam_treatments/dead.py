@@ -5,8 +5,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, crossfade_after
 
-_MIN_HALF_LIFE, _MAX_HALF_LIFE = 0.05, 1.0
-"""Bounds in seconds on the half-life of the extrapolated velocity."""
+_MIN_HALF_LIFE, _MAX_HALF_LIFE = 0.05, 1.0  # of the extrapolated velocity, in seconds
 
 
 class _Dead(SeamTreatment):
