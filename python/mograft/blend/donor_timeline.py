@@ -109,17 +109,13 @@ class DonorTimeline:
         self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
     ) -> SeamBoundaries:
         """Return the values and velocities where the segments `seams` end and their next start."""
-        donors = self.donors
-        speed = np.tile((self.rate * donors.lengths / self.cut.lengths)[:, None], (1, 2))
+        ending, starting = self.donors[seams], self.donors[seams + 1]
+        speed = np.tile((self.rate * self.donors.lengths / self.cut.lengths)[:, None], (1, 2))
         if self.warp is not None:
             speed *= np.where(self.warp.is_warped[:, None], self.warp.slopes[:, [0, -1]], 1.0)
         speed = speed[..., None, None]
-        before, velocity_before = sample_states(
-            space, tracks, donors.clip[seams], donors.stop[seams]
-        )
-        after, velocity_after = sample_states(
-            space, tracks, donors.clip[seams + 1], donors.start[seams + 1]
-        )
+        before, velocity_before = sample_states(space, tracks, ending.clip, ending.stop)
+        after, velocity_after = sample_states(space, tracks, starting.clip, starting.start)
         if self.alignment is not None:
             self.alignment.apply(space, before, seams, velocity_before)
             self.alignment.apply(space, after, seams + 1, velocity_after)

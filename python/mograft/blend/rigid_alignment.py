@@ -51,9 +51,6 @@ class RootTransforms:
     def __getitem__(self, index: npt.NDArray[np.bool_] | IntArray) -> "RootTransforms":
         return RootTransforms(self.rotations[index], self.positions[index])
 
-    def __len__(self) -> int:
-        return len(self.rotations)
-
 
 @dataclass(frozen=True, eq=False)
 class AlignmentTransform:

@@ -43,15 +43,10 @@ def blend_root_velocity(
     after = root_velocity_weights(frames - cut.start[segment], lengths, config, rate)[1]
     before = root_velocity_weights(cut.stop[segment] - frames, lengths, config, rate)[0]
     after, before = after * is_seam[segment], before * is_seam[segment + 1]
-    previous, following = (
-        velocities[cut.start[segment] - 1],
-        velocities[cut.stop[segment] % len(velocities)],
-    )
-    blended: FloatArray = (
-        velocities
-        + after[:, None] * (previous - velocities)
-        + before[:, None] * (following - velocities)
-    )
+    previous = velocities[cut.start[segment] - 1]
+    following = velocities[cut.stop[segment] % len(velocities)]
+    blended: FloatArray = velocities + after[:, None] * (previous - velocities)
+    blended += before[:, None] * (following - velocities)
     return blended
 
 
@@ -79,10 +74,8 @@ def integrate_root(
     equals `source` over the floor bit for bit.
     """
     leaning = closed.rotations
-    yaw_change = rotations.twist(
-        rotations.multiply(leaning, rotations.inverse(source.rotations)), up
-    )
-    facing = rotations.multiply(rotations.inverse(yaw_change), leaning)
+    change = rotations.multiply(leaning, rotations.inverse(source.rotations))
+    facing = rotations.multiply(rotations.inverse(rotations.twist(change, up)), leaning)
     is_same = (leaning == source.rotations).all(axis=1, keepdims=True)
     facing = np.where(is_same, leaning, facing)
     extra = velocities[:, 3] - captured[:, 3]

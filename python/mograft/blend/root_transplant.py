@@ -55,22 +55,14 @@ class GraftedRoot:
         first, last = (self._states(layout, frames) for frames in (donors.start, donors.stop))
         quats, places = base.world_transforms()
         target = RootTransforms(quats[:1, self.joint], places[:1, self.joint])
-        transforms: list[AlignmentTransform] = []
+        moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
         for index in range(len(donors)):
             row = np.array([index])
-            if index and not seams[index - 1]:
-                transforms.append(transforms[-1])
-            else:
-                transforms.append(AlignmentTransform.from_roots(first[row], target, self.up))
-            target = transforms[-1].apply(last[row])
-        alignment = RootAlignment(
-            AlignmentTransform(
-                np.concatenate([one.yaws for one in transforms]),
-                np.concatenate([one.translations for one in transforms]),
-            ),
-            self.rotation_column,
-            self.position_column,
-        )
+            if not index or seams[index - 1]:
+                move = AlignmentTransform.from_roots(first[row], target, self.up)
+            moves.yaws[row], moves.translations[row] = move.yaws, move.translations
+            target = move.apply(last[row])
+        alignment = RootAlignment(moves, self.rotation_column, self.position_column)
         return replace(layout, timeline=replace(timeline, alignment=alignment), seams=seams)
 
     def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:

@@ -29,7 +29,7 @@ class GraftedGroup:
     root: int | None = None  # the joint that carries the body through the world
     up: int = 1  # the axis that points up: 0, 1 or 2
     base_joints: IntArray | None = None  # joints by which ``alignment="dtw"`` aligns
-    held: Mapping[int, str] = field(default_factory=dict)  # joint to axes, see `JointGroups.held`
+    held: Mapping[int, str] = field(default_factory=dict)  # axes of joints held in part
 
     @property
     def whole_joints(self) -> IntArray:

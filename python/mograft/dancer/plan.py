@@ -121,10 +121,11 @@ class Route:
         """Return headings in radians, 0 along z, with the shape of `clock`."""
         return np.interp(clock, self.grid, self.headings)
 
-    def position(self, clock: FloatArray) -> FloatArray:
-        """Return positions on the floor, shape (..., 3)."""
+    def position(self, clock: FloatArray, offsets: FloatArray) -> FloatArray:
+        """Return positions on the floor plus offsets from there that face the heading, (n, 3)."""
         x, z = (np.interp(clock, self.grid, values) for values in (self.x, self.z))
-        return np.stack([x, np.zeros_like(x), z], axis=-1)
+        heading = rotations.from_axis_angle(Y, self.heading(clock))
+        return np.stack([x, np.zeros_like(x), z], axis=-1) + rotations.rotate(heading, offsets)
 
 
 def make_route(plan: Plan) -> Route:
@@ -174,9 +175,8 @@ def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:
     pivot[:, 1] = -ANKLE_HEIGHT
     pivot[:, 2] = TOE + (HEEL - TOE) * _ease((u - 0.4 - push) / 0.35)
     ankle = sole + rotations.rotate(turned, pivot - rotations.rotate(rolled, pivot))
-    ankle[:, 1] += ANKLE_HEIGHT + np.where(
-        is_step[stride], lift * _bump((u - push) / (0.98 - push)), 0.0
-    )
+    lift = np.where(is_step[stride], lift * _bump((u - push) / (0.98 - push)), 0.0)
+    ankle[:, 1] += ANKLE_HEIGHT + lift
     is_standing = (u <= 0) | (u >= 1) | ~is_step[stride]
     return Foot(ankle, rotations.multiply(turned, rolled), is_standing)
 
@@ -188,13 +188,10 @@ def _footholds(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatAr
     """
     out = 1 - 2 * side
     middles = np.arange(0.0, plan.n_strides + 1) - 0.25 * out
-    yaws = route.heading(middles)
     width = plan.interpolate("width", middles)
     beside = np.stack([out * width, np.zeros_like(width), np.full_like(width, -ANKLE_BACK)], -1)
-    footholds = route.position(middles) + rotations.rotate(
-        rotations.from_axis_angle(Y, yaws), beside
-    )
-    yaws = yaws + out * TOE_OUT
+    footholds = route.position(middles, beside)
+    yaws = route.heading(middles) + out * TOE_OUT
     for stride in range(plan.n_strides):
         # A foot stays in place if its step would be shorter than 2 cm and turn less than 4 degrees.
         gap = np.linalg.norm(footholds[stride + 1] - footholds[stride])
@@ -211,22 +208,19 @@ def make_pelvis(
     Its height follows the style and is limited by the reach of the legs.
     """
     beat = 2 * np.pi * clock
-    heading = route.heading(clock)
     twist, roll, lean = (
         np.radians(plan.interpolate(name, clock)) for name in ("twist", "roll", "lean")
     )
-    angles = np.stack([heading + twist * np.cos(beat), -roll * np.sin(beat), 0.4 * lean], axis=-1)
+    yaw = route.heading(clock) + twist * np.cos(beat)
+    angles = np.stack([yaw, -roll * np.sin(beat), 0.4 * lean], axis=-1)
     quats = rotations.from_euler(angles, "YZX")
 
     aside = np.zeros((len(clock), 3))
     aside[:, 0] = -plan.interpolate("sway", clock) * np.sin(beat)
-    positions = route.position(clock) + rotations.rotate(
-        rotations.from_axis_angle(Y, heading), aside
-    )
+    positions = route.position(clock, aside)
     bounce_phase = 2 * (beat - 2 * np.pi * plan.interpolate("lag", clock))
-    target = plan.interpolate("height", clock) - plan.interpolate("bounce", clock) * np.cos(
-        bounce_phase
-    )
+    bounce = plan.interpolate("bounce", clock) * np.cos(bounce_phase)
+    target = plan.interpolate("height", clock) - bounce
     limits = []
     for foot, hip in zip(feet, ("LeftUpLeg", "RightUpLeg"), strict=True):
         to_hip = rotations.rotate(quats, OFFSETS[INDEX[hip]])

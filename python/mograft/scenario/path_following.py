@@ -81,10 +81,10 @@ class _Beam:
 
     node: IntArray  # the segment
     previous: IntArray  # the segment before it; -1 at the start
-    initial_turn: FloatArray  # rotation about the up axis in radians, of the first segment
-    turn: FloatArray  # and of this one
+    initial_turn: FloatArray  # of the first segment about the up axis, in radians
+    turn: FloatArray  # of this segment about the up axis, in radians
     position: ComplexArray  # of the root
-    progress: FloatArray  # of the nearest path point along the path
+    progress: FloatArray  # arc length of the nearest point of the path
     cost: FloatArray
     seconds: FloatArray
     parent: IntArray  # row of the state before in the beam before

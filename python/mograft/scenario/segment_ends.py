@@ -40,9 +40,9 @@ class SegmentEnds:
     root_angular_velocities: FloatArray  # (n, 3): in radians per second
     contacts: BoolArray  # (n, n_feet): which feet stand
     is_at_rest: BoolArray  # (n,): whether the segment ends at a minimum of kinetic energy
-    steps: FloatArray  # (n, 4): root displacement and yaw between the two frames at this end
-    weight_sums: FloatArray  # (n,): of the weights of the velocity on a seam's other side
-    faded_steps: FloatArray  # (n, 4): the segment's steps, summed with these weights
+    steps: FloatArray  # (n, 4): floor displacement and yaw between the two frames at this end
+    weight_sums: FloatArray  # (n,): weights of the other side's root velocity at a seam, summed
+    faded_steps: FloatArray  # (n, 4): the segment's own steps, summed with these weights
 
     def feature_points(self) -> FloatArray:
         """Return points whose distance is the root mean square of the terms of the cost.
@@ -118,11 +118,10 @@ class _ClipEnds:
         )
         _, angular = sample_states(ROTATIONS, [self._quats[:, None]], first, frames)
         inverse_yaws = rotations.inverse(rotations.twist(self._quats[frames], library.up))
-        tilts = (
-            rotations.multiply(inverse_yaws, self._quats[frames])
-            if self._has_root
-            else np.tile(rotations.IDENTITY, (len(segments), 1))
-        )
+        tilts = rotations.multiply(inverse_yaws, self._quats[frames])
+        if not self._has_root:
+            tilts[:] = rotations.IDENTITY
+        velocity = rotations.rotate(inverse_yaws, self._velocity[frames])
         scale = float(self._has_root)
         steps, weights = self._steps_inward(segments, frames, is_start=is_start)
         return SegmentEnds(
@@ -132,9 +131,7 @@ class _ClipEnds:
             root_positions=self._positions[frames],
             tilts=tilts,
             heights=scale * self._positions[frames, library.up] / self._height,
-            root_velocities=scale
-            * rotations.rotate(inverse_yaws, self._velocity[frames])
-            / self._height,
+            root_velocities=scale * velocity / self._height,
             root_angular_velocities=scale * angular[:, 0] * library.rate,
             contacts=self._contacts[frames],
             is_at_rest=self._is_at_rest(segments),

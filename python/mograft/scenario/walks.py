@@ -1,5 +1,7 @@
 """Random walks on the transition graph: by duration, by number of frames, to beats (paper, 4.4)."""
 
+from math import ceil, floor
+
 import numpy as np
 import numpy.typing as npt
 
@@ -59,17 +61,11 @@ def walk(
     """
     if isinstance(duration, bool) or not as_floats("duration", duration, ()) > 0.0:
         raise ValueError(f"`duration` must be above 0 seconds, got {duration!r}")
-    rng = np.random.default_rng(as_integer("seed", seed))
-    graph = transitions(library) if graph is None else graph
-    probabilities = graph.probabilities()
-    lengths = library.segments.lengths[graph.segments]
-    n_frames = duration * library.rate
-    path = _WalkPath(graph, rng, int(rng.integers(len(lengths))))
-    frames = int(lengths[path.node])
-    while frames < n_frames:
-        edges = graph.edges_from(path.node)
-        frames += int(lengths[path.advance(graph.targets[edges], probabilities[edges])])
-    return graph.segments[path.nodes]
+    path = _WalkPath(library, seed, graph)
+    frames = path.visit(int(path.rng.integers(len(path.lengths))))
+    while frames < duration * library.rate:
+        frames += path.advance(*path.edges())
+    return path.segments
 
 
 def fill(
@@ -114,12 +110,9 @@ def fill(
     300
     """
     total = as_integer("frames", frames, 2) - 1
-    rng = np.random.default_rng(as_integer("seed", seed))
-    graph = transitions(library) if graph is None else graph
-    _check_table_size(total, graph)
-    lengths = library.segments.lengths[graph.segments]
-    probabilities = graph.probabilities()
-    ends = _end_probabilities(graph, probabilities, lengths, total)
+    path = _WalkPath(library, seed, graph)
+    _check_table_size(total, path.graph)
+    ends = _end_probabilities(path, total)
     if not ends[total].any():
         possible = np.flatnonzero(ends.any(axis=1))
         nearest = int(possible[np.abs(possible - total).argmin()]) + 1
@@ -127,23 +120,19 @@ def fill(
             f"no segment sequence has a total length of {frames} frames; the nearest possible "
             f"length is {nearest} frames"
         )
-    path = _WalkPath(graph, rng, int(rng.choice(len(lengths), p=_normalize(ends[total]))))
-    left = total
-    while left > lengths[path.node]:
-        left -= int(lengths[path.node])
-        edges = graph.edges_from(path.node)
-        targets = graph.targets[edges]
-        path.advance(targets, probabilities[edges] * ends[left, targets])
-    return graph.segments[path.nodes]
+    left = total - path.start(ends[total])
+    while left > 0:
+        targets, probabilities = path.edges()
+        left -= path.advance(targets, probabilities * ends[left, targets])
+    return path.segments
 
 
-def _end_probabilities(
-    graph: Transitions, probabilities: FloatArray, lengths: IntArray, total: int
-) -> Weights:
+def _end_probabilities(path: "_WalkPath", total: int) -> Weights:
     """Return, by remaining frames and first segment, how likely a walk ends with the last frame.
 
     If `total` remaining frames cannot be filled, further rows show which numbers can.
     """
+    lengths = path.lengths
     n_rows = total + int(lengths.max()) + 1
     ends = np.zeros((n_rows, len(lengths)), np.float32)
     after = np.zeros_like(ends)
@@ -151,7 +140,7 @@ def _end_probabilities(
     for left in range(1, n_rows):
         fits = lengths <= left
         ends[left, fits] = after[left - lengths[fits], fits]
-        after[left] = _expect(graph, probabilities, ends[left])
+        after[left] = path.expect(ends[left])
         if left == total and ends[left].any():
             break
     return ends
@@ -206,41 +195,33 @@ def to_beats(
     if (steps := np.diff(times)).min() <= 0:
         first = int(np.argmax(steps <= 0))
         raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")
-    rng = np.random.default_rng(as_integer("seed", seed))
-    graph = transitions(library) if graph is None else graph
-    lengths = library.segments.lengths[graph.segments]
-    _check_table_size(round(float(times[-1] - times[0]) * library.rate), graph)
+    path = _WalkPath(library, seed, graph)
+    _check_table_size(round(float(times[-1] - times[0]) * library.rate), path.graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
-    probabilities = graph.probabilities()
-    meets, continues = _plan_beats(graph, probabilities, lengths, spans, times)
-    path = _WalkPath(graph, rng, int(rng.choice(len(lengths), p=_normalize(meets[0]))))
+    meets, continues = _plan_beats(path, spans, times)
+    length = path.start(meets[0])
     new_lengths: list[int] = []
     for beat, span in enumerate(spans.tolist()):
         shortest, _ = _stretchable_lengths(span)
-        captured = [int(lengths[path.node])]
+        captured = [length]
         while True:
             done = sum(captured)
-            edges = graph.edges_from(path.node)
-            targets = graph.targets[edges]
-            ending = probabilities[edges] * meets[beat + 1, targets]
-            continuing = probabilities[edges] * continues[beat][done, targets]
-            ending *= graph.is_at_rest[path.node] and done >= shortest
-            if rng.random() * (ending.sum() + continuing.sum()) < ending.sum():
+            targets, probabilities = path.edges()
+            ending = probabilities * meets[beat + 1, targets]
+            continuing = probabilities * continues[beat][done, targets]
+            ending *= path.graph.is_at_rest[path.nodes[-1]] and done >= shortest
+            if path.rng.random() * (ending.sum() + continuing.sum()) < ending.sum():
                 break
-            captured.append(int(lengths[path.advance(targets, continuing)]))
+            captured.append(path.advance(targets, continuing))
         bounds = np.round(np.cumsum([0, *captured]) * (span / done)).astype(np.int64)
         new_lengths += np.diff(bounds).tolist()
         if beat < len(spans) - 1:
-            path.advance(targets, ending)
-    return Scenario(graph.segments[path.nodes], np.array(new_lengths))
+            length = path.advance(targets, ending)
+    return Scenario(path.segments, np.array(new_lengths))
 
 
 def _plan_beats(
-    graph: Transitions,
-    probabilities: FloatArray,
-    lengths: IntArray,
-    spans: IntArray,
-    times: FloatArray,
+    path: "_WalkPath", spans: IntArray, times: FloatArray
 ) -> tuple[Weights, list[Weights]]:
     """Return how likely walks meet all later beats, computed backwards from the last.
 
@@ -248,14 +229,14 @@ def _plan_beats(
     scaled so that the greatest is 1. The second, for every beat but the last, shape (n_frames,
     n_segments), is by frames since the beat and by the segment that starts there.
     """
-    n = len(lengths)
-    meets = np.ones((len(spans) + 1, n), np.float32)
+    lengths = path.lengths
+    meets = np.ones((len(spans) + 1, len(lengths)), np.float32)
     continues: list[Weights] = []
     for beat in range(len(spans) - 1, -1, -1):
         shortest, longest = _stretchable_lengths(int(spans[beat]))
-        met_next = _expect(graph, probabilities, meets[beat + 1])
-        at_rest = np.where(graph.is_at_rest, met_next, 0.0).astype(np.float32)
-        starting = np.zeros((longest + 1, n), np.float32)
+        at_rest = np.where(path.graph.is_at_rest, path.expect(meets[beat + 1]), 0.0)
+        at_rest = at_rest.astype(np.float32)
+        starting = np.zeros((longest + 1, len(lengths)), np.float32)
         after = np.zeros_like(starting)
         for done in range(longest - 1, -1, -1):
             stop = done + lengths
@@ -263,7 +244,7 @@ def _plan_beats(
             starting[done, fits] = after[stop[fits], fits]
             ends = (stop >= shortest) & fits
             starting[done, ends] += at_rest[ends]
-            after[done] = _expect(graph, probabilities, starting[done])
+            after[done] = path.expect(starting[done])
         if not starting[0].any():
             raise ValueError(
                 f"no segment sequence comes to rest at the beats from {times[beat]:.4g} s on "
@@ -276,33 +257,54 @@ def _plan_beats(
     return meets, continues
 
 
-def _expect(graph: Transitions, probabilities: FloatArray, values: Weights) -> FloatArray:
-    """Return the expectation of a function of the next node, for each node."""
-    products = probabilities * values[graph.targets]
-    mean: FloatArray = np.add.reduceat(products, graph.first_edge[:-1])
-    return mean
-
-
 class _WalkPath:
-    """A walk so far: its last node, all its nodes, and how often it visited each node."""
+    """A random walk so far: its nodes, and how often it visited each node of the graph."""
 
-    def __init__(self, graph: Transitions, rng: np.random.Generator, node: int) -> None:
-        self._rng = rng
-        self.node, self.nodes = node, [node]
-        self._uses = np.zeros(len(graph.segments), np.int64)
-        self._uses[node] = 1
+    def __init__(self, library: Library, seed: int, graph: Transitions | None) -> None:
+        self.rng = np.random.default_rng(as_integer("seed", seed))
+        self.graph = transitions(library) if graph is None else graph
+        self.lengths = library.segments.lengths[self.graph.segments]
+        self.nodes: list[int] = []
+        self._probabilities = self.graph.probabilities()
+        self._uses = np.zeros(len(self.lengths), np.int64)
+
+    @property
+    def segments(self) -> IntArray:
+        """The segments of the walk."""
+        return self.graph.segments[self.nodes]
+
+    def expect(self, values: Weights) -> FloatArray:
+        """Return the expectation of a function of the next node, for each node."""
+        products = self._probabilities * values[self.graph.targets]
+        mean: FloatArray = np.add.reduceat(products, self.graph.first_edge[:-1])
+        return mean
+
+    def edges(self) -> tuple[IntArray, FloatArray]:
+        """Return the targets and the probabilities of the edges from the last node."""
+        edges = self.graph.edges_from(self.nodes[-1])
+        return self.graph.targets[edges], self._probabilities[edges]
+
+    def visit(self, node: int) -> int:
+        """Append a node; return the length of its segment in frames."""
+        self.nodes.append(node)
+        self._uses[node] += 1
+        return int(self.lengths[node])
+
+    def start(self, weights: Weights) -> int:
+        """Draw and visit the first node; return the length of its segment."""
+        return self.visit(int(self.rng.choice(len(weights), p=_normalize(weights))))
 
     def advance(self, targets: IntArray, weights: FloatArray) -> int:
-        """Draw the next node, one of `targets`; a recent one only if all others have weight 0."""
+        """Draw and visit the next node, one of `targets`; return the length of its segment.
+
+        A recent node is drawn only if all others have weight 0.
+        """
         uses = self._uses[targets]
         weights = weights * np.exp(uses[weights > 0].min() - uses)
         is_recent = np.isin(targets, self.nodes[-_MIN_RETURN - 1 :])
         allowed = np.where(is_recent, 0.0, weights)
         shares = _normalize(allowed if allowed.any() else weights)
-        self.node = int(self._rng.choice(targets, p=shares))
-        self.nodes.append(self.node)
-        self._uses[self.node] += 1
-        return self.node
+        return self.visit(int(self.rng.choice(targets, p=shares)))
 
 
 def _check_table_size(n_intervals: int, graph: Transitions) -> None:
@@ -324,7 +326,4 @@ def _normalize(weights: npt.NDArray[np.floating]) -> FloatArray:
 
 def _stretchable_lengths(span: int) -> tuple[int, int]:
     """Return the least and the greatest number of frames that can be stretched to a beat's."""
-    return (
-        int(np.ceil(span / (1.0 + _MAX_BEAT_STRETCH))),
-        int(np.floor(span / (1.0 - _MAX_BEAT_STRETCH))),
-    )
+    return ceil(span / (1.0 + _MAX_BEAT_STRETCH)), floor(span / (1.0 - _MAX_BEAT_STRETCH))

@@ -11,7 +11,7 @@ from mograft.blend.seams import (
 )
 
 
-class _Displacement(SeamTreatment):
+class Displacement(SeamTreatment):
     """Move both sides of a seam half way, by an amount that falls to 0 over the segment.
 
     Displacement mapping, linear in the logarithm (paper, 4.5). Velocities jump at the seam.
@@ -24,13 +24,15 @@ class _Displacement(SeamTreatment):
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
+        """Return the values with the gap spread over both segments."""
         half = 0.5 * boundaries.gaps()
         share = (times.seconds / times.durations[times.piece])[:, None, None]
         start, end = at_piece_ends(half, times.piece)
         return add_deltas(boundaries.space, values, share * end - (1.0 - share) * start)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return weights 0: root velocities jump at the seam."""
         return no_crossfade(remaining)
 
 
-TREATMENT = _Displacement()
+TREATMENT = Displacement()

@@ -4,30 +4,17 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
-from mograft.blend.seam_treatments import displacement
-from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, no_crossfade
+from mograft.blend.seam_treatments.displacement import Displacement
 from mograft.blend.value_spaces import ValueSpace
 
 
-class _Paper(SeamTreatment):
+class _Paper(Displacement):
     """Displace the segments, then replace the frames near the seam by a cubic.
 
     The paper's window is 5 frames on each side of a seam. Here it is min(`Config.seam_window`, half
     of the shorter segment - 1 frame), so that it stays in the nearer half of either segment and two
     windows never overlap. Seams beside a segment of one interval are not smoothed.
     """
-
-    is_causal = False
-    is_velocity_continuous = False
-    spans_segments = True
-
-    def close(
-        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
-    ) -> FloatArray:
-        return displacement.TREATMENT.close(values, times, boundaries)
-
-    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return no_crossfade(remaining)
 
     def smooth(
         self, space: ValueSpace, values: FloatArray, cut: Segments, seams: IntArray, window: int
