@@ -162,7 +162,10 @@ def test_displacement_opposite_gaps_cancel_half_way():
     pose = np.array([[rotations.IDENTITY]])
     other = rotations.exp(delta)
     boundaries = SeamBoundaries(
-        ROTATIONS, np.concatenate([pose, pose]), np.concatenate([other, other]), *[np.zeros((2, 1, 3))] * 2
+        ROTATIONS,
+        np.concatenate([pose, pose]),
+        np.concatenate([other, other]),
+        *[np.zeros((2, 1, 3))] * 2,
     )
     times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3), 0.3)
     closed = SEAM_TREATMENTS.get("displacement").close(pose, times, boundaries)

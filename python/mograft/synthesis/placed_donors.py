@@ -147,7 +147,9 @@ def place_donors(
     pieces = np.repeat(np.arange(1, n + 1), n_times)
     # The blend may outlast a short segment: the next one starts from the treated end.
     durations = np.full(n + 1, np.inf)
-    times = PieceTimes(pieces, np.tile(_sample_frames(n_times - 3) / rate, n), durations, config.seam_blend)
+    times = PieceTimes(
+        pieces, np.tile(_sample_frames(n_times - 3) / rate, n), durations, config.seam_blend
+    )
     boundaries = SeamBoundaries(
         ROTATIONS,
         np.broadcast_to(previous.pose, (n, *previous.pose.shape)),
