@@ -72,7 +72,7 @@ class Constraint:
             return np.ones(len(frames), bool)
         return (frames >= self.frames[0]) & (frames <= self.frames[1])
 
-    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:  # noqa: ARG002
+    def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """Return the error of each pose, in tolerances.
 
         Parameters
@@ -106,12 +106,10 @@ class Constraint:
         ndarray, shape (n,)
             0 for donors that satisfy the constraint, above 1 for others.
         """
-        del clips
         return np.zeros(len(base) if len(base) == len(donors) else 0)
 
     def describe_error(self, error: float, height: float) -> str:
         """Return a description of an error, for messages."""
-        del height
         return f"{error:.3g} tolerances"
 
 

@@ -1,13 +1,8 @@
 """The cost model of the search: every cost and limit that a donor can incur.
 
-A donor sequence costs the sum of
-
-- one unary cost per position: length difference, dissimilarity of the base parts, novelty;
-- one pairwise cost per seam: pose gap, velocity gap, and `INFEASIBLE_PENALTY` above the limit;
-- constraint costs per position: ``weight · violation²`` of each soft constraint, and for hard
-  constraints `INFEASIBLE_PENALTY` times 1 + the greatest violation amount.
-
-Violation amounts are in tolerances of the constraint: at most 1 if it is satisfied.
+A donor sequence costs the sum of one unary cost per position, one pairwise cost per seam, and the
+constraint costs of each position. Violation amounts are in tolerances of the constraint: at most 1
+if it is satisfied.
 """
 
 from collections.abc import Sequence
@@ -133,12 +128,10 @@ class SimilarityCostModel(CostModel):
         self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
     ) -> FloatArray:
         """As `CostModel.unary`."""
-        del base, donors
         return np.where(is_base, INFEASIBLE_PENALTY, distances)
 
     def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
         """As `CostModel.pairwise`."""
-        del velocities
         return self._angle_penalties(angles)
 
 

@@ -55,7 +55,6 @@ class DonorChoice(ABC):
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
         """Return one path through a trellis; `Stream` commits its first donor."""
-        del config, rng
         return viterbi(trellis)
 
 
@@ -66,7 +65,6 @@ class Viterbi(DonorChoice):
         self, source: DonorSource, count: int, rng: np.random.Generator
     ) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
-        del rng
         penalty = source.config.diversity
         paths = {
             group: diverse(trellis.costs, count, penalty)
@@ -83,7 +81,6 @@ class Best(DonorChoice):
         self, source: DonorSource, count: int, rng: np.random.Generator
     ) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
-        del rng
         trellises = source.trellises
         paths = {group: k_best(trellis.costs, count) for group, trellis in trellises.items()}
         costs = [
@@ -142,7 +139,6 @@ class Random(DonorChoice):
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
         """As `DonorChoice.choose_path`; all paths without penalties are equally likely."""
-        del config
         unary = tuple(np.where(own >= INFEASIBLE_PENALTY, own, 0.0) for own in trellis.unary)
         pairwise = tuple(
             np.where(own >= INFEASIBLE_PENALTY, INFEASIBLE_PENALTY, 0.0) for own in trellis.pairwise

@@ -25,12 +25,10 @@ class KeepOriginal(Constraint):
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.donor_errors`."""
-        del clips
         return np.where(_is_same(base, donors), 0.0, 2.0)
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del error, height
         return "the captured part must be kept"
 
 
@@ -114,7 +112,6 @@ class OnlyFrom(_ClipConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del error, height
         return f"not from {self._describe_selection()}"
 
 
@@ -144,7 +141,6 @@ class NotFrom(_ClipConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del error, height
         return f"from {self._describe_selection()}"
 
 
@@ -171,14 +167,12 @@ class MaxStretch(Constraint):
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.donor_errors`."""
-        del clips
         stretch = np.abs(base.lengths - donors.lengths) / base.lengths
         exceeds = stretch > self.limit * (1 + 1e-9)
         return np.where(exceeds, stretch / max(self.limit, 1e-3), 0.0)
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del height
         return f"stretched by {error * max(self.limit, 1e-3):.2f}, limit {self.limit:.2f}"
 
 

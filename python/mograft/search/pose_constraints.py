@@ -23,8 +23,6 @@ class PoseConstraint(Constraint):
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
         """As `Constraint.errors`; computed only in the frames in which it applies."""
-        if self.frames is None:
-            return self._applied_errors(poses, joints)
         applies = self.applies(poses.frames)
         if applies.all():
             return self._applied_errors(poses, joints)
@@ -133,7 +131,6 @@ class AvoidSelf(PoseConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del height
         depth = error * self.tolerance
         return (
             f"self-collision {depth:.3f} heights deeper than captured, "
@@ -235,7 +232,6 @@ class Face(PoseConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del height
         angle, limit = np.degrees([error * self.tolerance, self.tolerance])
         return f"view direction {angle:.1f}° off the target, tolerance {limit:.1f}°"
 
@@ -290,7 +286,6 @@ class KeepOut(PoseConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del height
         where = "outside" if self.inside else "inside"
         return (
             f"{self.joint} is {error * self.tolerance:.3f} heights {where}, "
@@ -333,7 +328,6 @@ class Custom(PoseConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        del height
         return f"{self.name}: {error:.3g} tolerances"
 
 

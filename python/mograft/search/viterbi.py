@@ -1,9 +1,8 @@
 """Exact searches for paths through a trellis: cheapest, k cheapest, random and diverse paths.
 
-A path takes one candidate index per position. Its cost is the sum of a unary cost per position
-and a pairwise cost per pair of neighbours. Every search is exact for any costs. It walks the
-trellis once from the end to the start, accumulating the least cost (or the weight) of all
-continuations of each candidate, and then once forwards to read off the path.
+A path takes one candidate index per position. Each search walks the trellis once from the end to
+the start, accumulating the least cost (or the weight) of all continuations of each candidate, and
+then once forwards to read off the path.
 """
 
 from collections.abc import Sequence
@@ -140,7 +139,10 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     path: list[int] = []
     for position, weight in enumerate(reversed(weights)):
         before = trellis.pairwise[position - 1][path[-1]] / temperature if position else 0.0
-        path.append(_draw_index(weight - before, rng))
+        log_weights = weight - before
+        ends = np.exp(log_weights - log_weights.max()).cumsum()
+        # side="right" skips indices of weight 0 and never returns the end itself.
+        path.append(int(np.searchsorted(ends, rng.random() * ends[-1], side="right")))
     return np.array(path, np.int64)
 
 
@@ -175,11 +177,3 @@ def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
         for uses, index in zip(n_uses, path.tolist(), strict=True):
             uses[index] += 1
     return paths
-
-
-def _draw_index(log_weights: FloatArray, rng: np.random.Generator) -> int:
-    """Draw an index with probability proportional to exp(log_weights)."""
-    weights = np.exp(log_weights - log_weights.max())
-    ends = weights.cumsum()
-    # side="right" skips indices of weight 0 and never returns the end itself.
-    return int(np.searchsorted(ends, rng.random() * ends[-1], side="right"))

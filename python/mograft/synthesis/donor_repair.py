@@ -1,8 +1,8 @@
 """Repair of donor sequences whose assembled motion violates hard constraints.
 
-The trellis evaluates candidates before seam treatment; seams can introduce violations. Repair
-penalises the donors at violated positions and searches the neighbourhood again. If that does not
-help, it assembles the cheapest short sequences around each violation and keeps the best.
+Seam treatment can introduce violations that the trellis does not know. Repair penalises the donors
+at violated positions and searches again; then it assembles the cheapest short sequences around
+each remaining violation.
 """
 
 from collections.abc import Mapping, Sequence

@@ -75,21 +75,6 @@ def candidate_pose_violations(
     return ConstraintViolations.from_amounts(constraints, amounts, len(positions))
 
 
-def feasible_candidates(problem: SearchProblem, group: str) -> list[IntArray]:
-    """Return for each position the candidates that satisfy all hard constraints.
-
-    All candidates if none of them does, or if a group holds the root: its transform is known only
-    for a donor sequence.
-    """
-    if problem.root_group is not None:
-        return problem.candidates[group]
-    found = candidate_violations(problem, group, {})
-    return [
-        segments[own.is_feasible] if own.is_feasible.any() else segments
-        for segments, own in zip(problem.candidates[group], found, strict=True)
-    ]
-
-
 def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
     """Return the candidates at the root transforms to which the cheapest paths lead."""
     trellis = _trellis(problem, group, problem.origin_costs(group))

@@ -28,7 +28,7 @@ class Grafts(Sequence[Graft]):
         return len(self._donors)
 
     def __repr__(self) -> str:
-        return f"Grafts({len(self)} on {self._plan.base.name}, seed {self._seed})"
+        return f"Grafts({len(self)} on {self._plan.problem.base.name}, seed {self._seed})"
 
     @overload
     def __getitem__(self, index: int) -> Graft: ...

@@ -25,7 +25,7 @@ from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import viterbi
 from mograft.synthesis.assembly import transplant_group
 from mograft.synthesis.donor_repair import repair_donors
-from mograft.synthesis.donor_trellis import build_trellis, feasible_candidates
+from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
 from mograft.synthesis.graft_result import Graft, Seam, Substitution
 from mograft.synthesis.root_tabu_search import tabu_search
 from mograft.synthesis.search_problem import SearchProblem
@@ -65,11 +65,6 @@ class GraftPlan:
         return cls(problem, composed)
 
     @property
-    def base(self) -> Motion:
-        """The base motion."""
-        return self.problem.base
-
-    @property
     def config(self) -> Config:
         """The library's configuration, limited by the constraints."""
         return self.problem.config
@@ -95,8 +90,19 @@ class GraftPlan:
         return trellises
 
     def feasible_candidates(self, group: str) -> list[IntArray]:
-        """Return the candidates at each position that satisfy the hard constraints."""
-        return feasible_candidates(self.problem, group)
+        """Return for each position the candidates that satisfy all hard constraints.
+
+        All candidates if none of them does, or if a group holds the root: its transform is known
+        only for a donor sequence.
+        """
+        candidates = self.problem.candidates[group]
+        if self.problem.root_group is not None:
+            return candidates
+        found = candidate_violations(self.problem, group, {})
+        return [
+            segments[own.is_feasible] if own.is_feasible.any() else segments
+            for segments, own in zip(candidates, found, strict=True)
+        ]
 
     def choose_donors(self, count: int, seed: int) -> list[DonorSequences]:
         """Return different donor sequences for several motions, repaired."""
@@ -125,11 +131,11 @@ class GraftPlan:
                 Seam(group, frame, float(gaps.mean()))
                 for frame, gaps in zip(part.seams.tolist(), part.gaps, strict=True)
             ]
-        motion = recombine(self.base, parts, f"{self.base.name}_graft{index}")
+        motion = recombine(problem.base, parts, f"{problem.base.name}_graft{index}")
         motion, feet = self._plant_feet(motion, donors)
         return Graft(
             motion=motion,
-            base=self.base,
+            base=problem.base,
             library=problem.library,
             substitutions=tuple(substitutions),
             seams=tuple(seams),

@@ -10,7 +10,7 @@ from mograft.motion.motion import Motion
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Constraint
 from mograft.search.costs import CostModel
-from mograft.synthesis.placed_donors import SampledDonors, frames_with_neighbours
+from mograft.synthesis.placed_donors import SampledDonors
 
 
 @dataclass(eq=False)
@@ -71,11 +71,6 @@ class PendingSegment:
     def rotations(self) -> FloatArray:
         """Rotations of the base in the segment's frames."""
         return self.base.rotations[self.rows]
-
-    @property
-    def rotations_with_neighbours(self) -> FloatArray:
-        """Rotations of the base as `frames_with_neighbours` returns them."""
-        return frames_with_neighbours(self.base.rotations, self.offset, self.offset + self.length)
 
     @property
     def costs(self) -> FloatArray:

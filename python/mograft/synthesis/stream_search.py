@@ -35,6 +35,7 @@ from mograft.synthesis.placed_donors import (
     CommittedEnd,
     PlacedDonors,
     SampledDonors,
+    frames_with_neighbours,
     place_donors,
     sample_donors,
 )
@@ -60,7 +61,7 @@ class StreamSearch:
         self._lengths = library.segments.lengths
         self._frame = frame
         self._driven_joints = driven_joints(frame.skeleton, donors.joints)
-        self._clusters = BaseClusters.build(library, mass_model(frame.skeleton).height)
+        self._clusters = BaseClusters(library, mass_model(frame.skeleton).height)
 
     def list_candidates(
         self, base: BaseBuffer, start: int, stop: int, rules: StreamRules, *, has_previous: bool
@@ -228,9 +229,10 @@ class StreamSearch:
         return GroupCandidates(boundary, segment.costs + pose_costs, sampled)
 
     def _sample(self, segment: PendingSegment, group: str, donors: IntArray) -> SampledDonors:
+        first, last = segment.offset, segment.offset + segment.length
+        own = frames_with_neighbours(segment.base.rotations, first, last)
         tracks = [
-            segment.rotations_with_neighbours if donor < 0 else self._donors.read_rotations(donor)
-            for donor in donors.tolist()
+            own if donor < 0 else self._donors.read_rotations(donor) for donor in donors.tolist()
         ]
         joints = self._donors.joints[group]
         return sample_donors(tracks, joints, segment.length, self._library.rate)
