@@ -20,7 +20,6 @@ from mograft.analysis.embedding import (
     embed,
     features,
     mean_rotations,
-    means_of,
     moments,
     normalise,
 )
@@ -52,7 +51,7 @@ def pca(matrix, n_components, floors):
 def matrix_of(motion, config, joints=None):
     joints = np.arange(motion.n_joints) if joints is None else joints
     samples = normalise([motion], segment(motion, config), config, **NORMALISATION)
-    reference = mean_rotations(moments(samples))[joints]
+    reference = mean_rotations(samples, motion.n_joints)[joints]
     if not config.keep_heading:
         reference[joints == 0] = rotations.IDENTITY
     return features(samples, joints, reference, has_root=0 in joints)
@@ -152,8 +151,8 @@ def test_features_ignore_quaternion_signs(motion, seed):
 @given(SEEDS, quaternions(()))
 def test_mean_rotations_commute_with_rotation_and_are_central(seed, turn):
     quats = smooth_rotations(np.random.default_rng(seed), 30, 2)
-    mean = mean_rotations(moments(poses(quats)))
-    turned = mean_rotations(moments(poses(rotations.multiply(turn, quats))))
+    mean = mean_rotations(poses(quats), quats.shape[1])
+    turned = mean_rotations(poses(rotations.multiply(turn, quats)), quats.shape[1])
     assert_same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
     assert (
         rotations.angle(quats, mean).mean(axis=0)
@@ -237,7 +236,7 @@ def test_embedding_project_reproduces_points():
     embedding = embed(
         samples,
         np.arange(4),
-        means_of(samples, samples.rotations.shape[2]),
+        mean_rotations(samples, samples.rotations.shape[2]),
         ROBUST,
         root=0,
         group="all",
@@ -258,7 +257,7 @@ def test_embed_too_few_or_equal_segments_warns_and_returns_none():
                 embed(
                     samples,
                     np.arange(4),
-                    means_of(samples, samples.rotations.shape[2]),
+                    mean_rotations(samples, samples.rotations.shape[2]),
                     ROBUST,
                     root=0,
                     group="all",
@@ -277,7 +276,7 @@ def test_embed_rotations_near_half_turn_from_mean_warns():
         embed(
             samples,
             np.array([1]),
-            means_of(samples, samples.rotations.shape[2]),
+            mean_rotations(samples, samples.rotations.shape[2]),
             ROBUST,
             root=0,
             group="arm",
@@ -297,7 +296,7 @@ def test_embed_cached_features_do_not_change_result(monkeypatch):
         result = embed(
             samples,
             np.arange(4),
-            means_of(samples, samples.rotations.shape[2]),
+            mean_rotations(samples, samples.rotations.shape[2]),
             ROBUST,
             root=0,
             group="all",

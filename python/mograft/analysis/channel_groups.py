@@ -94,10 +94,7 @@ def restrict_rotations(quats: FloatArray, order: str, axes: str) -> FloatArray:
 
 
 def restrict_ends(
-    ends: Mapping[str, FloatArray],
-    joints: IntArray,
-    skeleton: Skeleton,
-    channels: DividedChannels,
+    ends: Mapping[str, FloatArray], joints: IntArray, skeleton: Skeleton, channels: DividedChannels
 ) -> Mapping[str, FloatArray]:
     """Return poses and velocities at the ends of segments, restricted to a group's channels.
 

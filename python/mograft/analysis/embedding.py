@@ -70,11 +70,9 @@ class Source(Protocol):
 
     def __len__(self) -> int:
         """Return the number of segments."""
-        ...
 
     def chunks(self) -> Iterator[Samples]:
         """Yield `CHUNK` segments at a time."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,33 +186,22 @@ def moments(samples: Samples) -> FloatArray:
     return _core.moments(samples.rows, (samples.n_samples, samples.n_joints))
 
 
-def mean_rotations(summed: FloatArray) -> FloatArray:
-    """Return the mean rotation of each joint, shape (n_joints, 4), from the sum of `moments`.
+def mean_rotations(samples: Source, n_joints: int) -> FloatArray:
+    """Return the mean rotation of each joint in all segments, shape (n_joints, 4).
 
     It is the unit quaternion with the largest Σ (q·mean)² and w ≥ 0, so the signs of the
     quaternions have no effect (Markley et al. 2007).
     """
+    summed = np.zeros((n_joints, 4, 4))
+    for part in samples.chunks():
+        summed += moments(part)
     means = np.linalg.eigh(summed)[1][..., -1]
     signed: FloatArray = np.where(means[:, 3:] < 0, -means, means)
     return signed
 
 
-def means_of(samples: Source, n_joints: int) -> FloatArray:
-    """Return the mean rotation of each joint in all segments, shape (n_joints, 4)."""
-    summed = np.zeros((n_joints, 4, 4))
-    for part in samples.chunks():
-        summed += moments(part)
-    return mean_rotations(summed)
-
-
 def embed(
-    samples: Source,
-    joints: IntArray,
-    means: FloatArray,
-    config: Config,
-    *,
-    root: int,
-    group: str,
+    samples: Source, joints: IntArray, means: FloatArray, config: Config, *, root: int, group: str
 ) -> Embedding | None:
     """Embed the segments of one joint group; `joints` are those whose rotations are features.
 
@@ -243,9 +230,22 @@ def embed(
             yield matrix
 
     n_rotations = 3 * config.samples * n_joints
-    half_turns = _HalfTurnCounter(n_rotations)
-    spread = Spread.of(map(half_turns.count, matrices()))
-    half_turns.warn(group)
+    n_near_half_turn = 0
+
+    def counted_matrices() -> Iterator[FloatArray]:
+        nonlocal n_near_half_turn
+        for matrix in matrices():
+            n_near_half_turn += _count_near_half_turn(matrix[:, :n_rotations])
+            yield matrix
+
+    spread = Spread.of(counted_matrices())
+    share = n_near_half_turn / max(n * config.samples * n_joints, 1)
+    if share > 0.001:
+        warnings.warn(
+            f"group {group}: {share:.1%} of its joint rotations are nearly a half turn from "
+            "the mean; similar segments may fall into different clusters",
+            stacklevel=2,
+        )
     # The last feature, the length, cannot tell segments apart alone: a clip at rest is cut
     # into equal parts.
     if n < 3 or (spread.deviation[:-1] < MIN_DEVIATION).all():
@@ -272,27 +272,8 @@ def embed(
     return replace(embedding, points=points)
 
 
-class _HalfTurnCounter:
-    """Count rotation vectors near the discontinuity, half a turn from the mean."""
-
-    def __init__(self, n_rotations: int) -> None:
-        self._n_rotations = n_rotations
-        self._n_near = self._n_total = 0
-
-    def count(self, matrix: FloatArray) -> FloatArray:
-        """Count those of a chunk, and return the chunk."""
-        vectors = matrix[:, : self._n_rotations].reshape(len(matrix), -1, 3)
-        squared = np.einsum("nvi,nvi->nv", vectors, vectors)
-        self._n_near += int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))
-        self._n_total += squared.size
-        return matrix
-
-    def warn(self, group: str) -> None:
-        """Warn if they are more than 0.1 % of all."""
-        share = self._n_near / max(self._n_total, 1)
-        if share > 0.001:
-            warnings.warn(
-                f"group {group}: {share:.1%} of its joint rotations are nearly a half turn from "
-                "the mean; similar segments may fall into different clusters",
-                stacklevel=3,
-            )
+def _count_near_half_turn(vectors: FloatArray) -> int:
+    """Count rotation vectors within 0.1 radians of their discontinuity, half a turn."""
+    vectors = vectors.reshape(len(vectors), -1, 3)
+    squared = np.einsum("nvi,nvi->nv", vectors, vectors)
+    return int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))

@@ -1,23 +1,7 @@
 """Names of body parts and the order of parts along a limb."""
 
-PARTS = (
-    "pelvis",
-    "trunk",
-    "neck",
-    "head",
-    "clavicle",
-    "upper_arm",
-    "forearm",
-    "hand",
-    "finger",
-    "thigh",
-    "shank",
-    "foot",
-    "toe",
-    "tail",
-    "other",
-)
 # Ordered from the body outwards: a part of a limb is never the child of a later one.
 ARM = ("clavicle", "upper_arm", "forearm", "hand", "finger")
 LEG = ("thigh", "shank", "foot", "toe")
+PARTS = ("pelvis", "trunk", "neck", "head", *ARM, *LEG, "tail", "other")
 OPPOSITE_SIDE = {"left": "right", "right": "left", "": ""}

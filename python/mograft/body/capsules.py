@@ -34,27 +34,13 @@ RADII: Mapping[str, float] = {
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """Capsules around the bones of a skeleton; created by `capsules`.
+    """Capsules around the bones of a skeleton; created by `capsules`."""
 
-    Attributes
-    ----------
-    joints : ndarray of int, shape (n_capsules,)
-        The joint of each capsule.
-    parts : tuple of str
-        Body part of each, as in `mograft.body.anatomy`.
-    sides : tuple of str
-        ``"left"``, ``"right"`` or ``""``.
-    bones : ndarray, shape (n_capsules, 3)
-        Vector from the joint to the other end, in the joint frame and the unit of the file.
-    radii : ndarray, shape (n_capsules,)
-        In the unit of the file.
-    """
-
-    joints: IntArray
-    parts: tuple[str, ...]
-    sides: tuple[str, ...]
-    bones: FloatArray
-    radii: FloatArray
+    joints: IntArray  # (n_capsules,)
+    parts: tuple[str, ...]  # body part of each, as in `Anatomy`
+    sides: tuple[str, ...]  # "left", "right" or ""
+    bones: FloatArray  # from the joint to the other end, in the joint frame, (n_capsules, 3)
+    radii: FloatArray  # in the unit of the file, as `bones`
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -79,19 +65,10 @@ class Capsules:
         return np.array(pairs, np.int64).reshape(-1, 2)
 
     def ends(self, world_rotations: FloatArray, world_positions: FloatArray) -> FloatArray:
-        """Return the end points of the capsules in some poses.
+        """Return both ends of each capsule, shape (n_frames, n_capsules, 2, 3).
 
-        Parameters
-        ----------
-        world_rotations : ndarray, shape (n_frames, n_joints, 4)
-            World rotations of the joints.
-        world_positions : ndarray, shape (n_frames, n_joints, 3)
-            World positions of the joints.
-
-        Returns
-        -------
-        ndarray, shape (n_frames, n_capsules, 2, 3)
-            Both ends of each capsule, in the unit of the file.
+        `world_rotations` has shape (n_frames, n_joints, 4), `world_positions` (n_frames, n_joints,
+        3).
         """
         return _core.capsule_ends(
             np.ascontiguousarray(world_rotations),
@@ -109,25 +86,14 @@ def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Ca
     skeleton : Skeleton
         The skeleton.
     radii : mapping of str to float, optional
-        Radii in skeleton heights by body part, replacing those of `RADII`; 0 omits a part.
+        Radii in skeleton heights by body part, replacing those of `RADII`; 0 omits a part. An
+        unknown part or a negative radius raises ValueError.
 
     Returns
     -------
     Capsules
         One per bone; a bone of length 0 gives a sphere. The capsule of a hand reaches to the tip
         of the longest finger. Joints of the face and markers have no capsule.
-
-    Raises
-    ------
-    ValueError
-        If a body part is unknown or a radius is negative.
-
-    Examples
-    --------
-    >>> names, offsets = ["Hips", "LeftUpLeg", "LeftLeg"], [[0, 0, 0], [9, 0, 0], [0, -40, 0]]
-    >>> skeleton = Skeleton(names, [-1, 0, 1], offsets)
-    >>> capsules(skeleton, {"pelvis": 0}).parts
-    ('thigh', 'shank')
     """
     changed = {} if radii is None else dict(radii)
     for part, radius in changed.items():
@@ -166,41 +132,14 @@ def clearance(
     at: IntArray | None = None,
     pairs: IntArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Return the distance between two sets of capsules in every frame.
+    """Return the distance between two sets of capsules in every frame, and the nearest pair.
 
-    Parameters
-    ----------
-    ends : ndarray, shape (n_frames, n, 2, 3)
-        Both ends of each capsule.
-    radii : ndarray, shape (n,)
-        Radii of the capsules.
-    others : ndarray, shape (n_other_frames, m, 2, 3)
-        Both ends of the capsules of the other set.
-    other_radii : ndarray, shape (m,)
-        Radii of the other set.
-    at : ndarray of int, shape (n_frames,), optional
-        Frame of `others` for each frame. Default: the same index, or the only frame.
-    pairs : ndarray of int, shape (n_pairs, 2), optional
-        Pairs of capsules to compare. Default: all pairs.
-
-    Returns
-    -------
-    distance : ndarray, shape (n_frames,)
-        Distance of the nearest pair; negative by the penetration depth, infinite without
-        pairs.
-    which : ndarray of int, shape (n_frames, 2)
-        The nearest pair; ties go to the first. -1 without pairs.
-
-    Notes
-    -----
-    Closest points of two segments after Ericson, Real-Time Collision Detection (2005), 5.1.9.
-
-    Examples
-    --------
-    >>> ends = np.array([[[[0.0, 0, 0], [1, 0, 0]]]])
-    >>> distance, which = clearance(ends, np.array([0.25]), ends + [0, 2, 0], np.array([0.5]))
-    >>> float(distance[0])
-    1.25
+    `ends` has shape (n_frames, n, 2, 3), `others` (n_other_frames, m, 2, 3). `at` gives for each
+    frame the frame of `others`; default: the same index, or the only frame. `pairs`, shape
+    (n_pairs, 2), are the pairs of capsules to compare; default: all. The distances, shape
+    (n_frames,), are negative by the penetration depth and infinite without pairs. The nearest
+    pairs, shape (n_frames, 2), are -1 without pairs; ties go to the first. Closest points of two
+    segments after Ericson, Real-Time Collision Detection (2005), 5.1.9.
     """
     if at is None:
         at = np.arange(len(ends)) if len(others) > 1 else np.zeros(len(ends), np.int64)
@@ -217,23 +156,11 @@ def clearance(
 def box_clearance(
     ends: FloatArray, radii: FloatArray, center: FloatArray, half: FloatArray, rotation: FloatArray
 ) -> FloatArray:
-    """Return the distance of capsules from a box.
+    """Return the distance of each capsule from a box in every frame, shape (n_frames, n).
 
-    Parameters
-    ----------
-    ends : ndarray, shape (n_frames, n, 2, 3)
-        Both ends of each capsule.
-    radii : ndarray, shape (n,)
-        Radii of the capsules.
-    center, half : ndarray, shape (3,)
-        Centre of the box and half its lengths along its axes.
-    rotation : ndarray, shape (4,)
-        Orientation of the box.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n)
-        Distances, negative by the penetration depth; exact to 1e-7 of the capsule length.
+    `ends` has shape (n_frames, n, 2, 3). `half` is half the lengths of the box along its axes and
+    `rotation` its orientation. Distances are negative by the penetration depth and exact to 1e-7 of
+    the capsule length.
     """
     return _core.box_clearance(
         np.ascontiguousarray(ends),

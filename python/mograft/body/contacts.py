@@ -80,10 +80,9 @@ def detect_contacts(motion: Motion) -> BoolArray:
     speed = point_speeds(points, motion.rate) / ground.height
     stands = low & (speed < _CONTACT_SPEED)
     slides = low & (speed < SLIDING_SPEED)
-    for leg in range(stands.shape[1]):
-        for point in range(2):
-            runs_kept = _remove_short_runs(stands[:, leg, point], motion.rate)
-            stands[:, leg, point] = _extend_runs(runs_kept, slides[:, leg, point])
+    for leg, point in np.ndindex(stands.shape[1:]):
+        runs_kept = _remove_short_runs(stands[:, leg, point], motion.rate)
+        stands[:, leg, point] = _extend_runs(runs_kept, slides[:, leg, point])
     return stands
 
 

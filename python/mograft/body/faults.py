@@ -117,9 +117,8 @@ def _frame_time(motion: Motion) -> Iterator[Fault]:
     seconds = motion.frame_time
     if _MIN_FRAME_TIME <= seconds < _MAX_FRAME_TIME:
         return
-    guess = ""
-    if seconds >= _MAX_FRAME_TIME:
-        guess = f"; a rate of {seconds:g} fps, or {seconds:g} ms?"
+    is_long = seconds >= _MAX_FRAME_TIME
+    guess = f"; a rate of {seconds:g} fps, or {seconds:g} ms?" if is_long else ""
     message = f"a frame lasts {seconds:g} s{guess}"
     yield Fault("frame_time", (0, motion.n_frames - 1), None, message)
 
@@ -147,9 +146,8 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     smaller_step = np.minimum(steps[1:], steps[:-1])
     out_and_back = (smaller_step > _GLITCH_RATIO * passing) & (smaller_step * rate > _GLITCH_SPEED)
     glitches = np.flatnonzero(out_and_back) + 1
-    is_teleport = (steps > _TELEPORT_RATIO * np.maximum(_median_around(steps), floor)) & (
-        steps * rate > _TELEPORT_SPEED
-    )
+    is_outlier = steps > _TELEPORT_RATIO * np.maximum(_median_around(steps), floor)
+    is_teleport = is_outlier & (steps * rate > _TELEPORT_SPEED)
     is_teleport[:1] &= not first
     is_teleport[glitches - 1] = is_teleport[glitches] = False
     for start, stop in find_runs(is_teleport).tolist():

@@ -96,8 +96,8 @@ def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
     found = found or {joint for joint, name in enumerate(names) if fnmatchcase(name, entry)}
     if not found:
         close = difflib.get_close_matches(entry, names, n=3)
-        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else "joints are "
-        hint += "" if close else ", ".join(names)
+        guess = f"did you mean {' or '.join(map(repr, close))}?"
+        hint = guess if close else f"joints are {', '.join(names)}"
         raise ValueError(f"group {group!r}: no joint is named {entry!r}; {hint}")
     return found
 

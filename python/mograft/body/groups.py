@@ -142,21 +142,13 @@ class JointGroups:
         """
         if name not in PRESETS:
             raise ValueError(f"`preset` must be one of {', '.join(PRESETS)}, got {name!r}")
-        found: dict[str, list[int]] = {group: [] for group in PRESETS[name]}
-        for joint, group in enumerate(_assign(skeleton, PRESETS[name])):
-            found[group].append(joint)
-        _check_parts(name, skeleton, found)
         count = Counter(skeleton.names)
-        entries = {
-            group: tuple(
-                skeleton.names[joint]
-                if count[skeleton.names[joint]] == 1 and _is_encodable(skeleton.names[joint])
-                else joint
-                for joint in joints
-            )
-            for group, joints in found.items()
-        }
-        return cls(entries, base="lower")
+        found: dict[str, list[Entry]] = {group: [] for group in PRESETS[name]}
+        for joint, group in enumerate(_assign(skeleton, PRESETS[name])):
+            label = skeleton.names[joint]
+            found[group].append(label if count[label] == 1 and _is_encodable(label) else joint)
+        _check_parts(name, skeleton, found)
+        return cls({group: tuple(entries) for group, entries in found.items()}, base="lower")
 
     def resolve(self, skeleton: Skeleton) -> dict[str, IntArray]:
         """Return the joints of each group.
@@ -349,7 +341,7 @@ def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
     return groups
 
 
-def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]) -> None:
+def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[Entry]]) -> None:
     """Raise ValueError if the skeleton lacks a body part of the preset."""
     known = anatomy(skeleton)
     missing = [] if known.joints("thigh", "shank", "foot") else ["legs"]

@@ -162,10 +162,8 @@ def part_of_words(words: tuple[str, ...]) -> str:
         (part for part, phrases in _PHRASES_OF_PART if any(phrase <= known for phrase in phrases)),
         "",
     )
-    if known & _FINGER_WORDS and found in ("", "hand"):
-        return "finger"
-    if known & _FINGER_WORDS and found == "foot":
-        return "toe"
+    if known & _FINGER_WORDS:
+        found = {"": "finger", "hand": "finger", "foot": "toe"}.get(found, found)
     if found == "shoulder" and "spine" in known:
         return "trunk"
     return found

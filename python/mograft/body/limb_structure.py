@@ -19,7 +19,7 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     n_joints = skeleton.n_joints
     parts, sides = [""] * n_joints, [""] * n_joints
     shape = _Shape.from_skeleton(skeleton)
-    pairs, axis = _mirrored_pairs(skeleton, shape)
+    pairs, axis = _mirrored_pairs(shape)
     longest = max((shape.length(a) for a, _ in pairs), default=0.0)
     # Eyes and breasts are mirrored pairs too, but short ones.
     limbs = [(a, b) for a, b in pairs if shape.length(a) >= 0.4 * longest]
@@ -27,7 +27,7 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     legs = limbs[0] if limbs else None
     arms = max(limbs[1:], key=lambda pair: shape.length(pair[0]), default=None)
     hips = int(skeleton.parents[legs[0]]) if legs else 0
-    for joint, part in _spine(skeleton, shape, axis, legs, arms):
+    for joint, part in _spine(shape, axis, legs, arms):
         parts[joint] = part
     for pair, roles, connector in ((legs, LEG, "pelvis"), (arms, ARM[1:], "clavicle")):
         for first in pair or ():
@@ -89,19 +89,13 @@ class _Shape:
             found.append(max(self.skeleton.children[found[-1]], key=self.length))
         return found
 
-    def bone_length(self, chain: list[int], index: int) -> float:
-        """Return the length of the bone below a joint of a chain."""
-        if index + 1 < len(chain):
-            return float(np.linalg.norm(self.skeleton.offsets[chain[index + 1]]))
-        return float(self.tips[chain[index]])
 
-
-def _mirrored_pairs(skeleton: Skeleton, shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
+def _mirrored_pairs(shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
     """Return mirrored pairs of limbs and the joints of the axis between them."""
     pairs: list[tuple[int, int]] = []
     axis = [0]
     for joint in axis:  # the loop extends the list
-        children = list(skeleton.children[joint])
+        children = list(shape.skeleton.children[joint])
         scores = sorted(
             (score, a, b)
             for a, b in combinations(children, 2)
@@ -136,23 +130,16 @@ def _limb(
 ) -> list[tuple[int, str]]:
     """Name the joints of a limb by the position of its upper and lower bone."""
     start, upper, lower = _long_bones(shape, chain, roles)
-    found = []
-    for index, joint in enumerate(chain):
-        if index < start:
-            part = connector
-        elif index <= upper:
-            part = roles[0]
-        elif index <= lower:
-            part = roles[1]
-        else:
-            part = roles[2 if index == lower + 1 else 3]
-        found.append((joint, part))
-    return found
+    parts = [connector] * start + [roles[0]] * (upper + 1 - start) + [roles[1]] * (lower - upper)
+    parts += [roles[2], *[roles[3]] * len(chain)]
+    return list(zip(chain, parts, strict=False))  # the chain is shorter
 
 
 def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tuple[int, int, int]:
     """Return the index where the upper part starts and those of upper and lower bone."""
-    lengths = [shape.bone_length(chain, index) for index in range(len(chain))]
+    # The bone of a joint ends at the next joint, the last one at an end site.
+    lengths = [float(np.linalg.norm(shape.skeleton.offsets[joint])) for joint in chain[1:]]
+    lengths.append(float(shape.tips[chain[-1]]))
     longest = max(lengths)
     # A joint without a bone, such as before a roll joint, belongs to the next one with a bone.
     bones = [index for index, length in enumerate(lengths) if length > 0.02 * longest]
@@ -169,13 +156,10 @@ def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tupl
 
 
 def _spine(
-    skeleton: Skeleton,
-    shape: _Shape,
-    axis: list[int],
-    legs: tuple[int, int] | None,
-    arms: tuple[int, int] | None,
+    shape: _Shape, axis: list[int], legs: tuple[int, int] | None, arms: tuple[int, int] | None
 ) -> list[tuple[int, str]]:
     """Name the axial joints: trunk up to the arms, then neck and head, and a tail."""
+    skeleton = shape.skeleton
     hips = int(skeleton.parents[legs[0]]) if legs else 0
     between = [child for child in axis if skeleton.parents[child] == hips]
     found: list[tuple[int, str]] = []

@@ -10,13 +10,7 @@ from mograft._util.arrays import FloatArray, make_read_only, set_fields
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.body_parts import ARM, LEG
 from mograft.body.hierarchy import subtree_mask
-from mograft.body.segment_masses import (
-    COLUMNS_OF_SEX,
-    ROD_CENTER,
-    ROD_GYRATION,
-    de_leva_masses,
-    normalise_weights,
-)
+from mograft.body.segment_masses import COLUMNS_OF_SEX, de_leva_masses, rod_masses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -116,9 +110,7 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
         mass, center, gyration = de_leva_masses(known, lengths, has_mass, COLUMNS_OF_SEX[sex])
     else:
         model = "rods"
-        mass = normalise_weights(np.where(has_mass, lengths, 0.0), has_mass)
-        center = np.full(skeleton.n_joints, ROD_CENTER)
-        gyration = np.full(skeleton.n_joints, ROD_GYRATION)
+        mass, center, gyration = rod_masses(lengths, has_mass)
     head = next(iter(known.joints("head") or known.joints("neck")[::-1]), None)
     feet = _feet(skeleton, known)
     height, height_from = _height(skeleton, known.hips, head, feet)

@@ -13,7 +13,7 @@ from mograft.body.body_parts import OPPOSITE_SIDE
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.motion.skeleton import EndSite, Skeleton
+from mograft.motion.skeleton import Skeleton
 
 _MAX_ASYMMETRY = 0.05
 """Maximum distance of a bone from the mirror image of its partner, in skeleton heights."""
@@ -90,20 +90,15 @@ def mirror(motion: Motion) -> Motion:
     skeleton, pair = motion.skeleton, image.pair
     quats, positions = np.empty_like(motion.rotations), np.empty_like(motion.positions)
     quats[:, pair] = image.mirror_rotations(motion.rotations)
-    positions[:, pair] = image.mirror_positions(motion.positions)
+    positions[:, pair] = image.mirror_vectors(motion.positions, image.parent_frame)
     offsets = np.empty_like(skeleton.offsets)
-    offsets[pair] = image.mirror_positions(skeleton.offsets)
-    sites = tuple(
-        replace(site, parent=int(pair[site.parent]), offset=image.mirror_end_site(site))
-        for site in skeleton.end_sites
-    )
-    mirrored = Skeleton(
-        skeleton.names,
-        skeleton.parents,
-        offsets,
-        skeleton.channels,
-        tuple(sorted(sites, key=lambda site: site.parent)),
-    )
+    offsets[pair] = image.mirror_vectors(skeleton.offsets, image.parent_frame)
+    sites = []
+    for site in skeleton.end_sites:
+        offset = image.mirror_vectors(site.offset, image.frame[site.parent])
+        sites.append(replace(site, parent=int(pair[site.parent]), offset=offset))
+    sites.sort(key=lambda site: site.parent)
+    mirrored = replace(skeleton, offsets=offsets, end_sites=tuple(sites))
     return replace(
         motion,
         skeleton=mirrored,
@@ -152,19 +147,12 @@ class _Reflection:
         from_parent = rotations.inverse(self.parent_frame)
         return rotations.multiply(rotations.multiply(from_parent, image), self.frame)
 
-    def mirror_positions(self, positions: FloatArray) -> FloatArray:
-        """Return the local translations of the partners."""
-        image = _reflect(positions, self.axis)
+    def mirror_vectors(self, vectors: FloatArray, frame: FloatArray) -> FloatArray:
+        """Return the vectors of the partners; `frame` belongs to the axes of the vectors."""
+        image = _reflect(vectors, self.axis)
         if self.is_symmetric:
             return image
-        return rotations.rotate(rotations.inverse(self.parent_frame), image)
-
-    def mirror_end_site(self, site: EndSite) -> FloatArray:
-        """Return the offset of the corresponding end site of the partner."""
-        image = _reflect(site.offset, self.axis)
-        if self.is_symmetric:
-            return image
-        return rotations.rotate(rotations.inverse(self.frame[site.parent]), image)
+        return rotations.rotate(rotations.inverse(frame), image)
 
 
 def _reflect(vectors: FloatArray, axis: int) -> FloatArray:

@@ -1,9 +1,8 @@
 """Segment masses of a human after de Leva (1996), and uniform rods for other skeletons."""
 
 import numpy as np
-import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import BoolArray, FloatArray
 from mograft.body.anatomy import Anatomy
 
 # de Leva 1996, with hips and neck as the proximal ends of trunk and head. Mass in % of body mass,
@@ -38,21 +37,31 @@ _SEGMENT_OF_PART = {
     "toe": "foot",
 }
 # Uniform rod about its middle: radius of gyration 1 / sqrt(12).
-ROD_CENTER, ROD_GYRATION = 0.5, 0.289
+_ROD_CENTER, _ROD_GYRATION = 0.5, 0.289
 # Columns of the table that are averaged.
 COLUMNS_OF_SEX = {"male": [0], "female": [1], "mean": [0, 1]}
 
 
-def normalise_weights(weights: FloatArray, members: npt.NDArray[np.bool_]) -> FloatArray:
-    """Return weights divided by their sum; equal weights if all are zero."""
+def rod_masses(
+    lengths: FloatArray, has_mass: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mass, centre of mass and radius of gyration of each joint's bone, a uniform rod.
+
+    The masses sum to 1 and are proportional to the lengths; they are equal if all lengths are 0.
+    """
+    weights = np.where(has_mass, lengths, 0.0)
     total = float(weights.sum())
-    return weights / total if total > 0 else members / max(int(members.sum()), 1)
+    mass = weights / total if total > 0 else has_mass / max(int(has_mass.sum()), 1)
+    return mass, np.full(len(lengths), _ROD_CENTER), np.full(len(lengths), _ROD_GYRATION)
 
 
 def de_leva_masses(
-    known: Anatomy, lengths: FloatArray, has_mass: npt.NDArray[np.bool_], columns: list[int]
+    known: Anatomy, lengths: FloatArray, has_mass: BoolArray, columns: list[int]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, centre of mass and radius of gyration of each joint's bone."""
+    """Return mass, centre of mass and radius of gyration of each joint's bone.
+
+    `columns` selects the columns of the table that are averaged, those of `COLUMNS_OF_SEX`.
+    """
     n_joints = len(lengths)
     members: dict[tuple[str, str], list[int]] = {}
     for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
@@ -69,14 +78,11 @@ def de_leva_masses(
             key = (receiver, "" if receiver == "trunk" else side)
             segment_mass[key] += float(np.mean([mass_percent[column] for column in columns]))
     mass = np.zeros(n_joints)
-    center = np.full(n_joints, ROD_CENTER)
-    gyration = np.full(n_joints, ROD_GYRATION)
+    _, center, gyration = rod_masses(lengths, has_mass)
     for (segment, side), joints in members.items():
         is_member = np.zeros(n_joints, dtype=bool)
         is_member[joints] = True
-        mass += segment_mass[segment, side] * normalise_weights(
-            np.where(is_member, lengths, 0.0), is_member
-        )
+        mass += segment_mass[segment, side] * rod_masses(lengths, is_member)[0]
         bones = [joint for joint in joints if lengths[joint] > 0]
         if len(bones) == 1:
             _, centers, gyrations = _DE_LEVA[segment]

@@ -49,12 +49,7 @@ class Poses:
     def from_motion(cls, motion: Motion, shape: Capsules | None = None) -> "Poses":
         """Return the world poses of all frames of a motion.
 
-        Parameters
-        ----------
-        motion : Motion
-            The motion.
-        shape : Capsules, optional
-            Capsules of the body. Default: `capsules` of the skeleton.
+        `shape` gives the capsules of the body; default: `capsules` of the skeleton.
         """
         skeleton = motion.skeleton
         world_rotations, positions = motion.world_transforms()

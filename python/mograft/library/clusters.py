@@ -8,7 +8,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import RestrictedSamples
 from mograft.analysis.clustering import cut, threshold
-from mograft.analysis.embedding import Embedding, Source, embed, means_of
+from mograft.analysis.embedding import Embedding, Source, embed, mean_rotations
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups
 from mograft.config import Config
@@ -57,7 +57,7 @@ def embed_groups(
     skeleton, root = spec.skeleton, spec.root
     members, held = groups.resolve(skeleton), groups.divided_channels(skeleton)
     report("comparing", 0, len(members))
-    means = means_of(samples, skeleton.n_joints)
+    means = mean_rotations(samples, skeleton.n_joints)
     embeddings: dict[str, Embedding | None] = {}
     for name, joints in members.items():
         compared = feature_joints(skeleton, joints)
@@ -71,7 +71,7 @@ def embed_groups(
         group_samples, group_means = samples, means
         if held[name]:
             group_samples = RestrictedSamples(samples, skeleton, held[name])
-            group_means = means_of(group_samples, skeleton.n_joints)
+            group_means = mean_rotations(group_samples, skeleton.n_joints)
         embeddings[name] = embed(
             group_samples, compared, group_means, config, root=root, group=name
         )
