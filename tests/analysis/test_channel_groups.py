@@ -37,23 +37,22 @@ AXES = st.sampled_from(["X", "Y", "Z", "ZX", "XY", "ZY"])
 
 
 @given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
-def test_transplant_divided_joint_changes_only_held_channels(lengths, seed, axes, seam):
+def test_transplant_divided_joint_changes_only_channels_of_group(lengths, seed, axes, seam):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = random_star_clip(rng, cut)
     donors = cut[rng.integers(0, len(cut), len(cut))]
-    held = {3: axes}
-    group = GraftedGroup(np.array([1, 3]), held=held)
+    group = GraftedGroup(np.array([1, 3]), held={3: axes})
     part = transplant(base, cut, donors, [base], group, Config(seam=seam))
     new = recombine(base, [part], "new")
-    own = [
+    base_columns = [
         column
         for column, name in zip(
             base.skeleton.channel_columns[3], base.skeleton.channels[3], strict=True
         )
         if name[0] not in axes
     ]
-    others = [c for j in (0, 2) for c in base.skeleton.channel_columns[j]] + own
+    others = [c for j in (0, 2) for c in base.skeleton.channel_columns[j]] + base_columns
     np.testing.assert_array_equal(new.channel_numbers()[:, others], base.channel_values[:, others])
     # The channel values agree with the rotations.
     order = base.skeleton.rotation_order(3)
@@ -65,7 +64,7 @@ def test_transplant_divided_joint_changes_only_held_channels(lengths, seed, axes
 
 
 @given(SEGMENT_LENGTHS, SEEDS, AXES, st.sampled_from(SEAM_TREATMENTS.names))
-def test_transplant_own_donors_keep_every_bit(lengths, seed, axes, seam):
+def test_transplant_base_segments_as_donors_keeps_every_bit(lengths, seed, axes, seam):
     cut = tile_segments(lengths)
     base = random_star_clip(np.random.default_rng(seed), cut)
     joints = np.array([1, 3])
@@ -95,10 +94,10 @@ def test_transplant_single_channel_equals_translation_blending(lengths, seed):
     seams = timeline.find_seams([track])
     layout = DonorLayout(timeline, [], [track], seams, Config())
     times = timeline.frame_times()
-    plain = timeline.merge_frames(layout.close_at(TRANSLATIONS, times))[:, 0, 0]
-    found = part.angles[3, "Y"]
-    found = np.where(np.isnan(found), angle, found)
-    np.testing.assert_allclose(np.sin((found - plain) / 2), 0.0, atol=1e-6)
+    expected = timeline.merge_frames(layout.close_at(TRANSLATIONS, times))[:, 0, 0]
+    blended = part.angles[3, "Y"]
+    blended = np.where(np.isnan(blended), angle, blended)
+    np.testing.assert_allclose(np.sin((blended - expected) / 2), 0.0, atol=1e-6)
 
 
 @given(SEEDS, AXES, st.booleans())
@@ -139,19 +138,19 @@ def test_restrict_rotations_product_of_axes_is_whole_rotation(seed, order):
 
 def test_merge_axes_inverts_split_axes():
     base = random_star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
-    held = {2: "ZY", 3: "X"}
-    found = merge_axes(split_axes(base, held), held)
-    assert list(found) == [(2, "Z"), (2, "Y"), (3, "X")]
-    for (joint, axis), own in found.items():
+    channels = {2: "ZY", 3: "X"}
+    angles = merge_axes(split_axes(base, channels), channels)
+    assert list(angles) == [(2, "Z"), (2, "Y"), (3, "X")]
+    for (joint, axis), angle in angles.items():
         column = base.skeleton.rotation_order(joint).index(axis)
-        off = own - euler_angles(base, joint)[:, column]
-        np.testing.assert_allclose(np.sin(off / 2), 0.0, atol=1e-12)
+        difference = angle - euler_angles(base, joint)[:, column]
+        np.testing.assert_allclose(np.sin(difference / 2), 0.0, atol=1e-12)
 
 
 @pytest.fixture(scope="module")
 def motion():
-    own = dance(seed=1, strides=1).motion[:600]
-    return replace(own, channel_values=own.channel_numbers())
+    clip = dance(seed=1, strides=1).motion[:600]
+    return replace(clip, channel_values=clip.channel_numbers())
 
 
 def divide_joints(skeleton, axis="Y"):
@@ -171,14 +170,14 @@ def test_graft_single_channel_group_changes_only_its_channels(motion):
     changed = (new.motion.channel_numbers() != motion.channel_values).any(axis=0)
     names = [
         f"{joint}.{channel}"
-        for joint, own in zip(motion.skeleton.names, motion.skeleton.channels, strict=True)
-        for channel in own
+        for joint, channels in zip(motion.skeleton.names, motion.skeleton.channels, strict=True)
+        for channel in channels
     ]
-    changed_names = {name for name, moves in zip(names, changed, strict=True) if moves}
+    changed_names = {name for name, is_changed in zip(names, changed, strict=True) if is_changed}
     assert changed_names <= {"LeftForeArm.Yrotation", "Spine.Yrotation"}
     assert changed_names
-    again = JointGroups.from_toml(groups.to_toml())
-    assert again.divided_channels(motion.skeleton) == groups.divided_channels(motion.skeleton)
+    restored = JointGroups.from_toml(groups.to_toml())
+    assert restored.divided_channels(motion.skeleton) == groups.divided_channels(motion.skeleton)
 
 
 @pytest.mark.filterwarnings("ignore:group")
@@ -195,9 +194,9 @@ def test_library_base_clusters_ignore_channels_of_other_groups(motion):
     )
     other = replace(motion, rotations=quats, channel_values=turned)
     config = Config(inertia="unit")
-    own, twin = (Library.build(m, divide_joints(m.skeleton), config) for m in (motion, other))
-    if np.array_equal(own.segments.start, twin.segments.start):
-        np.testing.assert_array_equal(own.labels["body"], twin.labels["body"])
+    a, b = (Library.build(m, divide_joints(m.skeleton), config) for m in (motion, other))
+    if np.array_equal(a.segments.start, b.segments.start):
+        np.testing.assert_array_equal(a.labels["body"], b.labels["body"])
     assert library.embedding["roll"] is not None
 
 
@@ -209,19 +208,19 @@ def test_divided_channels_cover_each_joint_once(seed):
     owner = {("b", axis): int(rng.integers(2)) for axis in "XYZ"}
     groups = JointGroups(
         {
-            name: [own, *(f"b.{axis}rotation" for (_, axis), g in owner.items() if g == index)]
-            for index, (name, own) in enumerate({"one": "a", "two": "c"}.items())
+            name: [joint, *(f"b.{axis}rotation" for (_, axis), g in owner.items() if g == index)]
+            for index, (name, joint) in enumerate({"one": "a", "two": "c"}.items())
         },
         base="one",
     )
-    held = groups.divided_channels(skeleton)
-    axes = ["".join(sorted(own.get(1, ""))) for own in held.values()]
+    divided = groups.divided_channels(skeleton)
+    axes = ["".join(sorted(channels.get(1, ""))) for channels in divided.values()]
     if len(set(owner.values())) == 1:  # one group holds all channels: the joint is not divided
         assert axes == ["", ""]
     else:
         assert sorted("".join(axes)) == ["X", "Y", "Z"]
-    whole = groups.resolve(skeleton)
-    assert {int(j) for own in whole.values() for j in own} == {0, 1, 2}
+    resolved = groups.resolve(skeleton)
+    assert {int(j) for joints in resolved.values() for j in joints} == {0, 1, 2}
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ COORDINATES = {
 
 @st.composite
 def clouds(draw, max_points=40, kinds=tuple(COORDINATES)):
-    """Points of few axes: scattered, with ties, nearly equal or repeated."""
+    """Points of few axes: random, with ties, nearly equal or repeated."""
     elements = COORDINATES[draw(st.sampled_from(kinds))]
     shape = (draw(st.integers(2, max_points)), draw(st.integers(1, 8)))
     points = draw(npst.arrays(np.float64, shape, elements=elements))
@@ -67,8 +67,8 @@ def greedy(points):
         )
         clusters[low] = (n + len(rows) - 1, size_a + size_b)
         for other in clusters.keys() - {low}:
-            pair, gone = tuple(sorted((low, other))), tuple(sorted((high, other)))
-            gaps[pair] = max(gaps[pair], gaps[gone])
+            pair, merged_pair = tuple(sorted((low, other))), tuple(sorted((high, other)))
+            gaps[pair] = max(gaps[pair], gaps[merged_pair])
         gaps[high, :] = gaps[:, high] = gaps[low, high] = np.inf
     return np.array(rows).reshape(-1, 4)
 
@@ -86,7 +86,7 @@ def by_first_appearance(labels):
 
 
 @st.composite
-def scattered(draw, max_points=200):
+def clouds_without_ties(draw, max_points=200):
     """Points whose pairwise distances are all different."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     shape = draw(st.integers(2, max_points)), draw(st.integers(1, 20))
@@ -110,13 +110,13 @@ def test_linkage_any_threads_and_memory_limit_gives_one_valid_tree(points, resou
     assert hierarchy.is_monotonic(tree)
 
 
-@given(scattered(), RESOURCES)
+@given(clouds_without_ties(), RESOURCES)
 def test_linkage_distinct_distances_equals_scipy(points, resources):
     expected = hierarchy.complete(pdist(points))
     np.testing.assert_array_equal(mg.linkage(points, **resources), expected)
 
 
-@given(scattered(max_points=60), st.integers(1, 10))
+@given(clouds_without_ties(max_points=60), st.integers(1, 10))
 def test_complete_linkage_n_clusters_equals_scipy(points, k):
     k = min(k, len(points))
     labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
@@ -124,7 +124,7 @@ def test_complete_linkage_n_clusters_equals_scipy(points, k):
     np.testing.assert_array_equal(labels, by_first_appearance(expected))
 
 
-@given(scattered(max_points=60), RESOURCES, st.floats(0, 1))
+@given(clouds_without_ties(max_points=60), RESOURCES, st.floats(0, 1))
 def test_cut_between_heights_equals_scipy(points, resources, quantile):
     tree = hierarchy.complete(pdist(points))
     heights = np.concatenate([[0.0], tree[:, 2]])
@@ -159,7 +159,7 @@ def test_linkage_cophenetic_distance_at_least_distance(points):
     assert (hierarchy.cophenet(mg.linkage(points)) >= pdist(points)).all()
 
 
-@given(scattered(max_points=60), st.randoms(use_true_random=False))
+@given(clouds_without_ties(max_points=60), st.randoms(use_true_random=False))
 def test_linkage_permuted_points_same_cophenetic_distances(points, random):
     order = random.sample(range(len(points)), len(points))
     original = squareform(hierarchy.cophenet(mg.linkage(points)))
@@ -175,7 +175,7 @@ def test_linkage_points_scaled_by_power_of_two_scales_heights(points, exponent):
     np.testing.assert_array_equal(scaled[:, 2], np.ldexp(tree[:, 2], exponent))
 
 
-@given(scattered(max_points=60), st.integers(0, 2**32), st.floats(-100, 100))
+@given(clouds_without_ties(max_points=60), st.integers(0, 2**32), st.floats(-100, 100))
 def test_cut_rotated_and_translated_points_same_labels(points, seed, shift):
     axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(points.shape[1],) * 2))[0]
     heights = np.unique(mg.linkage(points)[:, 2])
@@ -186,7 +186,7 @@ def test_cut_rotated_and_translated_points_same_labels(points, seed, shift):
     np.testing.assert_array_equal(mg.cut(moved, diameter), mg.cut(points, diameter))
 
 
-@given(scattered(max_points=40), st.floats(1.5, 100))
+@given(clouds_without_ties(max_points=40), st.floats(1.5, 100))
 def test_threshold_scaled_points_rms_scales_linearly_literal_by_square_root(points, factor):
     assume(np.abs(points).max() < 1e3)
     for kind, power in (("rms", 1.0), ("literal", 0.5)):
@@ -232,13 +232,13 @@ def difficult_clouds(n):
     """Large clouds, each difficult for the algorithm in another way."""
     rng = np.random.default_rng(n)
     white = rng.standard_normal((n, 10))
-    yield "scattered", white
+    yield "normal", white
     yield "lattice", np.round(2 * white)
     yield "repeated", white[rng.integers(0, n // 2, n)]
     yield "clump", np.where(np.arange(n)[:, None] % 2, white, 1e-9 * white)
     yield "scale-free", white * 10.0 ** (-8 * rng.random((n, 1)))
     yield "tails", rng.standard_cauchy((n, 10))
-    yield "far off", white + 1e8
+    yield "far from the origin", white + 1e8
 
 
 def assert_resources_do_not_matter(n):

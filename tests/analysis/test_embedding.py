@@ -315,10 +315,10 @@ warnings.simplefilter("ignore")
 
 def digests(library):
     found = {}
-    for group, own in library.embedding.items():
-        if own is None:
+    for group, e in library.embedding.items():
+        if e is None:
             continue
-        arrays = (own.points, own.components, own.variances, own.mean, own.scale)
+        arrays = (e.points, e.components, e.variances, e.mean, e.scale)
         content = b"".join(array.tobytes() for array in (*arrays, library.labels[group]))
         found[group] = hashlib.sha256(content).hexdigest()
     return found

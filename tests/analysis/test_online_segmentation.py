@@ -74,8 +74,8 @@ def test_online_segmenter_without_extrema_cuts_at_max_length():
 def test_online_segmenter_long_dance_holds_limited_history():
     motion = dance(seed=3, strides=1).motion
     segmenter = OnlineSegmenter(motion.rate, mg.Config())
-    most = 0
+    n_held = 0
     for energy in mg.kinetic_energy(motion):
         segmenter.push(np.array([energy]))
-        most = max(most, len(segmenter._energies))
-    assert most < 400 < motion.n_frames
+        n_held = max(n_held, len(segmenter._energies))
+    assert n_held < 400 < motion.n_frames
