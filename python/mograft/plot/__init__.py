@@ -6,8 +6,7 @@ Each function draws into the given axes, or into new ones, and returns them. The
 
 from mograft.io.palette import PALETTE
 from mograft.plot.cluster_plots import clusters, dendrogram, pca
-from mograft.plot.energy_curve import energy
 from mograft.plot.pose_strip import strip
-from mograft.plot.segment_timeline import timeline
+from mograft.plot.time_plots import energy, timeline
 
 __all__ = ["PALETTE", "clusters", "dendrogram", "energy", "pca", "strip", "timeline"]

@@ -6,14 +6,13 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.clustering import linkage
+from mograft.analysis.embedding import Embedding
 from mograft.io.palette import PALETTE
 from mograft.library.library import Library
 from mograft.plot.figure_axes import cluster_colour, ensure_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["clusters", "dendrogram", "pca"]
 
 _MAX_NUMBERED_CLUSTERS = 12
 _MAX_TICKS = 40
@@ -51,7 +50,8 @@ def pca(
     ImportError
         If matplotlib is not installed.
     """
-    name, points, labels = _points(library, group)
+    name, embedding, labels = _embedding(library, group)
+    points = embedding.points
     for component in components:
         if not 1 <= component <= points.shape[1]:
             raise ValueError(f"`components` must be 1 to {points.shape[1]}, got {component}")
@@ -68,10 +68,7 @@ def pca(
             middle = (np.median(x[labels == label]), np.median(y[labels == label]))
             box = background | {"alpha": 0.75}
             axes.annotate(str(label), middle, fontsize=8, ha="center", va="center", bbox=box)
-    embedding = library.embedding[name]
-    share = np.zeros(len(points[0]))
-    if embedding is not None:
-        share = embedding.variances / embedding.variances.sum()
+    share = embedding.variances / embedding.variances.sum()
     axes.set_xlabel(f"component {components[0]} ({100 * share[components[0] - 1]:.0f} %)")
     axes.set_ylabel(f"component {components[1]} ({100 * share[components[1] - 1]:.0f} %)")
     axes.set_aspect("equal", adjustable="datalim")
@@ -106,7 +103,8 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
     ImportError
         If matplotlib is not installed.
     """
-    name, points, labels = _points(library, group)
+    name, embedding, labels = _embedding(library, group)
+    points = embedding.points
     axes = ensure_axes(ax, (10, 4))
     from matplotlib.collections import LineCollection
 
@@ -207,7 +205,8 @@ def _labels(library: Library, group: str | None) -> tuple[str, IntArray]:
     return name, library.labels[name]
 
 
-def _points(library: Library, group: str | None) -> tuple[str, FloatArray, IntArray]:
+def _embedding(library: Library, group: str | None) -> tuple[str, Embedding, IntArray]:
+    """Return a group with its embedding, and the clusters of the points of the embedding."""
     name, labels = _labels(library, group)
     embedding = library.embedding[name]
     if embedding is None or len(embedding.points) < 2:
@@ -215,4 +214,4 @@ def _points(library: Library, group: str | None) -> tuple[str, FloatArray, IntAr
             f"group {name!r} has no embedding: a library needs at least two segments for one"
         )
     # The segments of a base that was added for a graft have labels, but no points.
-    return name, embedding.points, labels[: len(embedding.points)]
+    return name, embedding, labels[: len(embedding.points)]

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["axes_width", "cluster_colour", "ensure_axes"]
-
 _GOLDEN_ANGLE_DEGREES = 137.508
 
 

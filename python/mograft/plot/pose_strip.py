@@ -17,8 +17,6 @@ from mograft.viewing.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["strip"]
-
 _VIEW_DEGREES = 35.0
 
 

@@ -13,8 +13,6 @@ from mograft.motion.motion import Motion
 from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.scene import Figure, Scene, TimelineRow
 
-__all__ = ["MAX_NODE_POSITIONS", "encode_scene", "quantize"]
-
 MAX_NODE_POSITIONS = 6_000_000
 """Node positions in a page; of longer motions only every n-th frame is stored."""
 
@@ -25,19 +23,10 @@ _CURVE_SMOOTHING_SECONDS = 0.07
 
 
 def encode_scene(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> dict[str, Any]:
-    """Return a scene as the page's script reads it.
+    """Return a scene as the page's script reads it: values that JSON can represent.
 
-    Parameters
-    ----------
-    scene : Scene
-        The figures.
-    max_positions : int
-        Maximum number of node positions; of longer motions only every n-th frame is stored.
-
-    Returns
-    -------
-    dict
-        Values that JSON can represent. Positions have y up.
+    Positions have y up. If there are more than `max_positions` node positions, only every n-th
+    frame is stored.
     """
     skeletons = [DrawnSkeleton.of(figure.motion) for figure in scene.figures]
     total = sum(each.positions.shape[0] * each.positions.shape[1] for each in skeletons)
@@ -89,27 +78,13 @@ def _encode_figure(
 
 
 def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, FloatArray, bytes]:
-    """Return node positions relative to the root as 16-bit integers, in second differences.
+    """Return the quantization step, the root path (n_frames, 3) in float32, and the other nodes.
 
-    Parameters
-    ----------
-    positions : ndarray, shape (n_frames, n_nodes, 3)
-        World positions of the nodes.
-    root : int
-        The node that the positions are relative to.
-    height : float
-        Height of the body; the quantization step is at least a ten-thousandth of it.
-
-    Returns
-    -------
-    unit : float
-        The quantization step. The error of a position is at most half of it.
-    path : ndarray, shape (n_frames, 3)
-        World positions of the root in float32.
-    pose : bytes
-        Second differences in time of the integers, track by track. Differences are mapped to
-        unsigned integers, even for positive and odd for negative ones; all low bytes precede
-        all high bytes. zlib compresses this order best.
+    World positions (n_frames, n_nodes, 3) relative to node `root` become 16-bit multiples of the
+    step, which is at least a ten-thousandth of the body height; the error is at most half a step.
+    The bytes are their second differences in time, track by track, as unsigned integers, even for
+    positive and odd for negative ones; all low bytes precede all high bytes, as zlib compresses
+    this order best.
     """
     path = positions[:, root].astype(np.float32).astype(np.float64)
     relative = positions - path[:, None]
@@ -130,39 +105,25 @@ def _compress(data: bytes) -> str:
 
 
 def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
-    n = len(row.start)
-    is_grafted = bool(row.donor_clips)
-    source = [-1] * n
+    source = [-1] * len(row.start)
     for part in np.flatnonzero(row.is_exchanged).tolist():
         source[part] = donors.setdefault(row.donor_clips[part], len(donors))
-    angles: list[list[float | None]] = [
-        [None if np.isnan(angle) else round(float(angle), 2) for angle in pair]
-        for pair in row.seam_angles
-    ]
-    encoded = {
+    before, after = (
+        [None if np.isnan(angle) else round(float(angle), 2) for angle in angles]
+        for angles in row.seam_angles.T
+    )
+    return {
         "group": row.group,
-        "grafted": is_grafted,
+        "grafted": bool(row.donor_clips),
         "start": row.start.tolist(),
         "stop": row.stop.tolist(),
         "cluster": row.cluster.tolist(),
         "source": source,
-    }
-    if not is_grafted:
-        zeros, nothing = [0] * n, [None] * n
-        return encoded | {
-            "first": zeros,
-            "last": zeros,
-            "stretch": [0.0] * n,
-            "before": nothing,
-            "after": nothing,
-            "others": nothing,
-        }
-    return encoded | {
         "first": row.donor_start.tolist(),
         "last": row.donor_stop.tolist(),
         "stretch": np.round(row.stretch, 4).tolist(),
-        "before": [pair[0] for pair in angles],
-        "after": [pair[1] for pair in angles],
+        "before": before,
+        "after": after,
         "others": [None if count < 0 else count for count in row.n_alternatives.tolist()],
     }
 

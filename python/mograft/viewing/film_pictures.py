@@ -19,25 +19,17 @@ if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
     from PIL.ImageFont import FreeTypeFont, ImageFont
 
-__all__ = ["draw_pictures"]
-
 _SUPERSAMPLING = 2
 """Pictures are drawn larger by this factor and reduced, which makes lines smooth."""
 
-_LIGHT_COLOURS = {
-    "paper": "#fbfbfa",
-    "line": "#dfe0dc",
-    "shadow": "#d3d4d0",
-    "text": "#1d1f23",
-    "clock": "#65696f",
+_COLOURS = {
+    "paper": ("#fbfbfa", "#16181b"),
+    "line": ("#dfe0dc", "#2c3036"),
+    "shadow": ("#d3d4d0", "#0c0d0f"),
+    "text": ("#1d1f23", "#e9eaec"),
+    "clock": ("#65696f", "#a0a5ad"),
 }
-_DARK_COLOURS = {
-    "paper": "#16181b",
-    "line": "#2c3036",
-    "shadow": "#0c0d0f",
-    "text": "#e9eaec",
-    "clock": "#a0a5ad",
-}
+"""Colours on a light and on a dark background."""
 
 # Lengths in body heights, angles in degrees.
 _CAMERA_DISTANCE = 5.0
@@ -59,29 +51,14 @@ def draw_pictures(
     *,
     dark: bool,
 ) -> "Iterator[Image]":
-    """Draw motions side by side, frame by frame; shorter ones keep their last frame.
+    """Draw motions side by side, one picture per frame; shorter ones keep their last frame.
 
-    Parameters
-    ----------
-    motions : sequence of Motion
-        The motions, all at `rate`.
-    rate : float
-        Pictures per second, for the clock.
-    size : tuple of int
-        Width and height in pixels.
-    groups : JointGroups or str, optional
-        Joint groups that set the colours.
-    dark : bool
-        Whether to draw light colours on a dark background.
-
-    Yields
-    ------
-    PIL.Image.Image
-        One picture per frame of the longest motion.
+    All motions have `rate` frames per second. `size` is width and height in pixels, `groups` set
+    the colours of the bones; `dark` selects light colours on a dark background.
     """
     from PIL import Image, ImageDraw, ImageFont
 
-    colours = _DARK_COLOURS if dark else _LIGHT_COLOURS
+    colours = {name: pair[int(dark)] for name, pair in _COLOURS.items()}
     width, height = (_SUPERSAMPLING * side for side in size)
     edges = np.linspace(0, width, len(motions) + 1).round().astype(int).tolist()
     panels = [

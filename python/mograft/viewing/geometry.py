@@ -10,8 +10,6 @@ from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-__all__ = ["DrawnSkeleton", "node_parents", "node_positions"]
-
 _MAX_TIPS = 12
 
 _BONE_WIDTHS = {
@@ -37,31 +35,15 @@ _DETAIL_WIDTH = 0.4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrawnSkeleton:
-    """Nodes of a motion, which are its joints followed by its end sites.
+    """Nodes of a motion, which are its joints followed by its end sites."""
 
-    Attributes
-    ----------
-    positions : ndarray, shape (n_frames, n_nodes, 3)
-        World positions of the nodes in the unit of the motion, with y up.
-    parents : list of int
-        The node at which the bone of each node begins; -1 if the node has no bone.
-    root : int
-        The joint that moves the body through the world.
-    height, floor : float
-        Height of the body, and height of the floor.
-    widths : list of float
-        Width of each node's bone; 1 is about a fiftieth of the height.
-    tips : list of int
-        The nodes at the ends of the limbs, fingers excepted; at most 12.
-    """
-
-    positions: FloatArray
-    parents: list[int]
-    root: int
-    height: float
-    floor: float
-    widths: list[float]
-    tips: list[int]
+    positions: FloatArray  # World, (n_frames, n_nodes, 3), in the unit of the motion, y up.
+    parents: list[int]  # The node at which the bone of each node begins; -1 without a bone.
+    root: int  # The joint that moves the body through the world.
+    height: float  # Of the body.
+    floor: float  # Height of the floor.
+    widths: list[float]  # Of each node's bone; 1 is about a fiftieth of the body height.
+    tips: list[int]  # The nodes at the ends of the limbs, fingers excepted; at most 12.
 
     @classmethod
     def of(cls, motion: Motion) -> "DrawnSkeleton":

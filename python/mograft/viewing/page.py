@@ -23,8 +23,6 @@ from mograft.synthesis.graft_result import Graft
 from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
 from mograft.viewing.scene import Scene
 
-__all__ = ["Page", "iframe_html", "notebook_view", "view"]
-
 _MAX_NOTEBOOK_POSITIONS = 300_000
 """Node positions in the page of a notebook cell, which is saved with the notebook."""
 
@@ -38,7 +36,7 @@ class Page:
     Attributes
     ----------
     title : str
-        The title.
+        The title as plain text.
     html : str
         The page.
     """
@@ -133,54 +131,29 @@ def view(
     scene = Scene.of(loaded, groups)
     page_title = title or " and ".join(figure.name for figure in scene.figures[:3])
     page = viewer_page(scene, page_title)
-    if (_is_terminal() if show is None else show) and not page.open():
+    if show is None:
+        is_terminal = sys.stdout is not None and sys.stdout.isatty()
+        show = is_terminal and "ipykernel" not in sys.modules
+    if show and not page.open():
         print("mograft: no browser found; save the page with .save(path)", file=sys.stderr)
     return page
 
 
 def viewer_page(scene: Scene, title: str, max_positions: int = MAX_NODE_POSITIONS) -> Page:
-    """Return a page that consists of the viewer.
-
-    Parameters
-    ----------
-    scene : Scene
-        What to show.
-    title : str
-        Title of the page.
-    max_positions : int
-        Maximum number of node positions; of longer motions only every n-th frame is stored.
-
-    Returns
-    -------
-    Page
-        The page.
-    """
+    """Return a page that consists of the viewer; `max_positions` is that of `encode_scene`."""
     return assemble_page(title, viewer_html(scene, max_positions), "alone")
 
 
 def notebook_view(item: Motion | Graft) -> str:
-    """Return a motion or graft as notebooks show it, long motions with fewer frames.
-
-    Parameters
-    ----------
-    item : Motion or Graft
-        What to show.
-
-    Returns
-    -------
-    str
-        HTML of at most about two megabytes.
-    """
+    """Return the HTML of a notebook cell, at most about two megabytes: long motions lose frames."""
     scene = Scene.of([item])
-    return iframe_html(
-        viewer_page(scene, scene.figures[0].name, _MAX_NOTEBOOK_POSITIONS).html,
-        scene.figures[0].name,
-    )
+    name = scene.figures[0].name
+    return iframe_html(viewer_page(scene, name, _MAX_NOTEBOOK_POSITIONS).html, name)
 
 
 def viewer_html(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> str:
     """Return the viewer of a scene as HTML; a page can contain one viewer."""
-    return f"{_asset('viewer.html')}\n{embed_json(encode_scene(scene, max_positions))}"
+    return f"{asset('viewer.html')}\n{embed_json(encode_scene(scene, max_positions))}"
 
 
 def assemble_page(
@@ -188,28 +161,13 @@ def assemble_page(
 ) -> Page:
     """Return a page whose content security policy allows one script and one style sheet.
 
-    Parameters
-    ----------
-    title : str
-        The title as plain text.
-    body : str
-        The content as HTML.
-    kind : {"alone", "report"}
-        ``"alone"`` if the viewer fills the page.
-    style : str
-        Additional style sheet.
-    script : str, optional
-        The script. Default: that of the viewer.
-
-    Returns
-    -------
-    Page
-        The page.
+    `title` is plain text, `body` HTML, `kind` ``"report"``, or ``"alone"`` if the viewer fills
+    the page. `style` is added to the style sheet of the viewer; `script` replaces its script.
     """
     # A name in a file may contain a lone surrogate, which UTF-8 cannot encode.
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
-    script = _asset("viewer.js") if script is None else script
-    sheet = _asset("viewer.css") + style
+    script = asset("viewer.js") if script is None else script
+    sheet = asset("viewer.css") + style
     # Second line of defence against names from files that contain HTML: the browser runs only
     # this script and loads nothing.
     policy = (
@@ -229,21 +187,9 @@ def assemble_page(
 
 
 def iframe_html(page: str, title: str, height: int = 620) -> str:
-    """Return a page as an ``iframe``, as notebooks show it.
+    """Return a page as an ``iframe``, whose sandbox isolates it from the notebook.
 
-    Parameters
-    ----------
-    page : str
-        The page.
-    title : str
-        Description for screen readers.
-    height : int
-        Height in pixels.
-
-    Returns
-    -------
-    str
-        An ``iframe`` whose sandbox isolates the page from the notebook.
+    `title` is the description for screen readers, `height` is in pixels.
     """
     return (
         f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(page)}" '
@@ -262,12 +208,6 @@ def open_file(path: Path) -> bool:
     return webbrowser.open(path.resolve().as_uri())
 
 
-def _is_terminal() -> bool:
-    if "ipykernel" in sys.modules:
-        return False
-    return sys.stdout is not None and sys.stdout.isatty()
-
-
 def embed_json(values: dict[str, Any]) -> str:
     """Return values as a JSON script element; no text in them can close the element."""
     text = json.dumps(values, separators=(",", ":"), ensure_ascii=True)
@@ -281,5 +221,6 @@ def _digest(text: str) -> str:
 
 
 @cache
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """Return the text of a file of this package without surrounding white space."""
     return files("mograft.viewing").joinpath(name).read_text(encoding="utf-8").strip()

@@ -16,56 +16,17 @@ from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 from mograft.search.costs import length_fits
 from mograft.synthesis.graft_result import Graft
-from mograft.viewing.page import Page, assemble_page, viewer_html
+from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
-
-__all__ = ["report_page"]
 
 _MAX_SHOWN = 4
 """Grafts in the viewer; more would be too small."""
 
-REPORT_STYLE = """
-.report main { max-width: 1180px; margin: 0 auto; padding: 20px 20px 60px; }
-.report h1 { font-size: 26px; line-height: 1.2; margin: 8px 0 4px; overflow-wrap: anywhere; }
-.report h2 { font-size: 18px; margin: 34px 0 8px; }
-.report .lead { color: var(--faint); margin: 0 0 18px; font-size: 15px; }
-.report .viewer { height: 78vh; min-height: 560px; border: 1px solid var(--line);
-  border-radius: 10px; overflow: hidden auto; }
-@media (max-width: 600px) {
-  .report main { padding-inline: 12px; }
-  .report .viewer { height: auto; }
-  .report .viewer .stage { min-height: 470px; }
-}
-.report .cards { display: grid; gap: 12px; margin: 18px 0;
-  grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); }
-.report .cards div { background: var(--panel); border-radius: 10px; padding: 12px 14px; }
-.report .cards b { display: block; font-size: 24px; font-variant-numeric: tabular-nums; }
-.report .cards span { color: var(--faint); font-size: 13px; }
-.report .wide { overflow-x: auto; }
-.report main > .wide table { border-collapse: collapse; min-width: 100%; font-size: 14px; }
-.report main > .wide :is(th, td) { text-align: right; padding: 6px 10px;
-  border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; }
-.report main > .wide :is(th, td):first-child { text-align: left; overflow-wrap: anywhere;
-  min-width: 10.5em; padding-left: 0; }
-.report main > .plain :is(th, td) { text-align: left; }
-.report th { color: var(--faint); font-weight: 500; font-size: 12.5px; vertical-align: bottom; }
-.report a { color: var(--group0); }
-.report .charts { display: grid; gap: 24px;
-  grid-template-columns: repeat(auto-fit, minmax(280px, 1fr)); }
-.report figure { margin: 0; } .report figcaption { font-size: 13px; color: var(--faint); }
-.report svg.chart { width: 100%; height: auto; display: block; font-size: 11px; }
-.report svg text { fill: var(--faint); } .report svg .bar { fill: var(--group0); }
-.report svg .over { fill: var(--accent); } .report svg .axis { stroke: var(--line); }
-.report pre { background: var(--panel); border-radius: 8px; padding: 10px 14px; overflow-x: auto;
-  font-size: 13px; }
-.report .note { color: var(--faint); font-size: 13.5px; max-width: 75ch; }
-"""
+REPORT_STYLE = f"\n{asset('report.css')}\n"
 
 
 def report_page(
-    grafts: Sequence[Graft],
-    files: Sequence[Path | None] = (),
-    title: str | None = None,
+    grafts: Sequence[Graft], files: Sequence[Path | None] = (), title: str | None = None
 ) -> Page:
     """Return a page that describes grafts, with the viewer in it.
 
@@ -267,34 +228,26 @@ def _donor_table(graft: Graft) -> str:
     library = graft.library
     segments = library.segments
     labels = library.labels[library.groups.base]
-    base_segments = sorted({s.segment for s in graft.substitutions})
-    n_similar = np.empty(len(base_segments))
-    n_fitting = np.empty(len(base_segments))
-    for index, segment in enumerate(base_segments):
+    n_similar, n_fitting = [], []
+    for segment in sorted({s.segment for s in graft.substitutions}):
         cluster = np.flatnonzero(labels == labels[segment])
-        fits = length_fits(
-            segments.lengths[[segment]], segments.lengths[cluster], library.rate, library.config
-        )
-        n_similar[index] = len(cluster) - 1
-        n_fitting[index] = (fits & library.is_donor[cluster] & (cluster != segment)).sum()
+        lengths = segments.lengths[[segment]], segments.lengths[cluster]
+        fits = length_fits(*lengths, library.rate, library.config)
+        n_similar.append(len(cluster) - 1)
+        n_fitting.append((fits & library.is_donor[cluster] & (cluster != segment)).sum())
     head = ["group", f"same cluster of {library.groups.base}", "similar duration"]
     head += ["seam angle within the limit", "segments without donors"]
     rows = [
         [
             html.escape(group),
-            f"{n_similar.mean():.1f}",
-            f"{n_fitting.mean():.1f}",
+            f"{np.mean(n_similar):.1f}",
+            f"{np.mean(n_fitting):.1f}",
             f"{counts.mean():.1f}",
             f"{int((counts == 0).sum())} of {len(counts)}",
         ]
         for group, counts in graft.alternatives.items()
     ]
     return html_table(head, rows)
-
-
-def _clip_label(library: Library, clip: int) -> str:
-    name, file = library.entries[clip].name, library.file_name(clip)
-    return name if file is None else f"{name} ({file})"
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:
@@ -304,22 +257,23 @@ def _clip_table(grafts: Sequence[Graft]) -> str:
     for substitution in (s for graft in grafts for s in graft.substitutions if not s.is_own):
         donors[substitution.clip] += 1
         frames[substitution.clip] += substitution.donor_stop - substitution.donor_start
+    files = [library.file_name(clip) for clip in range(len(library.entries))]
     rows = [
         [
-            html.escape(_clip_label(library, index)),
+            html.escape(f"{entry.name} ({file})" if file else entry.name),
             format_number(entry.n_frames),
             f"{(entry.n_frames - 1) / library.rate:.1f} s",
             format_number(donors[entry.name]),
             format_number(frames[entry.name]),
         ]
-        for index, entry in enumerate(library.entries)
+        for entry, file in zip(library.entries, files, strict=True)
     ]
     return html_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
 
 
 def _parameter_table(library: Library) -> str:
     rows = [
-        [html.escape(name), html.escape("unlimited" if value is None else _format(value))]
+        [html.escape(name), html.escape(_format(value))]
         for name, value in library.config.as_dict().items()
     ]
     names = library.skeleton.names
@@ -330,6 +284,8 @@ def _parameter_table(library: Library) -> str:
 
 
 def _format(value: object) -> str:
+    if value is None:
+        return "unlimited"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -1,12 +1,11 @@
 """Figures that are shown together, their joint groups, and the timelines of their segments."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
 from mograft.library.library import Library
@@ -14,80 +13,61 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.synthesis.graft_result import Graft
 
-__all__ = ["Figure", "Scene", "TimelineRow"]
-
 _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
 """Joint groups of a motion without a library: the first preset that fits the skeleton."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TimelineRow:
-    """One line of the timeline: the segments of a clip for one joint group.
-
-    Attributes
-    ----------
-    group : str
-        The joint group.
-    start, stop : ndarray of int
-        First and last frame of each segment, both inclusive.
-    cluster : ndarray of int
-        Cluster of each segment; -1 if the segments are not clustered.
-    donor_clips : tuple of str
-        Name of each donor's clip; empty if nothing was grafted.
-    donor_start, donor_stop : ndarray of int
-        First and last frame of each donor in its clip.
-    is_exchanged : ndarray of bool
-        Whether the donor is another segment.
-    stretch : ndarray
-        Relative change of each donor's duration.
-    seam_angles : ndarray, shape (n_segments, 2)
-        Angles at the seams before and after each segment, in degrees; NaN without a seam.
-    n_alternatives : ndarray of int
-        Number of donors other than the segment itself; -1 if unknown.
-    """
+    """One line of the timeline: the segments of a clip for one joint group."""
 
     group: str
-    start: IntArray
+    start: IntArray  # First and last frame of each segment, both inclusive.
     stop: IntArray
-    cluster: IntArray
-    donor_clips: tuple[str, ...] = ()
-    donor_start: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    donor_stop: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    is_exchanged: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
-    stretch: FloatArray = field(default_factory=lambda: np.zeros(0))
-    seam_angles: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
-    n_alternatives: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    cluster: IntArray  # Of each segment; -1 if the segments are not clustered.
+    donor_clips: tuple[str, ...]  # Name of each donor's clip; empty if nothing was grafted.
+    donor_start: IntArray  # First and last frame of each donor in its clip.
+    donor_stop: IntArray
+    is_exchanged: BoolArray  # Whether the donor is another segment.
+    stretch: FloatArray  # Relative change of each donor's duration.
+    seam_angles: FloatArray  # Before and after each segment (n, 2), degrees; NaN without a seam.
+    n_alternatives: IntArray  # Donors other than the segment itself; -1 if unknown.
+
+    @classmethod
+    def without_donors(
+        cls, group: str, start: IntArray, stop: IntArray, cluster: IntArray
+    ) -> "TimelineRow":
+        """Return the line of captured segments."""
+        zeros = np.zeros(len(start), np.int64)
+        return cls(
+            group=group,
+            start=start,
+            stop=stop,
+            cluster=cluster,
+            donor_clips=(),
+            donor_start=zeros,
+            donor_stop=zeros,
+            is_exchanged=np.zeros(len(start), bool),
+            stretch=np.zeros(len(start)),
+            seam_angles=np.full((len(start), 2), np.nan),
+            n_alternatives=zeros - 1,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """One moving figure.
-
-    Attributes
-    ----------
-    motion : Motion
-        Its motion.
-    name : str
-        Its name on the page.
-    members : dict of str to ndarray of int
-        The joints of each group.
-    rows : tuple of TimelineRow
-        Its lines of the timeline.
-    """
+    """One moving figure."""
 
     motion: Motion
-    name: str
-    members: Mapping[str, IntArray]
-    rows: tuple[TimelineRow, ...]
+    name: str  # On the page.
+    members: Mapping[str, IntArray]  # The joints of each group.
+    rows: tuple[TimelineRow, ...]  # Its lines of the timeline.
 
     def group_of_nodes(self, parents: Sequence[int]) -> list[int]:
         """Return the index of each node's group.
 
-        Parameters
-        ----------
-        parents : sequence of int
-            Parents of the joints and, after them, of the end sites, which belong to the group
-            of their parent.
+        `parents` are those of the joints and, after them, of the end sites, which belong to the
+        group of their parent.
         """
         groups = np.zeros(len(parents), np.int64)
         for index, joints in enumerate(self.members.values()):
@@ -100,20 +80,7 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Figures that are shown together.
-
-    Attributes
-    ----------
-    figures : tuple of Figure
-        The figures; the page counts the frames of the first one.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> scene = Scene.of([dance(strides=1).motion])
-    >>> scene.figures[0].name
-    'dance'
-    """
+    """Figures that are shown together; the page counts the frames of the first one."""
 
     figures: tuple[Figure, ...]
 
@@ -125,25 +92,10 @@ class Scene:
     ) -> "Scene":
         """Return a scene of motions, of grafts after their bases, and of clips of libraries.
 
-        Parameters
-        ----------
-        items : iterable of Motion, Graft, Library or Scene
-            What to show.
-        groups : JointGroups or str, optional
-            The joint groups that set the colours of motions, or the name of a preset. Default:
-            those of the grafts and libraries with the same skeleton, else trunk, arms and legs.
-
-        Returns
-        -------
-        Scene
-            With each motion once.
-
-        Raises
-        ------
-        TypeError
-            If an item has another type; names it.
-        ValueError
-            If there is no item, or the groups do not fit a skeleton.
+        It contains each motion once. `groups`, or the preset of that name, set the colours of
+        motions; by default those of the grafts and libraries with the same skeleton, else trunk,
+        arms and legs. Raise a TypeError if an item has another type, and a ValueError if there is
+        no item or the groups do not fit a skeleton.
         """
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
@@ -151,20 +103,19 @@ class Scene:
         figures: list[Figure] = []
         for item in items:
             if isinstance(item, Graft):
-                _add(figures, _clip_figure(item.library, item.base))
-                _add(figures, _graft_figure(item))
+                found = [_clip_figure(item.library, item.base), _graft_figure(item)]
             elif isinstance(item, Library):
-                for clip in item.clips:
-                    _add(figures, _clip_figure(item, clip))
+                found = [_clip_figure(item, clip) for clip in item.clips]
             elif isinstance(item, Motion):
-                _add(figures, _motion_figure(item, groups, libraries))
+                found = [_motion_figure(item, groups, libraries)]
             elif isinstance(item, Scene):
-                for figure in item.figures:
-                    _add(figures, figure)
+                found = list(item.figures)
             else:
                 raise TypeError(
                     f"`items` must be motions, grafts, libraries or scenes, got {item!r}"
                 )
+            for figure in found:
+                _add(figures, figure)
         if not figures:
             raise ValueError("`items` must contain at least one motion, got none")
         return cls(tuple(figures))
@@ -218,9 +169,7 @@ def _motion_figure(
     if motion.n_frames >= 2:
         found = segment(motion)
         unclustered = np.full(len(found), -1)
-        rows = (
-            TimelineRow(group="segments", start=found.start, stop=found.stop, cluster=unclustered),
-        )
+        rows = (TimelineRow.without_donors("segments", found.start, found.stop, unclustered),)
     return Figure(motion, motion.name, _members(motion.skeleton, groups, libraries), rows)
 
 
@@ -247,7 +196,7 @@ def _clip_figure(library: Library, clip: Motion) -> Figure:
     segments = library.segments.of_clip(index)
     start, stop = library.segments.start[segments], library.segments.stop[segments]
     rows = tuple(
-        TimelineRow(group=group, start=start, stop=stop, cluster=labels[segments])
+        TimelineRow.without_donors(group, start, stop, labels[segments])
         for group, labels in library.labels.items()
     )
     motion = library.clips[index]

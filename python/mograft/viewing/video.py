@@ -19,8 +19,6 @@ from mograft.viewing.film_pictures import draw_pictures
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-__all__ = ["write_video"]
-
 _MAX_DEFAULT_RATE = {".mp4": 60.0, ".gif": 20.0}
 _MAX_RATE = {".mp4": 240, ".gif": 50}
 _MIN_SIDE, _MAX_SIDE = 64, 4096
@@ -87,7 +85,14 @@ def write_video(
     motions = [motions] if isinstance(motions, Motion) else list(motions)
     target = Path(path)
     ending = target.suffix.lower()
-    _check(motions, target, size)
+    if not motions:
+        raise ValueError("`motions` must contain at least one motion, got none")
+    if ending not in _MAX_RATE:
+        raise ValueError(f"`path` must end in {' or '.join(_MAX_RATE)}, got {target.name}")
+    if any(not _MIN_SIDE <= side <= _MAX_SIDE or side % 2 for side in size):
+        raise ValueError(
+            f"`size` must be even numbers from {_MIN_SIDE} to {_MAX_SIDE}, got {size[0]}x{size[1]}"
+        )
     if rate is None:
         rate = motions[0].rate / np.ceil(motions[0].rate / _MAX_DEFAULT_RATE[ending] - 1e-6)
     if not 0 < rate <= _MAX_RATE[ending]:
@@ -98,7 +103,10 @@ def write_video(
     except ImportError as error:
         raise _missing("Pillow") from error
     program = _find_ffmpeg() if ending == ".mp4" else ""
-    resampled = [_resample(motion, rate) for motion in motions]
+    resampled = [
+        motion if abs(motion.rate - rate) < 1e-6 * rate else motion.resample(rate)
+        for motion in motions
+    ]
     pictures = draw_pictures(resampled, rate, size, groups, dark=dark)
     count = max(motion.n_frames for motion in resampled)
     if progress is not None:
@@ -109,17 +117,6 @@ def write_video(
         else:
             _write_mp4(pictures, draft, rate, size, program)
     return float(rate)
-
-
-def _check(motions: Sequence[Motion], target: Path, size: tuple[int, int]) -> None:
-    if not motions:
-        raise ValueError("`motions` must contain at least one motion, got none")
-    if target.suffix.lower() not in _MAX_RATE:
-        raise ValueError(f"`path` must end in {' or '.join(_MAX_RATE)}, got {target.name}")
-    if any(not _MIN_SIDE <= side <= _MAX_SIDE or side % 2 for side in size):
-        raise ValueError(
-            f"`size` must be even numbers from {_MIN_SIDE} to {_MAX_SIDE}, got {size[0]}x{size[1]}"
-        )
 
 
 def _report(
@@ -144,10 +141,6 @@ def _find_ffmpeg() -> str:
         return found
     program: str = imageio_ffmpeg.get_ffmpeg_exe()
     return program
-
-
-def _resample(motion: Motion, rate: float) -> Motion:
-    return motion if abs(motion.rate - rate) < 1e-6 * rate else motion.resample(rate)
 
 
 def _write_gif(pictures: "Iterator[Image]", path: Path, rate: float, count: int) -> None:

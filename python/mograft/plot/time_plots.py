@@ -1,9 +1,13 @@
-"""Segments along time, coloured by cluster."""
+"""The kinetic energy of a motion, and segments coloured by cluster, along time."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mograft._util.gaussian import gaussian_filter
+from mograft.analysis.segmentation import kinetic_energy, segment
+from mograft.config import Config
+from mograft.io.palette import PALETTE
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.plot.figure_axes import axes_width, cluster_colour, ensure_axes
@@ -13,7 +17,52 @@ from mograft.viewing.scene import Scene, TimelineRow
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["timeline"]
+
+def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = None) -> "Axes":
+    """Draw the kinetic energy of a motion and the boundaries of its segments.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, of at least two frames.
+    config : Config, optional
+        Parameters of the segmentation.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        Time in seconds; the energy before (grey) and after smoothing; a point at each segment
+        boundary; every second segment shaded.
+
+    Raises
+    ------
+    ValueError
+        If the motion has a single frame.
+    ImportError
+        If matplotlib is not installed.
+    """
+    config = Config() if config is None else config
+    axes = ensure_axes(ax, (10, 2.8))
+    values = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
+    smooth = gaussian_filter(values, config.smoothing * motion.rate)
+    time = np.arange(motion.n_frames) * motion.frame_time
+    segments = segment(motion, config)
+    bounds = np.append(segments.start, segments.stop[-1])
+    for start, stop in zip(segments.start[::2], segments.stop[::2], strict=True):
+        axes.axvspan(time[start], time[stop], color="0.5", alpha=0.13, linewidth=0)
+    axes.plot(time, values, color="0.5", linewidth=0.8, label="measured")
+    axes.plot(time, smooth, color=PALETTE[0], linewidth=1.4, label="smoothed")
+    x, y = time[bounds], smooth[bounds]
+    axes.plot(x, y, ".", color=PALETTE[1], markersize=4, label="segment boundaries")
+    axes.set_xlim(time[0], time[-1])
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("kinetic energy")
+    axes.set_title(f"{motion.name or 'motion'}: {len(segments)} segments", loc="left", fontsize=10)
+    axes.legend(loc="upper right", fontsize=8)
+    return axes
 
 
 def timeline(
@@ -67,18 +116,13 @@ def timeline(
 
 
 def _draw_row(
-    axes: "Axes",
-    row: TimelineRow,
-    height: int,
-    frames: tuple[int, int],
-    inches_per_frame: float,
+    axes: "Axes", row: TimelineRow, height: int, frames: tuple[int, int], inches_per_frame: float
 ) -> None:
     first, last = frames
-    is_exchanged = row.is_exchanged if len(row.is_exchanged) else np.zeros(len(row.start), bool)
     for index in np.flatnonzero((row.stop > first) & (row.start < last)).tolist():
         start, length = int(row.start[index]), int(row.stop[index] - row.start[index])
         cluster = int(row.cluster[index])
-        style: dict[str, Any] = {"hatch": "//////"} if is_exchanged[index] else {}
+        style: dict[str, Any] = {"hatch": "//////"} if row.is_exchanged[index] else {}
         axes.broken_barh(
             [(start, length)],
             (height - 0.4, 0.8),
