@@ -230,18 +230,15 @@ def test_graft_scenario_options_set_length_path_and_clips(run, folder, tmp_path)
         ),
         (["--scenario", "graph", "--base", "b.bvh"], "--base cannot be combined with --scenario"),
         (["--duration", "5"], "--duration requires --scenario graph"),
-        (["--scenario", "graph", "--duration", "0"], "--duration must be above 0 seconds, got 0"),
+        (["--scenario", "graph", "--duration", "0"], "--duration: must be a number above 0, got 0"),
         (["--frames", "9"], "--frames requires --scenario graph"),
         (["--scenario", "graph", "--frames", "1"], "--frames must be at least 2, got 1"),
         (
             ["--scenario", "graph", "--frames", "9", "--beats", "90"],
             "--frames cannot be combined with --beats",
         ),
-        (
-            ["--scenario", "graph", "--beats", "0"],
-            "--beats must be above 0 beats per minute, got 0",
-        ),
-        (["--scenario", "graph", "--path", "1,2"], "--path must be at least two corners"),
+        (["--scenario", "graph", "--beats", "0"], "--beats: must be a number above 0, got 0"),
+        (["--scenario", "graph", "--path", "1,2"], "--path: must be at least two corners"),
     ],
 )
 def test_graft_contradictory_scenario_is_usage_error(capsys, folder, tmp_path, options, message):

@@ -5,7 +5,7 @@ completion are derived from these declarations.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 
@@ -99,7 +99,6 @@ def option(
     convert: Callable[[str], Any] = str,
     default: object = None,
     *,
-    is_setting: bool = True,
     is_path: bool = False,
     **keywords: Any,  # noqa: ANN401 - as add_argument
 ) -> Argument:
@@ -113,15 +112,24 @@ def option(
     if len(flags) < len(words):
         keywords["metavar"] = words[-1]
     keywords |= {"help": help, "type": convert, "default": default}
-    return Argument(flags=flags, keywords=keywords, is_setting=is_setting, is_path=is_path)
+    return Argument(flags=flags, keywords=keywords, is_path=is_path)
 
 
-def switch(flag: str, help: str, *, is_setting: bool = True) -> Argument:  # noqa: A002
+def setting(*values: Any, **keywords: Any) -> Argument:  # noqa: ANN401 - those of `option`
+    """Return an `option` that the configuration file and the environment may also set."""
+    return replace(option(*values, **keywords), is_setting=True)
+
+
+def switch(flag: str, help: str) -> Argument:  # noqa: A002 - as add_argument
     """Return an option that takes no value."""
-    keywords = {"action": "store_true", "help": help}
-    return Argument(flags=(flag,), keywords=keywords, is_setting=is_setting)
+    return Argument(flags=(flag,), keywords={"action": "store_true", "help": help})
+
+
+def setting_switch(flag: str, help: str) -> Argument:  # noqa: A002 - as add_argument
+    """Return a `switch` that the configuration file and the environment may also set."""
+    return replace(switch(flag, help), is_setting=True)
 
 
 def repeated_option(usage: str, help: str, convert: Callable[[str], Any] = str) -> Argument:  # noqa: A002
-    """Return an option that may be given several times; its value is a list, and no setting."""
-    return option(usage, help, convert, [], is_setting=False, action="append")
+    """Return an option that may be given several times; its value is a list."""
+    return option(usage, help, convert, [], action="append")

@@ -9,6 +9,8 @@ from mograft.cli.arguments import (
     option,
     positional,
     repeated_option,
+    setting,
+    setting_switch,
     switch,
 )
 from mograft.cli.options import (
@@ -59,14 +61,14 @@ _LIB = command(
             "info",
             "print the contents and the configuration",
             _LIBRARY,
-            switch("--clips", "also list the clips"),
+            setting_switch("--clips", "also list the clips"),
             JSON,
         ),
         command(
             "verify",
             "compare each file of the library with its checksum",
             _LIBRARY,
-            switch("--sources", "also compare the source files with their checksums"),
+            setting_switch("--sources", "also compare the source files with their checksums"),
             JSON,
         ),
         command(
@@ -88,28 +90,16 @@ _CANDIDATES = command(
     "candidates",
     "list the donors of a segment, and why other segments are refused",
     FILES_OR_LIBRARY,
-    option("--clip NAME", "clip of the segment (default: the first)", is_setting=False),
+    option("--clip NAME", "clip of the segment (default: the first)"),
     exclusive(
+        option("--segment N", "number of the segment in the clip, from 0", non_negative_integer),
         option(
-            "--segment N",
-            "number of the segment in the clip, from 0",
-            non_negative_integer,
-            is_setting=False,
-        ),
-        option(
-            "--frame N",
-            "frame of the clip that the segment contains, from 0",
-            non_negative_integer,
-            is_setting=False,
+            "--frame N", "frame of the clip that the segment contains, from 0", non_negative_integer
         ),
     ),
     GROUPS,
-    option(
-        "--group GROUP",
-        "group to exchange (default: the first except the base group)",
-        is_setting=False,
-    ),
-    switch("--json", "print all candidates as one JSON document", is_setting=False),
+    option("--group GROUP", "group to exchange (default: the first except the base group)"),
+    switch("--json", "print all candidates as one JSON document"),
     constraint_options(),
 )
 _GRAFT = command(
@@ -119,16 +109,15 @@ _GRAFT = command(
     option(
         "--base CLIP|FILE",
         "motion that provides the base group (default: the first clip)",
-        is_setting=False,
         is_path=True,
     ),
     GROUPS,
-    option("--swap GROUP,...", "groups to exchange (default: all except the base group)"),
-    option("-n --count", "number of motions (default: 1)", positive_integer, 1, is_setting=False),
+    setting("--swap GROUP,...", "groups to exchange (default: all except the base group)"),
+    option("-n --count", "number of motions (default: 1)", positive_integer, 1),
     output_option("folder for the motions, or for one motion a .bvh file", required=True),
     PRESET,
-    switch("--mirror", "use the mirror images of all clips as additional donors"),
-    option(
+    setting_switch("--mirror", "use the mirror images of all clips as additional donors"),
+    setting(
         "--sigma-scale X",
         "cluster diameter threshold, as a multiple of sigma; a larger value gives more "
         "variety, a smaller one more similarity (default: that of the configuration, usually "
@@ -137,7 +126,7 @@ _GRAFT = command(
         positive_number,
     ),
     config_option("choice", "selection of donors", "sample, with --preset paper random"),
-    option(
+    setting(
         "--temperature X",
         "cost difference that makes a draw of --choice sample less likely by the factor e "
         "(default: 1)",
@@ -148,15 +137,13 @@ _GRAFT = command(
     config_option("alignment", "time alignment of donors", "uniform"),
     config_option("torso", "orientation that an exchanged trunk keeps", "pelvis"),
     config_option("feet", "foot planting", "auto, with --preset paper never"),
-    switch("--report", "also write an HTML page that describes the motions"),
-    switch("--json", "print the provenance as one JSON document", is_setting=False),
+    setting_switch("--report", "also write an HTML page that describes the motions"),
+    switch("--json", "print the provenance as one JSON document"),
     SEED,
     FORCE,
     constraint_options(
-        switch(
-            "--repair", "exchange only the segments that violate the constraints", is_setting=False
-        ),
-        switch(
+        switch("--repair", "exchange only the segments that violate the constraints"),
+        setting_switch(
             "--best-effort",
             "write the motions with the smallest violation and return exit code 0 even if no "
             "donor sequence satisfies the constraints",
@@ -182,20 +169,13 @@ _PLOT = command(
     ),
     output_option(".png, .svg or .pdf file to write", required=True),
     groups_option(default="lower_upper; for strip trunk, arms and legs"),
+    option("--group NAME", "joint group of pca, dendrogram or clusters (default: the base group)"),
+    setting("--poses", "number of poses of strip (default: 12)", positive_integer, 12),
     option(
-        "--group NAME",
-        "joint group of pca, dendrogram or clusters (default: the base group)",
-        is_setting=False,
+        "--frames FIRST-LAST", "frames of strip, timeline or energy (default: all)", frame_range
     ),
-    option("--poses", "number of poses of strip (default: 12)", positive_integer, 12),
-    option(
-        "--frames FIRST-LAST",
-        "frames of strip, timeline or energy (default: all)",
-        frame_range,
-        is_setting=False,
-    ),
-    switch("--dark", "draw in light colours on a dark background"),
-    option("--dpi", "resolution of a .png in dots per inch (default: 150)", positive_integer, 150),
+    setting_switch("--dark", "draw in light colours on a dark background"),
+    setting("--dpi", "resolution of a .png in dots per inch (default: 150)", positive_integer, 150),
     JSON,
     FORCE,
 )
@@ -204,27 +184,27 @@ _EXPORT = command(
     "write motions for other programs",
     files_argument("BVH file; for a .glb also several of one skeleton, for a film also several"),
     output_option("file to write", required=True, metavar="FILE"),
-    option("--frames FIRST-LAST", "frames to write (default: all)", frame_range, is_setting=False),
-    option(
+    option("--frames FIRST-LAST", "frames to write (default: all)", frame_range),
+    setting(
         "--rate FPS",
         "frame rate to resample to, in frames per second (default: that of the file, of a film "
         "at most 60, of a GIF 20)",
         positive_number,
     ),
-    option(
+    setting(
         "--scale UNIT|X",
         f"unit of the BVH file, for a figure: {', '.join(UNITS)}, or a number of metres "
         "(default: the unit that gives the figure human height)",
         unit,
     ),
     groups_option(f"{FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"),
-    option(
+    setting(
         "--size WIDTHxHEIGHT",
         "size of a film in pixels (default: 720x480)",
         picture_size,
         "720x480",
     ),
-    switch("--dark", "draw a film in light colours on a dark background"),
+    setting_switch("--dark", "draw a film in light colours on a dark background"),
     JSON,
     FORCE,
     description="Write motions in the format that the ending of the output file selects: an "
@@ -243,17 +223,17 @@ _EVALUATE = command(
     GROUPS,
     PRESET,
     SIGMA_SCALE,
-    option(
+    setting(
         "--rate FPS",
         "frame rate to which all files are resampled, in frames per second (default: that of "
         "the files)",
         positive_number,
     ),
-    option(
+    setting(
         "--runs", "number of motions for each base and rule (default: 10)", positive_integer, 10
     ),
-    option("--bases", "number of clips that serve as base (default: 4)", positive_integer, 4),
-    option(
+    setting("--bases", "number of clips that serve as base (default: 4)", positive_integer, 4),
+    setting(
         "--labels CSV",
         f"labels that a person gave on the page that {LABEL} writes (default: none)",
         Path,
@@ -263,7 +243,6 @@ _EVALUATE = command(
         f"with {LABEL}, number of pieces on the page (default: 500, as in the paper)",
         positive_integer,
         500,
-        is_setting=False,
     ),
     JSON,
     SEED,
@@ -279,7 +258,7 @@ COMMANDS = (
         "demo",
         "run all stages on the built-in dancer",
         output_option("folder for the files (default: demo)", default=Path("demo")),
-        switch("--open", "open the page in the browser", is_setting=False),
+        switch("--open", "open the page in the browser"),
         JSON,
         SEED,
         FORCE,
@@ -294,14 +273,16 @@ COMMANDS = (
         "check",
         "check the syntax of BVH files, and list faults of the recordings",
         BVH_FILES,
-        switch("--strict", "refuse deviations from the format that are tolerated otherwise"),
+        setting_switch(
+            "--strict", "refuse deviations from the format that are tolerated otherwise"
+        ),
         JSON,
     ),
     command(
         "groups",
         "print the joint groups of a file as TOML, to edit and to pass to --groups",
         positional("file", "BVH file", is_path=True, metavar="FILE"),
-        option(
+        setting(
             "--preset",
             "preset of joint groups (default: lower_upper)",
             choices=PRESETS,
@@ -316,16 +297,12 @@ COMMANDS = (
         "create a library of many files, or add files to one",
         files_argument("BVH files, or folders of them", "FILE|DIR"),
         output_option("folder of the library", required=True, metavar="LIB"),
-        switch(
-            "--add",
-            "add to an existing library; only new and changed files are read",
-            is_setting=False,
-        ),
-        option("-j --jobs N", "number of processes (default: 1)", positive_integer, 1),
+        switch("--add", "add to an existing library; only new and changed files are read"),
+        setting("-j --jobs N", "number of processes (default: 1)", positive_integer, 1),
         GROUPS,
         PRESET,
         SIGMA_SCALE,
-        option(
+        setting(
             "--rate FPS",
             "frame rate of the library in frames per second (default: the rate of most frames)",
             positive_number,
@@ -339,11 +316,10 @@ COMMANDS = (
             "--tags CSV",
             "table of clips and their tags; names of folders are tags as well",
             Path,
-            is_setting=False,
             is_path=True,
         ),
-        switch("--strict", "fail if a file cannot be used, instead of excluding it"),
-        switch("--force", "replace an existing library", is_setting=False),
+        setting_switch("--strict", "fail if a file cannot be used, instead of excluding it"),
+        switch("--force", "replace an existing library"),
         JSON,
     ),
     _LIB,
@@ -357,11 +333,9 @@ COMMANDS = (
             "--clip NAME", "clips of a library, globs such as walk* (default: all); may be repeated"
         ),
         groups_option(FIGURE_COLOURS, "trunk, arms and legs"),
-        option(
-            "--title", "title of the page (default: the names of the motions)", is_setting=False
-        ),
+        option("--title", "title of the page (default: the names of the motions)"),
         output_option("HTML file to write (default: a temporary file, opened in the browser)"),
-        switch("--open", "open the written page in the browser", is_setting=False),
+        switch("--open", "open the written page in the browser"),
         JSON,
         FORCE,
     ),
@@ -383,7 +357,7 @@ COMMANDS = (
                     nargs="?",
                     metavar="COMMAND",
                 ),
-                switch("--origin", "also print the source of each value"),
+                setting_switch("--origin", "also print the source of each value"),
                 JSON,
                 description="Print the settings of the commands as a mograft.toml with the same "
                 "values. Settings come from mograft.toml in the working folder or the nearest "

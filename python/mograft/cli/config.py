@@ -2,52 +2,46 @@
 
 import argparse
 import json
-import os
 from pathlib import Path
+from typing import Any
 
-from mograft.cli.arguments import Command
 from mograft.cli.output import print_result
 from mograft.cli.settings import Setting, find_config_file, find_settings
-
-Row = tuple[str, str, Setting]
-"""A command, the name of a setting, and its value."""
 
 
 def run_show(options: argparse.Namespace) -> int:
     """Run ``config show``."""
     path = find_config_file(Path.cwd())
     rows = _collect(options)
-    settings = [
-        {"command": command, "name": name, "value": setting.plain, "origin": setting.origin}
-        for command, name, setting in rows
-    ]
     lines = [f"# {path}" if path is not None else "# no mograft.toml in this folder or above"]
     last = None
-    for command, name, setting in rows:
-        if command != last:
-            lines.append(f"\n[{command}]")
-        last = command
-        line = f"# {name} =" if setting.plain is None else f"{name} = {_as_toml(setting.plain)}"
-        lines.append(f"{line:32} # {setting.origin}" if options.origin else line)
-    document = {"file": None if path is None else str(path), "settings": settings}
+    for row in rows:
+        if row["command"] != last:
+            lines.append(f"\n[{row['command']}]")
+        last = row["command"]
+        value, name = row["value"], row["name"]
+        line = f"# {name} =" if value is None else f"{name} = {_as_toml(value)}"
+        lines.append(f"{line:32} # {row['origin']}" if options.origin else line)
+    document = {"file": None if path is None else str(path), "settings": rows}
     print_result(options, "config", document, lines)
     return 0
 
 
-def _collect(options: argparse.Namespace) -> list[Row]:
+def _collect(options: argparse.Namespace) -> list[dict[str, Any]]:
     """Return the settings of all commands, or of the one that the options name."""
-    commands: dict[str, Command] = {command.name: command for command in options.commands}
-    selected = list(commands.values())
-    if options.only is not None:
-        if options.only not in commands:
-            options.usage_error(f"COMMAND must be one of {', '.join(commands)}; got {options.only}")
-        selected = [commands[options.only]]
-    rows: list[Row] = []
-    for command in selected:
-        found = find_settings(command, options.commands, environment=os.environ)
+    names = [command.name for command in options.commands]
+    if options.only is not None and options.only not in names:
+        options.usage_error(f"COMMAND must be one of {', '.join(names)}; got {options.only}")
+    rows = []
+    for command in options.commands:
+        if options.only not in (None, command.name):
+            continue
+        found = find_settings(command, options.commands)
         for argument in command.settings():
             default = Setting(argument.default, "default", argument.default)
-            rows.append((command.name, argument.name, found.get(argument.dest, default)))
+            setting = found.get(argument.dest, default)
+            row = {"command": command.name, "name": argument.name}
+            rows.append({**row, "value": setting.plain, "origin": setting.origin})
     return rows
 
 

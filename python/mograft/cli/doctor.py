@@ -12,8 +12,9 @@ from pathlib import Path
 from mograft import __version__
 from mograft.cli.output import print_result
 
-_REQUIRED = ("numpy",)
-_USES_OF_EXTRAS = {
+_REQUIRED = "numpy"
+_USES_OF_PACKAGES = {
+    _REQUIRED: "everything",
     "matplotlib": "mograft plot",
     "pillow": "films, mograft export -o x.gif",
     "imageio-ffmpeg": "films, mograft export -o x.mp4, unless ffmpeg is installed",
@@ -51,12 +52,11 @@ def _check_packages() -> list[dict[str, str]]:
         _result("mograft", "ok", __version__),
         _result("python", "ok", f"{platform.python_version()} on {system}"),
     ]
-    for name in (*_REQUIRED, *_USES_OF_EXTRAS):
+    for name, use in _USES_OF_PACKAGES.items():
         try:
             results.append(_result(name, "ok", metadata.version(name)))
         except metadata.PackageNotFoundError:
-            state = "broken" if name in _REQUIRED else "absent"
-            use = "everything" if name in _REQUIRED else _USES_OF_EXTRAS[name]
+            state = "broken" if name == _REQUIRED else "absent"
             results.append(_result(name, state, f"needed for {use}: pip install {name}"))
     return results
 

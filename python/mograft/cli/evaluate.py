@@ -2,13 +2,14 @@
 
 import argparse
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 from mograft._util.atomic import write_text
 from mograft.cli.commands import EVALUATION_TOPICS, LABEL
 from mograft.cli.configuration import load_library
 from mograft.cli.files import check_writable
-from mograft.cli.output import print_json, print_remark, print_result, show_progress
+from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.evaluation import evaluate, evaluation_page, label_items, label_page, read_labels
 from mograft.evaluation.report import summarize
 from mograft.evaluation.suite import Evaluation
@@ -26,8 +27,8 @@ def run(options: argparse.Namespace) -> int:
     folder: Path | None = options.output
     paths = [] if folder is None else [folder / "evaluation.json", folder / "index.html"]
     check_writable(paths, force=options.force)
-    if folder is not None:
-        _require_matplotlib()
+    if folder is not None and find_spec("matplotlib") is None:
+        raise ValueError("the page needs matplotlib: pip install 'mograft[evaluate]'")
     found = _evaluate(options, EVALUATION_TOPICS if not words or "all" in words else words)
     document = found.as_dict()
     if folder is not None:
@@ -35,15 +36,12 @@ def run(options: argparse.Namespace) -> int:
         folder.mkdir(parents=True, exist_ok=True)
         write_text(paths[0], json.dumps(document, indent=1, allow_nan=False) + "\n")
         page.save(paths[1], force=True)
-    if options.json:
-        print_json(document)
-    else:
+    if not options.json:
         for sentence in summarize(found):
             print_remark(sentence)
         if folder is None:
             print_remark("-o DIR writes all numbers and a page")
-        for path in paths:
-            print(path)
+    print_result(options, "evaluation", document, paths)
     return 0
 
 
@@ -58,13 +56,6 @@ def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
         if name.isalpha() and not Path(name).exists():
             options.usage_error(f"expected a file or one of {', '.join(_WORDS)}; got {name}")
     return tuple(dict.fromkeys(words))
-
-
-def _require_matplotlib() -> None:
-    try:
-        import matplotlib as mpl  # noqa: F401
-    except ImportError as error:
-        raise ValueError("the page needs matplotlib: pip install 'mograft[evaluate]'") from error
 
 
 def _evaluate(options: argparse.Namespace, topics: tuple[str, ...]) -> Evaluation:

@@ -7,6 +7,7 @@ from typing import Any
 from mograft.cli.files import check_writable
 from mograft.cli.output import describe_excluded_file, print_remark, print_result
 from mograft.library import storage
+from mograft.library.clip_table import ClipInfo
 from mograft.library.export import export_tables
 from mograft.library.ingest import SourceFile
 from mograft.library.library import Library
@@ -16,7 +17,7 @@ def run_info(options: argparse.Namespace) -> int:
     """Run ``lib info``."""
     library = Library.open(options.library)
     document = describe_library(library)
-    clips = [_describe_clip(library, index) for index in range(len(library.entries))]
+    clips = [_describe_clip(entry) for entry in library.entries]
     lines = [
         f"{options.library}",
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
@@ -61,12 +62,12 @@ def describe_library(library: Library) -> dict[str, Any]:
     }
 
 
-def _describe_clip(library: Library, index: int) -> dict[str, Any]:
-    entry = library.entries[index]
+def _describe_clip(entry: ClipInfo) -> dict[str, Any]:
+    source = entry.source_file
     return {
         "name": entry.name,
-        "file": None if entry.source_file is None else entry.source_file.path,
-        "sha256": None if entry.source_file is None else entry.source_file.sha256,
+        "file": None if source is None else source.path,
+        "sha256": None if source is None else source.sha256,
         "frames": entry.n_frames,
         "own_rate": entry.source_rate,
         "tags": list(entry.tags),

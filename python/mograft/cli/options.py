@@ -11,6 +11,8 @@ from mograft.cli.arguments import (
     option,
     positional,
     repeated_option,
+    setting,
+    setting_switch,
     switch,
 )
 from mograft.cli.values import non_negative_integer, non_negative_number, positive_number
@@ -27,7 +29,7 @@ def files_argument(help: str, metavar: str = "FILE") -> Argument:  # noqa: A002 
 
 def groups_option(subject: str = "joint groups", default: str = "lower_upper") -> Argument:
     """Return ``--groups`` for what `subject` describes."""
-    return option(
+    return setting(
         "--groups NAME|FILE",
         f"{subject}: the name of a preset, or a TOML file (default: {default})",
         is_path=True,
@@ -36,7 +38,7 @@ def groups_option(subject: str = "joint groups", default: str = "lower_upper") -
 
 def output_option(help: str, **keywords: Any) -> Argument:  # noqa: A002, ANN401 - as add_argument
     """Return ``-o``; `keywords` are those of `add_argument`."""
-    return option("-o --output", help, Path, is_setting=False, is_path=True, **keywords)
+    return option("-o --output", help, Path, is_path=True, **keywords)
 
 
 def config_option(field: str, subject: str, default: str) -> Argument:
@@ -46,7 +48,7 @@ def config_option(field: str, subject: str, default: str) -> Argument:
     """
     registry = CONFIG_OPTIONS[field]
     described = "; ".join(f"{name} - {text}" for name, text in registry.entries.items())
-    return option(
+    return setting(
         f"--{field}", f"{subject} (default: {default}): {described}", choices=registry.names
     )
 
@@ -55,21 +57,23 @@ BVH_FILES = files_argument("BVH files, or folders of them")
 FILES_OR_LIBRARY = files_argument("BVH files, or one library")
 GROUPS = groups_option()
 FIGURE_COLOURS = "joint groups that set the colours"
-PRESET = option(
+PRESET = setting(
     "--preset",
     "configuration that the other options change: default, or paper for the parameters of the "
     "paper (default: default)",
     choices=("default", "paper"),
 )
-SIGMA_SCALE = option(
+SIGMA_SCALE = setting(
     "--sigma-scale X",
     "cluster diameter threshold, as a multiple of sigma; larger gives more variety, smaller more "
     "similarity (default: 0.75, with --preset paper 1)",
     positive_number,
 )
-SEED = option("--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0)
-FORCE = switch("--force", "overwrite existing files", is_setting=False)
-JSON = switch("--json", "print the results as one JSON document", is_setting=False)
+SEED = setting(
+    "--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0
+)
+FORCE = switch("--force", "overwrite existing files")
+JSON = switch("--json", "print the results as one JSON document")
 
 SCENARIO_OPTIONS = (
     option(
@@ -78,32 +82,30 @@ SCENARIO_OPTIONS = (
         "transition graph of the segments), or the numbers of segments that follow each other "
         "(default: original)",
         default="original",
-        is_setting=False,
     ),
     option(
         "--duration S",
         f"duration of --scenario graph, in seconds (default: {DEFAULT_DURATION:.0f})",
-        float,
-        is_setting=False,
+        positive_number,
     ),
     option(
         "--frames N",
         "exact length of --scenario graph, in frames (default: set by --duration)",
         int,
-        is_setting=False,
     ),
-    option(
+    setting(
         "--path X,Z:X,Z:...",
         "corners of the path of --scenario graph on the floor, in the unit of the file (X,Y if z "
         "points up); the length of the path sets the duration (default: no path)",
+        values.corners,
     ),
-    option(
+    setting(
         "--beats BPM",
         "tempo of --scenario graph in beats per minute: each beat falls on a seam (default: no "
         "tempo)",
-        float,
+        positive_number,
     ),
-    option(
+    setting(
         "--among CLIP,...", "clips that --scenario graph uses, globs such as waltz* (default: all)"
     ),
 )
@@ -128,13 +130,13 @@ _POSE_OPTIONS = (
         "box:X,Y,Z,HALF,HALF,HALF or wall:X,Y,Z,NX,NY,NZ; may be repeated",
         values.obstacle,
     ),
-    option(
+    setting(
         "--radius X",
         "factor on the capsule radii of the characters of --avoid (default: 1)",
         positive_number,
         1.0,
     ),
-    switch(
+    setting_switch(
         "--avoid-self",
         "forbid contact of hands and forearms with trunk, head, thighs and each other",
     ),
@@ -155,20 +157,20 @@ _POSE_OPTIONS = (
     ),
 )
 _DONOR_OPTIONS = (
-    option(
+    setting(
         "--only-from CLIP,...", "clips that may provide donors, globs such as waltz* (default: all)"
     ),
-    option(
+    setting(
         "--not-from CLIP,...",
         "clips that are excluded as donors, globs such as waltz* (default: none)",
     ),
-    option("--only-tagged TAG,...", "tags of the clips that may provide donors (default: all)"),
-    option("--not-tagged TAG,...", "tags of the clips that provide no donors (default: none)"),
-    option(
+    setting("--only-tagged TAG,...", "tags of the clips that may provide donors (default: all)"),
+    setting("--not-tagged TAG,...", "tags of the clips that provide no donors (default: none)"),
+    setting(
         "--max-stretch X",
         "maximum difference between the durations of donor and base segment, as a fraction of the "
         "latter (default: 0.15)",
         non_negative_number,
     ),
-    option("--max-angle DEGREES", "maximum seam angle in degrees (default: 45)", positive_number),
+    setting("--max-angle DEGREES", "maximum seam angle in degrees (default: 45)", positive_number),
 )

@@ -8,17 +8,12 @@ from contextlib import contextmanager
 from typing import Any
 
 
-def print_json(document: dict[str, Any]) -> None:
-    """Print a document on stdout."""
-    print(json.dumps(document, indent=1))
-
-
 def print_result(
     options: argparse.Namespace, schema: str, document: dict[str, Any], lines: Iterable[object]
 ) -> None:
     """Print a document of a schema, such as ``"view"``, with ``--json``; else the lines."""
     if options.json:
-        print_json({"schema": f"mograft.{schema}/1", **document})
+        print(json.dumps({"schema": f"mograft.{schema}/1", **document}, indent=1))
     else:
         for line in lines:
             print(line)

@@ -31,26 +31,8 @@ def check_scenario(options: argparse.Namespace) -> None:
         options.usage_error(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
     if "beats" in given and lengths not in ([], ["duration"]):
         options.usage_error(f"--{lengths[0]} cannot be combined with --beats")
-    for name, unit in (("duration", "seconds"), ("beats", "beats per minute")):
-        value = getattr(options, name)
-        if value is not None and not 0 < value < float("inf"):
-            options.usage_error(f"--{name} must be above 0 {unit}, got {value:g}")
     if options.frames is not None and options.frames < 2:
         options.usage_error(f"--frames must be at least 2, got {options.frames}")
-    if options.path is not None:
-        _corners(options)
-
-
-def _corners(options: argparse.Namespace) -> list[list[float]]:
-    try:
-        corners = [[float(word) for word in pair.split(",")] for pair in options.path.split(":")]
-    except ValueError:
-        corners = []
-    if len(corners) < 2 or any(len(corner) != 2 for corner in corners):
-        options.usage_error(
-            f"--path must be at least two corners, as 0,0:300,0; got {options.path}"
-        )
-    return corners
 
 
 def read_scenario(
@@ -66,7 +48,7 @@ def read_scenario(
     if options.frames is not None:
         return fill(library, options.frames, seed, graph=graph)
     if options.path is not None:
-        return follow(library, _corners(options), graph=graph)
+        return follow(library, options.path, graph=graph)
     if options.beats is not None:
         beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
         return to_beats(library, beats, seed, graph=graph)

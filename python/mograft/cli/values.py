@@ -92,6 +92,17 @@ def _numbers(text: str, *counts: int) -> list[float]:
     return numbers
 
 
+def corners(text: str) -> list[list[float]]:
+    """Read at least two positions on the floor, separated by colons."""
+    try:
+        found = [_numbers(pair, 2) for pair in text.split(":")]
+    except ArgumentTypeError:
+        found = []
+    if len(found) < 2:
+        raise ArgumentTypeError(f"must be at least two corners, as 0,0:300,0; got {text}")
+    return found
+
+
 def obstacle(text: str) -> tuple[str, list[float]]:
     """Read a shape with its numbers, or a file with its position and heading in degrees."""
     kind, colon, rest = text.partition(":")
