@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             # interpreter flushes stdout once more when it ends; that must not fail again.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 1
-        except (MograftError, MemoryError, ModuleNotFoundError, OSError, ValueError) as error:
+        except (ImportError, MemoryError, MograftError, OSError, ValueError) as error:
             text = str(error)
             if isinstance(error, OSError) and error.filename and error.strerror:
                 text = f"{error.filename}: {error.strerror}"

@@ -10,9 +10,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         import shtab
     except ImportError as error:
-        raise ModuleNotFoundError(
-            "completion needs shtab: pip install 'mograft[completion]'", name="shtab"
-        ) from error
+        raise ImportError("completion needs shtab: pip install 'mograft[completion]'") from error
     parsers = build_parsers(options.commands, path_completion=shtab.FILE)
     print(shtab.complete(parsers[()], options.shell))
     return 0

@@ -12,7 +12,6 @@ from mograft.cli.files import check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.evaluation import evaluate, evaluation_page, label_items, label_page, read_labels
 from mograft.evaluation.report import summarize
-from mograft.evaluation.suite import Evaluation
 
 _WORDS = (*EVALUATION_TOPICS, "all", LABEL)
 
@@ -29,7 +28,18 @@ def run(options: argparse.Namespace) -> int:
     check_writable(paths, force=options.force)
     if folder is not None and find_spec("matplotlib") is None:
         raise ValueError("the page needs matplotlib: pip install 'mograft[evaluate]'")
-    found = _evaluate(options, EVALUATION_TOPICS if not words or "all" in words else words)
+    library = load_library(options)
+    labels = None if options.labels is None else read_labels(options.labels, library)
+    with show_progress() as progress:
+        found = evaluate(
+            library,
+            EVALUATION_TOPICS if not words or "all" in words else words,
+            runs=options.runs,
+            bases=options.bases,
+            labels=labels,
+            seed=options.seed,
+            progress=progress,
+        )
     document = found.as_dict()
     if folder is not None:
         page = evaluation_page(found)
@@ -56,24 +66,6 @@ def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
         if name.isalpha() and not Path(name).exists():
             options.usage_error(f"expected a file or one of {', '.join(_WORDS)}; got {name}")
     return tuple(dict.fromkeys(words))
-
-
-def _evaluate(options: argparse.Namespace, topics: tuple[str, ...]) -> Evaluation:
-    library = load_library(options)
-    labels = None if options.labels is None else read_labels(options.labels, library)
-    try:
-        with show_progress() as progress:
-            return evaluate(
-                library,
-                topics,
-                runs=options.runs,
-                bases=options.bases,
-                labels=labels,
-                seed=options.seed,
-                progress=progress,
-            )
-    except ImportError as error:
-        raise ValueError(str(error)) from error
 
 
 def _write_label_page(options: argparse.Namespace) -> int:

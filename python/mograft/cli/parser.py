@@ -26,27 +26,26 @@ def build_parsers(
     parsers: dict[tuple[str, ...], argparse.ArgumentParser] = {(): root}
     subparsers = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for command in commands:
-        parser = subparsers.add_parser(
-            command.name, help=command.help, description=command.description
-        )
-        parsers[command.name,] = parser
-        _add_arguments(parser, command, path_completion)
+        parser = _add_parser(subparsers, command, path_completion)
         parser.set_defaults(command=command, function="run")
+        parsers[command.name,] = parser
         if command.actions:
             actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
         for action in command.actions:
-            below = actions.add_parser(
-                action.name, help=action.help, description=action.description
-            )
-            parsers[command.name, action.name] = below
-            _add_arguments(below, action, path_completion)
-            below.set_defaults(command=command, function=f"run_{action.name}")
+            parser = _add_parser(actions, action, path_completion)
+            parser.set_defaults(command=command, function=f"run_{action.name}")
+            parsers[command.name, action.name] = parser
     return parsers
 
 
-def _add_arguments(
-    parser: argparse.ArgumentParser, command: Command, path_completion: object
-) -> None:
+def _add_parser(
+    subparsers: Any,  # noqa: ANN401 - argparse does not publish its type
+    command: Command,
+    path_completion: object,
+) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        command.name, help=command.help, description=command.description
+    )
     for item in command.arguments:
         container: Any = parser
         if isinstance(item, ArgumentGroup) and item.title:
@@ -59,6 +58,7 @@ def _add_arguments(
             if argument.is_path and path_completion is not None:
                 action.complete = path_completion  # The interface of shtab.
     parser.set_defaults(usage_error=parser.error)
+    return parser
 
 
 def parse(

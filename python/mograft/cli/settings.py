@@ -100,13 +100,12 @@ def _dest(name: str) -> str:
 
 def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: ANN401 - of TOML
     place = f"{path}: {argument.name}"
-    if isinstance(value, bool) or argument.is_switch:
-        if not (isinstance(value, bool) and argument.is_switch):
-            expected = "true or false" if argument.is_switch else "a string or a number"
-            raise ValueError(f"{place} must be {expected}, got {json.dumps(value, default=str)}")
+    is_bool = isinstance(value, bool)
+    if is_bool != argument.is_switch or not isinstance(value, str | int | float):
+        expected = "true or false" if argument.is_switch else "a string or a number"
+        raise ValueError(f"{place} must be {expected}, got {json.dumps(value, default=str)}")
+    if is_bool:
         return value
-    if not isinstance(value, str | int | float):
-        raise ValueError(f"{place} must be a string or a number, got {value!r}")
     text = str(value)
     if text.endswith(".toml"):  # A file of joint groups: relative to the configuration file.
         text = str(path.parent / text)

@@ -1,7 +1,7 @@
 """Pictures of motions, energies, timelines and clusters, drawn by Matplotlib.
 
 Each function draws into the given axes, or into new ones, and returns them. They need the extra
-``plot``.
+``plot``, and raise an ImportError if matplotlib is not installed.
 """
 
 from mograft.io.palette import PALETTE

@@ -47,8 +47,6 @@ def pca(
     ------
     ValueError
         If the group or a component does not exist, or the group has no embedding.
-    ImportError
-        If matplotlib is not installed.
     """
     name, embedding, labels = _embedding(library, group)
     points = embedding.points
@@ -100,8 +98,6 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
     ------
     ValueError
         If the group does not exist or has no embedding.
-    ImportError
-        If matplotlib is not installed.
     """
     name, embedding, labels = _embedding(library, group)
     points = embedding.points
@@ -179,8 +175,6 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
     ------
     ValueError
         If the group does not exist.
-    ImportError
-        If matplotlib is not installed.
     """
     name, labels = _labels(library, group)
     axes = ensure_axes(ax, (8, 3))

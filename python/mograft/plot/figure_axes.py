@@ -10,13 +10,7 @@ _GOLDEN_ANGLE_DEGREES = 137.508
 
 
 def ensure_axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
-    """Return the given axes, or the axes of a new figure of a size in inches.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
-    """
+    """Return the given axes, or the axes of a new figure of a size in inches."""
     if ax is not None:
         return ax
     try:
@@ -27,15 +21,6 @@ def ensure_axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
         ) from error
     axes: Axes = pyplot.subplots(figsize=size, layout="constrained")[1]
     return axes
-
-
-def axes_width(axes: "Axes") -> float:
-    """Return the width of axes in inches."""
-    figure = axes.get_figure(root=True)
-    if figure is None:
-        raise ValueError("`ax` must belong to a figure")
-    width: float = axes.get_position().width * figure.get_figwidth()
-    return width
 
 
 def cluster_colour(cluster: int) -> str:

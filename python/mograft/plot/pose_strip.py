@@ -51,8 +51,6 @@ def strip(
     ------
     ValueError
         If `poses` is below 1, or the groups do not fit.
-    ImportError
-        If matplotlib is not installed.
 
     Examples
     --------

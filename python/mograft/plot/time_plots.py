@@ -10,7 +10,7 @@ from mograft.config import Config
 from mograft.io.palette import PALETTE
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.plot.figure_axes import axes_width, cluster_colour, ensure_axes
+from mograft.plot.figure_axes import cluster_colour, ensure_axes
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.scene import Scene, TimelineRow
 
@@ -40,8 +40,6 @@ def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = 
     ------
     ValueError
         If the motion has a single frame.
-    ImportError
-        If matplotlib is not installed.
     """
     config = Config() if config is None else config
     axes = ensure_axes(ax, (10, 2.8))
@@ -91,8 +89,6 @@ def timeline(
     ------
     TypeError, ValueError
         As for `mograft.view`, and if `frames` is empty.
-    ImportError
-        If matplotlib is not installed.
     """
     figures = Scene.of(items).figures
     lines = [(figure, row) for figure in figures for row in figure.rows]
@@ -101,7 +97,10 @@ def timeline(
     if not first < last:
         raise ValueError(f"`frames` must be ascending, got {frames}")
     axes = ensure_axes(ax, (10, 0.5 + 0.32 * max(len(lines), 1)))
-    inches_per_frame = axes_width(axes) / (last - first)
+    canvas = axes.get_figure(root=True)
+    if canvas is None:
+        raise ValueError("`ax` must belong to a figure")
+    inches_per_frame = axes.get_position().width * canvas.get_figwidth() / (last - first)
     for height, (_, row) in enumerate(lines):
         _draw_row(axes, row, height, (first, last), inches_per_frame)
     labels = [f"{figure.name} · {row.group}" for figure, row in lines]

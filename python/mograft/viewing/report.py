@@ -141,28 +141,26 @@ def _cards(library: Library) -> str:
 
 
 def _motion_table(grafts: Sequence[Graft], links: Sequence[Path | None]) -> str:
-    head = ["motion", "segments exchanged", "segments kept", "without other donors", "seams"]
-    head += ["seam angle, mean", "seam angle, largest"]
-    head += ["balance shift, mean", "balance shift, largest"]
     rows = []
     for graft, link in zip(grafts, links, strict=True):
         new = sum(not s.is_own for s in graft.substitutions)
         angles = np.degrees([seam.gap for seam in graft.seams])
+        n_without = sum(int((counts == 0).sum()) for counts in graft.alternatives.values())
         shift = _balance_shift(graft)
         rows.append(
-            [
-                _link(graft.motion.name, link),
-                f"{new} of {len(graft.substitutions)}",
-                f"{len(graft.substitutions) - new}",
-                f"{sum(int((counts == 0).sum()) for counts in graft.alternatives.values())}",
-                f"{len(angles)}",
-                f"{angles.mean():.1f}°" if len(angles) else "none",
-                f"{angles.max():.1f}°" if len(angles) else "none",
-                f"{100 * shift.mean():.1f} %",
-                f"{100 * shift.max():.1f} %",
-            ]
+            {
+                "motion": _link(graft.motion.name, link),
+                "segments exchanged": f"{new} of {len(graft.substitutions)}",
+                "segments kept": f"{len(graft.substitutions) - new}",
+                "without other donors": f"{n_without}",
+                "seams": f"{len(angles)}",
+                "seam angle, mean": f"{angles.mean():.1f}°" if len(angles) else "none",
+                "seam angle, largest": f"{angles.max():.1f}°" if len(angles) else "none",
+                "balance shift, mean": f"{100 * shift.mean():.1f} %",
+                "balance shift, largest": f"{100 * shift.max():.1f} %",
+            }
         )
-    return html_table(head, rows)
+    return html_table(list(rows[0]), [list(row.values()) for row in rows])
 
 
 def _balance_shift(graft: Graft) -> FloatArray:
