@@ -22,10 +22,8 @@ class Candidate:
 
     Attributes
     ----------
-    segment : int
-        Its index.
-    clip, start, stop : int
-        Its clip, first and last frame.
+    segment, clip, start, stop : int
+        Its index, its clip, and its first and last frame there.
     stretch : float
         Difference of the two lengths as a fraction of the base segment's.
     gap_before, gap_after : float

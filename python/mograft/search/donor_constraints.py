@@ -200,7 +200,7 @@ class MaxAngle(Constraint):
         if self.weight is not None or self.frames is not None:
             raise ValueError("MaxAngle accepts neither weight nor frames: it applies to every seam")
 
-    def violation(self, group: str, frame: int, angle: float) -> "Violation":
+    def violation(self, group: str, frame: int, angle: float) -> Violation:
         """Return the violation of a seam of a group at a frame."""
         message = (
             f"MaxAngle is violated at frame {frame}: seam angle of {group} "

@@ -41,10 +41,8 @@ def judge_candidates(
     )
     counts = base_segments.lengths[positions] + 1
     starts = np.cumsum(counts) - counts
-    poses, joints = (
-        candidate_poses(problem, group, positions, members),
-        problem.driven_joints[group],
-    )
+    poses = candidate_poses(problem, group, positions, members)
+    joints = problem.driven_joints[group]
     pose = [
         np.maximum.reduceat(constraint.errors(poses, joints)[0], starts)
         for constraint in problem.constraints

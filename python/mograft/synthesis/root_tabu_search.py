@@ -1,9 +1,8 @@
 """Tabu search for donor sequences that drive the root so that all hard constraints hold.
 
-If a grafted group holds the root, its donors move the body over the floor, one after the other.
-Replacing one donor rotates all later frames about the up axis and translates them over the floor.
-Each single substitution is therefore ranked by the violation of the whole moved motion, and the
-best-ranked ones are assembled.
+If a grafted group holds the root, replacing one donor moves all later frames rigidly over the
+floor. Each single substitution is therefore ranked by the violation of the whole moved motion, and
+the best-ranked ones are assembled.
 """
 
 from collections.abc import Callable, Mapping

@@ -69,7 +69,9 @@ def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | N
     """
     if skeleton is None:
         library.skeleton.check_same_hierarchy(frames.skeleton, frames.name or "the base")
-    elif not _is_same_skeleton(frames.skeleton, skeleton):
+    elif frames.skeleton.names != skeleton.names or not np.array_equal(
+        frames.skeleton.offsets, skeleton.offsets
+    ):
         raise ValueError(
             "`frames` must all have the same skeleton, got joint names or offsets that differ from "
             "those of the first frames"
@@ -79,7 +81,3 @@ def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | N
             f"`frames` must have the library's rate of {library.rate:.6g} frames/s, "
             f"got {frames.rate:.6g}: resample the base first"
         )
-
-
-def _is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
-    return a is b or (a.names == b.names and np.array_equal(a.offsets, b.offsets))
