@@ -89,7 +89,8 @@ def detect_contacts(motion: Motion) -> BoolArray:
 def foot_heights(motion: Motion) -> FloatArray:
     """Return the heights of heels and toes above their floor, shape (n_frames, n_legs, 2).
 
-    In skeleton heights; the floor is that of `detect_contacts`, so 5 % of the heights are negative.
+    In skeleton heights. The floor is that of `detect_contacts`; a point below it has a negative
+    height.
     """
     ground = Ground.of(motion)
     heights: FloatArray = ground.above(ground.points(motion)) / ground.height

@@ -9,7 +9,7 @@ from mograft.motion.skeleton import Skeleton
 
 
 def subtree_mask(skeleton: Skeleton, tops: Iterable[int]) -> BoolArray:
-    """Return whether each joint is one of `tops` or below one, shape (n_joints,)."""
+    """Return whether each joint is one of `tops` or below one of them, shape (n_joints,)."""
     is_inside = np.zeros(skeleton.n_joints, dtype=bool)
     is_inside[list(tops)] = True
     for joint, parent in enumerate(skeleton.parents.tolist()):

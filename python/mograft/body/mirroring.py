@@ -148,7 +148,11 @@ class _Reflection:
         return rotations.multiply(rotations.multiply(from_parent, image), self.frame)
 
     def mirror_vectors(self, vectors: FloatArray, frame: FloatArray) -> FloatArray:
-        """Return the vectors of the partners; `frame` belongs to the axes of the vectors."""
+        """Return the reflected vectors in the local axes of the partners.
+
+        `frame` gives the rotations of those axes: `parent_frame` for translations, an entry of the
+        field `frame` for an end site.
+        """
         image = _reflect(vectors, self.axis)
         if self.is_symmetric:
             return image
