@@ -52,9 +52,8 @@ class Config:
     components : int
         Maximum number of principal components (p* of 4.2).
     keep_heading : bool
-        Whether segments that differ only in heading count as different. If True, the root
-        rotation is compared as captured, as in the paper. If False, every segment is rotated
-        to the same initial heading first.
+        Whether segments that differ only in heading count as different, as in the paper. If
+        False, every segment is rotated to the same initial heading before the comparison.
     rotation_floor, position_floor, length_floor : float
         Lower bounds of the standard deviation by which a feature is divided, in radians,
         skeleton heights and frames of 1/30 s. They prevent the jitter of nearly static joints

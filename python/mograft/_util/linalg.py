@@ -20,8 +20,7 @@ def round_to_grid(values: FloatArray, spacing: float = GRID) -> FloatArray:
 
     Zeros are positive.
     """
-    rounded: FloatArray = values / spacing
-    np.rint(rounded, out=rounded)
+    rounded: FloatArray = np.rint(values / spacing)
     rounded *= spacing
     rounded += 0.0  # -0.0 becomes 0.0
     return rounded
@@ -47,13 +46,10 @@ def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatA
     trace. The eigenvectors, shape (n, min(n, n_vectors)), are columns of norm 1, rounded to `GRID`.
     In each the entry of largest absolute value is positive; ties go to the first.
 
-    Notes
-    -----
-    `numpy.linalg.eigh` gives other last bits for another number of BLAS threads. The rounded
-    results still differ if a number lies next to the middle between two multiples, or if two
-    eigenvalues are nearly equal: see "Principal components" in the contributing page. The sign is
-    chosen after rounding, because in eigenvectors of mirrored motions several entries have the
-    same absolute value but for the last bits.
+    The last bits of `numpy.linalg.eigh` depend on the number of BLAS threads. The rounded results
+    depend on it only if a number lies next to the middle between two multiples, or if two
+    eigenvalues are nearly equal: see "Principal components" in the contributing page. Signs are
+    chosen after rounding, because entries of equal size can differ in the last bits before it.
     """
     values, vectors = np.linalg.eigh(matrix)
     leading = round_to_grid(vectors[:, ::-1][:, :n_vectors])

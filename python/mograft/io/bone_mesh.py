@@ -31,33 +31,28 @@ def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
     thickness = 0.016 * transform.scale * mass_model(skeleton).height
     bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
     bones += [(s.parent, rest[s.parent] + transform.points(s.offset)) for s in skeleton.end_sites]
-    points: list[FloatArray] = []
-    normals: list[FloatArray] = []
-    joints: list[int] = []
-    for joint, end in bones:
-        octahedron = _octahedron(rest[joint], end, thickness)
-        if octahedron is not None:
-            points.append(octahedron[0])
-            normals.append(octahedron[1])
-            joints.append(joint)
-    if not points:
-        octahedron = _octahedron(rest[0], rest[0] + [0, max(thickness, 0.01), 0], thickness)
-        assert octahedron is not None  # its length is not 0
-        points, normals, joints = [octahedron[0]], [octahedron[1]], [0]
+    bones = [bone for bone in bones if _is_visible(rest[bone[0]], bone[1], thickness)]
+    bones = bones or [(0, rest[0] + [0, max(thickness, 0.01), 0])]
+    octahedra = [_octahedron(rest[joint], end, thickness) for joint, end in bones]
     return BoneMesh(
-        np.concatenate(points), np.concatenate(normals), np.repeat(joints, _CORNERS_PER_BONE)
+        np.concatenate([points for points, _ in octahedra]),
+        np.concatenate([normals for _, normals in octahedra]),
+        np.repeat([joint for joint, _ in bones], _CORNERS_PER_BONE),
     )
+
+
+def _is_visible(start: FloatArray, end: FloatArray, thickness: float) -> bool:
+    """Return whether a bone is long enough: smaller octahedra degenerate in float32."""
+    min_length = max(1e-5, 1e-4 * thickness, 1e-5 * float(np.abs(start).max()))
+    return float(np.linalg.norm(end - start)) >= min_length
 
 
 def _octahedron(
     start: FloatArray, end: FloatArray, thickness: float
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return the corners and the normals of a bone, (24, 3) each; None if it is too short."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return the corners and the normals of a bone, (24, 3) each."""
     along = end - start
     length = float(np.linalg.norm(along))
-    # Smaller octahedra degenerate in float32.
-    if length < max(1e-5, 1e-4 * thickness, 1e-5 * float(np.abs(start).max())):
-        return None
     along = along / length
     side = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
     side /= np.linalg.norm(side)

@@ -112,19 +112,13 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
 
 
 def _to_motion(arrays: Mapping[str, npt.NDArray[Any]]) -> Motion:
-    sites = zip(
-        arrays["end_parents"].tolist(),
-        arrays["end_offsets"],
-        arrays["end_before"].tolist(),
-        arrays["end_names"].tolist(),
-        strict=True,
-    )
+    fields = (arrays[f"end_{name}"].tolist() for name in ("parents", "offsets", "before", "names"))
     skeleton = Skeleton(
         arrays["names"].tolist(),
         arrays["parents"],
         arrays["offsets"],
         tuple(tuple(channels.split()) for channels in arrays["channels"].tolist()),
-        tuple(EndSite(*site) for site in sites),
+        tuple(EndSite(*site) for site in zip(*fields, strict=True)),
     )
     rotations = arrays["rotations"].astype(np.float64)
     rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)

@@ -49,20 +49,15 @@ def from_pybvh(clip: Any) -> Motion:  # noqa: ANN401 - pybvh has no types
         tuple(end_sites),
     )
     angles = np.asarray(clip.joint_angles, dtype=np.float64)
-    quats = np.stack(
-        [
-            rotations.from_euler(angles[:, joint], skeleton.rotation_order(joint))
-            for joint in range(skeleton.n_joints)
-        ],
-        axis=1,
-    )
+    orders = map(skeleton.rotation_order, range(skeleton.n_joints))
+    quats = [rotations.from_euler(angles[:, joint], order) for joint, order in enumerate(orders)]
     positions = np.tile(skeleton.offsets, (len(angles), 1, 1))
     positions[:, 0] = clip.root_pos
     path = clip.source_path
     return Motion(
         skeleton,
         clip.frame_time,
-        rotations.continuous_signs(quats),
+        rotations.continuous_signs(np.stack(quats, axis=1)),
         positions,
         np.hstack([clip.root_pos, np.degrees(angles).reshape(len(angles), -1)]),
         name="" if path is None else Path(path).stem,

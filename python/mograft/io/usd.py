@@ -112,11 +112,7 @@ def _define_stage(stage: Any, motion: Motion, transform: ExportTransform) -> Non
     figure.GetPrim().SetDisplayName(_to_usd_text(motion.name or "motion"))
 
 
-def _define_skeleton(
-    stage: Any,  # noqa: ANN401
-    skeleton: Skeleton,
-    transform: ExportTransform,
-) -> None:
+def _define_skeleton(stage: Any, skeleton: Skeleton, transform: ExportTransform) -> None:  # noqa: ANN401
     """Add the skeleton in its rest pose."""
     from pxr import UsdSkel
 

@@ -156,10 +156,7 @@ class Motion:
     def world_transforms(self) -> tuple[FloatArray, FloatArray]:
         """Return world rotations and positions of all joints, by forward kinematics.
 
-        Returns
-        -------
-        rotations, positions : ndarray, shape (n_frames, n_joints, 4) and (n_frames, n_joints, 3)
-            Unit quaternions, xyzw, and positions in the unit of the file.
+        Rotations have shape (n_frames, n_joints, 4), xyzw; positions (n_frames, n_joints, 3).
         """
         return world_transforms(self.skeleton, self.rotations, self.positions)
 
@@ -231,10 +228,9 @@ class Motion:
             names = skeleton.channels[joint]
             for column, name in zip(columns, names, strict=True):
                 if name.endswith("position"):
-                    own = self.positions[:, joint, "XYZ".index(name[0])]
-                    numbers[:, column] = np.where(
-                        np.isnan(numbers[:, column]), own, numbers[:, column]
-                    )
+                    translations = self.positions[:, joint, "XYZ".index(name[0])]
+                    is_missing = np.isnan(numbers[:, column])
+                    numbers[is_missing, column] = translations[is_missing]
             turns = [c for c, name in zip(columns, names, strict=True) if name.endswith("rotation")]
             if turns:
                 order = skeleton.rotation_order(joint)

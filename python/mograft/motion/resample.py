@@ -64,27 +64,18 @@ def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
     """Interpolate joint rotations at new times with continuous angular velocity.
 
     The curve passes through all frames. Its velocity at a frame is that of the parabola through
-    the frame and its two neighbours. Before the first frame and after the last the nearest
-    frame is returned.
+    the frame and its two neighbours; each interval is a curve of `mograft.rotations.hermite`.
+    Before the first frame and after the last the nearest frame is returned.
 
     Parameters
     ----------
     times, rotations, at
-        As for `slerp`.
+        As for `slerp`; the errors are the same.
 
     Returns
     -------
     ndarray, shape (n_times, n_joints, 4)
         Unit quaternions; at the time of a frame exactly that frame.
-
-    Raises
-    ------
-    ValueError
-        As for `slerp`.
-
-    Notes
-    -----
-    Each interval is the curve of `mograft.rotations.hermite`.
     """
     frame_times = as_floats("times", times, ("n_frames",))
     quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
@@ -99,7 +90,7 @@ def cubic_positions(
     Parameters
     ----------
     times, at
-        As for `slerp`.
+        As for `slerp`; the errors are the same.
     positions : array_like, shape (n_frames, n_joints, 3)
         Positions, in any unit.
 
@@ -107,11 +98,6 @@ def cubic_positions(
     -------
     ndarray, shape (n_times, n_joints, 3)
         Positions, in the same unit.
-
-    Raises
-    ------
-    ValueError
-        As for `slerp`.
     """
     frame_times = as_floats("times", times, ("n_frames",))
     vectors = as_vectors("positions", positions, (len(frame_times), "n_joints"))

@@ -22,7 +22,7 @@ _MAX_INDENTATION = 40
 
 
 def write_bvh(motion: Motion, target: BvhFile) -> None:
-    r"""Write a motion to a BVH file.
+    """Write a motion to a BVH file.
 
     Names, hierarchy, offsets, end sites, channels and frame time are those of the motion. A
     number that was read and not changed is written with the value that was read. Other angles
@@ -52,19 +52,8 @@ def write_bvh(motion: Motion, target: BvhFile) -> None:
     >>> motion = Motion(skeleton, 0.5, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2)
     >>> file = io.StringIO()
     >>> write_bvh(motion, file)
-    >>> print(file.getvalue().replace("\t", "  "))
-    HIERARCHY
-    ROOT Hips
-    {
-      OFFSET 0.0 0.0 0.0
-      CHANNELS 1 Yrotation
-    }
-    MOTION
-    Frames: 2
-    Frame Time: 0.5
-    0.0
-    0.0
-    <BLANKLINE>
+    >>> file.getvalue().splitlines()[-5:]
+    ['MOTION', 'Frames: 2', 'Frame Time: 0.5', '0.0', '0.0']
     """
     check_type("motion", motion, Motion)
     blocks = _format_blocks(motion)
