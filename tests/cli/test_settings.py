@@ -66,7 +66,11 @@ def test_find_settings_each_option_takes_nearest_source(tmp_path_factory, values
     lines += ["[graft]", *(f'{n} = "{v}"' for n, v in document["table"].items())]
     (folder / CONFIG_FILE).write_text("\n".join(lines))
     (folder / "a" / "b").mkdir(parents=True)
-    found = find_settings(BY_NAME["graft"], COMMANDS, folder / "a" / "b", environment)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder / "a" / "b")
+        for name, value in environment.items():
+            patch.setenv(name, value)
+        found = find_settings(BY_NAME["graft"], COMMANDS)
     for name, by_source in values.items():
         given = [source for source in SOURCES[:-1] if source in by_source]
         if not given:

@@ -21,9 +21,6 @@ from mograft.search.constraints import Constraint
 from mograft.synthesis.graft import graft_many, repair
 from mograft.synthesis.graft_result import Graft
 
-EXIT_UNSATISFIED = 4
-"""Exit code if no donor sequence satisfies the constraints."""
-
 _MAX_REPORTED = 20
 """Grafts in a report page, which holds all of them in memory at once."""
 
@@ -63,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
         grafts = list(grafts)
         best_effort = options.best_effort
         if _print_violations(grafts, best_effort=best_effort) and not best_effort:
-            return EXIT_UNSATISFIED
+            return 4  # No donor sequence satisfies the constraints.
     document: dict[str, Any] = {"grafts": _write_grafts(grafts, paths, options)}
     if options.report:
         reported = [grafts[index] for index in range(min(len(grafts), _MAX_REPORTED))]

@@ -2,18 +2,23 @@
 
 import argparse
 import multiprocessing
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from mograft.cli.configuration import options_given, selected_config, selected_groups
 from mograft.cli.lib import describe_library
 from mograft.cli.output import describe_excluded_file, print_remark, print_result, show_progress
-from mograft.cli.pool import Pool
 from mograft.errors import join_names
 from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.library import Library
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -100,8 +105,30 @@ def _workers(jobs: int) -> Iterator[Executor | None]:
         yield None
         return
     # Spawned, not forked, as threads and open files do not survive a fork.
-    pool = Pool(jobs, mp_context=multiprocessing.get_context("spawn"))
+    pool = _Pool(jobs, mp_context=multiprocessing.get_context("spawn"))
     try:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+class _Pool(ProcessPoolExecutor):
+    """Worker processes that ignore Ctrl-C; the process that started them ends them."""
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Call a function in one of the processes."""
+        if os.name != "posix" or threading.current_thread() is not threading.main_thread():
+            return super().submit(fn, *args, **kwargs)
+        # `submit` may start processes, which inherit the blocked signal. This process delays
+        # Ctrl-C until `submit` returns: a pool interrupted within it never shuts down.
+        received: list[int] = []
+        handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            future = super().submit(fn, *args, **kwargs)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            signal.signal(signal.SIGINT, handler)
+        if received:
+            raise KeyboardInterrupt
+        return future

@@ -6,7 +6,7 @@ The command line takes precedence over the environment, the environment over the
 import argparse
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,19 +31,14 @@ class Setting:
         return self.value if isinstance(self.value, str | int | float) else self.text
 
 
-def find_settings(
-    command: Command,
-    commands: Sequence[Command],
-    folder: Path | None = None,
-    environment: Mapping[str, str] = os.environ,
-) -> dict[str, Setting]:
+def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Setting]:
     """Return the settings of a command by the names of the options in the namespace.
 
-    The configuration file is searched in `folder`, by default the working folder, and above it;
-    it may have a table for each of `commands`. Raise a ValueError that names the file or the
-    variable if the file is not TOML, or a setting is unknown or has an invalid value.
+    The configuration file is searched in the working folder and above it; it may have a table for
+    each of `commands`. Raise a ValueError that names the file or the variable if the file is not
+    TOML, or a setting is unknown or has an invalid value.
     """
-    path = find_config_file(Path.cwd() if folder is None else folder)
+    path = find_config_file(Path.cwd())
     table = {} if path is None else _read_file(path, command, commands)
     settings = {}
     for argument in command.settings():
@@ -53,9 +48,9 @@ def find_settings(
             settings[argument.dest] = Setting(value, str(path), text)
         for name in (argument.dest, f"{command.name}_{argument.dest}"):
             variable = _VARIABLE_PREFIX + name.upper()
-            if variable in environment:
-                value = _convert_text(argument, environment[variable], variable)
-                settings[argument.dest] = Setting(value, variable, environment[variable])
+            if variable in os.environ:
+                value = _convert_text(argument, os.environ[variable], variable)
+                settings[argument.dest] = Setting(value, variable, os.environ[variable])
     return settings
 
 

@@ -1,6 +1,7 @@
 """``mograft view``: motions side by side in the browser."""
 
 import argparse
+from pathlib import Path
 
 from mograft.cli.configuration import refuse_fixed_options, selected_groups
 from mograft.cli.files import check_writable, expand_folders, library_folder, select_clips
@@ -26,9 +27,9 @@ def run(options: argparse.Namespace) -> int:
         library = Library.open(folder)
         clips = Scene.of_clips(library, select_clips(library, options.clip))
         page = view(clips, title=options.title, show=False)
-    if options.output is not None:
-        options.output.parent.mkdir(parents=True, exist_ok=True)
-    path = page.save(temporary_path() if options.output is None else options.output, force=True)
+    target: Path = options.output or temporary_path()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    path = page.save(target, force=True)
     print_result(options, "view", {"file": str(path), "title": page.title}, [path])
     if options.output is None or options.open:
         open_page(path)

@@ -100,8 +100,7 @@ def strip(
 def _bones(motion: Motion) -> list[tuple[int, int]]:
     """Return the nodes with their parents, without those above the locomotion root.
 
-    A joint above the root stays at the origin of the world; a bone from it to the body would be
-    as long as the distance of the body from the origin.
+    A joint above it stays at the origin of the world, however far away the body is.
     """
     parents = node_parents(motion)
     above, joint = set(), motion.locomotion_root()
