@@ -89,8 +89,7 @@ def detect_contacts(motion: Motion) -> BoolArray:
 def foot_heights(motion: Motion) -> FloatArray:
     """Return the heights of heels and toes above their floor, shape (n_frames, n_legs, 2).
 
-    In skeleton heights. The floor is that of `detect_contacts`; a point below it has a negative
-    height.
+    In skeleton heights; negative below the floor of `detect_contacts`.
     """
     ground = Ground.of(motion)
     heights: FloatArray = ground.above(ground.points(motion)) / ground.height

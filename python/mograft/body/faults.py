@@ -151,8 +151,7 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     is_teleport[:1] &= not first
     is_teleport[glitches - 1] = is_teleport[glitches] = False
     for start, stop in find_runs(is_teleport).tolist():
-        height_share = 100.0 * steps[start:stop].max()
-        message = f"joints jump by {height_share:.0f} % of the figure height"
+        message = f"joints jump by {100.0 * steps[start:stop].max():.0f} % of the figure height"
         yield Fault("teleport", (start, stop), None, message)
     for frame in glitches:
         message = f"one frame {100.0 * smaller_step[frame - 1]:.0f} % of the figure height away"
@@ -163,8 +162,7 @@ def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
     """Yield implausible rotations of single joints."""
     if motion.n_frames < 2:
         return
-    quats = motion.rotations
-    names = motion.skeleton.names
+    quats, names = motion.rotations, motion.skeleton.names
     steps = rotations.angle(quats[1:], quats[:-1])
     glitched = np.zeros_like(steps, dtype=bool)
     if motion.n_frames > 2:

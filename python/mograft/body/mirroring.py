@@ -150,8 +150,7 @@ class _Reflection:
     def mirror_vectors(self, vectors: FloatArray, frame: FloatArray) -> FloatArray:
         """Return the reflected vectors in the local axes of the partners.
 
-        `frame` gives the rotations of those axes: `parent_frame` for translations, an entry of the
-        field `frame` for an end site.
+        `frame` rotates those axes: `parent_frame` for translations, the joint's for an end site.
         """
         image = _reflect(vectors, self.axis)
         if self.is_symmetric:
