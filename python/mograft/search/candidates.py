@@ -137,10 +137,7 @@ class SegmentPool:
         return distances / self.sigma
 
     def unary_costs(self, base: IntArray, donors: IntArray, model: CostModel) -> FloatArray:
-        """Return the cost of each donor for its base segment, without seams and constraints.
-
-        `base`, `donors` and the result have shape (n,).
-        """
+        """Return the cost of each donor for its base segment, without seams and constraints."""
         lengths = self.segments.lengths
         distances = self.distances(base, donors)
         return model.unary(lengths[base], lengths[donors], distances, donors == base)

@@ -35,10 +35,7 @@ def transplant_group(
 
 
 def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
-    """Return the motion of donor sequences, with treated seams.
-
-    The joints of grafted groups that are not in `donors` are as in the base.
-    """
+    """Return the motion of donor sequences; joints of groups without one are as in the base."""
     return _assemble_ranges(problem, [donors], 0, len(problem.base_segments))
 
 

@@ -70,10 +70,7 @@ def candidate_poses(
 def advance_root(
     problem: SearchProblem, donors: IntArray, root_start: RootTransforms
 ) -> RootTransforms:
-    """Return the root transforms at the ends of donors that start at given root transforms.
-
-    There is one root transform in `root_start` for each donor.
-    """
+    """Return the root transforms at the ends of donors, given that at the start of each."""
     library = problem.library
     taken = library.segments[donors]
     first, last = _empty_roots(len(donors)), _empty_roots(len(donors))

@@ -204,10 +204,7 @@ class GraftPlan:
 
 
 def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
-    """Return the groups to graft, in the library's order; by default all but the base group.
-
-    A string raises TypeError. An unknown name, that of the base group, or none raises ValueError.
-    """
+    """Return the groups to graft, in the library's order; by default all but the base group."""
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]
     if isinstance(swap, str):

@@ -186,10 +186,7 @@ class SearchProblem:
         return np.any(applies, axis=0) if applies else np.zeros(len(frames), bool)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
-        """Return which positions have a frame of positive excess, shape (n_positions,).
-
-        `excess` has one value per frame of the base, as from `donor_excess`.
-        """
+        """Return which positions contain a frame whose excess, as of `donor_excess`, is above 0."""
         count = np.concatenate([[0], np.cumsum(excess > 0)])
         found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
         return found
@@ -199,10 +196,7 @@ class SearchProblem:
         return [own.soft for own in self._origin_violations(group)]
 
     def _allowed_by_origin(self, group: str) -> list[IntArray]:
-        """Return the candidates whose origin satisfies all hard constraints.
-
-        The base segment itself is always kept.
-        """
+        """Return the candidates whose origin meets all hard constraints, and the base segments."""
         candidates, violations = self.candidates[group], self._origin_violations(group)
         return [
             segments[own.is_feasible | (segments == base)]
