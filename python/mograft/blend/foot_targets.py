@@ -57,9 +57,10 @@ def foot_displacements(
 ) -> FloatArray:
     """Return the displacements of a leg's heel and toe to where they should be, (n_frames, 2, 3).
 
-    `points` has this shape; `contacts` and `min_heights`, shape (n_frames, 2), say when the points
-    stand, and their least heights in skeleton heights while neither stands. A point that does not
-    stand follows the other one if that stands, and is lifted. The foot keeps its length.
+    `points` are heel and toe, of the same shape. `contacts` marks when they stand, and
+    `min_heights` are their least heights in skeleton heights while neither stands; both have shape
+    (n_frames, 2). A point that does not stand follows the other one if that stands, and is lifted.
+    The foot keeps its length.
     """
     single, holds = np.zeros_like(points), np.zeros(contacts.shape)
     fade = max(round(_FADE_SECONDS * rate), 1)

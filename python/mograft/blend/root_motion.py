@@ -31,10 +31,11 @@ def blend_root_velocity(
 ) -> FloatArray:
     """Return velocities that are cross-faded at seams.
 
-    `velocities`, shape (n, k), lead from each frame to the next; `cut` covers the frames in order,
-    with seams where `seams`, shape (len(cut) - 1,), is True. The result is a mean of given
-    velocities with weights of sum 1, so none exceeds the greatest. A velocity whose weight for the
-    other side is 0 is kept bit for bit. A seam changes only the two segments that meet there.
+    `velocities`, shape (n, k), lead from each frame to the next. `cut` covers the frames in order
+    of time; `seams`, shape (len(cut) - 1,), marks the segments that end with a seam. The result is
+    a mean of given velocities with weights of sum 1, so none exceeds the greatest. A velocity whose
+    weight for the other side is 0 is kept bit for bit. A seam changes only the two segments that
+    meet there.
     """
     segment = np.repeat(np.arange(len(cut)), cut.lengths)
     frames = np.arange(len(velocities), dtype=np.float64) + 0.5

@@ -10,7 +10,7 @@ from mograft.body.contacts import Leg
 from mograft.config import FRAME
 
 _SMOOTHING_SECONDS = 3 * FRAME
-_MAX_LEG_SHARE = 0.995  # share of its length to which a leg is straightened at most
+_MAX_LEG_SHARE = 0.995  # share of its length to which a leg is straightened, unless straighter
 _N_PROJECTIONS = 10
 _MAX_SWEEPS, _SPEED_MARGIN = 1000, 0.9999
 """How often excess speed is distributed to neighbouring frames, and the share to which it falls."""
@@ -25,9 +25,9 @@ def shift_for_reach(
 ) -> FloatArray:
     """Return the smooth shift of the root, (n_frames, 3), with which legs reach their plants.
 
-    `world_positions`, shape (n_frames, n_joints, 3), are those of the joints; `displacements`,
-    shape (n_frames, n_legs, 3), those of the ankles; `is_planted`, shape (n_frames, n_legs), says
-    which legs must reach. The shift is 0 if all legs reach.
+    `world_positions`, shape (n_frames, n_joints, 3), are those of the joints. `displacements`,
+    shape (n_frames, n_legs, 3), are those of the ankles. `is_planted`, shape (n_frames, n_legs),
+    marks the legs that must reach. The shift is 0 if all legs reach.
     """
     centers, radii = [], []
     for index, leg in enumerate(legs):

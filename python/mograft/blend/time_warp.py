@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,8 +56,18 @@ class TimeWarp:
     """For each segment, the share of its donor that has passed at any share of the segment."""
 
     shares: FloatArray  # (n_segments, 5): after 0, ¼, ½, ¾ and all of the segment
-    slopes: FloatArray  # (n_segments, 5): at these knots; 1 is the constant rate
     is_warped: BoolArray  # (n_segments,)
+
+    @cached_property
+    def slopes(self) -> FloatArray:
+        """Slopes at the knots of a monotone cubic (Fritsch and Carlson 1980); 1: constant rate."""
+        rises = np.diff(self.shares, axis=1) * (_N_KNOTS - 1)
+        inner = 2.0 * rises[:, 1:] * rises[:, :-1] / (rises[:, 1:] + rises[:, :-1])
+        first, last = (
+            np.clip(1.5 * near - 0.5 * far, 0.0, 3.0 * near)
+            for near, far in ((rises[:, 0], inner[:, 0]), (rises[:, -1], inner[:, -1]))
+        )
+        return np.column_stack([first, inner, last])
 
     @classmethod
     def by_dtw(
@@ -87,7 +98,7 @@ class TimeWarp:
                 knots = _warped_knots(pose_gaps(base_poses, poses))
                 if knots is not None:
                     shares[row], is_warped[row] = knots, True
-        return cls(shares, _monotone_slopes(shares), is_warped)
+        return cls(shares, is_warped)
 
     def donor_share(self, segment: IntArray, share: FloatArray) -> FloatArray:
         """Return the shares of donors that have passed after shares of their segments."""
@@ -121,21 +132,9 @@ def _warped_knots(distances: FloatArray) -> FloatArray | None:
     path = warping_path(distances) / (2 * n)
     shares = rows / n
     knots = np.interp(np.linspace(0.0, 1.0, _N_KNOTS), shares, path)
-    warp = TimeWarp(knots[None], _monotone_slopes(knots[None]), np.ones(1, bool))
+    warp = TimeWarp(knots[None], np.ones(1, bool))
     columns = warp.donor_share(np.zeros(n + 1, np.int64), shares) * (2 * n)
     low = np.minimum(columns.astype(np.int64), 2 * n - 1)
     warped = distances[rows, low] * (low + 1 - columns)
     warped += distances[rows, low + 1] * (columns - low)
     return knots if warped.sum() < (1.0 - _MIN_GAIN) * constant_sum else None
-
-
-def _monotone_slopes(shares: FloatArray) -> FloatArray:
-    """Return slopes at the knots of a monotone cubic (Fritsch and Carlson 1980)."""
-    rises = np.diff(shares, axis=1) * (_N_KNOTS - 1)
-    inner = 2.0 * rises[:, 1:] * rises[:, :-1] / (rises[:, 1:] + rises[:, :-1])
-    ends = [
-        np.clip(1.5 * near - 0.5 * far, 0.0, 3.0 * near)
-        for near, far in ((rises[:, 0], inner[:, 0]), (rises[:, -1], inner[:, -1]))
-    ]
-    slopes: FloatArray = np.column_stack([ends[0], inner, ends[1]])
-    return slopes

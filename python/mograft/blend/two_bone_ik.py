@@ -59,9 +59,9 @@ def bend_leg(
 ) -> Part | None:
     """Return hip, knee and ankle of a leg, bent so that its heel and toe are displaced.
 
-    The world transforms, shape (n_frames, n_joints, 4 or 3), and `points`, the heel and toe, shape
-    (n_frames, 2, 3), are those after the root has been moved. Frames with displacements of 0 are
-    kept bit for bit. The result is None if all displacements are 0.
+    The world transforms, shape (n_frames, n_joints, 4 or 3), and `points`, heel and toe, are those
+    after the root has been moved. `points` and `displacements` have shape (n_frames, 2, 3). Frames
+    with displacements of 0 are kept bit for bit. The result is None if all displacements are 0.
     """
     joints = np.array([leg.hip, leg.knee, leg.ankle])
     is_moved = (displacements != 0.0).any(axis=(1, 2))

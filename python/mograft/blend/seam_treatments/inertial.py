@@ -8,6 +8,7 @@ from mograft.blend.seams import (
     SeamBoundaries,
     SeamTreatment,
     add_deltas,
+    at_piece_ends,
     crossfade_after,
 )
 
@@ -30,11 +31,10 @@ class _Inertial(SeamTreatment):
         rate = space.delta_rate(
             -gaps, boundaries.velocity_before - space.transport(-gaps, boundaries.velocity_after)
         )
-        zero = np.zeros((1, *gaps.shape[1:]))  # no seam before the first piece
-        value, velocity = np.concatenate([zero, -gaps]), np.concatenate([zero, rate])
-        window = _without_overshoot(value, velocity, times.windows[:, None])
-        piece = times.piece
-        offsets = _decay(value[piece], velocity[piece], times.seconds, window[piece])
+        value, _ = at_piece_ends(-gaps, times.piece)
+        velocity, _ = at_piece_ends(rate, times.piece)
+        window = _without_overshoot(value, velocity, times.windows[times.piece][:, None])
+        offsets = _decay(value, velocity, times.seconds, window)
         return add_deltas(space, values, offsets)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
