@@ -47,8 +47,8 @@ def transplant(
 ) -> Part:
     """Return the motion of a joint group with donor segments in place of base segments.
 
-    `cut` covers the base in order of time. `donors` are the donor of each of its segments, which
-    may be the segment itself, in `clips` of the base's hierarchy.
+    `cut` covers the base in order of time. `donors` holds the donor of each of its segments, which
+    may be the segment itself. `donors.clip` indexes `clips`, whose hierarchy is that of the base.
 
     Every donor is resampled to the length of its base segment, by a curve that depends on the
     donor's neighbours in its clip too. At every seam, two donors that are not neighbours in a clip

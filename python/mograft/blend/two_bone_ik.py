@@ -18,9 +18,9 @@ def bend_limb(
 
     `start`, `middle` and `end`, shape (n, 3), are positions of the limb's first joint, of the joint
     between its bones, and of its end. If `target` is out of reach, the limb is straightened towards
-    it. It bends about the unit vectors `axis`, roughly perpendicular to both bones: for a knee the
-    cross product of thigh and shank. The results are rotations in the world: of the whole limb
-    about its start, and before that of the lower bone about the middle joint.
+    it. The limb bends about the unit vectors `axis`, roughly perpendicular to both bones: for a
+    knee the cross product of thigh and shank. The results are rotations in the world: of the whole
+    limb about its start, and before that of the lower bone about the middle joint.
     """
     upper, lower = start - middle, end - middle
 

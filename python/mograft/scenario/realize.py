@@ -22,7 +22,7 @@ from mograft.scenario.scenario import Scenario
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     """Return the motion of a scenario, and where each of its segments lies in the motion.
 
-    Seams are closed, and feet are planted unless `Config.feet` is "never".
+    Gaps at seams are closed. Feet are planted unless `Config.feet` is "never".
     """
     donors = library.segments[scenario.segments]
     lengths = donors.lengths if scenario.lengths is None else scenario.lengths
