@@ -145,7 +145,8 @@ def test_contact_sequences_omit_states_of_one_frame(library):
 
 @pytest.mark.parametrize("method", RANDOM_METHODS, ids=repr)
 def test_draw_donors_equals_donors_of_grafts_and_draws_candidates(library, method):
-    scenario, sequences = draw_donors(method, library, library.clips[1].name, 3, seed=9)
+    plan, sequences = draw_donors(method, library, library.clips[1].name, 3, seed=9)
+    scenario = plan.problem.scenario
     candidates = method.candidates(library, scenario)
     grafts = grafts_by(method, library, library.clips[1].name, 3, seed=9)
     for sequence, graft in zip(sequences, grafts, strict=True):
@@ -157,7 +158,8 @@ def test_draw_donors_equals_donors_of_grafts_and_draws_candidates(library, metho
 def test_draw_donors_seam_limit_is_exceeded_only_by_nearest_candidate(library):
     method, max_angle = RandomLength(), np.radians(15)
     limited = replace(library, config=replace(library.config, max_angle=max_angle))
-    scenario, sequences = draw_donors(method, limited, None, 40, seed=1)
+    plan, sequences = draw_donors(method, limited, None, 40, seed=1)
+    scenario = plan.problem.scenario
     candidates = method.candidates(limited, scenario)
     pool = limited.pool("upper")
     first_donors = np.array([sequence["upper"][0] for sequence in sequences])

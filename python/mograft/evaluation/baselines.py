@@ -298,7 +298,7 @@ def grafts_by(
     >>> new.motion.n_frames == new.base.n_frames
     True
     """
-    plan, donors = _plan_grafts(method, library, base, count, swap, seed)
+    plan, donors = draw_donors(method, library, base, count, swap=swap, seed=seed)
     return Grafts(plan, tuple(donors), seed)
 
 
@@ -310,24 +310,11 @@ def draw_donors(
     *,
     swap: Sequence[str] | None = None,
     seed: int = 0,
-) -> tuple[IntArray, list[DonorSequences]]:
+) -> tuple[GraftPlan, list[DonorSequences]]:
     """Select donors as `grafts_by` does, without computing the motions.
 
-    Return the base segments, shape (n_positions,), and for each graft the donor sequence of each
-    grafted group.
+    Return the plan, and for each graft the donor sequence of each grafted group.
     """
-    plan, donors = _plan_grafts(method, library, base, count, swap, seed)
-    return plan.problem.scenario, donors
-
-
-def _plan_grafts(
-    method: Method,
-    library: Library,
-    base: Motion | str | None,
-    count: int,
-    swap: Sequence[str] | None,
-    seed: int,
-) -> tuple[GraftPlan, list[DonorSequences]]:
     if method.config_changes:
         library = library.relabelled(replace(library.config, **dict(method.config_changes)))
     plan = GraftPlan.build(library, base, swap, ())

@@ -27,12 +27,12 @@ def selected_donors(
             continue
         donors: list[list[int]] = [[] for _ in range(len(library.segments))]
         for entry in library.entries:
-            scenario, sequences = draw_donors(
+            plan, sequences = draw_donors(
                 method, library, entry.name, _N_SEQUENCES, swap=[group], seed=seed
             )
+            scenario = plan.problem.scenario.tolist()
             for sequence in sequences:
-                pairs = zip(scenario.tolist(), sequence[group].tolist(), strict=True)
-                for segment, donor in pairs:
+                for segment, donor in zip(scenario, sequence[group].tolist(), strict=True):
                     donors[segment].append(donor)
         selected[method.name] = [np.array(several, np.int64) for several in donors]
     return selected
@@ -74,24 +74,28 @@ def sample_pairs(
     `donors` has the donors of every segment of the library. Each segment has at most 20 donors, and
     fewer if all segments together would have more than 10,000; longer lists are sampled.
     """
-    pairs = []
-    max_donors = _max_donors(len(segments))
-    for segment in segments.tolist():
-        several = donors[segment]
-        if len(several) > max_donors:
-            several = rng.choice(several, max_donors, replace=False)
-        pairs.append(np.stack([np.full(len(several), segment), several], axis=1))
-    return np.concatenate(pairs).astype(np.int64)
+    n = _max_donors(len(segments))
+    chosen = [
+        several if len(several) <= n else rng.choice(several, n, replace=False)
+        for several in (donors[segment] for segment in segments.tolist())
+    ]
+    return _pair(segments, chosen)
 
 
 def random_pairs(segments: IntArray, rng: np.random.Generator) -> IntArray:
     """Return pairs of segments and random other segments, as `sample_pairs` does."""
     count = min(_max_donors(len(segments)), len(segments) - 1)
-    pairs = []
-    for position, segment in enumerate(segments.tolist()):
-        others = rng.choice(np.delete(segments, position), count, replace=False)
-        pairs.append(np.stack([np.full(count, segment), others], axis=1))
-    return np.concatenate(pairs).astype(np.int64)
+    chosen = [
+        rng.choice(np.delete(segments, position), count, replace=False)
+        for position in range(len(segments))
+    ]
+    return _pair(segments, chosen)
+
+
+def _pair(segments: IntArray, donors: Sequence[IntArray]) -> IntArray:
+    """Return each segment with each of its donors, shape (n_pairs, 2)."""
+    repeated = np.repeat(segments, [len(several) for several in donors])
+    return np.stack([repeated, np.concatenate(donors)], axis=1).astype(np.int64)
 
 
 def _max_donors(n_segments: int) -> int:

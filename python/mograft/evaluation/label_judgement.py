@@ -13,22 +13,10 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.errors import InsufficientDataError
-from mograft.evaluation import estimate
+from mograft.evaluation import classifier, donor_pairs, estimate
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.baselines import Method, default_methods
-from mograft.evaluation.classifier import (
-    N_INNER_FOLDS,
-    PairFeatures,
-    assign_folds,
-    build_classifier,
-    select_parameters,
-)
-from mograft.evaluation.donor_pairs import (
-    donors_in_fold,
-    mean_by_segment,
-    sample_pairs,
-    selected_donors,
-)
+from mograft.evaluation.classifier import PairFeatures
 from mograft.evaluation.estimate import Estimate, Record, proportion, rogan_gladen
 from mograft.evaluation.label_table import Labels
 from mograft.evaluation.part_features import part_features
@@ -123,25 +111,25 @@ def judgement(
     base, grafted = (part_features(library, g) for g in (library.groups.base, labels.group))
     features = PairFeatures.reduce(base, grafted, segments)
     train_blocks = np.unique(blocks[pairs[is_train, 0]], return_inverse=True)[1]
-    folds = assign_folds(train_blocks, N_INNER_FOLDS, seed)
+    folds = classifier.assign_folds(train_blocks, classifier.N_INNER_FOLDS, seed)
     train_features, classes = features.join(pairs[is_train]), natural.astype(np.int64)[is_train]
-    parameters = select_parameters(train_features, classes, folds)
-    classifier = build_classifier(parameters).fit(train_features, classes)
-    predicted = classifier.predict(features.join(pairs[~is_train])).astype(bool)
+    parameters = classifier.select_parameters(train_features, classes, folds)
+    svm = classifier.build_classifier(parameters).fit(train_features, classes)
+    predicted = svm.predict(features.join(pairs[~is_train])).astype(bool)
     truth = natural[~is_train]
     is_correct = predicted == truth
     sensitivity = _share(is_correct[truth], "test labels")
     specificity = _share(is_correct[~truth], "test labels")
     rng = np.random.default_rng(seed)
-    selected = selected_donors(library, labels.group, methods, seed)
-    donors = donors_in_fold(library, methods, np.zeros_like(segments), selected)
+    selected = donor_pairs.selected_donors(library, labels.group, methods, seed)
+    donors = donor_pairs.donors_in_fold(library, methods, np.zeros_like(segments), selected)
     verdicts = []
     for name, several in donors.items():
-        sample = sample_pairs(several, segments, rng)
+        sample = donor_pairs.sample_pairs(several, segments, rng)
         rates = np.full(len(segments), np.nan)
         if len(sample):
-            predictions = classifier.predict(features.join(sample)).astype(np.float64)
-            rates = mean_by_segment(predictions, sample, len(segments))
+            predictions = svm.predict(features.join(sample)).astype(np.float64)
+            rates = donor_pairs.mean_by_segment(predictions, sample, len(segments))
         verdicts.append(_verdict(name, rates, blocks, (sensitivity, specificity), seed))
     return Judgement(
         group=labels.group,

@@ -2,7 +2,6 @@
 
 import csv
 import os
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -88,10 +87,8 @@ def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
     for line, row in enumerate(rows, start=2):
         if not row:
             continue
-        segments = _parse_row(row, f"{path}:{line}")
-        segment, donor = _find_segments(segments, numbers, f"{path}:{line}")
+        pairs.append(_parse_row(row, numbers, f"{path}:{line}"))
         groups.add(row[3])
-        pairs.append((segment, donor, row[len(COLUMNS)] == "natural"))
     if len(groups) > 1 or not groups <= set(library.groups.names):
         raise ValueError(
             f"{path}: all labels must be of one group of the library, "
@@ -102,29 +99,22 @@ def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
     return Labels(table[:, 0], table[:, 1], table[:, 2].astype(bool), group)
 
 
-def _parse_row(row: list[str], place: str) -> tuple[_Key, _Key]:
-    """Return the keys of the base segment and of the donor of a valid row."""
+def _parse_row(row: list[str], numbers: dict[_Key, int], place: str) -> tuple[int, int, bool]:
+    """Return the base segment, the donor, and whether the label is "natural"."""
     if len(row) < len(COLUMNS) + 1:
         raise ValueError(f"{place}: must have {len(COLUMNS) + 1} columns, got {len(row)}")
-    keys = []
-    for clip, first, last in ((row[0], row[1], row[2]), (row[4], row[5], row[6])):
+    keys: list[_Key] = []
+    for clip, first, last in (row[:3], row[4:7]):
         if not (first.isdecimal() and last.isdecimal()):
             raise ValueError(f"{place}: frames must be whole numbers, got {first}, {last}")
         keys.append((clip, int(first), int(last)))
     label = row[len(COLUMNS)]
     if label not in ("natural", "unnatural"):
         raise ValueError(f"{place}: label must be natural or unnatural, got {label!r}")
-    return keys[0], keys[1]
-
-
-def _find_segments(keys: Iterable[_Key], numbers: dict[_Key, int], place: str) -> list[int]:
-    """Return the segment numbers of keys."""
-    found = []
-    for clip, first, last in keys:
-        if (clip, first, last) not in numbers:
+    for key in keys:
+        if key not in numbers:
             raise ValueError(
-                f"{place}: {clip} has no segment {first}-{last} in this library; read labels "
+                f"{place}: {key[0]} has no segment {key[1]}-{key[2]} in this library; read labels "
                 "with the same files and options as those of the page"
             )
-        found.append(numbers[clip, first, last])
-    return found
+    return numbers[keys[0]], numbers[keys[1]], label == "natural"

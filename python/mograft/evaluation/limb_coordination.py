@@ -7,6 +7,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import up_axis
+from mograft.evaluation.support_polygon import normalize
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -27,13 +28,13 @@ def coordination(motion: Motion) -> tuple[float, float]:
     positions = motion.world_positions()
     up = np.eye(3)[up_axis(motion)]
     (_, (right, _)), (_, (left, _)) = pairs
-    forward = _normalize(np.cross(positions[:, left] - positions[:, right], up))
+    forward = normalize(np.cross(positions[:, left] - positions[:, right], up))
     found = []
     max_lag = max(round(_MAX_LAG_SECONDS * motion.rate), 1)
     for pair in pairs:
         # Forward components of unit vectors, since angles could wrap around.
         a, b = (
-            np.gradient((_normalize(positions[:, end] - positions[:, top]) * forward).sum(axis=1))
+            np.gradient((normalize(positions[:, end] - positions[:, top]) * forward).sum(axis=1))
             for top, end in pair
         )
         if a.std() < 1e-9 or b.std() < 1e-9 or len(a) < 2 * max_lag + 4:
@@ -64,9 +65,3 @@ def _opposite_limbs(skeleton: Skeleton) -> list[tuple[tuple[int, int], tuple[int
         upper, fore, thigh, shank = (int(joints[0]) for joints in ends)
         pairs.append(((upper, fore), (thigh, shank)))
     return pairs
-
-
-def _normalize(vectors: FloatArray) -> FloatArray:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    units: FloatArray = vectors / np.maximum(lengths, 1e-12)
-    return units

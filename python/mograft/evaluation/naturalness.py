@@ -14,23 +14,10 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.errors import InsufficientDataError
-from mograft.evaluation import estimate
+from mograft.evaluation import classifier, donor_pairs, estimate
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.baselines import Method, default_methods, grafted_group
-from mograft.evaluation.classifier import (
-    N_INNER_FOLDS,
-    PairFeatures,
-    assign_folds,
-    build_classifier,
-    select_parameters,
-)
-from mograft.evaluation.donor_pairs import (
-    donors_in_fold,
-    mean_by_segment,
-    random_pairs,
-    sample_pairs,
-    selected_donors,
-)
+from mograft.evaluation.classifier import PairFeatures
 from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.kappa import Difference, Kappas
 from mograft.evaluation.part_features import part_features
@@ -259,7 +246,7 @@ def _cross_validate(
     """Train classifiers on all folds of all splits and apply each to its test fold."""
     groups, segments = fold_groups(library), np.flatnonzero(library.is_donor)
     base, grafted = (part_features(library, name) for name in (library.groups.base, group))
-    selected = selected_donors(library, group, methods, seed)
+    selected = donor_pairs.selected_donors(library, group, methods, seed)
     shape = (splits, len(library.segments))
     captured, random, wins = (np.full(shape, np.nan) for _ in range(3))
     accepted = {method.name: np.full(shape, np.nan) for method in methods}
@@ -267,9 +254,9 @@ def _cross_validate(
     result = _CrossValidation(Kappas(captured, random, accepted, blocks, seed), wins, [])
     for split in range(splits):
         rng = np.random.default_rng((seed, split))
-        folds = assign_folds(groups, _N_FOLDS, (seed, split))
+        folds = classifier.assign_folds(groups, _N_FOLDS, (seed, split))
         n_folds = int(folds.max()) + 1
-        donors = donors_in_fold(library, methods, folds, selected)
+        donors = donor_pairs.donors_in_fold(library, methods, folds, selected)
         for fold in range(n_folds):
             if progress is not None:
                 progress("scoring", split * n_folds + fold, splits * n_folds)
@@ -295,25 +282,28 @@ def _score_fold(
     """Write the scores of captured, random and donor pairs of one test fold to the result."""
     rates = result.rates
     n = rates.captured.shape[1]
-    chance = random_pairs(test, rng)
+    chance = donor_pairs.random_pairs(test, rng)
     captured_scores = np.full(n, np.nan)
     captured_scores[test] = score_pairs(np.stack([test, test], axis=1))
     random_scores = score_pairs(chance)
     rates.captured[split, test] = captured_scores[test] > 0
-    rates.random[split, test] = mean_by_segment(random_scores > 0, chance, n)[test]
+    rates.random[split, test] = donor_pairs.mean_by_segment(random_scores > 0, chance, n)[test]
     is_lower = random_scores < captured_scores[chance[:, 0]]
-    result.wins[split, test] = mean_by_segment(is_lower, chance, n)[test]
+    result.wins[split, test] = donor_pairs.mean_by_segment(is_lower, chance, n)[test]
     for method, several in donors.items():
-        pairs = sample_pairs(several, test, rng)
+        pairs = donor_pairs.sample_pairs(several, test, rng)
         is_accepted = score_pairs(pairs) > 0
-        rates.accepted[method][split, test] = mean_by_segment(is_accepted, pairs, n)[test]
+        rates.accepted[method][split, test] = donor_pairs.mean_by_segment(is_accepted, pairs, n)[
+            test
+        ]
 
 
 def _train_classifier(
     features: PairFeatures, train: IntArray, groups: IntArray, rng: np.random.Generator, seed: int
 ) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
     """Return a function that scores pairs, and the selected parameters."""
-    inner = assign_folds(np.unique(groups[train], return_inverse=True)[1], N_INNER_FOLDS, seed)
+    train_groups = np.unique(groups[train], return_inverse=True)[1]
+    inner = classifier.assign_folds(train_groups, classifier.N_INNER_FOLDS, seed)
     sample = np.sort(rng.permutation(len(train))[:_MAX_TRAIN_SEGMENTS])
     train, inner = train[sample], inner[sample]
     # Negative samples shuffle the grafted parts of one inner fold.
@@ -326,13 +316,13 @@ def _train_classifier(
     is_kept = (np.arange(len(pairs)) < len(train)) | (pairs[:, 0] != pairs[:, 1])
     labels, folds = np.repeat([1, 0], len(train))[is_kept], np.tile(inner, 2)[is_kept]
     joined = features.join(pairs[is_kept])
-    parameters = select_parameters(joined, labels, folds)
-    classifier = build_classifier(parameters).fit(joined, labels)
+    parameters = classifier.select_parameters(joined, labels, folds)
+    svm = classifier.build_classifier(parameters).fit(joined, labels)
 
     def score_pairs(pairs: IntArray) -> FloatArray:
         if not len(pairs):
             return np.zeros(0)
-        scores: FloatArray = classifier.decision_function(features.join(pairs))
+        scores: FloatArray = svm.decision_function(features.join(pairs))
         return scores
 
     return score_pairs, parameters

@@ -194,10 +194,10 @@ def facing_directions(motion: Motion, ground: Ground) -> FloatArray:
         return np.zeros((motion.n_frames, 3))
     positions = motion.world_positions()
     forward = np.cross(positions[:, hips["left"]] - positions[:, hips["right"]], ground.up)
-    return _normalize(forward)
+    return normalize(forward)
 
 
-def _normalize(vectors: FloatArray) -> FloatArray:
+def normalize(vectors: FloatArray) -> FloatArray:
     """Return unit vectors; zero vectors stay zero."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     units: FloatArray = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
@@ -215,7 +215,7 @@ def _sole_corners(
     ankle, toe = horizontal[:, 0], horizontal[:, 1]
     foot = toe - ankle
     has_direction = np.linalg.norm(foot, axis=1) >= _MIN_FOOT_EXTENT * height
-    ahead = np.where(has_direction[:, None], _normalize(foot), forward)
+    ahead = np.where(has_direction[:, None], normalize(foot), forward)
     sideways = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) * height
     joint_distance = np.linalg.norm(joints[:, 1] - joints[:, 0], axis=1)
     tip_length = np.maximum(_FOOT_LENGTH * height - joint_distance, 0.0)
