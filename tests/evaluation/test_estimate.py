@@ -113,8 +113,9 @@ def test_block_mean_only_nan_has_no_value():
 
 
 def test_block_bootstrap_nan_statistic_returns_nan():
-    low, _ = block_bootstrap(lambda counts: np.full(len(counts), np.nan), 30)
-    assert np.isnan(low).all()
+    low, high = block_bootstrap(lambda counts: np.full(len(counts), np.nan), 30)
+    assert math.isnan(low)
+    assert math.isnan(high)
 
 
 def test_estimate_text_scales_and_rounds():

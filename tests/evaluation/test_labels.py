@@ -137,7 +137,7 @@ def test_read_labels_written_rows_returns_same_labels(library, items, tmp_path):
     assert labels.donor.tolist() == [item.donor for item in items]
     assert labels.natural.tolist() == is_natural.tolist()
     assert labels.group == "upper"
-    assert len(labels) == len(items)
+    assert len(labels.natural) == len(items)
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ class Enrichment(Record):
 
 
 @dataclass(frozen=True)
-class Law:
+class Law(Record):
     """An inequality that the counts of every clustering satisfy."""
 
     name: str  # the inequality

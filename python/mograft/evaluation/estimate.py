@@ -31,15 +31,15 @@ class Record:
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON, with the fields in their order."""
         values = vars(self).items()
-        return {self.JSON_KEYS.get(name, name): _as_json(value) for name, value in values}
+        return {self.JSON_KEYS.get(name, name): as_json(value) for name, value in values}
 
 
-def _as_json(value: object) -> object:
+def as_json(value: object) -> object:
     """Return records as dicts, tuples as lists, and floats that are not finite as None."""
     if isinstance(value, Record):
         return value.as_dict()
     if isinstance(value, tuple):
-        return [_as_json(item) for item in value]
+        return [as_json(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -100,7 +100,7 @@ class Estimate(Record):
         """Return a dict for JSON; values that are not finite become None."""
         interval = [self.low, self.high]
         return {
-            "value": _as_json(self.value),
+            "value": as_json(self.value),
             "interval": interval if np.isfinite(interval).all() else None,
             "n": self.n,
             "of": self.unit,
@@ -140,27 +140,26 @@ def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
 
 def block_bootstrap(
     statistic: Callable[[FloatArray], FloatArray], n_blocks: int, seed: int = 0
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[float, float]:
     """Return the ends of the 95 % percentile interval of a statistic by resampling blocks.
 
     `statistic` maps the number of times that each block is drawn, shape (n_resamples, n_blocks),
-    to one value or one row of values per resample. Values that are not finite are ignored. The
-    ends are NaN with fewer than 5 blocks, or if 10 % of the values or more are not finite.
+    to one value per resample. Values that are not finite are ignored. The ends are NaN with fewer
+    than 5 blocks, or if 10 % of the values or more are not finite.
     Source: Künsch, Annals of Statistics 17 (1989).
     """
+    if n_blocks < MIN_BLOCKS:
+        return math.nan, math.nan
     rng = np.random.default_rng(seed)
-    n = max(n_blocks, 1)
-    multiplicities = rng.multinomial(n, np.full(n, 1.0 / n), size=_N_RESAMPLES).astype(np.float64)
+    equal = np.full(n_blocks, 1.0 / n_blocks)
+    multiplicities = rng.multinomial(n_blocks, equal, size=_N_RESAMPLES).astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
-        values = np.asarray(statistic(multiplicities), np.float64)
-    values = values.reshape(_N_RESAMPLES, -1)
-    values[~np.isfinite(values)] = np.nan
-    is_sufficient = np.isfinite(values).mean(axis=0) > _MIN_FINITE_SHARE
-    is_sufficient &= n_blocks >= MIN_BLOCKS
-    limits = np.full((2, values.shape[1]), np.nan)
-    if is_sufficient.any():
-        limits[:, is_sufficient] = np.nanpercentile(values[:, is_sufficient], [2.5, 97.5], axis=0)
-    return limits[0], limits[1]
+        values = statistic(multiplicities)
+    is_finite = np.isfinite(values)
+    if is_finite.mean() <= _MIN_FINITE_SHARE:
+        return math.nan, math.nan
+    low, high = np.percentile(values[is_finite], [2.5, 97.5])
+    return float(low), float(high)
 
 
 def bootstrap_estimate(
@@ -177,8 +176,8 @@ def bootstrap_estimate(
     low, high = block_bootstrap(statistic, n_blocks, seed)
     return Estimate(
         value=value,
-        low=float(low[0]),
-        high=float(high[0]),
+        low=low,
+        high=high,
         n=n,
         unit=unit,
         interval_method=interval_method or f"bootstrap of {n_blocks} blocks",

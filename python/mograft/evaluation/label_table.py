@@ -26,9 +26,6 @@ class Labels:
     natural: BoolArray  # False for the label "unnatural".
     group: str
 
-    def __len__(self) -> int:
-        return len(self.natural)
-
 
 def label_row(library: Library, group: str, segment: int, donor: int) -> tuple[str, ...]:
     """Return the cells of `COLUMNS` for a base segment and a donor.

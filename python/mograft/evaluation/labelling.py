@@ -126,8 +126,10 @@ def label_items(
             f"{count} pieces and {n_captured} captured ones were requested, the library has "
             f"{len(exchanged)} and {len(kept)}"
         )
-    items = _choose(list(exchanged.values()), count, rng)
-    items += _choose(list(kept.values()), n_captured, rng)
+    items = list[Item]()
+    for pieces, number in ((exchanged, count), (kept, n_captured)):
+        drawn = rng.choice(len(pieces), number, replace=False)
+        items += [list(pieces.values())[index] for index in drawn]
     return [items[index] for index in rng.permutation(len(items))]
 
 
@@ -138,10 +140,6 @@ def _graft_items(method: Method, library: Library, clip: int, group: str, seed: 
         Item(graft=graft, group=group, segment=s.segment, donor=s.donor, start=s.start, stop=s.stop)
         for s in graft.substitutions
     ]
-
-
-def _choose(items: Sequence[Item], count: int, rng: np.random.Generator) -> list[Item]:
-    return [items[index] for index in rng.choice(len(items), count, replace=False)]
 
 
 def label_page(library: Library, items: Sequence[Item], title: str = "Label motions") -> Page:

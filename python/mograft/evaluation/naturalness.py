@@ -183,8 +183,7 @@ def compatibility(
             f"compatibility needs two clips or blocks of {GROUP_SEGMENTS} segments, there is one"
         )
     import_extra("sklearn")
-    result = _cross_validate(library, group, methods, seed, splits, progress)
-    rates = result.rates
+    rates, wins, parameters = _cross_validate(library, group, methods, seed, splits, progress)
     captured, random = float(np.nanmean(rates.captured)), float(np.nanmean(rates.random))
     if captured - random < MIN_RATE_DIFFERENCE:
         raise InsufficientDataError(
@@ -199,9 +198,9 @@ def compatibility(
         group=group,
         segments=int(has_score.sum()),
         splits=splits,
-        folds=len(result.parameters) // splits,
+        folds=len(parameters) // splits,
         fold_groups=n_groups,
-        auc=rates.mean(result.wins, "segments"),
+        auc=rates.mean(wins, "segments"),
         captured=rates.mean(rates.captured, "segments"),
         random=rates.mean(rates.random, "segments"),
         scores=tuple(_score(rates, name, has_score) for name in names),
@@ -210,7 +209,7 @@ def compatibility(
             for i, first in enumerate(descending)
             for second in descending[i + 1 :]
         ),
-        parameters=tuple(result.parameters),
+        parameters=tuple(parameters),
     )
 
 
@@ -225,16 +224,6 @@ def _score(rates: Kappas, method: str, has_score: BoolArray) -> Score:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _CrossValidation:
-    """Results of cross-validation, filled fold by fold."""
-
-    rates: Kappas
-    wins: FloatArray
-    """Share of the random parts with a lower score than the captured part, by segment."""
-    parameters: list[dict[str, float]]
-
-
 def _cross_validate(
     library: Library,
     group: str,
@@ -242,8 +231,12 @@ def _cross_validate(
     seed: int,
     splits: int,
     progress: Progress | None,
-) -> _CrossValidation:
-    """Train classifiers on all folds of all splits and apply each to its test fold."""
+) -> tuple[Kappas, FloatArray, list[dict[str, float]]]:
+    """Train classifiers on all folds of all splits and apply each to its test fold.
+
+    Return the acceptance rates, the shares of the random parts with a lower score than the
+    captured part, shape (splits, n_segments), and the parameters of each classifier.
+    """
     groups, segments = fold_groups(library), np.flatnonzero(library.is_donor)
     base, grafted = (part_features(library, name) for name in (library.groups.base, group))
     selected = donor_pairs.selected_donors(library, group, methods, seed)
@@ -251,7 +244,8 @@ def _cross_validate(
     captured, random, wins = (np.full(shape, np.nan) for _ in range(3))
     accepted = {method.name: np.full(shape, np.nan) for method in methods}
     blocks = estimate.segment_blocks(library.segments)
-    result = _CrossValidation(Kappas(captured, random, accepted, blocks, seed), wins, [])
+    rates = Kappas(captured, random, accepted, blocks, seed)
+    all_parameters: list[dict[str, float]] = []
     for split in range(splits):
         rng = np.random.default_rng((seed, split))
         folds = classifier.assign_folds(groups, _N_FOLDS, (seed, split))
@@ -266,36 +260,38 @@ def _cross_validate(
                 continue
             features = PairFeatures.reduce(base, grafted, train)
             score_pairs, parameters = _train_classifier(features, train, groups, rng, seed)
-            result.parameters.append(parameters)
-            _score_fold(result, split, test, score_pairs, donors, rng)
-    return result
+            all_parameters.append(parameters)
+            wins[split, test] = _score_fold(rates, split, test, score_pairs, donors, rng)
+    return rates, wins, all_parameters
 
 
 def _score_fold(
-    result: _CrossValidation,
+    rates: Kappas,
     split: int,
     test: IntArray,
     score_pairs: Callable[[IntArray], FloatArray],
     donors: Mapping[str, Sequence[IntArray]],
     rng: np.random.Generator,
-) -> None:
-    """Write the scores of captured, random and donor pairs of one test fold to the result."""
-    rates = result.rates
+) -> FloatArray:
+    """Write the acceptance rates of one test fold to `rates`.
+
+    Return the share of the random parts of each segment with a lower score than the captured.
+    """
     n = rates.captured.shape[1]
+
+    def by_segment(values: FloatArray | BoolArray, pairs: IntArray) -> FloatArray:
+        return donor_pairs.mean_by_segment(values, pairs, n)[test]
+
     chance = donor_pairs.random_pairs(test, rng)
     captured_scores = np.full(n, np.nan)
     captured_scores[test] = score_pairs(np.stack([test, test], axis=1))
     random_scores = score_pairs(chance)
     rates.captured[split, test] = captured_scores[test] > 0
-    rates.random[split, test] = donor_pairs.mean_by_segment(random_scores > 0, chance, n)[test]
-    is_lower = random_scores < captured_scores[chance[:, 0]]
-    result.wins[split, test] = donor_pairs.mean_by_segment(is_lower, chance, n)[test]
+    rates.random[split, test] = by_segment(random_scores > 0, chance)
     for method, several in donors.items():
         pairs = donor_pairs.sample_pairs(several, test, rng)
-        is_accepted = score_pairs(pairs) > 0
-        rates.accepted[method][split, test] = donor_pairs.mean_by_segment(is_accepted, pairs, n)[
-            test
-        ]
+        rates.accepted[method][split, test] = by_segment(score_pairs(pairs) > 0, pairs)
+    return by_segment(random_scores < captured_scores[chance[:, 0]], chance)
 
 
 def _train_classifier(

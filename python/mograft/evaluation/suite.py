@@ -31,6 +31,7 @@ from mograft.evaluation.enrichment import (
     moment_laws,
     sweep,
 )
+from mograft.evaluation.estimate import as_json
 from mograft.evaluation.label_judgement import Judgement, judgement
 from mograft.evaluation.label_table import Labels
 from mograft.evaluation.naturalness import Compatibility, compatibility
@@ -108,18 +109,16 @@ class Evaluation:
             document["enrichment"] = {
                 **self.enrichment.as_dict(),
                 "clusters": {str(k): dict(numbers) for k, numbers in self.clusters.items()},
-                "sweep": [row.as_dict() for row in self.sweep],
-                "laws": [vars(law) for law in self.laws],
+                "sweep": as_json(self.sweep),
+                "laws": as_json(self.laws),
             }
-        if self.balance:
-            document["balance"] = [row.as_dict() for row in self.balance]
-        if self.naturalness:
-            document["naturalness"] = [found.as_dict() for found in self.naturalness]
-        if self.judgement is not None:
-            document["people"] = self.judgement.as_dict()
-        if self.quality:
-            document["quality"] = [row.as_dict() for row in self.quality]
-        return document
+        results = {
+            "balance": self.balance,
+            "naturalness": self.naturalness,
+            "people": self.judgement,
+            "quality": self.quality,
+        }
+        return document | {name: as_json(result) for name, result in results.items() if result}
 
 
 def _library_dict(library: Library) -> dict[str, Any]:
