@@ -127,13 +127,6 @@ def static_balance(
         If the skeleton has no known leg.
     ValueError
         If `support` has another number of frames than `motion`.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> motion = dance(strides=1).motion
-    >>> static_balance(motion[:1], floor_reference=motion).model
-    'de Leva'
     """
     if support is None:
         support = support_polygons(motion, floor_reference=floor_reference)
@@ -260,10 +253,9 @@ class BalanceRow(Record):
         Share of unbalanced segments among all segments that are not in flight.
     spread : float
         Standard deviation of the rate over the runs; NaN with a single run.
-    changed : Estimate
-        The rate among segments with an exchanged part.
-    difference : Estimate
-        `changed` minus the rate of the same segments of the recording.
+    changed, difference : Estimate
+        The rate among segments with an exchanged part, and this rate minus that of the same
+        segments of the recording.
     flight : float
         Share of the segments that are in flight.
     runs : int

@@ -22,8 +22,6 @@ PAPER_TABLES: Mapping[str, tuple[int, int, Mapping[int, int]]] = {
 }
 """Frames, segments and, for each number of groups, combinations in the tables of the paper."""
 
-READINGS = ("literal", "rms")
-SCALES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 _GROUPS = (2, 3, 4, 5)
 
 
@@ -43,12 +41,9 @@ class Enrichment(Record):
 
     Attributes
     ----------
-    segments : int
-        Number of captured segments, A in the paper.
-    clusters : int
-        Number of clusters of the base group.
-    largest : int
-        Number of segments in the largest cluster.
+    segments, clusters, largest : int
+        Numbers of captured segments (A in the paper), of clusters of the base group, and of
+        segments in the largest cluster.
     sigma : str or float
         Reading of eq. 14; see `mograft.Config`.
     sigma_scale : float
@@ -142,8 +137,8 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
 
 def sweep(
     library: Library,
-    readings: Sequence[str] = READINGS,
-    scales: Sequence[float] = SCALES,
+    readings: Sequence[str] = ("literal", "rms"),
+    scales: Sequence[float] = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5),
     groups: Sequence[int] = _GROUPS,
 ) -> tuple[Enrichment, ...]:
     """Count the combinations for each reading of the threshold and each scale.
@@ -163,13 +158,6 @@ def sweep(
     -------
     tuple of Enrichment
         Counts by reading and ascending scale; empty if the base parts do not differ.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> rows = sweep(Library.build(dance(strides=1).motion), ["rms"], [0.5, 1.0])
-    >>> rows[0].clusters >= rows[1].clusters
-    True
     """
     embedding = library.embedding[library.groups.base]
     if embedding is None:

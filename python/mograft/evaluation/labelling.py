@@ -4,7 +4,6 @@ import hashlib
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -14,50 +13,33 @@ from mograft._util.arrays import FloatArray
 from mograft.body.contacts import Ground
 from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
-from mograft.evaluation.baselines import (
-    Captured,
-    Method,
-    RandomLength,
-    grafted_group,
-    grafts_by,
-)
+from mograft.evaluation.baselines import Captured, Method, RandomLength, grafted_group, grafts_by
 from mograft.evaluation.label_table import COLUMNS, label_row
 from mograft.evaluation.support_polygon import facing_directions
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
+from mograft.viewing.geometry import node_parents, node_positions
 from mograft.viewing.page import Page, assemble_page, embed_json
 
 _CONTEXT_SECONDS = 0.4  # duration of the motion that is shown before and after each piece
 _FRAME_RATE = 30.0  # frame rate of the page, unless that of the library is lower
 _VIEW_ANGLE = 0.6  # radians from the line of sight to the facing direction at the first frame
-_MAX_COORDINATE = 4.0  # skeleton heights that the largest 16-bit integer of the page stands for
+_UNIT = 4.0 / 32767  # skeleton heights that the 16-bit integer 1 of the page stands for
 _MAX_ROUNDS = 40  # number of grafts of each clip from which pieces are drawn, at most
 
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """A piece of a graft to label.
-
-    Attributes
-    ----------
-    graft : Graft
-        Graft with the piece.
-    group : str
-        Grafted group.
-    segment, donor : int
-        Base segment and donor in the library.
-    start, stop : int
-        First and last frame of the piece in the graft, both included.
-    """
+    """A piece of a graft to label."""
 
     graft: Graft
     group: str
-    segment: int
+    segment: int  # base segment in the library
     donor: int
-    start: int
-    stop: int
+    start: int  # first frame in the graft
+    stop: int  # last frame, included
 
 
 def label_items(
@@ -167,8 +149,7 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
     """
     if not items:
         raise ValueError("`items` must contain at least one piece, got none")
-    skeleton = library.clips[0].skeleton
-    group_of_joint = np.zeros(skeleton.n_joints, int)
+    group_of_joint = np.zeros(library.skeleton.n_joints, int)
     for index, name in enumerate(library.groups.names):
         group_of_joint[library.joints(name)] = index
     rows = [label_row(library, item.group, item.segment, item.donor) for item in items]
@@ -180,18 +161,21 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
     values = {
         "key": hashlib.sha256(repr(rows).encode()).hexdigest()[:16],
         "columns": COLUMNS,
-        "parents": [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)],
+        "parents": node_parents(library.clips[0]),
         "group": group_of_joint.tolist(),
         "dt": step / library.rate,
-        "unit": _MAX_COORDINATE / 32767,
+        "unit": _UNIT,
         "items": [
             {"row": list(row), **_encode_item(item, tracks[id(item.graft)], step, library.rate)}
             for item, row in zip(items, rows, strict=True)
         ],
     }
-    body = f"{_read_resource('label.html')}\n{embed_json(values)}"
-    style, script = _read_resource("label.css"), _read_resource("label.js")
-    return assemble_page(title, body, "report", style, script)
+    folder = files("mograft.evaluation")
+    body, style, script = (
+        folder.joinpath(f"label.{kind}").read_text(encoding="utf-8").strip()
+        for kind in ("html", "css", "js")
+    )
+    return assemble_page(title, f"{body}\n{embed_json(values)}", "report", style, script)
 
 
 def _encode_item(
@@ -205,8 +189,7 @@ def _encode_item(
     nodes, heading = (values[frames] for values in track)
     nodes = nodes - nodes[len(nodes) // 2].mean(axis=0) * [1.0, 0.0, 1.0]
     nodes = rotations.rotate(rotations.exp([0.0, _VIEW_ANGLE - heading[0], 0.0]), nodes)
-    unit = _MAX_COORDINATE / 32767
-    integers = np.clip(np.round(nodes / unit), -32767, 32767).astype("<i2")
+    integers = np.clip(np.round(nodes / _UNIT), -32767, 32767).astype("<i2")
     return {
         "frames": len(frames),
         "first": int(np.ceil((item.start - first) / step)),
@@ -218,13 +201,7 @@ def _encode_item(
 def _y_up_track(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
     """Return joints and end sites in heights, with y up from the floor, and headings about y."""
     ground = Ground.of(base)
-    world_rotations, joints = motion.world_transforms()
-    ends = [
-        joints[:, site.parent]
-        + rotations.rotate(world_rotations[:, site.parent], np.asarray(site.offset))
-        for site in motion.skeleton.end_sites
-    ]
-    nodes = np.concatenate([joints, *(end[:, None] for end in ends)], axis=1)
+    nodes = node_positions(motion)
     up = int(np.flatnonzero(ground.up)[0])
     floor = (nodes @ ground.up).min() if not ground.floors.size else ground.floors.min()
     # Cyclic order of the axes, and two signs: a rotation and no reflection.
@@ -233,8 +210,3 @@ def _y_up_track(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
     y_up = nodes[..., order] * signs - [0.0, float(floor), 0.0]
     forward = facing_directions(motion, ground)[:, order] * signs
     return y_up / mass_model(motion.skeleton).height, np.arctan2(forward[:, 0], forward[:, 2])
-
-
-@cache
-def _read_resource(name: str) -> str:
-    return files("mograft.evaluation").joinpath(name).read_text(encoding="utf-8").strip()

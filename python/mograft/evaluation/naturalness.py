@@ -55,12 +55,9 @@ class Compatibility(Record):
         Grafted group.
     segments : int
         Number of segments with a score.
-    splits : int
-        Number of random assignments to folds.
-    folds : int
-        Number of folds of each assignment.
-    fold_groups : int
-        Number of clips or blocks that were assigned to folds.
+    splits, folds, fold_groups : int
+        Numbers of random assignments to folds, of folds of each assignment, and of clips or
+        blocks that were assigned.
     auc : Estimate
         ROC AUC: probability that a captured part scores higher than a random part; 0.5 is
         chance.
@@ -93,13 +90,7 @@ class Compatibility(Record):
     }
 
     def difference(self, first: str, second: str) -> Difference:
-        """Return the difference of two methods by name.
-
-        Raises
-        ------
-        KeyError
-            If the two methods were not compared in this order.
-        """
+        """Return the difference of two methods; KeyError if none has this order."""
         for difference in self.differences:
             if (difference.first, difference.second) == (first, second):
                 return difference
@@ -163,9 +154,8 @@ def compatibility(
     parts. Positive samples are captured pairs. Negative samples pair parts of one fold, each
     part once. The classifier is a support vector machine on 20 principal components of the
     `part_features` of each part. It is trained on some groups and applied to the others. Its
-    parameters are selected by cross-validation within the training set. A pair is accepted if
-    its score is positive. κ = (a_method - a_random) / (a_captured - a_random) for acceptance
-    rates a.
+    parameters are selected by cross-validation within the training set. A pair with a positive
+    score is accepted. κ = (a_method - a_random) / (a_captured - a_random) for acceptance rates a.
     """
     base = library.groups.base
     group = grafted_group(library) if group is None else group
@@ -203,24 +193,22 @@ def compatibility(
         auc=rates.mean(wins, "segments"),
         captured=rates.mean(rates.captured, "segments"),
         random=rates.mean(rates.random, "segments"),
-        scores=tuple(_score(rates, name, has_score) for name in names),
+        scores=tuple(
+            Score(
+                method=name,
+                accepted=rates.mean(rates.accepted[name], "segments with a donor"),
+                kappa=rates.kappa(name),
+                matched=rates.kappa(name, is_matched=True),
+                exchangeable=float(np.isfinite(rates.accepted[name])[:, has_score].mean()),
+            )
+            for name in names
+        ),
         differences=tuple(
             rates.difference(first, second)
             for i, first in enumerate(descending)
             for second in descending[i + 1 :]
         ),
         parameters=tuple(parameters),
-    )
-
-
-def _score(rates: Kappas, method: str, has_score: BoolArray) -> Score:
-    accepted = rates.accepted[method]
-    return Score(
-        method=method,
-        accepted=rates.mean(accepted, "segments with a donor"),
-        kappa=rates.kappa(method),
-        matched=rates.kappa(method, is_matched=True),
-        exchangeable=float(np.isfinite(accepted)[:, has_score].mean()),
     )
 
 

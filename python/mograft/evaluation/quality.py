@@ -145,8 +145,11 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
                 gaps.append(math.degrees(seam.gap))
                 seam_blocks.append(first_block + seam.frame // _SEAM_BLOCK_FRAMES)
             for name, value in _measure(graft.motion, joints, ground).items():
-                reference, is_ratio = recording[name], name in ("acceleration", "jerk")
-                values[name].append(_ratio(value, reference) if is_ratio else value - reference)
+                reference = recording[name]
+                if name in ("acceleration", "jerk"):
+                    values[name].append(value / reference if reference > 0 else math.nan)
+                else:
+                    values[name].append(value - reference)
             coverage, local = nearest_windows(source, _coarse(graft.motion, joints), step)
             values["coverage"].append(coverage)
             values["local_diversity"].append(local)
@@ -177,10 +180,6 @@ def _measure(motion: Motion, joints: IntArray, ground: Ground) -> dict[str, floa
         "coordination": correlation,
         "lag": lag,
     }
-
-
-def _ratio(value: float, reference: float) -> float:
-    return value / reference if reference > 0 else math.nan
 
 
 def _percentile_90(values: FloatArray, blocks: IntArray, seed: int) -> Estimate:

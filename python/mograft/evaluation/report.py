@@ -18,7 +18,6 @@ from mograft.evaluation.suite import Evaluation
 from mograft.viewing.page import Page, assemble_page
 from mograft.viewing.report import REPORT_STYLE, format_number, html_table
 
-_ORDER = ("analogy", "contact pattern", "random")
 _EXTRA_STYLE = """
 .report img { max-width: 100%; height: auto; zoom: 1.25; display: block; margin: 10px 0; }
 .report li { max-width: 75ch; margin: 4px 0; }
@@ -29,7 +28,7 @@ _EXTRA_STYLE = """
 def compare_methods(found: Compatibility) -> list[str]:
     """Compare κ of analogy, contact patterns and random donors, one sentence for each two."""
     sentences = []
-    for first, second in pairwise(_ORDER):
+    for first, second in pairwise(("analogy", "contact pattern", "random")):
         try:
             difference = found.difference(first, second)
         except KeyError:

@@ -36,10 +36,8 @@ class Support:
         The two horizontal axes.
     up : ndarray, shape (3,)
         Unit vector that points up.
-    floor : float
-        Height of the floor along `up`, in the unit of the file.
-    height : float
-        Skeleton height in the unit of the file.
+    floor, height : float
+        Height of the floor along `up`, and skeleton height, in the unit of the file.
     """
 
     polygons: FloatArray
@@ -220,17 +218,11 @@ def _sole_corners(
     joint_distance = np.linalg.norm(joints[:, 1] - joints[:, 0], axis=1)
     tip_length = np.maximum(_FOOT_LENGTH * height - joint_distance, 0.0)
     heel, tip = ankle - _HEEL_LENGTH * height * ahead, toe + tip_length[:, None] * ahead
-    corners = np.stack(
-        [
-            center + side * half_width * sideways
-            for center, half_width in (
-                (heel, _BALL_HALF_WIDTH),
-                (toe, _BALL_HALF_WIDTH),
-                (tip, _TIP_HALF_WIDTH),
-            )
-            for side in (1.0, -1.0)
-        ],
-        axis=1,
-    )
+    edges = ((heel, _BALL_HALF_WIDTH), (toe, _BALL_HALF_WIDTH), (tip, _TIP_HALF_WIDTH))
+    corners = [
+        center + side * half_width * sideways
+        for center, half_width in edges
+        for side in (1.0, -1.0)
+    ]
     carries = [touches[:, 0], touches.any(axis=1), touches[:, 1]]
-    return corners, np.repeat(np.stack(carries, axis=1), 2, axis=1)
+    return np.stack(corners, axis=1), np.repeat(np.stack(carries, axis=1), 2, axis=1)
