@@ -35,7 +35,10 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
     base = _still(clips[index[0]], int(donors.start[0]), int(stops[-1]) + 1)
     if scenario.place is not None or scenario.turn:
         base = _place_root(base, scenario, library.root, library.up)
-    group = GraftedGroup(np.arange(base.n_joints), library.root, library.up)
+    # The root's local motion is relative to the joints above it, which keep still.
+    above = base.skeleton.ancestors(library.root)
+    joints = np.setdiff1d(np.arange(base.n_joints), above)
+    group = GraftedGroup(joints, library.root, library.up)
     part = transplant(base, cut, donors, clips, group, library.config)
     motion = recombine(base, [part], base.name)
     if library.config.feet != "never" and len(part.seams):
