@@ -56,7 +56,7 @@ def test_compatibility_parts_that_depend_on_cluster_gives_analogy_kappa_one(monk
 
 def test_compatibility_independent_parts_raises_insufficient_data_error(monkeypatch, library):
     replace_features(monkeypatch, library, is_dependent=False)
-    with pytest.raises(InsufficientDataError, match="no meaning"):
+    with pytest.raises(InsufficientDataError, match="defined only if"):
         compatibility(library, methods=METHODS)
 
 

@@ -56,7 +56,7 @@ def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, i
 
 
 def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
-    """Return a candidate as JSON can represent it: NaN is None."""
+    """Return a candidate as a dict for JSON; NaN becomes None."""
     values = asdict(candidate) | {"clip": library.entries[candidate.clip].name}
     return {
         name: None if isinstance(value, float) and math.isnan(value) else value

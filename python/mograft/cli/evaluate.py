@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
-    """Remove the words that select what to measure from the files, and return them."""
+    """Remove from the files the words that select what to measure; return these words."""
     names: list[str] = options.files
     words = [name for name in names if name in _WORDS and not Path(name).exists()]
     options.files = [name for name in names if name not in words]

@@ -77,7 +77,7 @@ def _index(
     rates: Mapping[str, float],
     tags: Mapping[str, Sequence[str]] | None,
 ) -> tuple[Library, dict[str, str]]:
-    """Create the library or add to it; return it and the files that were refused this time."""
+    """Create the library or add to it; return it and the files that this run refused."""
     with show_progress() as progress, _workers(options.jobs) as executor:
         keywords: dict[str, Any] = {
             "frame_rates": rates,

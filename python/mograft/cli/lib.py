@@ -40,7 +40,7 @@ def run_info(options: argparse.Namespace) -> int:
 
 
 def describe_library(library: Library) -> dict[str, Any]:
-    """Return the contents of a library as JSON can represent them."""
+    """Return the contents of a library as a dict for JSON."""
     return {
         "library": str(library.folder),
         "clips": len(library.entries),

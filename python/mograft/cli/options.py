@@ -28,7 +28,7 @@ def files_argument(help: str, metavar: str = "FILE") -> Argument:  # noqa: A002 
 
 
 def groups_option(subject: str = "joint groups", default: str = "lower_upper") -> Argument:
-    """Return ``--groups`` for what `subject` describes."""
+    """Return ``--groups``; its help describes the groups as `subject`."""
     return setting(
         "--groups NAME|FILE",
         f"{subject}: the name of a preset, or a TOML file (default: {default})",

@@ -11,7 +11,7 @@ from typing import Any
 def print_result(
     options: argparse.Namespace, schema: str, document: dict[str, Any], lines: Iterable[object]
 ) -> None:
-    """Print a document of a schema, such as ``"view"``, with ``--json``; else the lines."""
+    """With ``--json`` print a document with the name of its schema (``"view"``), else the lines."""
     if options.json:
         print(json.dumps({"schema": f"mograft.{schema}/1", **document}, indent=1))
     else:
@@ -41,5 +41,5 @@ def show_progress() -> Iterator[Callable[[str, int, int], None] | None]:
 
 
 def describe_excluded_file(path: str, reason: str) -> str:
-    """Return the line for a file that a library does not contain; most reasons name the file."""
+    """Return the line for an excluded file; add the path unless the reason starts with it."""
     return f"excluded: {reason}" if reason.startswith(path) else f"excluded: {path}: {reason}"

@@ -64,7 +64,7 @@ def _add_parser(
 def parse(
     commands: Sequence[Command], arguments: Sequence[str] | None = None
 ) -> argparse.Namespace:
-    """Parse a command line, by default that of the process.
+    """Parse a command line (default: the arguments of the process).
 
     Options that it omits come from the environment, then from the configuration file. The
     namespace also holds ``commands``, and ``origins``: for each option that was set outside the

@@ -28,7 +28,7 @@ class PairFeatures:
 
     @classmethod
     def reduce(cls, base: FloatArray, grafted: FloatArray, train: IntArray) -> Self:
-        """Return components of features, (n_segments, n_features), fitted to segments `train`."""
+        """Return the components of features, (n_segments, n_features), fitted to `train`."""
         return cls(_reduce(base, train), _reduce(grafted, train))
 
     def join(self, pairs: IntArray) -> FloatArray:
@@ -49,8 +49,8 @@ def _reduce(features: FloatArray, train: IntArray) -> FloatArray:
 def assign_folds(groups: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> IntArray:
     """Return the fold of each segment; groups are assigned at random to folds of similar size.
 
-    `groups` has the group of each segment: one group is in one fold. There are `n_folds` folds, or
-    as many as groups if these are fewer.
+    `groups` has the group of each segment; a group is not divided between folds. There are
+    `n_folds` folds, or as many as groups if these are fewer.
     """
     sizes = np.bincount(groups)
     shuffled = np.random.default_rng(seed).permutation(len(sizes))
@@ -73,8 +73,8 @@ def build_classifier(parameters: Mapping[str, float]) -> Any:  # noqa: ANN401 - 
 def select_parameters(features: FloatArray, labels: IntArray, folds: IntArray) -> dict[str, float]:
     """Select the parameters of `PARAMETER_GRID` with the best cross-validated ROC AUC.
 
-    Labels are 0 or 1. Folds with a single class are only trained on. With fewer than two folds that
-    have both classes, the result is C = 1 and gamma = 0.03.
+    Labels are 0 or 1. Folds with a single class are used only for training. With fewer than two
+    folds that have both classes, the result is C = 1 and gamma = 0.03.
     """
     testable = [fold for fold in np.unique(folds) if len(np.unique(labels[folds == fold])) > 1]
     if len(testable) < 2:

@@ -17,9 +17,9 @@ _CHUNK = 500  # segments whose candidates are in memory at the same time
 def selected_donors(
     library: Library, group: str, methods: Sequence[Method], seed: int
 ) -> dict[str, list[IntArray]]:
-    """Return, for each method by cost and each segment, the donors of 20 donor sequences.
+    """Return, for each method and segment, the donors in 20 donor sequences per clip.
 
-    Donors repeat. Methods without `Method.uses_cost` are omitted.
+    Donors may occur several times. Methods without `Method.uses_cost` are omitted.
     """
     selected = {}
     for method in methods:
@@ -83,7 +83,7 @@ def sample_pairs(
 
 
 def random_pairs(segments: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return pairs of segments and random other segments, as `sample_pairs` does."""
+    """Return pairs of segments and random other segments, with the limits of `sample_pairs`."""
     count = min(_max_donors(len(segments)), len(segments) - 1)
     chosen = [
         rng.choice(np.delete(segments, position), count, replace=False)

@@ -37,7 +37,7 @@ class Count:
 
 @dataclass(frozen=True)
 class Enrichment(Record):
-    """Counts for one reading of the threshold and one scale.
+    """Counts for one interpretation of eq. 14, the cluster diameter threshold, and one scale.
 
     Attributes
     ----------
@@ -45,11 +45,11 @@ class Enrichment(Record):
         Numbers of captured segments (A in the paper), of clusters of the base group, and of
         segments in the largest cluster.
     sigma : str or float
-        Reading of eq. 14; see `mograft.Config`.
+        Interpretation of eq. 14, or a number; see `sigma` of `mograft.Config`.
     sigma_scale : float
-        Factor on the reading.
+        Factor on `sigma`.
     diameter : float
-        Maximal cluster diameter that results from both.
+        Maximum cluster diameter that results from both.
     counts : tuple of Count
         Counts for each number of groups.
     """
@@ -100,7 +100,7 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
     Parameters
     ----------
     library : Library
-        Library with the clusters of the base group and the limits of length.
+        Library with the clusters of the base group and the length limits.
     groups : sequence of int
         Numbers of joint groups, each at least 2.
 
@@ -141,23 +141,23 @@ def sweep(
     scales: Sequence[float] = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5),
     groups: Sequence[int] = _GROUPS,
 ) -> tuple[Enrichment, ...]:
-    """Count the combinations for each reading of the threshold and each scale.
+    """Count the combinations for each interpretation of eq. 14 and each scale.
 
     Parameters
     ----------
     library : Library
         Library. Its base group is clustered again for each threshold.
     readings : sequence of str
-        Names of the readings of eq. 14.
+        Interpretations of eq. 14, the cluster diameter threshold: names for `Config.sigma`.
     scales : sequence of float
-        Factors on each reading.
+        Factors on each threshold.
     groups : sequence of int
         Numbers of joint groups, each at least 2.
 
     Returns
     -------
     tuple of Enrichment
-        Counts by reading and ascending scale; empty if the base parts do not differ.
+        Counts by interpretation and ascending scale; empty if the base parts do not differ.
     """
     embedding = library.embedding[library.groups.base]
     if embedding is None:

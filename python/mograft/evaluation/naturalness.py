@@ -1,7 +1,7 @@
-"""Compatibility of donor parts with base parts, from weak labels instead of people (paper, 5.3).
+"""Compatibility of donor parts with base parts, measured without ratings by people (paper, 5.3).
 
 A classifier learns to distinguish parts that were captured together from random pairs of parts.
-Its score of an exchanged part measures whether such a combination occurs in the library. It
+Its score of an exchanged part measures how much the combination resembles captured ones. It
 does not measure naturalness: the features do not contain seams or physics, and a plausible
 combination that was never captured scores low.
 """
@@ -56,8 +56,8 @@ class Compatibility(Record):
     segments : int
         Number of segments with a score.
     splits, folds, fold_groups : int
-        Numbers of random assignments to folds, of folds of each assignment, and of clips or
-        blocks that were assigned.
+        Number of random assignments to folds, number of folds of each assignment, and number
+        of clips or blocks of segments that were assigned.
     auc : Estimate
         ROC AUC: probability that a captured part scores higher than a random part; 0.5 is
         chance.
@@ -66,7 +66,7 @@ class Compatibility(Record):
     scores : tuple of Score
         Scores of the methods.
     differences : tuple of Difference
-        Differences between each two methods.
+        Differences between the methods of each pair.
     parameters : tuple of dict
         Parameters of the classifier, selected within each training set.
     """
@@ -90,7 +90,7 @@ class Compatibility(Record):
     }
 
     def difference(self, first: str, second: str) -> Difference:
-        """Return the difference of two methods; KeyError if none has this order."""
+        """Return the difference of two methods; KeyError unless it is stored in this order."""
         for difference in self.differences:
             if (difference.first, difference.second) == (first, second):
                 return difference
@@ -98,9 +98,9 @@ class Compatibility(Record):
 
 
 def fold_groups(library: Library) -> IntArray:
-    """Return the group of each segment; cross-validation does not separate a group.
+    """Return the clip or block of each segment; all its segments are in one fold.
 
-    Groups are clips if there are ten or more, else blocks of 40 neighbours.
+    Clips are used if there are ten or more, else blocks of 40 consecutive segments.
     """
     return estimate.segment_blocks(library.segments, GROUP_SEGMENTS)
 
@@ -114,7 +114,7 @@ def compatibility(
     splits: int = 4,
     progress: Progress | None = None,
 ) -> Compatibility:
-    """Score how often the combinations of base parts and donor parts occur in the library.
+    """Score how closely combinations of base parts and donor parts resemble captured ones.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def compatibility(
     seed : int
         Seed of the random pairs, the donors that are scored and the resampling.
     splits : int
-        Number of random assignments of the groups to folds. Each has its own classifiers and
+        Number of random assignments of segments to folds. Each has its own classifiers and
         random pairs.
     progress : callable, optional
         Called with the name of the stage, the number of finished steps and of all steps.
@@ -135,16 +135,17 @@ def compatibility(
     Returns
     -------
     Compatibility
-        The intervals resample blocks of segments, or clips, and splits. They cover the choice
-        of segments and folds, but not the choice of the recordings.
+        The intervals are bootstrapped over splits and over blocks of segments, or clips if
+        there are ten or more. They do not account for the choice of the recordings.
 
     Raises
     ------
     ImportError
         If scikit-learn is not installed.
     InsufficientDataError
-        If the library has fewer than 60 segments without faults or a single group of 40, or
-        if the acceptance rates of captured and random parts differ by less than 0.1.
+        If the segments without faults are fewer than 60 or in a single clip or block (see
+        Notes), or if the acceptance rate of captured parts is less than 0.1 above that of
+        random parts.
     ValueError
         If `group` is the base group.
 
@@ -153,9 +154,10 @@ def compatibility(
     Classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017) of the dependence between the
     parts. Positive samples are captured pairs. Negative samples pair parts of one fold, each
     part once. The classifier is a support vector machine on 20 principal components of the
-    `part_features` of each part. It is trained on some groups and applied to the others. Its
-    parameters are selected by cross-validation within the training set. A pair with a positive
-    score is accepted. κ = (a_method - a_random) / (a_captured - a_random) for acceptance rates a.
+    `part_features` of each part. Each fold is scored by a classifier trained on the other
+    folds, with parameters from cross-validation within them. Folds do not divide clips or, if
+    there are fewer than ten clips, blocks of 40 segments. A pair with a positive score is
+    accepted. κ = (a_method - a_random) / (a_captured - a_random) for acceptance rates a.
     """
     base = library.groups.base
     group = grafted_group(library) if group is None else group
@@ -178,8 +180,8 @@ def compatibility(
     if captured - random < MIN_RATE_DIFFERENCE:
         raise InsufficientDataError(
             f"a classifier accepts {captured:.0%} of held-out captured parts and {random:.0%} of "
-            f"random ones: with less than {MIN_RATE_DIFFERENCE:.0%} between them compatibility "
-            "has no meaning"
+            "random ones: compatibility is defined only if the difference is at least "
+            f"{MIN_RATE_DIFFERENCE:.0%}"
         )
     has_score = np.asarray(np.isfinite(rates.captured).any(axis=0), bool)
     names = [method.name for method in methods]
@@ -263,7 +265,7 @@ def _score_fold(
 ) -> FloatArray:
     """Write the acceptance rates of one test fold to `rates`.
 
-    Return the share of the random parts of each segment with a lower score than the captured.
+    Return for each segment the share of its random parts that score lower than its captured part.
     """
     n = rates.captured.shape[1]
 
@@ -285,7 +287,7 @@ def _score_fold(
 def _train_classifier(
     features: PairFeatures, train: IntArray, groups: IntArray, rng: np.random.Generator, seed: int
 ) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
-    """Return a function that scores pairs, and the selected parameters."""
+    """Train a classifier; return a function that scores pairs, and the selected parameters."""
     train_groups = np.unique(groups[train], return_inverse=True)[1]
     inner = classifier.assign_folds(train_groups, classifier.N_INNER_FOLDS, seed)
     sample = np.sort(rng.permutation(len(train))[:_MAX_TRAIN_SEGMENTS])

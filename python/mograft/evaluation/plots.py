@@ -71,9 +71,9 @@ def draw_counts(
 ) -> "Figure":
     """Draw the combinations per segment against the scale of the threshold.
 
-    The counts are as `sweep` returns them. Each title and each reading of the threshold has a
-    panel, and each number of groups a colour. Solid lines have no limit of length; dotted lines
-    have it. `paper` has combinations per segment to mark with triangles, by number of groups.
+    The counts are as `sweep` returns them. Each title and each value of `sigma` has a
+    panel, and each number of groups a colour. Solid lines are counts without the length limit,
+    dotted lines with it. `paper` maps numbers of groups to values that triangles mark.
     """
     readings = sorted({str(row.sigma) for rows in by_name.values() for row in rows})
     panels = [(name, reading) for name in by_name for reading in readings]

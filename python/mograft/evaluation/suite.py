@@ -60,7 +60,7 @@ class Evaluation:
     enrichment : Enrichment or None
         Combinations with the configuration of the library.
     sweep : tuple of Enrichment
-        Combinations for each reading of the threshold and each scale.
+        Combinations for each interpretation of eq. 14 and each scale.
     clusters : dict of int to dict of str to int
         Number of clusters of each joint group, by number of groups.
     laws : tuple of Law

@@ -107,7 +107,7 @@ class ClusterMembers:
 
     @classmethod
     def from_labels(cls, labels: IntArray, points: FloatArray) -> "ClusterMembers":
-        """Sort segments, given the cluster and the point of each."""
+        """Sort segments by cluster, given the cluster and the embedding point of each."""
         order = np.argsort(labels, kind="stable")
         return cls(order, np.flatnonzero(np.diff(labels[order], prepend=-1)), points[order])
 

@@ -47,7 +47,7 @@ class DerivableLibrary(LibraryData):
     """A library from which other libraries are derived; base class of `mograft.Library`."""
 
     def relabelled(self, config: Config) -> Self:
-        """Return the library clustered with, and with the options of, another configuration.
+        """Return the library with another configuration, and clustered again with it.
 
         Parameters
         ----------

@@ -131,7 +131,7 @@ class GenerationWriter:
         self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
 
     def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
-        """Return boundary states of the clips that were written: rows of segments, all joints."""
+        """Return the written boundary states of segments `start` to `stop`, all joints."""
         return self._writers[f"edges-{key}"].read(start, stop)
 
     def _writer(self, name: str, dtype: str, row_shape: tuple[int, ...]) -> ArrayWriter:
@@ -144,7 +144,7 @@ class GenerationWriter:
         return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
 
     def samples(self, ranges: Sequence[RowRange], n_samples: int, n_joints: int) -> StoredSamples:
-        """Return the samples of the generation, to which no more can be written."""
+        """Close the shards and return their samples; no clip may be written afterwards."""
         self._close_shards()
         files = tuple(self.folder / f"samples-{shard}.npy" for shard in self.shards)
         return StoredSamples(files, merge_ranges(ranges), n_samples, n_joints)
@@ -172,7 +172,7 @@ class GenerationWriter:
     def write_array(
         self, name: str, dtype: str, parts: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
     ) -> None:
-        """Write an array, whole or in parts that follow one another."""
+        """Write an array, whole or in consecutive parts."""
         (self.folder / name).parent.mkdir(exist_ok=True)
         for part in [parts] if isinstance(parts, np.ndarray) else parts:
             self._writer(name, dtype, part.shape[1:]).append(part)
@@ -232,7 +232,7 @@ def write_generation(
 ) -> Iterator[GenerationWriter]:
     """Write the next generation of a library, under an exclusive lock.
 
-    `force` replaces an existing library, `add` continues it; without them it raises
+    `force` replaces an existing library, `add` extends it; without either it raises
     FileExistsError. Everything that was written and not committed is removed at the end. Raise
     LibraryError if the folder is not a library, or another process is writing to it.
     """
@@ -269,7 +269,7 @@ def _write_new(final: Path) -> Iterator[GenerationWriter]:
 
 @contextlib.contextmanager
 def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
-    """Write another generation beside the current one."""
+    """Write the next generation in the library's folder, beside the current one."""
     if not add:
         _check_is_library(final)
     with _lock(final):
@@ -288,7 +288,7 @@ def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
 
 
 def _check_is_library(folder: Path) -> None:
-    """Check that a folder to be overwritten is a library, even if a damaged one."""
+    """Check that a folder to be overwritten is a library, intact or damaged."""
     names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
     if MANIFEST not in names or not all(
         name in (MANIFEST, LOCK) or name[:4].isdigit() or name.startswith(f"{MANIFEST}.")
@@ -300,7 +300,7 @@ def _check_is_library(folder: Path) -> None:
 
 
 def _remove_generations(folder: Path, *, except_for: str) -> None:
-    """Remove all generations but one, and manifests that were not completed."""
+    """Remove all generations but one, and incomplete manifests."""
     for path in folder.iterdir():
         is_draft = path.name.startswith(f"{MANIFEST}.")
         if path.name == except_for or not (path.name.isdigit() or is_draft):
@@ -320,7 +320,7 @@ def _remove_partial_libraries(final: Path) -> None:
 
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[None]:
-    """Hold the writers' lock of a library."""
+    """Hold the lock that excludes other writers of a library."""
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(exclusive_lock(folder / LOCK))

@@ -57,9 +57,9 @@ class ClipProperties:
 def choose_spec(clips: Sequence[ClipProperties], rate: float | None = None) -> LibrarySpec:
     """Choose the library specification from the properties of at least one clip.
 
-    Its joint names and hierarchy are those of most clips. Of the clips with that hierarchy come
-    the root of most clips, the up axis of the longest clip and, unless `rate` is given, the rate
-    of most frames. Ties go to the first.
+    Its joint names and hierarchy are those of most clips. Only these clips determine the other
+    parameters: the most frequent root, the up axis of the longest clip and, unless `rate` is
+    given, the rate with the most frames. Ties go to the first.
     """
     by_hierarchy: dict[tuple[object, ...], list[ClipProperties]] = {}
     for clip in clips:
@@ -83,7 +83,7 @@ def choose_spec(clips: Sequence[ClipProperties], rate: float | None = None) -> L
 
 
 def rates_match(rate: float, other: float) -> bool:
-    """Return whether two frame rates differ by less than `MAX_RATE_DIFFERENCE`."""
+    """Return whether two frame rates differ by at most `MAX_RATE_DIFFERENCE` of `other`."""
     return abs(rate - other) <= MAX_RATE_DIFFERENCE * other
 
 

@@ -38,14 +38,14 @@ def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) ->
 
 
 def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
-    """Return the configuration with the smallest `max_angle` of itself and of `MaxAngle`."""
+    """Return the configuration with `max_angle` at most the limit of every `MaxAngle`."""
     angles = [constraint.limit for constraint in constraints if isinstance(constraint, MaxAngle)]
     return replace(config, max_angle=min([config.max_angle, *angles]))
 
 
 @dataclass(frozen=True)
 class SeamScales:
-    """Gaps at a seam that cost 1 each."""
+    """The angle and the velocity difference at a seam that each cost 1."""
 
     angle: float  # mean joint angle in radians
     velocity: float  # mean difference of joint velocities in radians per second
@@ -187,7 +187,7 @@ def origin_violations(
     frames: Segments,
     clips: Sequence[Clip],
 ) -> list[FloatArray]:
-    """Return how far donors violate each constraint on the clip, frames and length of a donor.
+    """Return how far donors violate each constraint on their clips, frames and lengths.
 
     `base` and `donors` are n base segments and one donor for each, in frames of the clips that
     `clips` lists; `frames` are the base segments in frames of the base motion. There is one array

@@ -28,12 +28,12 @@ class DonorSource(Protocol):
 
     @property
     def pools(self) -> Mapping[str, SegmentPool]:
-        """For every grafted group the segments."""
+        """The segments of each grafted group, with the data for its search."""
         ...
 
     @property
     def trellises(self) -> Mapping[str, DonorTrellis]:
-        """For every grafted group the candidates at each position and their costs."""
+        """The candidates of each grafted group at each position, and their costs."""
         ...
 
     def feasible_candidates(self, group: str) -> list[IntArray]:
@@ -75,7 +75,7 @@ class Viterbi(DonorChoice):
 
 
 class Best(DonorChoice):
-    """The sequences of the lowest total costs."""
+    """The sequences with the lowest total costs."""
 
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator

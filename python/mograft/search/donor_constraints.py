@@ -1,4 +1,4 @@
-"""Constraints on donors and seams: origin, stretch and seam angle."""
+"""Constraints on donors and seams: source clip, stretch and seam angle."""
 
 import fnmatch
 from collections.abc import Collection, Sequence

@@ -12,7 +12,7 @@ from mograft.search.costs import CostModel
 from mograft.search.viterbi import Trellis
 
 DonorSequences = dict[str, IntArray]
-"""For every grafted group the donor sequence: the donor segment at each position."""
+"""The donor sequence of each grafted group: the donor segment at each position."""
 
 
 @dataclass(frozen=True, eq=False)

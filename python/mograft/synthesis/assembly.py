@@ -42,8 +42,7 @@ def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
 def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
     """Return by how much each pose exceeds the tolerances of hard constraints, shape (n,).
 
-    For each grafted group the greatest violation amount minus 1, at least 0; summed over the
-    groups.
+    It is the sum over the grafted groups of max(0, greatest violation amount - 1).
     """
     excess = np.zeros(len(poses))
     for joints in problem.driven_joints.values():
@@ -54,8 +53,7 @@ def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
 def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:
     """Return by how much the assembled motion exceeds the tolerances of hard constraints.
 
-    For every group and every frame of the base motion the greatest violation amount minus 1, at
-    least 0.
+    It is max(0, greatest violation amount - 1) for each group and each frame of the base motion.
     """
     excesses = donor_excesses(problem, [donors], 0, len(problem.base_segments))
     return {group: own[0] for group, own in excesses.items()}
@@ -125,7 +123,7 @@ def _assemble_ranges(
 def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int]:
     """Return a range of positions widened by all positions whose seams change its frames.
 
-    The whole motion if a group holds the root, whose transform accumulates from the start.
+    It is the whole motion if a group holds the root, whose transform accumulates from the start.
     """
     segments = problem.base_segments
     if problem.root_group is not None:

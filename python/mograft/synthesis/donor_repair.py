@@ -1,8 +1,8 @@
 """Repair of donor sequences whose assembled motion violates hard constraints.
 
-Seam treatment can introduce violations that the trellis does not know. Repair penalises the donors
-at violated positions and searches again; then it assembles the cheapest short sequences around
-each remaining violation.
+Seam treatment can introduce violations that the trellis does not contain. Repair penalises the
+donors at violated positions and searches again; then it assembles the cheapest short sequences
+around each remaining violation.
 """
 
 from collections.abc import Mapping, Sequence

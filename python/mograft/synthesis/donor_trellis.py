@@ -36,8 +36,8 @@ def candidate_violations(
 ) -> list[ConstraintViolations]:
     """Return for each position how far the candidates of a group violate the constraints there.
 
-    `chosen` is as for `build_trellis`. All candidates satisfy the hard constraints on origins, so
-    that `hard` is of pose constraints alone.
+    `chosen` is as for `build_trellis`. All candidates satisfy the hard constraints on clips and
+    lengths of donors, so `hard` contains violations of pose constraints only.
     """
     lists = problem.candidates[group]
     violations = [

@@ -71,14 +71,14 @@ class GraftPlan:
 
     @property
     def pools(self) -> Mapping[str, SegmentPool]:
-        """For every grafted group the segments."""
+        """The segments of each grafted group, with the data for its search."""
         return self.problem.pools
 
     @cached_property
     def trellises(self) -> dict[str, DonorTrellis]:
-        """For every grafted group the candidates and their costs.
+        """The candidates of each grafted group and their costs.
 
-        With constraints, each group is evaluated beside the cheapest donors of those before it.
+        With constraints, each group is evaluated with the cheapest donors of the groups before it.
         """
         trellises: dict[str, DonorTrellis] = {}
         chosen: DonorSequences = {}
@@ -92,8 +92,8 @@ class GraftPlan:
     def feasible_candidates(self, group: str) -> list[IntArray]:
         """Return for each position the candidates that satisfy all hard constraints.
 
-        All candidates if none of them does, or if a group holds the root: its transform is known
-        only for a donor sequence.
+        All candidates are returned for a position where none does, and for all positions if a
+        group holds the root: its transform is known only for a donor sequence.
         """
         candidates = self.problem.candidates[group]
         if self.problem.root_group is not None:
@@ -105,7 +105,7 @@ class GraftPlan:
         ]
 
     def choose_donors(self, count: int, seed: int) -> list[DonorSequences]:
-        """Return different donor sequences for several motions, repaired."""
+        """Return at most `count` different donor sequences, repaired."""
         choice = DONOR_CHOICES.get(self.config.choice)
         drawn = choice.draw(self, count, np.random.default_rng(seed))
         return unique_sequences([self.repair(donors) for donors in drawn])
@@ -244,7 +244,7 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
 
 
 def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:
-    """Return a scenario, or that of some segments, after checking that the segments exist."""
+    """Return a scenario or the one that consists of given segments; check that these exist."""
     if not isinstance(scenario, Scenario):
         indices = as_indices("scenario", scenario, ("n",))
         if not len(indices):

@@ -91,7 +91,7 @@ class Graft:
     seams : tuple of Seam
         The treated seams.
     alternatives : dict of str to ndarray of int
-        For every grafted group the number of candidates for each base segment besides itself.
+        The number of candidates other than itself that each base segment has, by grafted group.
     seed : int
         The seed of the donor choice.
     index : int

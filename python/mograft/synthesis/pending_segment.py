@@ -38,7 +38,7 @@ class PendingSegment:
     segment: Segments  # in frames of the stream; its clip follows the library's clips
     donors: IntArray  # shape (n_candidates,); the last is -1, the base segment itself
     unary_costs: FloatArray  # shape (n_candidates,); without seams and constraints
-    origin_costs: FloatArray  # shape (n_candidates,); of soft constraints on the origin
+    origin_costs: FloatArray  # shape (n_candidates,); soft constraints on clip and length
     groups: dict[str, GroupCandidates] = field(default_factory=dict)  # by grafted group
     pose_constraints: tuple[Constraint, ...] = ()  # those that apply in the segment
 

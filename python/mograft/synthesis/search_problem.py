@@ -76,10 +76,11 @@ class SearchProblem:
         groups: Sequence[str],
         constraints: Sequence[Constraint],
     ) -> "SearchProblem":
-        """Return the problem with the candidates that satisfy cluster, length and origin limits.
+        """Return the problem with candidates that satisfy cluster, length and donor constraints.
 
-        `AvoidSelf` without a captured depth gets that of the base. An item that is not a constraint
-        raises TypeError; a constraint with an unknown joint, clip or frame raises ValueError.
+        `AvoidSelf` without a captured depth gets the depth in the base motion. An item that is not
+        a constraint raises TypeError; a constraint with an unknown joint, clip or frame raises
+        ValueError.
         """
         poses = Poses.from_motion(base)
         check_constraints(constraints, poses)
@@ -119,18 +120,18 @@ class SearchProblem:
 
     @cached_property
     def cost_models(self) -> dict[str, CostModel]:
-        """For every grafted group the cost model."""
+        """The cost model of each grafted group."""
         return {group: cost_model(self.config, pool) for group, pool in self.pools.items()}
 
     @cached_property
     def driven_joints(self) -> dict[str, BoolArray]:
-        """For every grafted group the joints that it moves and that no group below it moves."""
+        """The joints that each grafted group moves and that no group below it moves."""
         members = {group: self.library.joints(group) for group in self.pools}
         return driven_joints(self.base.skeleton, members)
 
     @cached_property
     def divided_channels(self) -> dict[str, dict[int, str]]:
-        """For each group the axes of joints of which it holds single rotation channels."""
+        """The divided joints of each group, with the axes of its rotation channels."""
         return self.library.groups.divided_channels(self.library.skeleton)
 
     @cached_property
@@ -144,7 +145,7 @@ class SearchProblem:
 
     @cached_property
     def group_specs(self) -> dict[str, GraftedGroup]:
-        """For every grafted group the form that `transplant` takes."""
+        """The argument of `transplant` that describes each grafted group."""
         library = self.library
         # Time warping compares the joints of the base group except the root.
         compared = feature_joints(library.skeleton, library.joints(library.groups.base))
@@ -192,11 +193,11 @@ class SearchProblem:
         return found
 
     def origin_costs(self, group: str) -> list[FloatArray]:
-        """Return the costs of soft constraints on the origin of each position's candidates."""
+        """Return the costs of soft constraints on clip and length of candidates, by position."""
         return [own.soft for own in self._origin_violations(group)]
 
     def _allowed_by_origin(self, group: str) -> list[IntArray]:
-        """Return the candidates whose origin meets all hard constraints, and the base segments."""
+        """Return the base segments and the candidates that meet all hard constraints on donors."""
         candidates, violations = self.candidates[group], self._origin_violations(group)
         return [
             segments[own.is_feasible | (segments == base)]
@@ -204,7 +205,7 @@ class SearchProblem:
         ]
 
     def _origin_violations(self, group: str) -> list[ConstraintViolations]:
-        """Return for each position how far the candidates violate constraints on the origin."""
+        """Return how far candidates violate constraints on clip and length, by position."""
         lists, segments = self.candidates[group], self.library.segments
         counts = [len(own) for own in lists]
         positions, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
