@@ -16,7 +16,7 @@ from tests.hierarchies import DANCES, DATA, recording
 
 @pytest.mark.parametrize("seam", ["offset", "inertial", "displacement"])
 def test_realize_root_ends_at_the_sum_of_graph_displacements(library, seam):
-    """Equal heading, and a position within 0.03 heights, with any seam treatment."""
+    """With any seam treatment; the limit of the yaw rate may change the heading by 1e-4 rad."""
     bare = replace(library, config=replace(library.config, feet="never", seam=seam))
     graph = transitions(bare)
     walked = Scenario(walk(bare, 60.0, 2, graph=graph), None, np.array([5.0, 0.0, 7.0]), 0.4)
@@ -41,7 +41,7 @@ def test_realize_root_ends_at_the_sum_of_graph_displacements(library, seam):
     ]
     apart = rotations.multiply(turned[-1], rotations.inverse(captured))
     off = rotations.multiply(rotations.inverse(rotations.from_axis_angle([0, 1, 0], turn)), apart)
-    assert rotations.angle(off, rotations.IDENTITY) < 1e-9
+    assert rotations.angle(off, rotations.IDENTITY) < 1e-4
 
 
 def test_graft_scenario_of_all_segments_in_order_equals_graft_on_clip(library):

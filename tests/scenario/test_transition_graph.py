@@ -97,6 +97,22 @@ def test_transitions_costs_match_oracle(library, graph):
         assert graph.costs[edge] == pytest.approx(expected, abs=1e-9)
 
 
+def test_transitions_never_meet_at_the_greatest_root_accelerations(library, graph):
+    """The acceleration is computed from the docstring of `transitions`."""
+    (clip,), cut, up = library.clips, library.segments, library.up
+    places = np.delete(clip.world_transforms()[1][:, library.root], up, axis=1)
+    twice = np.gradient(np.gradient(places, axis=0), axis=0) * clip.rate**2
+    acceleration = np.linalg.norm(twice, axis=1)
+    count = round(0.15 * clip.rate)
+    starts = np.array([acceleration[frame : frame + count + 1].max() for frame in cut.start])
+    ends = np.array([acceleration[max(frame - count, 0) : frame + 1].max() for frame in cut.stop])
+    limit = np.quantile(np.concatenate([starts, ends]), 0.95)
+    sources, targets = graph.segments[graph.sources], graph.segments[graph.targets]
+    is_seam = targets != sources + 1
+    assert is_seam.sum() > 100
+    assert max(ends[sources[is_seam]].max(), starts[targets[is_seam]].max()) <= limit * (1 + 1e-9)
+
+
 def test_feature_points_single_term_distance_equals_its_cost(library):
     """The root mean square of a single term is that term, for small angles."""
     starts, _ = segment_ends(library, np.arange(3))

@@ -19,6 +19,7 @@ from mograft.motion.motion import Motion
 
 _TILT_WEIGHT, _HEIGHT_WEIGHT = 1.0, 2.0  # per radian of root tilt; per skeleton height of the root
 _VELOCITY_SECONDS = 0.1  # cost of a velocity difference, as a multiple of that of a value
+_ACCELERATION_SECONDS = 0.15
 _MAX_CHUNK = 1 << 22  # numbers that are compared at a time, about
 
 
@@ -38,6 +39,7 @@ class SegmentEnds:
     heights: FloatArray  # (n,): of the root, in skeleton heights
     root_velocities: FloatArray  # (n, 3): seen from its heading, in heights per second
     root_angular_velocities: FloatArray  # (n, 3): in radians per second
+    root_accelerations: FloatArray  # (n,): greatest within 0.15 s inward, over the floor, 1/s²
     contacts: BoolArray  # (n, n_feet): which feet stand
     is_at_rest: BoolArray  # (n,): whether the segment ends at a minimum of kinetic energy
     steps: FloatArray  # (n, 4): floor displacement and yaw between the two frames at this end
@@ -102,6 +104,8 @@ class _ClipEnds:
             values[:, library.root] for values in clip.world_transforms()
         )
         self._velocity = np.gradient(self._positions, axis=0) * clip.rate
+        acceleration = np.gradient(self._velocity, axis=0)[:, np.arange(3) != library.up]
+        self._accelerations = np.linalg.norm(acceleration, axis=1) * (clip.rate / self._height)
         self._contacts = np.logical_or(*np.moveaxis(detect_contacts(clip), 2, 0))
         is_level = np.arange(3) != library.up
         steps = np.where(is_level, np.diff(self._positions, axis=0), 0.0)
@@ -123,6 +127,9 @@ class _ClipEnds:
             tilts[:] = rotations.IDENTITY
         velocity = rotations.rotate(inverse_yaws, self._velocity[frames])
         scale = float(self._has_root)
+        inward = np.arange(round(_ACCELERATION_SECONDS * library.rate) + 1)
+        near = frames[:, None] + (inward if is_start else -inward)
+        near = near.clip(0, len(self._accelerations) - 1)
         steps, weights = self._steps_inward(segments, frames, is_start=is_start)
         return SegmentEnds(
             poses=poses,
@@ -133,6 +140,7 @@ class _ClipEnds:
             heights=scale * self._positions[frames, library.up] / self._height,
             root_velocities=scale * velocity / self._height,
             root_angular_velocities=scale * angular[:, 0] * library.rate,
+            root_accelerations=scale * self._accelerations[near].max(axis=1),
             contacts=self._contacts[frames],
             is_at_rest=self._is_at_rest(segments),
             steps=scale * steps[:, 0],

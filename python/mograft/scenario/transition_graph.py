@@ -16,6 +16,7 @@ _CHEAPEST_SHARE = 0.1  # share of all allowed pairs whose costs are within the l
 _MAX_LIMIT = np.radians(25.0)
 _MIN_SEGMENT_SHARE = 0.5  # if fewer segments remain, the limit grows up to _MAX_WIDENED_LIMIT
 _MAX_WIDENED_LIMIT = np.radians(45.0)
+_STEADY_SHARE = 0.95  # share of segment ends, those of least root acceleration, for transitions
 _TRANSITION_TEMPERATURE = np.radians(5.0)
 _MIN_SEGMENTS = 4
 _MAX_SUCCESSORS = 64  # nearest segments considered after each; determines the memory of a graph
@@ -115,6 +116,10 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     allowed, up to 25°. The limit grows, up to 45°, while less than half of the segments remain. A
     segment's successor in the clip is always allowed. A segment is never followed by itself or by
     its predecessor in the clip.
+
+    At a twentieth of all starts and ends of segments there are no transitions, because there the
+    root's acceleration over the floor, within 0.15 s inward, is greatest. A transition could
+    increase it beyond that of the recording.
 
     For each segment only the 64 nearest are considered, by the root mean square of the terms of
     the cost.
@@ -243,16 +248,24 @@ def _is_allowed(has_successor: BoolArray, sources: IntArray, targets: IntArray) 
     return allowed
 
 
+def _steady(starts: SegmentEnds, ends: SegmentEnds) -> tuple[BoolArray, BoolArray]:
+    """Return which starts, and which ends, are not those of the greatest root acceleration."""
+    accelerations = [starts.root_accelerations, ends.root_accelerations]
+    limit = np.quantile(np.concatenate(accelerations), _STEADY_SHARE)
+    return accelerations[0] <= limit, accelerations[1] <= limit
+
+
 def _nearest_pairs(
     starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
 ) -> tuple[IntArray, IntArray]:
     """Return, for each segment, the nearest allowed segments with equal contacts after it."""
     end_points, start_points = (side.feature_points().astype(np.float32) for side in (ends, starts))
+    steady_starts, steady_ends = _steady(starts, ends)
     patterns = np.unique(np.concatenate([starts.contacts, ends.contacts]), axis=0)
     sources, targets = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for pattern in patterns:
-        leaving = np.flatnonzero((ends.contacts == pattern).all(axis=1))
-        entering = np.flatnonzero((starts.contacts == pattern).all(axis=1))
+        leaving = np.flatnonzero((ends.contacts == pattern).all(axis=1) & steady_ends)
+        entering = np.flatnonzero((starts.contacts == pattern).all(axis=1) & steady_starts)
         if not len(entering):
             continue
         squares = (start_points[entering] ** 2).sum(axis=1)
@@ -276,7 +289,8 @@ def _cheap_cost(starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
         i, j = (indices.ravel() for indices in np.indices((n, n)))
     else:
         i, j = np.random.default_rng(0).integers(n, size=(2, _MAX_SAMPLED_PAIRS))
-    allowed = _is_allowed(has_successor, i, j)
+    steady_starts, steady_ends = _steady(starts, ends)
+    allowed = _is_allowed(has_successor, i, j) & steady_ends[i] & steady_starts[j]
     allowed &= (ends.contacts[i] == starts.contacts[j]).all(axis=1)
     costs = transition_costs(ends, starts, i[allowed], j[allowed])
     return float(np.quantile(costs, _CHEAPEST_SHARE)) if len(costs) else 0.0
