@@ -3,7 +3,10 @@
 ``python benches/feet.py [FILE...] [--seeds 3]`` grafts every file (default: the built-in dancer)
 with the upper body as the base group, so that donors drive legs and root. It prints the share of
 feet and frames that skate (`mograft.foot_skate`) in the recording, in grafts without planting, and
-in grafts with it. Files are resampled to 30 frames per second.
+in grafts with it. It prints the largest depth of a heel or toe below its floor without planting and
+with it, and the largest depth below the lower of its floor and its position in the same frame
+without planting. Depths are in skeleton heights; the floor is that of the graft without planting.
+Files are resampled to 30 frames per second.
 """
 
 import argparse
@@ -18,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from benches._common import run, tiny_motion
 from benches.seams import read
+from mograft.body.contacts import Ground
 
 
 def upper_body_library(motion):
@@ -27,17 +31,33 @@ def upper_body_library(motion):
     return mg.Library.build(motion, mg.JointGroups(members, base="upper"))
 
 
+def depths(motion, ground):
+    """Depths of heels and toes below their floors, in skeleton heights."""
+    return -ground.above(ground.points(motion)) / ground.height
+
+
+def measure_depth(before, after):
+    """Largest depth before and after planting, and largest excess over the same frame before."""
+    ground = Ground.of(before)
+    old, new = depths(before, ground), depths(after, ground)
+    return old.max(), new.max(), (new - np.maximum(old, 0.0)).max()
+
+
 def measure_feet(library, seeds):
-    """Means over seeds: skate without and with planting, root shift, frames out of reach."""
+    """Skate without and with planting, root shift, frames out of reach; depths; over seeds.
+
+    The first four are means, the depths of `measure_depth` maxima.
+    """
     loose = replace(library, config=replace(library.config, feet="never"))
-    rows = []
+    rows, deepest = [], []
     for seed in range(seeds):
         fallen, planted = mg.graft(loose, seed=seed), mg.graft(library, seed=seed)
         feet = planted.feet
         skates = mg.foot_skate(fallen.motion), mg.foot_skate(planted.motion)
+        deepest.append(measure_depth(fallen.motion, planted.motion))
         # Without substitutions of legs, nothing is planted.
         rows.append([*skates, *((feet.moved_root, feet.unreached_frames) if feet else (0.0, 0))])
-    return np.mean(rows, axis=0)
+    return [*np.mean(rows, axis=0), *np.max(deepest, axis=0)]
 
 
 def main(argv=None):
@@ -57,15 +77,17 @@ def report(options):
 
         motions = [dance().motion]
     print(
-        "| clip | recording | as feet fall | planted | farthest root move | frames out of reach |"
+        "| clip | recording | not planted | planted | root displacement | frames out of reach "
+        "| depth, not planted | depth, planted | lowered by |"
     )
-    print("|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|---|")
     for motion in motions:
-        fallen, planted, moved, missed = measure_feet(upper_body_library(motion), options.seeds)
+        library = upper_body_library(motion)
+        fallen, planted, moved, missed, *deepest = measure_feet(library, options.seeds)
         skate = mg.foot_skate(motion)
         print(
             f"| {motion.name} | {skate:.3f} | {fallen:.3f} | {planted:.3f} | {moved:.3f} | "
-            f"{missed:.1f} |",
+            f"{missed:.1f} | {deepest[0]:.3f} | {deepest[1]:.3f} | {deepest[2]:.4f} |",
             flush=True,
         )
 

@@ -17,14 +17,28 @@ from mograft import (
     plant_feet,
     read_bvh,
 )
-from mograft.blend.root_shift import limit_floor_speed
+from mograft._util.runs import find_runs
+from mograft.blend.foot_targets import foot_displacements, lowest_heights
+from mograft.blend.root_shift import limit_descent, limit_floor_speed
 from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.hierarchies import DANCES, DATA, distinct_recordings, recording
-from tests.strategies import SEEDS
+from tests.strategies import SEEDS, few_examples
+
+DEEP_RECORDINGS = (
+    *DANCES,
+    "dance_cmu60_salsa/60_09",
+    "dance_cmu94_indian_30fps/94_11_1",
+    "dance_perfume_test/B_test",
+    "dance_carousel_pair/Key1Intencity2Orbit_001_DancerB",
+    "dance_mass_snu/cart",
+    "bandai_ds1/dataset-1_punch_normal_002",
+    "database_vsports_basket/s_006_1_3",
+)
+"""Recordings whose feet planting once pushed into the floor."""
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +187,127 @@ def test_plant_feet_root_is_no_faster_than_before(sample, seed):
         np.testing.assert_array_equal(still.positions, motion.positions)
 
 
+def depths(motion, ground):
+    """Depths of heels and toes below their floors, in skeleton heights."""
+    return -ground.above(ground.points(motion)) / ground.height
+
+
+def assert_no_deeper(still, motion, ground):
+    """Each heel and toe is at most 0.001 heights deeper than in the same frame before."""
+    allowed = np.maximum(depths(motion, ground), 0.0) + 0.001
+    np.testing.assert_array_less(depths(still, ground), allowed + 1e-6)
+
+
+@st.composite
+def walkers(draw):
+    """A dance of a figure with random legs and feet; its root drifts and sinks at random."""
+    rng = np.random.default_rng(draw(SEEDS))
+    motion = dance(seed=int(rng.integers(5)), strides=1).motion
+    start = int(rng.integers(0, motion.n_frames - 120))
+    motion = motion[start : start + 120]
+    skeleton, scale = motion.skeleton, 10.0 ** rng.uniform(-2, 2)
+    offsets = skeleton.offsets * scale
+    shins_and_feet = [
+        skeleton.index(f"{side}{part}") for part in ("Leg", "Foot") for side in ("Left", "Right")
+    ]
+    offsets[shins_and_feet] *= np.repeat(rng.uniform(0.8, 1.2, 2), 2)[:, None]
+    pitch = rotations.exp(np.array([draw(st.floats(-1.0, 1.5)), 0.0, 0.0]))
+    size = scale * rng.uniform(0.3, 1.5)
+    sites = [
+        replace(
+            site,
+            offset=rotations.rotate(pitch, np.asarray(site.offset)) * size
+            if skeleton.names[site.parent].endswith("Foot")
+            else np.asarray(site.offset) * scale,
+        )
+        for site in skeleton.end_sites
+    ]
+    positions = np.where(
+        np.arange(motion.n_joints)[:, None] == 0, motion.positions * scale, offsets
+    )
+    seconds = np.arange(120) * motion.frame_time
+    drift = rng.uniform(-20, 20, 3) * draw(st.sampled_from([0.0, 1.0]))
+    sway = rng.uniform(0, 4) * np.sin(rng.uniform(1, 20, 3) * seconds[:, None])
+    positions[:, 0] += scale * (np.outer(seconds, drift * [1.0, 0.1, 1.0]) + sway)
+    figure = replace(skeleton, offsets=offsets, end_sites=tuple(sites))
+    return replace(motion, skeleton=figure, positions=positions, channel_values=None)
+
+
+@st.composite
+def contact_arrays(draw, n_frames=120):
+    """Random intervals of contact of two legs."""
+    rng = np.random.default_rng(draw(SEEDS))
+    contacts = np.zeros((n_frames, 2, 2), bool)
+    for leg, point in np.ndindex(2, 2):
+        for first, last in np.cumsum(rng.integers(1, 30, 16)).reshape(8, 2):
+            contacts[first:last, leg, point] = True
+    return contacts
+
+
+@few_examples(60)
+@given(
+    walkers(),
+    st.none() | contact_arrays(),
+    st.sampled_from([None, (True, False), (False, True)]),
+    st.booleans(),
+    st.booleans(),
+)
+def test_plant_feet_any_walk_pushes_no_foot_below_its_depth(
+    motion, contacts, movable, move_root, is_lifted
+):
+    heights = foot_heights(motion) if is_lifted else None
+    still, _ = plant_feet(
+        motion, contacts, movable_legs=movable, move_root=move_root, min_heights=heights
+    )
+    assert_no_deeper(still, motion, Ground.of(motion))
+
+
+@few_examples(60)
+@given(SEEDS, contact_arrays(), st.floats(0.06, 0.3), st.floats(0.0, 1.0))
+def test_foot_displacements_standing_points_do_not_move(seed, contacts, length, pitch):
+    """A foot that wavers about the floor and rocks: plants are clear of all depths."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(120)[:, None]
+    up, height = np.array([0.0, 1.0, 0.0]), 10.0 ** rng.uniform(-2, 2)
+    heels = rng.normal(size=3) + 0.05 * np.sin(rng.uniform(0.05, 0.5, 3) * time)
+    heels[:, 1] = 0.02 * np.sin(rng.uniform(0.05, 0.5) * time[:, 0])
+    tilts = -pitch * np.sin(rng.uniform(0.02, 0.3) * time[:, 0]) ** 2
+    foot = length * np.stack([np.zeros(120), np.sin(tilts), np.cos(tilts)], axis=1)
+    points = height * np.stack([heels, heels + foot], axis=1)
+    ground = Ground((), up, np.median(points @ up, axis=0)[None], height)
+    lowest = lowest_heights(points[:, None], ground)[:, 0]
+    free = np.full((120, 2), -np.inf)
+    displacements = foot_displacements(points, contacts[:, 0], free, lowest, ground, 0, 30.0)
+    targets = points + displacements
+    new_foot = targets[:, 1] - targets[:, 0]
+    new_foot *= length * height / np.linalg.norm(new_foot, axis=1)[:, None]
+    ends = np.stack([targets[:, 0], targets[:, 0] + new_foot], axis=1)
+    for point in range(2):
+        for start, stop in find_runs(contacts[:, 0, point]):
+            assert np.ptp(ends[start:stop, point], axis=0).max() < 1e-9 * height
+    assert (ends @ up >= lowest - 1e-9 * height).all()
+
+
+@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
+@pytest.mark.parametrize("name", DEEP_RECORDINGS)
+def test_plant_feet_recording_pushes_no_foot_below_its_depth(name):
+    motion = recording(name)
+    still, _ = plant_feet(motion)
+    assert_no_deeper(still, motion, Ground.of(motion))
+
+
+@given(SEEDS, st.integers(1, 40))
+def test_limit_descent_lowers_at_most_by_room(seed, n_frames):
+    rng = np.random.default_rng(seed)
+    shift, room = rng.normal(size=(n_frames, 3)), rng.uniform(0.0, 2.0, n_frames)
+    up = np.eye(3)[int(rng.integers(3))] * rng.choice([-1.0, 1.0])
+    new = limit_descent(shift, room, up)
+    assert (new @ up >= -room - 1e-12).all()
+    enough = shift @ up >= -room
+    np.testing.assert_array_equal(new[enough], shift[enough])
+    np.testing.assert_allclose(new - (new @ up)[:, None] * up, shift - (shift @ up)[:, None] * up)
+
+
 @given(SEEDS, st.integers(2, 40), st.floats(0.0, 3.0))
 def test_limit_floor_speed_slow_shift_is_unchanged(seed, n, size):
     rng = np.random.default_rng(seed)
@@ -292,6 +427,7 @@ def test_plant_feet_every_recorded_skeleton_fixes_feet(path):
     motion = read_bvh(path, strict=False)[:240]
     still, report = plant_feet(motion)
     assert report.skate_after <= report.skate_before + 0.01
+    assert_no_deeper(still, motion, Ground.of(motion))
     stands, height = detect_contacts(motion), mass_model(motion.skeleton).height
     held = stands[1:] & stands[:-1]
     points = Ground.of(motion).points(still)
@@ -336,6 +472,7 @@ def test_graft_on_upper_body_of_recordings_plants_feet(name):
         graft(Library.build(motion, JointGroups(members, base="upper"), Config(feet=feet)))
         for feet in ("never", "auto")
     )
+    assert_no_deeper(tight.motion, loose.motion, Ground.of(loose.motion))
     assert tight.feet.unreached_frames == 0
     assert tight.feet.skate_after < tight.feet.skate_before
     assert tight.feet.skate_after <= foot_skate(motion)

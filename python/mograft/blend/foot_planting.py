@@ -12,9 +12,14 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
-from mograft.blend.foot_targets import CLEARANCE, contacts_at_rest, foot_displacements
+from mograft.blend.foot_targets import (
+    CLEARANCE,
+    contacts_at_rest,
+    foot_displacements,
+    lowest_heights,
+)
 from mograft.blend.recombine import Part, recombine
-from mograft.blend.root_shift import limit_floor_speed, shift_for_reach
+from mograft.blend.root_shift import limit_descent, limit_floor_speed, shift_for_reach
 from mograft.blend.two_bone_ik import bend_leg
 from mograft.body.contacts import Ground, detect_contacts, find_legs, skating_share
 from mograft.motion import rotations
@@ -98,6 +103,10 @@ def plant_feet(
     its plane: the knee sets its length, the hip its direction. The foot is rotated so that heel and
     toe reach their positions.
 
+    In no frame is a heel or toe deeper below its floor than in `motion` by more than 0.001 heights.
+    It is raised to that depth, a plant in all its frames, and the root is not lowered further
+    than legs that are not `movable_legs` permit.
+
     Examples
     --------
     >>> from mograft.dancer import dance
@@ -118,11 +127,18 @@ def plant_feet(
     planted = contacts_at_rest(contacts, points, ground, motion.rate)
     heights = np.full(contacts.shape, -np.inf) if min_heights is None else min_heights
     heights = np.where(contacts & ~planted, CLEARANCE, heights)
+    lowest = lowest_heights(points, ground)
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
     for leg in bent_legs:
         displacements[:, leg] = foot_displacements(
-            points[:, leg], planted[:, leg], heights[:, leg], ground, leg, motion.rate
+            points[:, leg],
+            planted[:, leg],
+            heights[:, leg],
+            lowest[:, leg],
+            ground,
+            leg,
+            motion.rate,
         )
     planted &= movable[None, :, None]
     world_rotations, world_positions = motion.world_transforms()
@@ -134,6 +150,8 @@ def plant_feet(
         )
         path = world_positions[:, motion.locomotion_root()]
         shift = limit_floor_speed(shift, path, ground.up)
+        room = points[:, ~movable] @ ground.up - lowest[:, ~movable]
+        shift = limit_descent(shift, room.min(axis=(1, 2), initial=np.inf), ground.up)
     parts = [
         bend_leg(
             motion,

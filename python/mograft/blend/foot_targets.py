@@ -16,6 +16,7 @@ _FADE_SECONDS = 3 * FRAME
 _RISE_FRAMES = 1.5  # frames after a plant over which the lift of a swinging foot sets in
 _MAX_SLIDE = 0.1  # heights from its mean position at which a fast foot steps instead of sliding
 _MAX_DEPTH = 0.01  # skeleton heights of a plant below the floor; CONTACT_HEIGHT is that above it
+_DEPTH_MARGIN = 0.001  # skeleton heights by which planting may lower a point into the floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +48,20 @@ def contacts_at_rest(
     return at_rest
 
 
+def lowest_heights(points: FloatArray, ground: Ground) -> FloatArray:
+    """Return the heights along `up` below which no heel or toe is moved, (n_frames, n_legs, 2).
+
+    A point may be as deep below its floor as in the same frame before, plus 0.001 heights.
+    """
+    lowest: FloatArray = np.minimum(points @ ground.up, ground.floors)
+    return lowest - _DEPTH_MARGIN * ground.height
+
+
 def foot_displacements(
     points: FloatArray,
     contacts: BoolArray,
     min_heights: FloatArray,
+    lowest: FloatArray,
     ground: Ground,
     leg: int,
     rate: float,
@@ -60,11 +71,11 @@ def foot_displacements(
     `points` are heel and toe, of the same shape. `contacts` marks when they stand, and
     `min_heights` are their least heights in skeleton heights while neither stands; both have shape
     (n_frames, 2). A point that does not stand follows the other one if that stands, and is lifted.
-    The foot keeps its length.
+    The foot keeps its length. Its points stay above `lowest`; see `lowest_heights`.
     """
     single, holds = np.zeros_like(points), np.zeros(contacts.shape)
     fade = max(round(_FADE_SECONDS * rate), 1)
-    for point, plants in enumerate(_plants(points, contacts, ground, leg)):
+    for point, plants in enumerate(_plants(points, contacts, lowest, ground, leg)):
         single[:, point], holds[:, point] = _fade(points[:, point], plants, ground.up, fade)
     displacements: FloatArray = single + (1.0 - holds)[..., None] * single[:, ::-1]
     lifts = _lifts(points + displacements, contacts, min_heights, ground, leg, rate)
@@ -75,15 +86,62 @@ def foot_displacements(
     heel_share = toe / np.where(toe + heel > 0, toe + heel, 1.0)
     heel_share = np.where(
         contacts[:, 1] > contacts[:, 0], 1.0, np.where(contacts[:, 0], 0.0, heel_share)
-    )
+    )[:, None]
     foot = points[:, 1] - points[:, 0]
-    target = points[:, 1] - points[:, 0] + displacements[:, 1] - displacements[:, 0]
-    length, new_length = np.linalg.norm(foot, axis=1), np.linalg.norm(target, axis=1)
+    target = foot + displacements[:, 1] - displacements[:, 0]
+    length, new_length = (np.linalg.norm(v, axis=1, keepdims=True) for v in (foot, target))
     ratio = length / np.where(new_length > 0, new_length, 1.0)
-    excess = np.where(new_length > 0, 1.0 - ratio, 0.0)
-    displacements[:, 0] += (heel_share * excess)[:, None] * target
+    foot = np.where(new_length > 0, ratio * target, foot)
+    displacements[:, 0] += heel_share * (target - foot)
+    heels = points[:, 0] + displacements[:, 0]
+    is_low = (np.stack([heels, heels + foot], axis=1) @ ground.up < lowest).any(axis=1)
+    raised = _raise_foot(
+        heels[is_low], foot[is_low], lowest[is_low], holds[is_low], heel_share[is_low], ground.up
+    )
+    displacements[is_low] = raised - points[is_low]
     displacements[np.abs(displacements).max(axis=(1, 2)) < 1e-12 * ground.height] = 0.0
     return displacements
+
+
+def _raise_foot(
+    heels: FloatArray,
+    foot: FloatArray,
+    lowest: FloatArray,
+    holds: FloatArray,
+    heel_share: FloatArray,
+    up: FloatArray,
+) -> FloatArray:
+    """Return the positions of heels and toes, raised to heights `lowest` along `up`, (n, 2, 3).
+
+    `foot` leads from heel to toe. A point is raised together with the other one, unless a plant
+    holds it: `holds` are the weights of plants. The foot keeps its length by moves over the
+    floor, of which the heel makes the share `heel_share`.
+    """
+    heights = np.stack([heels, heels + foot], axis=1) @ up
+    deficits = np.maximum(lowest - heights, 0.0)
+    other_deficits = np.maximum(deficits[:, ::-1] - deficits, 0.0)
+    heights += deficits + (1.0 - holds) * other_deficits
+    # A foot that becomes vertical is raised as a whole.
+    lengths = np.linalg.norm(foot, axis=1, keepdims=True)
+    heights = np.maximum(heights, heights[:, ::-1] - lengths)
+    new_foot = _with_rise(foot, heights[:, 1] - heights[:, 0], lengths[:, 0], up)
+    ends = heels - heel_share * (new_foot - foot)
+    ends += (heights[:, 0] - ends @ up)[:, None] * up
+    raised: FloatArray = np.stack([ends, ends + new_foot], axis=1)
+    return raised
+
+
+def _with_rise(
+    foot: FloatArray, rise: FloatArray, length: FloatArray, up: FloatArray
+) -> FloatArray:
+    """Return vectors of a length and rise, in the directions of `foot` over the floor, (..., 3)."""
+    level = foot - (foot @ up)[..., None] * up
+    size = np.linalg.norm(level, axis=-1, keepdims=True)
+    any_level = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    direction = np.where(size > 0, level / np.where(size > 0, size, 1.0), any_level)
+    rise = np.clip(rise, -length, length)
+    result: FloatArray = np.sqrt(length**2 - rise**2)[..., None] * direction
+    return result + rise[..., None] * up
 
 
 def _lifts(
@@ -118,11 +176,11 @@ def _lifts(
 
 
 def _plants(
-    points: FloatArray, contacts: BoolArray, ground: Ground, leg: int
+    points: FloatArray, contacts: BoolArray, lowest: FloatArray, ground: Ground, leg: int
 ) -> tuple[list[_Plant], list[_Plant]]:
-    """Return the plants of a heel and of a toe.
+    """Return the plants of a heel and of a toe, none of them below `lowest`.
 
-    While both stand, they keep their mean distance: the later plant is moved along the foot.
+    While both stand, they keep their mean distance: the later plant is moved over the floor.
     """
     plants: tuple[list[_Plant], list[_Plant]] = ([], [])
     intervals = [
@@ -133,7 +191,9 @@ def _plants(
     for first, last, point in sorted(intervals):
         position = points[first : last + 1, point].mean(axis=0)
         height = position @ ground.up - ground.floors[leg, point]
-        clamped = np.clip(height, -_MAX_DEPTH * ground.height, CONTACT_HEIGHT * ground.height)
+        deepest = lowest[first : last + 1, point].max() - ground.floors[leg, point]
+        deepest = max(deepest, -_MAX_DEPTH * ground.height)
+        clamped = np.clip(height, deepest, CONTACT_HEIGHT * ground.height)
         position = position + (clamped - height) * ground.up
         for other in plants[1 - point]:
             both = slice(max(first, other.first), min(last, other.last) + 1)
@@ -141,9 +201,12 @@ def _plants(
                 continue
             length = np.linalg.norm(points[both, 1] - points[both, 0], axis=-1).mean()
             offset = position - other.position
-            # Without a known toe the foot has no length and no direction.
-            if length > 0 and offset.any():
-                position = other.position + offset * (length / np.linalg.norm(offset))
+            # Without a known toe the foot has no length and no direction. The height of the plant
+            # is that of the recording: a vertical move would add up from plant to plant.
+            if length > 0:
+                position = other.position + _with_rise(
+                    offset, offset @ ground.up, length, ground.up
+                )
                 break
         plants[point].append(_Plant(first, last, position))
     return plants

@@ -63,6 +63,12 @@ def shift_for_reach(
     return project(np.stack(smooth, axis=1))
 
 
+def limit_descent(shift: FloatArray, room: FloatArray, up: FloatArray) -> FloatArray:
+    """Return a shift, (n_frames, 3), that lowers no frame by more than its `room`, (n_frames,)."""
+    excess: FloatArray = np.maximum(-(shift @ up) - room, 0.0)
+    return shift + excess[:, None] * up
+
+
 def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
     """Return a shift with which a path over the floor is no faster than the path's maximum.
 
