@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import Config
+from mograft import Config, Segments
 from mograft.dancer import dance
 from mograft.search.candidates import count_combinations, list_candidates
 from mograft.search.donor_choice import cost_model
@@ -64,42 +64,87 @@ def test_candidate_lists_excluded_donor_is_listed_for_itself_only(make_pool, see
     assert refused.refused.startswith("excluded donor: a recording fault overlaps it")
 
 
-def typical_gaps_oracle(pool):
-    """Gaps between the next member of each cluster, cyclically, and that of its neighbour's."""
+def with_random_donors(pool, seed):
+    return replace(pool, is_donor=np.random.default_rng(seed).random(len(pool.segments)) < 0.8)
 
-    def partner(i):
-        same = (pool.labels == pool.labels[i]) & pool.is_donor
-        members = [int(k) for k in np.flatnonzero(same)]
-        return members[(members.index(i) + 1) % len(members)]
 
-    boundary = pool.boundary
-    angles, velocities = [], []
+def in_two_clips(pool):
+    clip = (np.arange(len(pool.segments)) >= 5).astype(int)
+    return replace(pool, segments=Segments(pool.segments.start, pool.segments.stop, clip))
+
+
+def typical_pairs_oracle(pool):
+    """For each seam beside clusters of which one has two donors: all seams that may stand for it.
+
+    Each segment is replaced by another donor of its cluster if there is one.
+    """
+    clip, is_donor = pool.segments.clip, pool.is_donor
+
+    def others(i):
+        found = np.flatnonzero((pool.labels == pool.labels[i]) & is_donor & (np.arange(12) != i))
+        return found.tolist() or [i]
+
+    pairs = {}
     for i in range(len(pool.segments) - 1):
-        if not pool.is_donor[i : i + 2].all():
+        left, right = others(i), others(i + 1)
+        if (
+            clip[i] != clip[i + 1]
+            or not is_donor[i : i + 2].all()
+            or (left, right) == ([i], [i + 1])
+        ):
             continue
-        left, right = partner(i), partner(i + 1)
-        if (left, right) != (i, i + 1):
-            angles.append(oracle.seam_angle(boundary.last[left], boundary.first[right]))
-            jump = boundary.last_velocity[left] - boundary.first_velocity[right]
-            velocities.append(np.linalg.norm(jump, axis=1).mean())
-    return (np.mean(angles), np.mean(velocities)) if angles else (np.inf, np.inf)
+        pairs[i] = [
+            (a, b) for a in left for b in [*right, i + 1] if (b, clip[b]) != (a + 1, clip[a])
+        ]
+    return pairs
+
+
+@given(SEEDS, st.integers(1, 12))
+def test_typical_seams_join_donors_of_neighbouring_clusters_never_successors(
+    make_pool, seed, n_labels
+):
+    pool = with_random_donors(in_two_clips(make_pool(seed, n_labels=n_labels)), seed)
+    allowed = typical_pairs_oracle(pool)
+    left, right = pool.typical_seams()
+    assert len(left) == (512 if allowed else 0)
+    for index, pair in enumerate(zip(left.tolist(), right.tolist(), strict=True)):
+        seam = list(allowed)[index * len(allowed) // 512]  # each seam of the clips in turn
+        assert pair in allowed[seam]
 
 
 @given(SEEDS, st.integers(1, 12), st.floats(0.01, 3.0))
-def test_typical_gaps_match_the_oracle_and_set_the_seam_scales(make_pool, seed, n_labels, size):
+def test_typical_gaps_are_means_over_the_typical_seams_and_set_the_scales(
+    make_pool, seed, n_labels, size
+):
     pool = make_pool(seed, n_labels=n_labels)
     boundary = replace(
         pool.boundary,
         first_velocity=size * pool.boundary.first_velocity,
         last_velocity=size * pool.boundary.last_velocity,
     )
-    is_donor = np.random.default_rng(seed).random(12) < 0.8
-    pool = replace(pool, boundary=boundary, is_donor=is_donor)
-    angle, velocity = typical_gaps_oracle(pool)
-    np.testing.assert_allclose(pool.typical_gaps, (angle, velocity), atol=1e-9)
+    pool = with_random_donors(replace(pool, boundary=boundary), seed)
+    angles, velocities = [], []
+    for left, right in zip(*pool.typical_seams(), strict=True):
+        angles.append(oracle.seam_angle(boundary.last[left], boundary.first[right]))
+        jump = boundary.last_velocity[left] - boundary.first_velocity[right]
+        velocities.append(np.linalg.norm(jump, axis=1).mean())
+    expected = (np.mean(angles), np.mean(velocities)) if angles else (np.inf, np.inf)
+    np.testing.assert_allclose(pool.typical_gaps, expected, atol=1e-9)
     scales = pool.seam_scales(ROBUST)
-    assert scales.angle == pytest.approx(min(np.radians(20), 2 * angle))
-    assert scales.velocity == pytest.approx(min(np.radians(200), 2 * velocity))
+    assert scales.angle == pytest.approx(min(np.radians(20), 2 * expected[0]))
+    assert scales.velocity == pytest.approx(min(np.radians(200), 2 * expected[1]))
+
+
+@given(SEEDS, st.integers(1, 2))
+def test_typical_gaps_are_near_the_mean_over_all_pairs_of_the_clusters(make_pool, seed, n_labels):
+    pool = make_pool(seed, n=40, n_labels=n_labels)
+    labels, n = pool.labels, len(pool.segments)
+    means = []
+    for i in range(n - 1):
+        left, right = (np.flatnonzero(labels == labels[k]) for k in (i, i + 1))
+        angles = pool.seam_angles(left, right)
+        means.append(angles[right[None, :] != left[:, None] + 1].mean())
+    assert pool.typical_gaps[0] == pytest.approx(np.mean(means), rel=0.15)
 
 
 @given(SEEDS)

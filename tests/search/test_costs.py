@@ -92,7 +92,7 @@ def test_seam_scales_are_twice_the_typical_gaps_up_to_the_configured_scales(angl
     assert scales.velocity == min(ROBUST.velocity_scale, 2 * velocity)
 
 
-@pytest.mark.parametrize("gap", [0.0, np.inf])
+@pytest.mark.parametrize("gap", [0.0, 1e-15, np.inf])
 def test_seam_scales_without_typical_gaps_are_the_configured_ones(gap):
     scales = SeamScales.from_typical_gaps(gap, gap, ROBUST)
     assert scales == SeamScales(ROBUST.angle_scale, ROBUST.velocity_scale)

@@ -13,7 +13,10 @@ from mograft.motion import rotations
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
 from mograft.search.costs import CostModel, SeamScales, length_fits
 
-_N_SAMPLED_SEAMS = 512  # largest number of seams from which the typical gaps are measured
+_N_TYPICAL_SEAMS = 512  # seams from which the typical gaps are measured
+# Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: 1/g and 1/g² of the
+# root g of g³ = g + 1. Their multiples modulo 1 fill the square evenly.
+_QUASI_RANDOM_STEPS = (0.7548776662466927, 0.5698402909980532)
 
 
 @dataclass(frozen=True)
@@ -149,30 +152,53 @@ class SegmentPool:
 
     @cached_property
     def typical_gaps(self) -> tuple[float, float]:
-        """Mean pose and velocity gaps at seams between members of neighbours' clusters.
+        """Mean pose and velocity gaps at 512 seams between members of neighbours' clusters.
 
-        Infinite if no cluster has two members. Measured at up to 512 evenly spaced seams.
+        Infinite if no cluster of two neighbours has two members.
         """
-        members = np.flatnonzero(self.is_donor)
-        order = members[np.argsort(self.labels[members], kind="stable")]
-        starts = np.flatnonzero(np.diff(self.labels[order], prepend=-1))
-        following = np.arange(1, len(order) + 1)
-        following[np.append(starts[1:], len(order))[: len(starts)] - 1] = starts
-        # For each segment the next member of its cluster, cyclically.
-        partner = np.full(len(self.labels), -1)
-        partner[order] = order[following]
-        clip = self.segments.clip
-        left = np.flatnonzero((clip[1:] == clip[:-1]) & (partner[1:] >= 0) & (partner[:-1] >= 0))
-        left = left[(partner[left] != left) | (partner[left + 1] != left + 1)]
+        left, right = self.typical_seams()
         if not len(left):
             return np.inf, np.inf
-        spread = np.linspace(0, len(left) - 1, min(_N_SAMPLED_SEAMS, len(left)))
-        sampled = left[spread.round().astype(np.int64)]
-        ending, starting = self.boundary[partner[sampled]], self.boundary[partner[sampled + 1]]
+        ending, starting = self.boundary[left], self.boundary[right]
         turns = rotations.multiply(rotations.inverse(ending.last), starting.first)
         angle = float(np.linalg.norm(rotations.log(turns), axis=-1).mean())
         velocities = ending.last_velocity - starting.first_velocity
         return angle, float(np.linalg.norm(velocities, axis=-1).mean())
+
+    def typical_seams(self) -> tuple[IntArray, IntArray]:
+        """Return the segments on the left and on the right of 512 seams that grafts can have.
+
+        Evenly spaced seams of the clips, each segment replaced by another donor of its cluster
+        where there is one. The two are never consecutive in a clip. Both are empty if no cluster
+        of two neighbours has two members.
+        """
+        donors = np.flatnonzero(self.is_donor)
+        order = donors[np.argsort(self.labels[donors], kind="stable")]
+        labels = self.labels[order]
+        sizes = np.zeros(len(self.labels), np.int64)
+        firsts, ranks = np.zeros_like(sizes), np.zeros_like(sizes)
+        firsts[order] = np.searchsorted(labels, labels, side="left")
+        sizes[order] = np.searchsorted(labels, labels, side="right") - firsts[order]
+        ranks[order] = np.arange(len(order)) - firsts[order]
+
+        def shift(members: IntArray, steps: IntArray) -> IntArray:
+            shifted: IntArray = order[firsts[members] + (ranks[members] + steps) % sizes[members]]
+            return shifted
+
+        is_seam = (sizes[:-1] > 0) & (sizes[1:] > 0) & (sizes[:-1] + sizes[1:] > 2)
+        seams = np.flatnonzero(is_seam & (np.diff(self.segments.clip) == 0))
+        if not len(seams):
+            return seams, seams
+        seams = seams[np.arange(_N_TYPICAL_SEAMS) * len(seams) // _N_TYPICAL_SEAMS]
+        # Quasi-random numbers in [0, 1) choose the other donors.
+        fractions = np.outer(_QUASI_RANDOM_STEPS, np.arange(1, _N_TYPICAL_SEAMS + 1)) % 1.0
+        left, right = (
+            shift(side, np.minimum(sizes[side] - 1, 1 + ((sizes[side] - 1) * own).astype(np.int64)))
+            for side, own in zip((seams, seams + 1), fractions, strict=True)
+        )
+        is_captured = (right == left + 1) & (self.segments.clip[left] == self.segments.clip[right])
+        # A cluster of one member cannot follow its own predecessor: that one was replaced.
+        return left, np.where(is_captured, shift(right, np.ones_like(right)), right)
 
     def seam_scales(self, config: Config) -> SeamScales:
         """Return the gaps at a seam that cost 1: twice the typical ones, within `config`."""

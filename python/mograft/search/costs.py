@@ -17,6 +17,7 @@ from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_g
 from mograft.search.constraints import Clip, Constraint
 from mograft.search.donor_constraints import MaxAngle
 
+_ROUNDED_GAP = 1e-9  # radians or radians per second, of equal poses or velocities
 INFEASIBLE_PENALTY = 1e3  # more than a sequence within the limits costs at any seam
 
 
@@ -55,9 +56,9 @@ class SeamScales:
         """Return twice the typical gaps, but at most the scales of the configuration.
 
         Low-amplitude libraries have small typical gaps: their scales shrink accordingly.
-        Typical gaps of 0 or infinity leave the configured scales.
+        Typical gaps of 0, up to rounding, or infinity leave the configured scales.
         """
-        angle, velocity = (2.0 * gap if gap > 0 else np.inf for gap in (angle, velocity))
+        angle, velocity = (2.0 * gap if gap > _ROUNDED_GAP else np.inf for gap in (angle, velocity))
         return cls(min(config.angle_scale, angle), min(config.velocity_scale, velocity))
 
 
