@@ -76,9 +76,9 @@ class Config:
     choice : {"viterbi", "best", "sample", "nearest", "random"}
         How donors are chosen among the candidates within the limits. "sample" draws donor
         sequences with probability exp(-cost / `temperature`), so every seed gives another
-        motion. "viterbi" takes the donor sequence of minimum cost, for every seed; each further
-        motion pays `diversity` for donors of the previous ones. "best" takes the sequences of
-        the lowest costs, which differ little. "nearest" minimises the distance between base
+        motion. "viterbi" takes the donor sequence of minimum cost, for every seed. With both,
+        each further motion pays `diversity` for donors of the previous ones. "best" takes the
+        sequences of the lowest costs, which differ little. "nearest" minimises the distance between base
         parts alone. "random" draws uniformly within the limits, as in the paper (4.4).
     length_weight : float
         Weight of the relative length difference, 1 - shorter / longer, in the unary cost.
@@ -98,8 +98,8 @@ class Config:
         Cost difference that changes the probability of a "sample" by the factor e. Towards 0 it
         approaches "viterbi", towards infinity a uniform draw.
     diversity : float
-        Cost that "viterbi" adds to a donor for every previous motion that uses it at the same
-        position.
+        Cost that "sample", "viterbi" and "nearest" add to a donor for every previous motion of
+        the same call that uses it at the same position.
     max_candidates : int
         Maximum number of candidates per position: those of lowest unary cost. "random" keeps
         all.

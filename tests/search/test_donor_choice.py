@@ -1,6 +1,7 @@
 """Properties of the strategies that choose donor sequences."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -75,6 +76,72 @@ def test_draw_same_generator_state_gives_the_same_sequences(make_pool, name):
     first, again = (choice.draw(source, 4, np.random.default_rng(5)) for _ in range(2))
     for one, other in zip(first, again, strict=True):
         np.testing.assert_array_equal(one["upper"], other["upper"])
+
+
+@dataclass
+class TrellisSource:
+    """A trellis as the only group, with candidates 0, 1, … at each position."""
+
+    costs: Trellis
+    config: Config
+
+    @property
+    def trellises(self):
+        candidates = tuple(np.arange(len(own)) for own in self.costs.unary)
+        return {"upper": DonorTrellis(np.zeros(len(candidates), int), candidates, self.costs)}
+
+
+@few_examples(40)
+@pytest.mark.parametrize("name", ["sample", "viterbi", "nearest"])
+@given(SEEDS, st.floats(0.0, 5.0))
+def test_draw_diversity_changes_only_later_motions(make_pool, name, seed, diversity):
+    pools = {"upper": make_pool(seed, n_labels=1)}
+    config = Config(choice=name, diversity=diversity, max_stretch=2.0)
+    draw = DONOR_CHOICES.get(name).draw
+    drawn, shorter, indifferent = (
+        draw(Source(pools, own), count, np.random.default_rng(seed))
+        for own, count in ((config, 5), (config, 3), (replace(config, diversity=0.0), 1))
+    )
+    np.testing.assert_array_equal(drawn[0]["upper"], indifferent[0]["upper"])
+    for one, other in zip(drawn, shorter, strict=False):
+        np.testing.assert_array_equal(one["upper"], other["upper"])
+
+
+@pytest.mark.parametrize("diversity", [0.0, 0.7, 2.0])
+def test_draw_sample_charges_diversity_for_donors_of_earlier_motions(diversity):
+    unary = (np.array([0.0, 0.5]), np.array([0.2, 0.0]))
+    costs = Trellis(unary, (np.array([[0.0, 0.4], [0.3, 0.0]]),))
+    config = Config(choice="sample", diversity=diversity, temperature=0.8)
+    source, sampler = TrellisSource(costs, config), DONOR_CHOICES.get("sample")
+    paths = list(product(range(2), repeat=2))
+    weights = np.exp([-costs.cost(np.array(path)) / config.temperature for path in paths])
+    expected = {}
+    for first, weight in zip(paths, weights / weights.sum(), strict=True):
+        n_shared = np.array([sum(np.equal(first, path)) for path in paths])
+        charged = weights * np.exp(-diversity * n_shared / config.temperature)
+        charged[n_shared == 2] = 0.0  # motions differ
+        expected |= {
+            (first, path): weight * own
+            for path, own in zip(paths, charged / charged.sum(), strict=True)
+            if path != first
+        }
+    rng, found = np.random.default_rng(0), dict.fromkeys(expected, 0)
+    for _ in range(3000):
+        first, second = sampler.draw(source, 2, rng)
+        found[tuple(first["upper"].tolist()), tuple(second["upper"].tolist())] += 1
+    frequencies = 3000 * np.array(list(expected.values()))
+    assert chisquare(list(found.values()), frequencies).pvalue > 1e-6
+
+
+@few_examples(20)
+@given(SEEDS)
+def test_draw_sample_high_diversity_uses_all_candidates_before_repeating_one(seed):
+    rng = np.random.default_rng(seed)
+    costs = Trellis(tuple(rng.normal(size=(3, 4))), tuple(rng.normal(size=(2, 4, 4))))
+    source = TrellisSource(costs, Config(choice="sample", diversity=1e3))
+    drawn = DONOR_CHOICES.get("sample").draw(source, 4, rng)
+    for column in np.array([own["upper"] for own in drawn]).T:
+        assert sorted(column) == [0, 1, 2, 3]
 
 
 @few_examples(40)

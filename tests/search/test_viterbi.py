@@ -54,6 +54,20 @@ def test_viterbi_returns_the_first_cheapest_path(seed, is_integer, forbidden):
         assert tuple(path) == cheapest
 
 
+@given(SEEDS, st.floats(0.0, 5.0))
+def test_charge_adds_the_cost_for_every_position_in_common(seed, cost):
+    trellis, rng = make_trellis(seed), np.random.default_rng(seed)
+    paths = all_paths(trellis)
+    charged_path = paths[rng.integers(len(paths))]
+    before = [own.copy() for own in trellis.unary]
+    charged = trellis.charge(np.array(charged_path), cost)
+    for path in paths:
+        n_common = sum(np.equal(path, charged_path))
+        assert path_cost(charged, path) == pytest.approx(path_cost(trellis, path) + n_common * cost)
+    for own, unchanged in zip(trellis.unary, before, strict=True):
+        np.testing.assert_array_equal(own, unchanged)
+
+
 @few_examples(40)
 @given(SEEDS, st.integers(1, 60), st.booleans(), st.sampled_from([0.0, 0.3]))
 def test_k_best_returns_the_cheapest_paths_in_order(seed, count, is_integer, forbidden):

@@ -90,21 +90,30 @@ class Best(DonorChoice):
 
 
 class Sample(DonorChoice):
-    """Sequences drawn with probability exp(-cost / temperature)."""
+    """Sequences drawn with probability exp(-cost / temperature).
+
+    Donors of earlier motions cost more in later ones, as for `Viterbi`.
+    """
 
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator
     ) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
-        trellises, temperature = source.trellises, source.config.temperature
+        trellises, config = source.trellises, source.config
+        costs = {group: trellis.costs for group, trellis in trellises.items()}
 
         def draw_once() -> DonorSequences:
             return {
-                group: trellis.donor_sequence(sample(trellis.costs, temperature, rng))
+                group: trellis.donor_sequence(sample(costs[group], config.temperature, rng))
                 for group, trellis in trellises.items()
             }
 
-        return _draw_different(draw_once, count)
+        def charge(donors: DonorSequences) -> None:
+            for group, trellis in trellises.items():
+                path = trellis.path(donors[group])
+                costs[group] = costs[group].charge(path, config.diversity)
+
+        return _draw_different(draw_once, count, charge)
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
         """As `DonorChoice.choose_path`."""
@@ -256,8 +265,15 @@ def _sequences(
     ]
 
 
-def _draw_different(draw: Callable[[], DonorSequences], count: int) -> list[DonorSequences]:
-    """Draw until `count` results differ, or `_MAX_REPEATED_DRAWS` draws in a row repeat."""
+def _draw_different(
+    draw: Callable[[], DonorSequences],
+    count: int,
+    use: Callable[[DonorSequences], None] | None = None,
+) -> list[DonorSequences]:
+    """Draw until `count` results differ, or `_MAX_REPEATED_DRAWS` draws in a row repeat.
+
+    `use` is called with each new result before the next draw.
+    """
     results: dict[bytes, DonorSequences] = {}
     while len(results) < count:
         for _ in range(_MAX_REPEATED_DRAWS):
@@ -267,6 +283,8 @@ def _draw_different(draw: Callable[[], DonorSequences], count: int) -> list[Dono
         else:
             break
         results[_key(donors)] = donors
+        if use is not None:
+            use(donors)
     return list(results.values())
 
 

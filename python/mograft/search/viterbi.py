@@ -35,6 +35,13 @@ class Trellis:
         summed = (unary + further for unary, further in zip(self.unary, costs, strict=True))
         return replace(self, unary=tuple(summed))
 
+    def charge(self, path: IntArray, cost: float) -> "Trellis":
+        """Return the trellis in which every candidate on a path costs `cost` more."""
+        unary = [costs.copy() for costs in self.unary]
+        for costs, index in zip(unary, path.tolist(), strict=True):
+            costs[index] += cost
+        return replace(self, unary=tuple(unary))
+
     def slice(self, start: int, stop: int) -> "Trellis":
         """Return the positions from `start` to before `stop` by themselves."""
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
@@ -159,21 +166,18 @@ def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
     >>> [path.tolist() for path in diverse(trellis, 2, penalty=9.0)]
     [[0, 0], [1, 1]]
     """
-    n_uses = [np.zeros(len(costs)) for costs in trellis.unary]
     paths: list[IntArray] = []
     seen: set[bytes] = set()
     while len(paths) < count:
-        penalised = trellis.add_unary([penalty * uses for uses in n_uses])
-        path = viterbi(penalised)
+        path = viterbi(trellis)
         if path.tobytes() in seen:
             # Of one more path than are known, at least one is new if a new one exists.
-            others = (p for p in k_best(penalised, len(paths) + 1) if p.tobytes() not in seen)
+            others = (p for p in k_best(trellis, len(paths) + 1) if p.tobytes() not in seen)
             unseen = next(others, None)
             if unseen is None:
                 break
             path = unseen
         paths.append(path)
         seen.add(path.tobytes())
-        for uses, index in zip(n_uses, path.tolist(), strict=True):
-            uses[index] += 1
+        trellis = trellis.charge(path, penalty)
     return paths

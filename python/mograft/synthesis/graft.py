@@ -126,9 +126,9 @@ def graft_many(
     -------
     Grafts
         The motions, each built when it is accessed. Fewer than `count` if there are no more
-        different ones: random choices stop after 100 draws in a row that repeat. With
-        ``Config(choice="viterbi")`` the first is the cheapest, and donors of earlier motions
-        cost `Config.diversity` more in later ones.
+        different ones: random choices stop after 100 draws in a row that repeat. Donors of
+        earlier motions cost `Config.diversity` more in later ones, except with "best" and
+        "random". With ``Config(choice="viterbi")`` the first is the cheapest.
 
     Raises
     ------
