@@ -78,8 +78,9 @@ class Config:
         sequences with probability exp(-cost / `temperature`), so every seed gives another
         motion. "viterbi" takes the donor sequence of minimum cost, for every seed. With both,
         each further motion pays `diversity` for donors of the previous ones. "best" takes the
-        sequences of the lowest costs, which differ little. "nearest" minimises the distance between base
-        parts alone. "random" draws uniformly within the limits, as in the paper (4.4).
+        sequences of the lowest costs, which differ little. "nearest" minimises the distance
+        between base parts alone. "random" draws uniformly within the limits, as in the paper
+        (4.4).
     length_weight : float
         Weight of the relative length difference, 1 - shorter / longer, in the unary cost.
     distance_weight : float
