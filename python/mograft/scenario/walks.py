@@ -8,10 +8,12 @@ import numpy.typing as npt
 from mograft._util.arrays import FloatArray, IntArray, as_floats
 from mograft._util.validate import as_integer
 from mograft.library.library import Library
+from mograft.scenario.repeated_runs import RepeatedRuns
 from mograft.scenario.scenario import Scenario
 from mograft.scenario.transition_graph import Transitions, transitions
 
 _MIN_RETURN = 2  # segments between two uses of the same segment, if there is a choice
+_MAX_COMPARED_VISITS = 100  # of each segment, for repeated runs; determines the time of a step
 _MAX_TABLE = 1 << 29  # probabilities, one per frame and segment: 2 GB, twice
 _MAX_BEAT_STRETCH = 0.15  # share of its length by which a segment may be stretched to meet a beat
 
@@ -19,7 +21,12 @@ Weights = npt.NDArray[np.float32]
 
 
 def walk(
-    library: Library, duration: float, seed: int = 0, *, graph: Transitions | None = None
+    library: Library,
+    duration: float,
+    seed: int = 0,
+    *,
+    graph: Transitions | None = None,
+    repeat_penalty: float = 3.0,
 ) -> IntArray:
     """Walk at random from base segment to base segment.
 
@@ -33,6 +40,9 @@ def walk(
         Random seed.
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
+    repeat_penalty : float
+        Logarithm of the factor by which a transition is less likely for each second of a repeated
+        run of segments that it extends.
 
     Returns
     -------
@@ -47,9 +57,14 @@ def walk(
 
     Notes
     -----
-    A transition of cost c is drawn with probability proportional to exp(-c / 5° - uses), where
-    `uses` counts the visits to its target so far. Without this term, walks stay where someone
-    stands still. A segment returns after two others at the earliest, if there is a choice.
+    A transition of cost c is drawn with probability proportional to
+    exp(-c / 5° - uses - repeat_penalty * run). `uses` counts the visits to its target so far;
+    without it, walks stay where someone stands still. `run` is the duration in seconds of the
+    longest repeated run of segments that the transition leads to, up to the next segment with
+    several transitions. A segment returns after two others at the earliest, if there is a choice.
+
+    Runs are compared with the latest 100 visits to each segment, so the time is proportional to the
+    duration.
 
     Examples
     --------
@@ -61,7 +76,7 @@ def walk(
     """
     if isinstance(duration, bool) or not as_floats("duration", duration, ()) > 0.0:
         raise ValueError(f"`duration` must be above 0 seconds, got {duration!r}")
-    path = _WalkPath(library, seed, graph)
+    path = _WalkPath(library, seed, graph, repeat_penalty)
     frames = path.visit(int(path.rng.integers(len(path.lengths))))
     while frames < duration * library.rate:
         frames += path.advance(*path.edges())
@@ -69,7 +84,12 @@ def walk(
 
 
 def fill(
-    library: Library, frames: int, seed: int = 0, *, graph: Transitions | None = None
+    library: Library,
+    frames: int,
+    seed: int = 0,
+    *,
+    graph: Transitions | None = None,
+    repeat_penalty: float = 3.0,
 ) -> IntArray:
     """Walk at random for an exact number of frames.
 
@@ -83,6 +103,8 @@ def fill(
         Random seed.
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
+    repeat_penalty : float
+        The penalty of repeated runs, as in `walk`.
 
     Returns
     -------
@@ -110,7 +132,7 @@ def fill(
     300
     """
     total = as_integer("frames", frames, 2) - 1
-    path = _WalkPath(library, seed, graph)
+    path = _WalkPath(library, seed, graph, repeat_penalty)
     _check_table_size(total, path.graph)
     ends = _end_probabilities(path, total)
     if not ends[total].any():
@@ -147,7 +169,12 @@ def _end_probabilities(path: "_WalkPath", total: int) -> Weights:
 
 
 def to_beats(
-    library: Library, beats: npt.ArrayLike, seed: int = 0, *, graph: Transitions | None = None
+    library: Library,
+    beats: npt.ArrayLike,
+    seed: int = 0,
+    *,
+    graph: Transitions | None = None,
+    repeat_penalty: float = 3.0,
 ) -> Scenario:
     """Walk at random so that the body comes to rest on every beat.
 
@@ -162,6 +189,8 @@ def to_beats(
         Random seed.
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
+    repeat_penalty : float
+        The penalty of repeated runs, as in `walk`.
 
     Returns
     -------
@@ -195,7 +224,7 @@ def to_beats(
     if (steps := np.diff(times)).min() <= 0:
         first = int(np.argmax(steps <= 0))
         raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")
-    path = _WalkPath(library, seed, graph)
+    path = _WalkPath(library, seed, graph, repeat_penalty)
     _check_table_size(round(float(times[-1] - times[0]) * library.rate), path.graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
     meets, continues = _plan_beats(path, spans, times)
@@ -260,13 +289,24 @@ def _plan_beats(
 class _WalkPath:
     """A random walk so far: its nodes, and how often it visited each node of the graph."""
 
-    def __init__(self, library: Library, seed: int, graph: Transitions | None) -> None:
+    def __init__(
+        self, library: Library, seed: int, graph: Transitions | None, repeat_penalty: float
+    ) -> None:
         self.rng = np.random.default_rng(as_integer("seed", seed))
+        penalty = float(as_floats("repeat_penalty", repeat_penalty, ()))
+        if penalty < 0:
+            raise ValueError(f"`repeat_penalty` must not be negative, got {repeat_penalty}")
         self.graph = transitions(library) if graph is None else graph
         self.lengths = library.segments.lengths[self.graph.segments]
         self.nodes: list[int] = []
+        self._frame_penalty = penalty / library.rate
         self._probabilities = self.graph.probabilities()
         self._uses = np.zeros(len(self.lengths), np.int64)
+        self._runs = RepeatedRuns(_MAX_COMPARED_VISITS)
+        self._only_next = np.where(
+            np.diff(self.graph.first_edge) == 1, self.graph.targets[self.graph.first_edge[:-1]], -1
+        )
+        self._run_lengths = _lengths_to_choice(self._only_next, self.lengths)
 
     @property
     def segments(self) -> IntArray:
@@ -286,9 +326,11 @@ class _WalkPath:
 
     def visit(self, node: int) -> int:
         """Append a node; return the length of its segment in frames."""
+        length = int(self.lengths[node])
         self.nodes.append(node)
         self._uses[node] += 1
-        return int(self.lengths[node])
+        self._runs.append(node, length)
+        return length
 
     def start(self, weights: Weights) -> int:
         """Draw and visit the first node; return the length of its segment."""
@@ -299,12 +341,42 @@ class _WalkPath:
 
         A recent node is drawn only if all others have weight 0.
         """
-        uses = self._uses[targets]
-        weights = weights * np.exp(uses[weights > 0].min() - uses)
-        is_recent = np.isin(targets, self.nodes[-_MIN_RETURN - 1 :])
-        allowed = np.where(is_recent, 0.0, weights)
-        shares = _normalize(allowed if allowed.any() else weights)
+        is_possible = weights > 0
+        is_new = is_possible & ~np.isin(targets, self.nodes[-_MIN_RETURN - 1 :])
+        rows = np.flatnonzero(is_new if is_new.any() else is_possible)
+        if len(rows) == 1:
+            return self.visit(int(targets[rows[0]]))
+        targets = targets[rows]
+        penalties = self._uses[targets] + self._frame_penalty * self._repeated_lengths(targets)
+        shares = _normalize(weights[rows] * np.exp(penalties.min() - penalties))
         return self.visit(int(self.rng.choice(targets, p=shares)))
+
+    def _repeated_lengths(self, targets: IntArray) -> FloatArray:
+        """Return the length in frames of the repeated run that each target leads to."""
+        before = self._runs.lengths_before()
+        lengths = []
+        for target in targets.tolist():
+            node = target
+            while not self._uses[node] and self._only_next[node] >= 0:
+                node = int(self._only_next[node])
+            is_repeated = self._uses[node] > 0
+            lengths.append(before.get(target, 0) + is_repeated * self._run_lengths[node])
+        return np.array(lengths, np.float64)
+
+
+def _lengths_to_choice(only_next: IntArray, lengths: IntArray) -> IntArray:
+    """Return the total length from each node to the next one with several transitions, included.
+
+    `only_next` is the target of the only transition from a node, -1 if there are several.
+    """
+    has_choice = only_next < 0
+    node = np.where(has_choice, np.arange(len(lengths)), only_next)
+    following = np.where(has_choice, 0, lengths[node])
+    for _ in range(len(lengths).bit_length()):
+        following = following + following[node]
+        node = node[node]
+    total: IntArray = lengths + following
+    return total
 
 
 def _check_table_size(n_intervals: int, graph: Transitions) -> None:

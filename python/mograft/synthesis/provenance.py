@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mograft.scenario import repetition
 from mograft.search.constraints import Violation
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 def document(graft: "Graft") -> dict[str, Any]:
     """Return the provenance of a graft as a JSON document, schema ``mograft.graft/1``."""
     library, segments = graft.library, graft.library.segments
+    repeated = repetition(library, graft.scenario) if graft.scenario else None
     return {
         "schema": "mograft.graft/1",
         "name": graft.motion.name,
@@ -43,6 +45,12 @@ def document(graft: "Graft") -> dict[str, Any]:
             }
             for index in graft.scenario
         ],
+        "repetition": None
+        if repeated is None
+        else {
+            "longest_repeat_seconds": round(repeated.longest_repeat, 4),
+            "distinct_share": round(repeated.distinct_share, 4),
+        },
         "substitutions": [_substitution_record(own) for own in graft.substitutions],
         "seams": [
             {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
@@ -84,6 +92,12 @@ def _violation_record(violation: Violation) -> dict[str, Any]:
 def report(graft: "Graft", *, each: bool = False) -> str:
     """Return a summary of a graft in text; `each` lists every exchanged segment."""
     lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
+    if graft.scenario:
+        repeated = repetition(graft.library, graft.scenario)
+        lines.append(
+            f"  scenario: {len(graft.scenario)} segments, {repeated.distinct_share:.0%} different; "
+            f"longest repeat {repeated.longest_repeat:.1f} s"
+        )
     for group in graft.alternatives:
         lines += _group_lines(graft, group, each=each)
     lines += [f"  {violation.message}" for violation in graft.violations]

@@ -1,0 +1,97 @@
+"""Repetition in a scenario: runs of segments that occur twice."""
+
+from collections import defaultdict, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mograft._util.arrays import IntArray, as_indices
+from mograft.library.library import Library
+from mograft.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """How much of a scenario occurs more than once; see `repetition`.
+
+    Attributes
+    ----------
+    longest_repeat : float
+        Duration in seconds of the longest run of segments that occurs twice without overlap; 0 if
+        all segments are different.
+    distinct_share : float
+        Number of different segments, as a share of the number of segments.
+    """
+
+    longest_repeat: float
+    distinct_share: float
+
+
+def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) -> Repetition:
+    """Measure how much of a scenario occurs more than once.
+
+    Parameters
+    ----------
+    library : Library
+        The library of the segments.
+    scenario : sequence of int or Scenario
+        Segments of the library, in order.
+
+    Returns
+    -------
+    Repetition
+        The longest repeat in seconds, at captured speed, and the share of different segments.
+
+    Raises
+    ------
+    ValueError
+        If there is no segment.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> library = Library.build(dance(strides=1).motion)
+    >>> repetition(library, [0, 1, 5, 0, 1])
+    Repetition(longest_repeat=0.5, distinct_share=0.6)
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario(as_indices("scenario", scenario, ("n",)))
+    segments = scenario.segments.tolist()
+    lengths = library.segments.lengths[segments].tolist()
+    runs = RepeatedRuns()
+    longest = max(runs.append(*item) for item in zip(segments, lengths, strict=True))
+    return Repetition(float(longest / library.rate), len(set(segments)) / len(segments))
+
+
+class RepeatedRuns:
+    """The runs at the end of a growing sequence that occurred in it before, without overlap.
+
+    With `max_visits`, only so many of the latest occurrences of an item are compared, which bounds
+    the time per item.
+    """
+
+    def __init__(self, max_visits: int | None = None) -> None:
+        self._items: list[int] = []
+        self._ends: list[int] = []
+        self._positions: dict[int, deque[int]] = defaultdict(lambda: deque(maxlen=max_visits))
+        self._runs: dict[int, int] = {}  # length of the repeated run that ends at each position
+
+    def append(self, item: int, length: int) -> int:
+        """Append an item; return the length of the longest repeated run that ends with it."""
+        end = length + (self._ends[-1] if self._ends else 0)
+        positions = self._positions[item]
+        self._runs = {
+            position: min(length + self._runs.get(position - 1, 0), end - self._ends[position])
+            for position in positions
+        }
+        positions.append(len(self._items))
+        self._items.append(item)
+        self._ends.append(end)
+        return max(self._runs.values(), default=0)
+
+    def lengths_before(self) -> dict[int, int]:
+        """Return the items that extend a repeated run, and the length of the longest before it."""
+        lengths: dict[int, int] = {}
+        for position, length in self._runs.items():
+            item = self._items[position + 1]
+            lengths[item] = max(length, lengths.get(item, 0))
+        return lengths
