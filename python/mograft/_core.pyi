@@ -33,6 +33,7 @@ __all__ = [
     "segments",
     "segments_positions",
     "slerp",
+    "solve_pentadiagonal",
     "to_euler",
     "velocity_gaps",
     "world",
@@ -108,6 +109,7 @@ def box_clearance(
     rotation: Sequence[float],
 ) -> FloatArray: ...
 def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def solve_pentadiagonal(bands: FloatArray, rhs: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,
     rotations: FloatArray,

@@ -167,11 +167,11 @@ class Config:
     temperature: float = 1.0
     diversity: float = 1.0
     max_candidates: int = 32
-    seam: str = "offset"
+    seam: str = "gradient"
     seam_window: float = 5 * FRAME
     seam_blend: float = 0.3
     alignment: Literal["uniform", "dtw"] = "uniform"
-    torso: Literal["pelvis", "world"] = "pelvis"
+    torso: Literal["pelvis", "world"] = "world"
     feet: Literal["auto", "never"] = "auto"
 
     def __post_init__(self) -> None:
@@ -234,6 +234,7 @@ class Config:
             length_slack=0.0,
             choice="random",
             seam="paper",
+            torso="pelvis",
             feet="never",
         )
         return replace(literal, **changes)

@@ -72,6 +72,7 @@ _DESCRIPTIONS = {
         "random": "uniform among the donors within the limits, as in the paper",
     },
     "seam": {
+        "gradient": "frames on both sides that best keep the donors' accelerations",
         "offset": "a decaying offset on both sides; continuous pose and velocity",
         "paper": "displacement over the segments, then a cubic through the seam window",
         "displacement": "the pose gap spread over both segments",

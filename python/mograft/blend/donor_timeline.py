@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import PieceTimes, SeamBoundaries
+from mograft.blend.seams import ClosedFrames, DonorFrames, PieceTimes, SeamBoundaries
 from mograft.blend.time_warp import TimeWarp
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
@@ -31,6 +31,10 @@ class RootAlignment:
     transforms: AlignmentTransform
     rotation_column: int
     position_column: int
+
+    def column(self, space: ValueSpace) -> int:
+        """Return the root's column among the group's rotations or translations."""
+        return self.rotation_column if space is ROTATIONS else self.position_column
 
     def apply(
         self,
@@ -123,6 +127,21 @@ class DonorTimeline:
         velocity_after *= speed[seams + 1, 0]
         return SeamBoundaries(space, before, after, velocity_before, velocity_after)
 
+    def donor_frames(
+        self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
+    ) -> DonorFrames:
+        """Return the donors' values in all frames, and their accelerations at seams.
+
+        Accelerations are in the clips' coordinates: those of an aligned root are not rotated.
+        """
+        ending, starting = self.donors[seams], self.donors[seams + 1]
+        speed = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
+        accelerations = 0.5 * (
+            speed[seams] * sample_accelerations(space, tracks, ending.clip, ending.stop)
+            + speed[seams + 1] * sample_accelerations(space, tracks, starting.clip, starting.start)
+        )
+        return DonorFrames(self.sample(space, tracks, self.frame_times()), accelerations)
+
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Return times relative to the pieces that the segments `seams` end."""
         first = np.concatenate([[0], seams + 1])
@@ -178,13 +197,27 @@ class DonorLayout:
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames after the treatment's last pass."""
-        treatment = SEAM_TREATMENTS.get(self.config.seam)
-        cut, window = self.timeline.cut, round(self.config.seam_window * self.timeline.rate)
+        rotations = self._smooth(ROTATIONS, quats)
+        return rotations, self._smooth(TRANSLATIONS, positions)
+
+    def _smooth(self, space: ValueSpace, values: FloatArray) -> FloatArray:
+        timeline, config = self.timeline, self.config
+        tracks = self.rotations if space is ROTATIONS else self.positions
         seams = np.flatnonzero(self.seams)
-        return (
-            treatment.smooth(ROTATIONS, quats, cut, seams, window),
-            treatment.smooth(TRANSLATIONS, positions, cut, seams, window),
+        root = timeline.alignment
+        integrated = () if root is None else (root.column(space),)
+        closed = ClosedFrames(
+            space=space,
+            values=values,
+            cut=timeline.cut,
+            seams=seams,
+            window=round(config.seam_window * timeline.rate),
+            blend=config.seam_blend * timeline.rate,
+            rate=timeline.rate,
+            donors=lambda: timeline.donor_frames(space, tracks, seams),
+            integrated=integrated,
         )
+        return SEAM_TREATMENTS.get(config.seam).smooth(closed)
 
     def seam_angles(self) -> FloatArray:
         """Return the rotation gap of each joint at each seam in radians, (n_seams, n_joints)."""
@@ -219,6 +252,24 @@ def sample_states(
             mean[frame > last] = 1.5 * ends[3] - 0.5 * ends[2]
         velocities[rows] = mean
     return values, velocities
+
+
+def sample_accelerations(
+    space: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
+) -> FloatArray:
+    """Return accelerations per frame² in frames of clips, shape (n, n_joints, 3).
+
+    They are second differences; at a clip's end that of the nearest frame inside, and 0 in a clip
+    of fewer than three frames.
+    """
+    accelerations = np.zeros((len(frames), *tracks[0].shape[1:-1], 3))
+    for clip in np.unique(clips):
+        rows = np.flatnonzero(clips == clip)
+        track = tracks[clip]
+        if len(track) > 2:
+            inside = frames[rows].clip(1, len(track) - 2)
+            accelerations[rows] = _steps(space, track, inside) - _steps(space, track, inside - 1)
+    return accelerations
 
 
 def _steps(space: ValueSpace, track: FloatArray, frames: IntArray) -> FloatArray:

@@ -5,6 +5,7 @@ Treatments are functions of continuous time, so that they can be evaluated betwe
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -92,20 +93,33 @@ class SeamTreatment(ABC):
         `no_crossfade`.
         """
 
-    def smooth(
-        self,
-        space: ValueSpace,  # noqa: ARG002
-        values: FloatArray,
-        cut: Segments,  # noqa: ARG002
-        seams: IntArray,  # noqa: ARG002
-        window: int,  # noqa: ARG002
-    ) -> FloatArray:
-        """Return the closed values after a last pass over whole frames; unchanged by default.
+    def smooth(self, closed: "ClosedFrames") -> FloatArray:
+        """Return the closed values after a last pass over whole frames; unchanged by default."""
+        return closed.values
 
-        `values` has one row per frame. `seams` are the indices of the base segments `cut` that end
-        with a seam. `window` is `Config.seam_window` in frames.
-        """
-        return values
+
+@dataclass(frozen=True, eq=False)
+class DonorFrames:
+    """The donors of a base motion in its frames, before gaps are closed."""
+
+    rows: FloatArray  # (n_rows, n_joints, 4 or 3), per segment; a shared frame occurs twice
+    seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors', per frame²
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedFrames:
+    """The rotations or translations of all frames after `SeamTreatment.close`."""
+
+    space: ValueSpace  # `ROTATIONS` or `TRANSLATIONS`
+    values: FloatArray  # (n_frames, n_joints, 4 or 3)
+    cut: Segments  # the base segments
+    seams: IntArray  # indices of the segments that end with a seam
+    window: int  # `Config.seam_window` in frames
+    blend: float  # `Config.seam_blend` in frames
+    rate: float  # frames per second
+    donors: Callable[[], DonorFrames]
+    # Columns of a root that follows an integrated path instead of its donors.
+    integrated: Sequence[int] = ()
 
 
 def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -44,6 +44,11 @@ pub enum Error {
         /// Index of the pair.
         pair: usize,
     },
+    /// A matrix that is not positive definite.
+    NotPositiveDefinite {
+        /// First row without a positive pivot.
+        row: usize,
+    },
     /// A result that does not fit in memory.
     OutOfMemory,
 }
@@ -74,6 +79,9 @@ impl fmt::Display for Error {
             }
             Self::InvalidSegment { segment } => {
                 write!(f, "segment {segment} must lie within the clip and span at least 1 interval")
+            }
+            Self::NotPositiveDefinite { row } => {
+                write!(f, "`bands` must be a positive definite matrix, row {row} is not")
             }
             Self::InvalidPair { pair } => write!(f, "pair {pair} must be indices of capsules"),
         }

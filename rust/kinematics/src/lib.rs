@@ -15,7 +15,9 @@
 //! | [`sample`] | feature vectors of sampled segments |
 //! | [`pose`] | distances between poses |
 //! | [`capsule`] | distances between capsules, and from boxes |
+//! | [`banded`] | linear systems of five diagonals |
 
+pub mod banded;
 pub mod capsule;
 pub mod energy;
 mod error;

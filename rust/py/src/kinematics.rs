@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
-use mograft_kinematics::{Error, capsule, forward, pose, resample, rotation, sample};
+use mograft_kinematics::{Error, banded, capsule, forward, pose, resample, rotation, sample};
 use numpy::{IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -337,6 +337,21 @@ pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py
         .detach(|| pose::velocity_gaps(from, to, n_joints))
         .map_err(value_error)?;
     into_array(py, gaps, &shape)
+}
+
+/// See [`banded::solve_pentadiagonal`].
+#[pyfunction]
+pub fn solve_pentadiagonal<'py>(
+    py: Python<'py>,
+    bands: Floats<'py>,
+    rhs: Floats<'py>,
+) -> Array<'py> {
+    let (rows, values) = (bytemuck::cast_slice(as_vecs(&bands)?), rhs.as_slice()?);
+    let width = rhs.shape()[1];
+    let solution = py
+        .detach(|| banded::solve_pentadiagonal(rows, values, width))
+        .map_err(value_error)?;
+    into_array(py, solution, rhs.shape())
 }
 
 /// See [`capsule::capsule_ends`].

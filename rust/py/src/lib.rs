@@ -31,7 +31,8 @@ mod _core {
     use crate::kinematics::{
         angle, box_clearance, capsule_ends, clearance, cubic, cubic_positions, exp, features,
         from_channels, from_euler, hermite, kinetic_energy, log, moments, multiply, pose_gaps,
-        rotate, segments, segments_positions, slerp, to_euler, velocity_gaps, world,
+        rotate, segments, segments_positions, slerp, solve_pentadiagonal, to_euler, velocity_gaps,
+        world,
     };
 
     #[pymodule_export]

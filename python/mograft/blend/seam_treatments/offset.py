@@ -13,7 +13,7 @@ from mograft.blend.seams import (
 )
 
 
-class _Offset(SeamTreatment):
+class Offset(SeamTreatment):
     """Let both sides of a seam meet half way, in value and in velocity.
 
     The offset is a cubic in the logarithm. At the seam it has the required value and velocity; at
@@ -27,6 +27,7 @@ class _Offset(SeamTreatment):
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
+        """Return the values with half of the gap on each side of the seam."""
         space, gaps = boundaries.space, boundaries.gaps()
         velocity_before = space.transport(0.5 * gaps, boundaries.velocity_before)
         velocity_after = space.transport(-0.5 * gaps, boundaries.velocity_after)
@@ -43,6 +44,7 @@ class _Offset(SeamTreatment):
         return add_deltas(space, values, offsets)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return weights that rise to ½ on either side of the seam."""
         return crossfade_both_sides(remaining)
 
 
@@ -57,4 +59,4 @@ def _decay(
     return offset
 
 
-TREATMENT = _Offset()
+TREATMENT = Offset()

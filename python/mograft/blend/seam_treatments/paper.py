@@ -5,7 +5,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.seam_treatments.displacement import Displacement
-from mograft.blend.value_spaces import ValueSpace
+from mograft.blend.seams import ClosedFrames
 
 
 class _Paper(Displacement):
@@ -16,10 +16,10 @@ class _Paper(Displacement):
     windows never overlap. Seams beside a segment of one interval are not smoothed.
     """
 
-    def smooth(
-        self, space: ValueSpace, values: FloatArray, cut: Segments, seams: IntArray, window: int
-    ) -> FloatArray:
-        left, right = smoothing_windows(cut, seams, window)
+    def smooth(self, closed: ClosedFrames) -> FloatArray:
+        """Return the values with a cubic in the window about each seam."""
+        space, values = closed.space, closed.values
+        left, right = smoothing_windows(closed.cut, closed.seams, closed.window)
         if not len(left) or not values.shape[1]:
             return values
         count = right - left - 1
