@@ -106,11 +106,12 @@ class Config:
         all.
     seam : str
         Seam treatment (4.5), one of the registered names: `mograft graft --help` lists them.
-        "offset" changes both sides so that pose and velocity are continuous. "displacement"
-        spreads the pose gap over both segments. "paper" does the same and replaces the frames
-        near the seam by a cubic, which removes detail. "inertial" and "dead" change frames after
-        the seam only: "inertial" decays the gap, "dead" cross-fades from the extrapolated motion
-        before the seam.
+        "gradient" solves for the frames on both sides whose accelerations, velocities and poses are
+        nearest to the donors'. "offset" adds a decaying offset on both sides, so that pose and
+        velocity are continuous. "displacement" spreads the pose gap over both segments. "paper"
+        does the same and replaces the frames near the seam by a cubic, which removes detail.
+        "inertial" and "dead" change frames after the seam only: "inertial" decays the gap, "dead"
+        cross-fades from the extrapolated motion before the seam.
     seam_window : float
         Half-width, in seconds, of the cubic of the "paper" treatment.
     seam_blend : float
@@ -120,9 +121,10 @@ class Config:
         How the donor is fitted to the length of the base segment: at a constant rate, or by
         dynamic time warping of the donor's base part onto that of the base segment. The warp is
         used only if it reduces their distance by at least 5 %.
-    torso : {"pelvis", "world"}
-        What a grafted trunk keeps on a pelvis of another orientation: its angle to the pelvis
-        (the paper), or its orientation in the world (Heck, Kovar and Gleicher 2006).
+    torso : {"world", "pelvis"}
+        What a grafted trunk keeps on a pelvis of another orientation: its lean in the world, with
+        the heading of the base (Heck, Kovar and Gleicher 2006), or its angle to the pelvis (the
+        paper).
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.

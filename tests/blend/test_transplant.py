@@ -20,13 +20,16 @@ from tests.strategies import (
     assert_same_rotations,
     few_examples,
     person,
+    quaternions,
     random_star_clip,
     smooth_rotations,
     tile_segments,
 )
 
 CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
-PLAIN = st.sampled_from([Config(seam=seam) for seam in ("offset", "paper", "displacement")])
+PLAIN = st.sampled_from(
+    [Config(seam=seam, torso="pelvis") for seam in ("offset", "paper", "displacement")]
+)
 
 
 JOINTS = np.array([1, 3])
@@ -146,7 +149,7 @@ def test_displacement_closes_every_gap_half_way(lengths, seed):
     base = random_star_clip(rng, cut, moving=(1,))
     chosen = rng.integers(0, len(cut), len(cut))
     donors = cut[chosen]
-    part = transplant(base, cut, donors, [base], GROUP, Config(seam="displacement"))
+    part = transplant(base, cut, donors, [base], GROUP, Config(seam="displacement", torso="pelvis"))
     for i in np.flatnonzero(np.isin(cut.stop[:-1], part.seams)):
         before = base.rotations[donors.stop[i]][JOINTS]
         after = base.rotations[donors.start[i + 1]][JOINTS]
@@ -224,7 +227,7 @@ def test_transplant_stretched_neighbours_keep_shared_pose():
         cut[np.array([2, 3, 2, 3])],
         [base],
         GROUP,
-        Config(seam="displacement"),
+        Config(seam="displacement", torso="pelvis"),
     )
     np.testing.assert_array_equal(part.rotations[10], base.rotations[28][JOINTS])
     assert part.gaps[0].max() == 0.0
@@ -269,23 +272,52 @@ def leans(motion, joint):
 
 @few_examples(40)
 @given(SEEDS, SEEDS)
-def test_transplant_torso_world_combines_donor_lean_and_base_heading(a, b):
+def test_transplant_torso_world_only_turns_donor_trunk_about_up(a, b):
     base, donor = person(a), person(b)
     cut = tile_segments(np.array([39]))
     part = transplant(base, cut, cut, [donor], UPPER, Config(torso="world"))
     new = recombine(base, [part], "new")
-    hips, chest = 0, 7
-    (_, facing), (above, _) = leans(base, hips), leans(donor, hips)
-    upright = rotations.multiply(above, donor.rotations[:, chest])
-    assert_same_rotations(
-        new.world_transforms()[0][:, chest], rotations.multiply(facing, upright), 1e-9
+    chest = 7
+    turns = rotations.multiply(
+        new.world_transforms()[0][:, chest],
+        rotations.inverse(donor.world_transforms()[0][:, chest]),
     )
+    np.testing.assert_allclose(turns[:, [0, 2]], 0.0, atol=1e-9)
     # Joints below the chest have the donor's local rotations.
     np.testing.assert_array_equal(new.rotations[:, 8:], donor.rotations[:, 8:])
     np.testing.assert_array_equal(new.rotations[:, :7], base.rotations[:, :7])
     # With torso="pelvis" the local rotation is the donor's.
-    plain_part = transplant(base, cut, cut, [donor], UPPER, Config())
+    plain_part = transplant(base, cut, cut, [donor], UPPER, Config(torso="pelvis"))
     np.testing.assert_array_equal(plain_part.rotations, donor.rotations[:, UPPER.joints])
+
+
+def with_hip_axes(motion, turn):
+    """The same motion of a skeleton whose hips have other axes at rest."""
+    turned = motion.rotations.copy()
+    turned[:, 0] = rotations.multiply(turned[:, 0], turn)
+    turned[:, UPPER.joints[0]] = rotations.multiply(
+        rotations.inverse(turn), turned[:, UPPER.joints[0]]
+    )
+    return replace(motion, rotations=turned, channel_values=None)
+
+
+@few_examples(40)
+@given(SEEDS, SEEDS, quaternions((1,)))
+def test_transplant_torso_world_is_independent_of_hip_axes(a, b, turn):
+    base, donor = person(a), person(b)
+    cut = tile_segments(np.array([39]))
+    part = transplant(base, cut, cut, [donor], UPPER, Config(torso="world"))
+    other = transplant(
+        with_hip_axes(base, turn[0]),
+        cut,
+        cut,
+        [with_hip_axes(donor, turn[0])],
+        UPPER,
+        Config(torso="world"),
+    )
+    assert_same_rotations(
+        rotations.multiply(turn[0], other.rotations[:, 0]), part.rotations[:, 0], 1e-6
+    )
 
 
 @few_examples(40)

@@ -85,7 +85,7 @@ _DESCRIPTIONS = {
     },
     "torso": {
         "pelvis": "a grafted trunk keeps its angle to the pelvis",
-        "world": "a grafted trunk keeps its orientation in the world",
+        "world": "a grafted trunk keeps its lean in the world, with the heading of the base",
     },
     "feet": {
         "auto": "feet planted unless the base group holds both legs and root",

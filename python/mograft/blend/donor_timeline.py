@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -127,20 +128,19 @@ class DonorTimeline:
         velocity_after *= speed[seams + 1, 0]
         return SeamBoundaries(space, before, after, velocity_before, velocity_after)
 
-    def donor_frames(
+    def seam_accelerations(
         self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
-    ) -> DonorFrames:
-        """Return the donors' values in all frames, and their accelerations at seams.
+    ) -> FloatArray:
+        """Return the mean accelerations of both donors at seams, per frame².
 
-        Accelerations are in the clips' coordinates: those of an aligned root are not rotated.
+        They are in the clips' coordinates: those of an aligned root are not rotated.
         """
         ending, starting = self.donors[seams], self.donors[seams + 1]
         speed = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
-        accelerations = 0.5 * (
-            speed[seams] * sample_accelerations(space, tracks, ending.clip, ending.stop)
-            + speed[seams + 1] * sample_accelerations(space, tracks, starting.clip, starting.start)
-        )
-        return DonorFrames(self.sample(space, tracks, self.frame_times()), accelerations)
+        before = sample_accelerations(space, tracks, ending.clip, ending.stop)
+        after = sample_accelerations(space, tracks, starting.clip, starting.start)
+        mean: FloatArray = 0.5 * (speed[seams] * before + speed[seams + 1] * after)
+        return mean
 
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Return times relative to the pieces that the segments `seams` end."""
@@ -182,14 +182,31 @@ class DonorLayout:
     def close(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames with the gaps at seams closed."""
         times = self.timeline.frame_times()
-        quats, positions = (self.close_at(space, times) for space in (ROTATIONS, TRANSLATIONS))
+        quats, positions = (
+            self._close(space, times, rows)
+            for space, rows in zip((ROTATIONS, TRANSLATIONS), self._rows, strict=True)
+        )
         return self.timeline.merge_frames(quats), self.timeline.merge_frames(positions)
 
     def close_at(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
         """Return rotations or translations at any times with the gaps at seams closed."""
+        return self._close(space, times, self.timeline.sample(space, self._tracks(space), times))
+
+    def _tracks(self, space: ValueSpace) -> Sequence[FloatArray]:
+        return self.rotations if space is ROTATIONS else self.positions
+
+    @cached_property
+    def _rows(self) -> tuple[FloatArray, FloatArray]:
+        """Rotations and translations at `DonorTimeline.frame_times`, gaps not closed."""
+        times = self.timeline.frame_times()
+        return (
+            self.timeline.sample(ROTATIONS, self.rotations, times),
+            self.timeline.sample(TRANSLATIONS, self.positions, times),
+        )
+
+    def _close(self, space: ValueSpace, times: SegmentTimes, values: FloatArray) -> FloatArray:
         timeline, treatment = self.timeline, SEAM_TREATMENTS.get(self.config.seam)
-        tracks = self.rotations if space is ROTATIONS else self.positions
-        values = timeline.sample(space, tracks, times)
+        tracks = self._tracks(space)
         every = treatment.spans_segments
         seams = np.arange(len(self.seams)) if every else np.flatnonzero(self.seams)
         piece_times = timeline.piece_times(seams, times, self.config.seam_blend)
@@ -202,7 +219,7 @@ class DonorLayout:
 
     def _smooth(self, space: ValueSpace, values: FloatArray) -> FloatArray:
         timeline, config = self.timeline, self.config
-        tracks = self.rotations if space is ROTATIONS else self.positions
+        tracks, rows = self._tracks(space), self._rows[space is TRANSLATIONS]
         seams = np.flatnonzero(self.seams)
         root = timeline.alignment
         integrated = () if root is None else (root.column(space),)
@@ -214,7 +231,7 @@ class DonorLayout:
             window=round(config.seam_window * timeline.rate),
             blend=config.seam_blend * timeline.rate,
             rate=timeline.rate,
-            donors=lambda: timeline.donor_frames(space, tracks, seams),
+            donors=lambda: DonorFrames(rows, timeline.seam_accelerations(space, tracks, seams)),
             integrated=integrated,
         )
         return SEAM_TREATMENTS.get(config.seam).smooth(closed)

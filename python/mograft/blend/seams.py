@@ -105,6 +105,13 @@ class DonorFrames:
     rows: FloatArray  # (n_rows, n_joints, 4 or 3), per segment; a shared frame occurs twice
     seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors', per frame²
 
+    def take(self, columns: IntArray) -> "DonorFrames":
+        """Return some joints."""
+        rows, accelerations = (
+            values.take(columns, axis=1) for values in (self.rows, self.seam_accelerations)
+        )
+        return DonorFrames(rows, accelerations)
+
 
 @dataclass(frozen=True, eq=False)
 class ClosedFrames:

@@ -98,11 +98,11 @@ def _lay_out(
 ) -> DonorLayout:
     """Return the group's tracks in donor clips, single channels behind whole joints."""
     joints = group.whole_joints
-    quats = [
-        np.concatenate([clip.rotations[:, joints], split_axes(clip, group.held)], axis=1)
-        for clip in clips
-    ]
-    positions = [clip.positions[:, joints[moving]] for clip in clips]
+    quats = [clip.rotations.take(joints, axis=1) for clip in clips]
+    if group.held:
+        channels = [split_axes(clip, group.held) for clip in clips]
+        quats = [np.concatenate(pair, axis=1) for pair in zip(quats, channels, strict=True)]
+    positions = [clip.positions.take(joints[moving], axis=1) for clip in clips]
     return DonorLayout(timeline, quats, positions, timeline.find_seams(quats), config)
 
 

@@ -47,7 +47,7 @@ class TrunkLean:
             for column, joint in enumerate(joints.tolist())
             if parts[joint] == "trunk" and parents[joint] >= 0 and parents[joint] not in joints
         ]
-        world = base.world_transforms()[0][:, parents[joints[columns]]]
+        world = _world_rotations(base, parents[joints[columns]])
         return cls(joints, columns, up, _uprights(world, up))
 
     def remove_from(self, layout: DonorLayout, clips: Sequence[Motion]) -> DonorLayout:
@@ -80,14 +80,22 @@ class TrunkLean:
 
     def _leans(self, clip: Motion) -> FloatArray:
         """Return the world rotations of the trunk's parents without their heading."""
-        parents = clip.skeleton.parents[self.joints[list(self.columns)]]
-        world = clip.world_transforms()[0][:, parents]
+        world = _world_rotations(clip, clip.skeleton.parents[self.joints[list(self.columns)]])
         yaws = rotations.twist(rotations.multiply(world, self.uprights), self.up)
         angles = np.unwrap(2.0 * np.arctan2(yaws[..., self.up], yaws[..., 3]), axis=0)
         sigma = _HEADING_SMOOTHING * clip.rate
         smooth = np.stack([gaussian_filter(np.ascontiguousarray(a), sigma) for a in angles.T], 1)
         heading = rotations.from_axis_angle(np.eye(3)[self.up], smooth)
         return rotations.multiply(rotations.inverse(heading), world)
+
+
+def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:
+    """Return the world rotations of a few joints, (n_frames, len(joints), 4)."""
+    world = [clip.rotations[:, joint] for joint in joints]
+    for column, joint in enumerate(joints.tolist()):
+        for ancestor in clip.skeleton.ancestors(joint):
+            world[column] = rotations.multiply(clip.rotations[:, ancestor], world[column])
+    return np.stack(world, axis=1)
 
 
 def _uprights(world: FloatArray, up: int) -> FloatArray:

@@ -1,6 +1,7 @@
 """Body part and side of each joint of a skeleton, from joint names or structure."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +43,7 @@ class Anatomy:
         ]
 
 
+@lru_cache(maxsize=64)
 def anatomy(skeleton: Skeleton) -> Anatomy:
     """Recognise the body part and the side of each joint of a human or an animal.
 

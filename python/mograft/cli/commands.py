@@ -133,9 +133,11 @@ _GRAFT = command(
         positive_number,
     ),
     *SCENARIO_OPTIONS,
-    config_option("seam", "seam treatment", "offset, with --preset paper paper"),
+    config_option("seam", "seam treatment", "gradient, with --preset paper paper"),
     config_option("alignment", "time alignment of donors", "uniform"),
-    config_option("torso", "orientation that an exchanged trunk keeps", "pelvis"),
+    config_option(
+        "torso", "orientation that an exchanged trunk keeps", "world, with --preset paper pelvis"
+    ),
     config_option("feet", "foot planting", "auto, with --preset paper never"),
     setting_switch("--report", "also write an HTML page that describes the motions"),
     switch("--json", "print the provenance as one JSON document"),

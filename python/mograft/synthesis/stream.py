@@ -89,13 +89,14 @@ class Stream:
         If an item of `constraints` is not a constraint.
     ValueError
         If `swap` names an unknown group, the base group, or a group that holds legs, the root or
-        single channels; if `horizon` is below 1; if the library's `Config.torso` or
-        `Config.alignment` is not the default; or if a constraint names an unknown joint or clip.
+        single channels; if `horizon` is below 1; if the library's `Config.alignment` is not
+        "uniform"; or if a constraint names an unknown joint or clip.
 
     Notes
     -----
     The seam treatments "inertial" and "dead" change only frames after a seam. A stream replaces
-    the other treatments of `Config.seam` by "inertial". Translations are those of the base.
+    the other treatments of `Config.seam` by "inertial", and `Config.torso` by "pelvis": to smooth
+    the heading of the base takes later frames. Translations are those of the base.
     ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among
     the `max_candidates` cheapest candidates of each segment.
 

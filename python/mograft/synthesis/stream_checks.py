@@ -19,10 +19,10 @@ from mograft.synthesis.search_problem import check_constraints
 
 def check_stream_config(config: Config) -> None:
     """Raise ValueError for settings that a stream does not support."""
-    for name, supported in (("torso", "pelvis"), ("alignment", "uniform")):
-        value = getattr(config, name)
-        if value != supported:
-            raise ValueError(f"config.{name} must be {supported!r} in a stream, got {value!r}")
+    if config.alignment != "uniform":
+        raise ValueError(
+            f"config.alignment must be 'uniform' in a stream, got {config.alignment!r}"
+        )
 
 
 def check_stream_groups(library: Library, groups: Sequence[str]) -> None:

@@ -1,22 +1,17 @@
 """Seam treatment "gradient": the frames that best keep the accelerations of the donors."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.blend.seam_treatments.offset import Offset
-from mograft.blend.seams import ClosedFrames, add_deltas
+from mograft.blend.seams import ClosedFrames, DonorFrames, add_deltas
 
 _TIME = 2.0 / 15.0
 """Seconds over which a gap is spread: 4 frames at 30 frames per second.
 
 Of 1 to 8 frames, 4 to 6 left seams least detectable in the clips `dance_*`, `basket` and `bandai`.
 """
-
-_STEPS = 2
-"""Gauss-Newton steps; in translations the first one is exact."""
 
 
 class _Gradient(Offset):
@@ -25,7 +20,8 @@ class _Gradient(Offset):
     Minimises Σ τ⁴ |ẍ - a|² + τ² |ẋ - v|² + |x - d|² per joint, where d, v and a are the value,
     velocity and acceleration of the donors, and τ is `_TIME`. At a seam, d and a are the means of
     both donors. Frames more than `Config.seam_blend` away from a seam, and both ends of the motion,
-    are fixed. Seams that are closer together are solved together. `Offset` gives the start.
+    are fixed. Seams that are closer together are solved together. One Gauss-Newton step from the
+    result of `Offset`, which in translations is exact.
 
     Differences across frames stand for derivatives. Compositing of gradients after Pérez, Gangnet
     and Blake (Poisson image editing, 2003); the last term is the screening of Bhat et al. (2008).
@@ -33,67 +29,49 @@ class _Gradient(Offset):
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
         """Return the values with the frames near seams solved for."""
-        values = closed.values
-        n_frames, n_joints = values.shape[:2]
-        is_free = _free_frames(closed)
-        if not is_free.any() or not n_joints:
+        values, is_free = closed.values, _free_frames(closed)
+        if not is_free.any() or not values.shape[1]:
             return values
         donors = closed.donors()
-        targets = _Targets.from_donors(closed, donors.rows, donors.seam_accelerations)
-        tau = _TIME * closed.rate
+        # Resampled constants differ in their last bits.
+        moves = (np.abs(donors.rows - donors.rows[0]) > 1e-12).any(axis=(0, 2))
+        moves[list(closed.integrated)] = False
+        columns = np.flatnonzero(moves)
+        moving, tau = values.take(columns, axis=1), _TIME * closed.rate
         weights = np.array([1.0, tau**2, tau**4])
-        bands = _normal_matrix(n_frames, weights, is_free)
-        solved = values
-        for _ in range(_STEPS):
-            slope = targets.slopes(solved, weights)
-            slope[~is_free] = 0.0
-            slope[:, list(closed.integrated)] = 0.0
-            change = _core.solve_pentadiagonal(bands, -slope.reshape(n_frames, -1))
-            solved = add_deltas(closed.space, solved, change.reshape(slope.shape))
+        slopes = _slopes(closed, moving, donors.take(columns), weights)
+        slopes[~is_free] = 0.0
+        bands = _normal_matrix(len(values), weights, is_free)
+        change = _core.solve_pentadiagonal(bands, -slopes.reshape(len(values), -1))
+        solved = values.copy()
+        solved[:, columns] = add_deltas(closed.space, moving, change.reshape(slopes.shape))
         return solved
 
 
-@dataclass(frozen=True, eq=False)
-class _Targets:
-    """What the solved frames are compared with, in frames."""
-
-    closed: ClosedFrames
-    values: FloatArray  # (n_frames, ...): donors' values; in a shared frame, the later donor's
-    earlier_values: FloatArray  # (n_seams, ...): values at seams of the donors that end there
-    velocities: FloatArray  # (n_frames - 1, n_joints, 3): from each frame to the next
-    accelerations: FloatArray  # (n_frames - 2, n_joints, 3): of all frames but the first and last
-
-    @classmethod
-    def from_donors(
-        cls, closed: ClosedFrames, rows: FloatArray, seam_accelerations: FloatArray
-    ) -> "_Targets":
-        """Return the targets; `rows` and `seam_accelerations` are those of `DonorFrames`."""
-        lengths, stop = closed.cut.lengths, closed.cut.stop
-        last_row = np.cumsum(lengths + 1) - 1
-        is_step = np.ones(len(rows) - 1, bool)
-        is_step[last_row[:-1]] = False
-        velocities = closed.space.delta(rows[:-1], rows[1:])[is_step]
-        accelerations = np.diff(velocities, axis=0)
-        accelerations[stop[closed.seams] - 1] = seam_accelerations
-        is_kept = np.ones(len(rows), bool)
-        is_kept[last_row[:-1]] = False
-        return cls(closed, rows[is_kept], rows[last_row[closed.seams]], velocities, accelerations)
-
-    def slopes(self, solved: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return half of the gradient of the minimised sum, shape (n_frames, n_joints, 3)."""
-        space, at_seams = self.closed.space, self.closed.cut.stop[self.closed.seams]
-        slopes = space.delta(self.values, solved)
-        earlier = space.delta(self.earlier_values, solved[at_seams])
-        slopes[at_seams] = 0.5 * (slopes[at_seams] + earlier)
-        steps = space.delta(solved[:-1], solved[1:])
-        errors = weights[1] * (steps - self.velocities)
-        slopes[:-1] -= errors
-        slopes[1:] += errors
-        errors = weights[2] * (np.diff(steps, axis=0) - self.accelerations)
-        slopes[:-2] += errors
-        slopes[1:-1] -= 2.0 * errors
-        slopes[2:] += errors
-        return slopes
+def _slopes(
+    closed: ClosedFrames, values: FloatArray, donors: DonorFrames, weights: FloatArray
+) -> FloatArray:
+    """Return half of the gradient of the minimised sum at `values`, (n_frames, n_joints, 3)."""
+    space, rows = closed.space, donors.rows
+    is_last = np.zeros(len(rows), bool)
+    is_last[np.cumsum(closed.cut.lengths + 1)[:-1] - 1] = True
+    is_kept = ~is_last  # of a shared frame, the row of the later donor
+    slopes = space.delta(rows[is_kept], values)
+    at_seams = closed.cut.stop[closed.seams]
+    earlier = space.delta(rows[is_last][closed.seams], values[at_seams])
+    slopes[at_seams] = 0.5 * (slopes[at_seams] + earlier)
+    targets = space.delta(rows[:-1], rows[1:])[is_kept[:-1]]
+    steps = space.delta(values[:-1], values[1:])
+    errors = weights[1] * (steps - targets)
+    slopes[:-1] -= errors
+    slopes[1:] += errors
+    targets = np.diff(targets, axis=0)
+    targets[at_seams - 1] = donors.seam_accelerations
+    errors = weights[2] * (np.diff(steps, axis=0) - targets)
+    slopes[:-2] += errors
+    slopes[1:-1] -= 2.0 * errors
+    slopes[2:] += errors
+    return slopes
 
 
 def _free_frames(closed: ClosedFrames) -> BoolArray:

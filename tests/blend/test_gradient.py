@@ -1,0 +1,161 @@
+"""Seam treatment "gradient": what it minimises, and which frames it changes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from mograft import Config, _core  # noqa: TID251 - the kernel by itself
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
+from mograft.motion import rotations
+from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, smooth_rotations, tile_segments
+
+RATE = 30.0
+TAU = 4.0  # frames
+
+
+def random_layout(lengths, seed, speed=0.3, **config):
+    """Segments of a track of two moving joints and one at rest, replaced at random."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    track = smooth_rotations(rng, int(cut.stop[-1]) + 1, 3, speed)
+    track[:, 2] = track[0, 2]
+    donors = cut[rng.integers(0, len(cut), len(cut))]
+    timeline = DonorTimeline(cut, donors, RATE)
+    positions = np.ascontiguousarray(rotations.log(track))
+    seams = timeline.find_seams([track])
+    return DonorLayout(timeline, [track], [positions], seams, Config(**config))
+
+
+def terms(layout, space, tracks):
+    """Donors' values, velocities and accelerations, frame by frame, in plain loops.
+
+    Lists of (frames, coefficients, target) for values, velocities and accelerations; a frame that
+    two donors share has two values of half weight.
+    """
+    cut, donors = layout.timeline.cut, layout.timeline.donors
+    track = tracks[0]
+    values, velocities, accelerations = {}, [], {}
+    for k in range(len(cut)):
+        length, own = int(cut.lengths[k]), int(donors.lengths[k])
+        times = donors.start[k] + np.arange(length + 1) * own / length
+        rows = space.interpolate(track, times)
+        steps = space.delta(rows[:-1], rows[1:])
+        for f in range(length + 1):
+            values.setdefault(int(cut.start[k]) + f, []).append(rows[f])
+        velocities += list(steps)
+        inner = np.diff(steps, axis=0)
+        for f in range(1, length):
+            accelerations[int(cut.start[k]) + f] = [inner[f - 1]]
+        for frame, end in ((cut.start[k], donors.start[k]), (cut.stop[k], donors.stop[k])):
+            if len(track) < 3:
+                continue
+            middle = min(max(int(end), 1), len(track) - 2)
+            three = space.delta(track[middle - 1 : middle + 1], track[middle : middle + 2])
+            accelerations.setdefault(int(frame), []).append(
+                (three[1] - three[0]) * (own / length) ** 2
+            )
+    return values, velocities, accelerations
+
+
+def objective(layout, space, tracks, solved):
+    values, velocities, accelerations = terms(layout, space, tracks)
+    steps = space.delta(solved[:-1], solved[1:])
+    total = sum(
+        (space.delta(row, solved[f]) ** 2).sum() / len(rows)
+        for f, rows in values.items()
+        for row in rows
+    )
+    total += TAU**2 * ((steps - np.array(velocities)) ** 2).sum()
+    for f in range(1, len(solved) - 1):
+        target = np.mean(accelerations[f], axis=0)
+        total += TAU**4 * ((steps[f] - steps[f - 1] - target) ** 2).sum()
+    return total
+
+
+@few_examples(30)
+@given(SEGMENT_LENGTHS, SEEDS, st.floats(0.1, 1.0), SEEDS)
+def test_gradient_translations_minimise_the_objective(lengths, seed, blend, other):
+    """No other values of the frames that may change have a smaller sum."""
+    layout = random_layout(lengths, seed, seam="gradient", seam_blend=blend)
+    _, closed = layout.close()
+    _, solved = layout.smooth(*layout.close())
+    at = objective(layout, TRANSLATIONS, layout.positions, solved)
+    changed = np.flatnonzero((solved != closed).any(axis=(1, 2)))
+    rng = np.random.default_rng(other)
+    for size in (1e-3, 1e-1):
+        moved = solved.copy()
+        moved[changed] += size * rng.normal(size=(len(changed), *solved.shape[1:]))
+        assert objective(layout, TRANSLATIONS, layout.positions, moved) >= at - 1e-9 * (1.0 + at)
+
+
+@few_examples(30)
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_gradient_rotations_have_smaller_objective_than_offset(lengths, seed):
+    """At gaps and speeds of ordinary motion, where one Gauss-Newton step is enough."""
+    layout = random_layout(lengths, seed, speed=0.05, seam="gradient")
+    assume(layout.seam_angles().max(initial=0.0) < np.radians(45.0))
+    closed, _ = layout.close()
+    solved, _ = layout.smooth(*layout.close())
+    np.testing.assert_allclose(np.linalg.norm(solved, axis=-1), 1.0, atol=1e-12)
+    before = objective(layout, ROTATIONS, layout.rotations, closed)
+    after = objective(layout, ROTATIONS, layout.rotations, solved)
+    assert after <= before * (1.0 + 1e-9) + 1e-12
+
+
+@few_examples(40)
+@given(SEGMENT_LENGTHS, SEEDS, st.floats(0.0, 0.5))
+def test_gradient_changes_only_moving_joints_near_seams(lengths, seed, blend):
+    layout = random_layout(lengths, seed, seam="gradient", seam_blend=max(blend, 1e-3))
+    closed, _ = layout.close()
+    solved, _ = layout.smooth(*layout.close())
+    seams = layout.timeline.cut.stop[:-1][layout.seams]
+    far = np.ones(len(closed), bool)
+    for seam in seams:
+        far &= np.abs(np.arange(len(closed)) - seam) > layout.config.seam_blend * RATE
+    far[[0, -1]] = True
+    np.testing.assert_array_equal(solved[far], closed[far])
+    np.testing.assert_array_equal(solved[:, 2], closed[:, 2])
+
+
+def test_gradient_of_smooth_donors_keeps_their_acceleration_at_the_seam():
+    """Two arcs with a gap: the peak acceleration stays within 1.5 times that of the arcs."""
+    times = np.arange(121) / RATE
+    track = np.stack([np.sin(2.0 * times), np.cos(3.0 * times), 0.5 * times], axis=1)[:, None]
+    cut = tile_segments(np.array([30, 30, 30, 30]))
+    donors = cut[np.array([0, 3, 2, 1])]
+    timeline = DonorTimeline(cut, donors, RATE)
+    quats = rotations.exp(track)
+    layout = DonorLayout(
+        timeline, [quats], [track], timeline.find_seams([quats]), Config(seam="gradient")
+    )
+
+    def peak(values):
+        return np.linalg.norm(np.diff(values, 2, axis=0), axis=-1).max()
+
+    _, solved = layout.smooth(*layout.close())
+    _, offset = replace(layout, config=Config(seam="offset")).close()
+    assert peak(solved) < 0.5 * peak(offset)
+
+
+@given(st.integers(1, 12), st.integers(0, 3), SEEDS)
+def test_solve_pentadiagonal_agrees_with_numpy(n, width, seed):
+    rng = np.random.default_rng(seed)
+    factor = np.tril(np.triu(rng.normal(size=(n, n)), -2)) + 3.0 * np.eye(n)
+    matrix = factor @ factor.T
+    bands = np.full((n, 3), np.nan)
+    for k in range(3):
+        bands[: max(n - k, 0), k] = np.diagonal(matrix, k)
+    bands = np.nan_to_num(bands, nan=7.0)
+    rhs = rng.normal(size=(n, width))
+    np.testing.assert_allclose(
+        _core.solve_pentadiagonal(bands, rhs), np.linalg.solve(matrix, rhs), rtol=1e-8, atol=1e-10
+    )
+
+
+def test_solve_pentadiagonal_indefinite_matrix_raises_value_error():
+    with pytest.raises(ValueError, match="positive definite matrix, row 1 is not"):
+        _core.solve_pentadiagonal(np.array([[1.0, 2.0, 0.0], [1.0, 0.0, 0.0]]), np.ones((2, 1)))
