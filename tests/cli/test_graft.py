@@ -89,13 +89,13 @@ def test_graft_choice_and_seed_options_select_donors(run, folder, tmp_path):
 
 def test_graft_seam_option_changes_motion(run, folder, tmp_path):
     motions = {}
-    for seam in ("offset", "paper"):
+    for seam in ("gradient", "paper"):
         path = tmp_path / f"{seam}.bvh"
         assert run("graft", folder, "--seam", seam, "-o", path)[0] == 0
         assert json.loads(path.with_suffix(".json").read_text())["config"]["seam"] == seam
         motions[seam] = path.read_bytes()
     assert run("graft", folder, "-o", tmp_path / "default.bvh")[0] == 0
-    assert (tmp_path / "default.bvh").read_bytes() == motions["offset"] != motions["paper"]
+    assert (tmp_path / "default.bvh").read_bytes() == motions["gradient"] != motions["paper"]
 
 
 def test_graft_torso_alignment_and_mirror_options_apply(run, folder, tmp_path):
@@ -106,8 +106,8 @@ def test_graft_torso_alignment_and_mirror_options_apply(run, folder, tmp_path):
         return path.read_bytes(), document
 
     plain, document = write_graft("plain")
-    assert (document["config"]["torso"], document["config"]["alignment"]) == ("pelvis", "uniform")
-    for name, value in (("torso", "world"), ("alignment", "dtw")):
+    assert (document["config"]["torso"], document["config"]["alignment"]) == ("world", "uniform")
+    for name, value in (("torso", "pelvis"), ("alignment", "dtw")):
         other, document = write_graft(name, f"--{name}", value)
         assert document["config"][name] == value
         assert other != plain

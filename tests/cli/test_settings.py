@@ -33,9 +33,9 @@ SOURCES = ("shared", "table", "MOGRAFT_{}", "MOGRAFT_GRAFT_{}", "flag")
 
 
 def test_settings_precedence_is_file_environment_command_line(graft_config, monkeypatch):
-    assert graft_config() == ("sample", "offset", 0)
+    assert graft_config() == ("sample", "gradient", 0)
     Path(CONFIG_FILE).write_text('seed = 3\nchoice = "best"\n[graft]\nchoice = "viterbi"\n')
-    assert graft_config() == ("viterbi", "offset", 3)
+    assert graft_config() == ("viterbi", "gradient", 3)
     monkeypatch.setenv("MOGRAFT_CHOICE", "nearest")
     monkeypatch.setenv("MOGRAFT_SEAM", "dead")
     assert graft_config() == ("nearest", "dead", 3)

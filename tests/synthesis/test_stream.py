@@ -219,7 +219,9 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base, s
 
     `seam_blend` is the minimum segment length, because a blend that outlasts a segment differs.
     """
-    configured = with_choice(library, "sample", seam=seam, seam_blend=library.config.min_length)
+    configured = with_choice(
+        library, "sample", seam=seam, seam_blend=library.config.min_length, torso="pelvis"
+    )
     problem, _ = whole_base_search(configured, base)
     longer, joints = problem.library, problem.library.joints("upper")
     pieces = stream_pieces(configured, base)

@@ -70,6 +70,8 @@ class SeamTreatment(ABC):
     # boundary between segments is treated as a seam. False: `Config.seam_blend` seconds on the
     # treated sides of a seam, at most to the end of the piece.
     spans_segments: ClassVar[bool] = False
+    # Seconds beyond `Config.seam_blend` over which other seams change the frames near a seam.
+    coupling: ClassVar[float] = 0.0
 
     @abstractmethod
     def close(

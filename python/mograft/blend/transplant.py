@@ -11,8 +11,9 @@ from mograft.analysis.segmentation import Segments
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import Part
 from mograft.blend.root_transplant import GraftedRoot
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import ALIGNMENTS
-from mograft.blend.trunk_lean import TrunkLean
+from mograft.blend.trunk_lean import HEADING_SMOOTHING, TrunkLean
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
@@ -87,6 +88,15 @@ def transplant(
         layout.seam_angles(),
         _channel_angles(base, group.held, channel_quats),
     )
+
+
+def seam_reach(config: Config) -> float:
+    """Return the seconds beside a segment within which other donors change its frames.
+
+    Changes beyond are at most 1/10,000 of a gap.
+    """
+    reach = config.seam_blend + SEAM_TREATMENTS.get(config.seam).coupling
+    return max(reach, 4.0 * HEADING_SMOOTHING) if config.torso == "world" else reach
 
 
 def _lay_out(

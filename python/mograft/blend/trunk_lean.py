@@ -13,7 +13,7 @@ from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-_HEADING_SMOOTHING = 0.2
+HEADING_SMOOTHING = 0.2
 """Standard deviation, in seconds, of the Gaussian that smooths headings.
 
 Of 0 to 0.4 s, chosen on the clips `dance_*`, `basket` and `bandai` by the detectability of seams.
@@ -26,7 +26,7 @@ class TrunkLean:
 
     A rotation is q_k in a donor's clip k and R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world
     rotation of the joint on which the trunk hangs, Y its heading, smoothed over
-    `_HEADING_SMOOTHING` seconds: the pelvis swings about the up axis with every step, and trunks
+    `HEADING_SMOOTHING` seconds: the pelvis swings about the up axis with every step, and trunks
     compensate for that. `remove` applies Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar and
     Gleicher (2006).
     """
@@ -34,19 +34,21 @@ class TrunkLean:
     joints: IntArray  # the group's joints
     columns: Sequence[int]  # of `joints` that are trunk joints and hang on another group
     up: int  # the axis that points up
-    uprights: FloatArray  # for each column, rotation to the axis of its parent that points up
+    uprights: FloatArray  # for each column, rotation to the axis of its parent that points up most
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
         """Return the trunk joints that hang on another group; none for ``torso="pelvis"``."""
-        if config.torso == "pelvis":
+        parents, columns = base.skeleton.parents, []
+        if config.torso == "world":
+            parts = anatomy(base.skeleton).parts
+            columns = [
+                column
+                for column, joint in enumerate(joints.tolist())
+                if parts[joint] == "trunk" and parents[joint] >= 0 and parents[joint] not in joints
+            ]
+        if not columns:
             return cls(joints, [], up, np.empty((0, 4)))
-        parts, parents = anatomy(base.skeleton).parts, base.skeleton.parents
-        columns = [
-            column
-            for column, joint in enumerate(joints.tolist())
-            if parts[joint] == "trunk" and parents[joint] >= 0 and parents[joint] not in joints
-        ]
         world = _world_rotations(base, parents[joints[columns]])
         return cls(joints, columns, up, _uprights(world, up))
 
@@ -62,7 +64,7 @@ class TrunkLean:
         if not self.columns:
             return quats
         upright = quats.copy()
-        upright[:, self.columns] = rotations.multiply(self._leans(clip), quats[:, self.columns])
+        upright[:, self.columns] = rotations.multiply(self.leans(clip), quats[:, self.columns])
         return upright
 
     def restore(self, base: Motion, quats: FloatArray) -> FloatArray:
@@ -71,19 +73,19 @@ class TrunkLean:
             return quats
         given = base.rotations[:, self.joints]
         is_same = (quats == self.remove(base, given)).all(axis=2)[:, self.columns]
-        inverse = rotations.inverse(self._leans(base))
+        inverse = rotations.inverse(self.leans(base))
         leaning = rotations.multiply(inverse, quats[:, self.columns])
         leaning /= np.linalg.norm(leaning, axis=-1, keepdims=True)
         local = quats.copy()
         local[:, self.columns] = np.where(is_same[..., None], given[:, self.columns], leaning)
         return local
 
-    def _leans(self, clip: Motion) -> FloatArray:
-        """Return the world rotations of the trunk's parents without their heading."""
+    def leans(self, clip: Motion) -> FloatArray:
+        """Return the world rotations, without heading, of the joints on which the trunk hangs."""
         world = _world_rotations(clip, clip.skeleton.parents[self.joints[list(self.columns)]])
         yaws = rotations.twist(rotations.multiply(world, self.uprights), self.up)
         angles = np.unwrap(2.0 * np.arctan2(yaws[..., self.up], yaws[..., 3]), axis=0)
-        sigma = _HEADING_SMOOTHING * clip.rate
+        sigma = HEADING_SMOOTHING * clip.rate
         smooth = np.stack([gaussian_filter(np.ascontiguousarray(a), sigma) for a in angles.T], 1)
         heading = rotations.from_axis_angle(np.eye(3)[self.up], smooth)
         return rotations.multiply(rotations.inverse(heading), world)
@@ -99,12 +101,14 @@ def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:
 
 
 def _uprights(world: FloatArray, up: int) -> FloatArray:
-    """Return for each joint the rotation from the up axis to its own axis that points up.
+    """Return for each joint the rotation from the up axis to its own axis that points up most.
 
-    `world`, shape (n_frames, n_joints, 4), are world rotations; the axis is their mean. Without
-    it, a lean would change the heading of joints whose axes are not vertical at rest.
+    `world`, shape (n_frames, n_joints, 4), are world rotations. Without it, a lean would change
+    the heading of joints whose up axis is not vertical at rest.
     """
     axis = np.eye(3)[up]
     local = rotations.rotate(rotations.inverse(world), np.broadcast_to(axis, (*world.shape[:2], 3)))
     mean = local.mean(axis=0)
-    return rotations.shortest_arc(np.broadcast_to(axis, mean.shape), mean)
+    main = np.abs(mean).argmax(axis=1)
+    signs = np.sign(mean[np.arange(len(mean)), main])
+    return rotations.shortest_arc(axis, np.eye(3)[main] * signs[:, None])

@@ -8,7 +8,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.recombine import Part, recombine
-from mograft.blend.transplant import transplant
+from mograft.blend.transplant import seam_reach, transplant
 from mograft.body.world_poses import Poses
 from mograft.motion.motion import Motion
 from mograft.search.trellis import DonorSequences
@@ -128,7 +128,7 @@ def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int
     segments = problem.base_segments
     if problem.root_group is not None:
         return 0, len(segments)
-    reach = int(np.ceil(problem.config.seam_blend * problem.base.rate))
+    reach = int(np.ceil(seam_reach(problem.config) * problem.base.rate))
     start, end = segments.start[first], segments.stop[stop - 1]
     low = int(np.searchsorted(segments.start, start - reach, side="right")) - 1
     high = int(np.searchsorted(segments.stop, end + reach)) + 1

@@ -8,6 +8,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import merge_axes, split_axes
 from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -50,7 +51,7 @@ def candidate_poses(
     frames = np.repeat(segments.start[positions], counts) + step
     local, offsets = context.rotations[frames], context.positions[frames]
     taken = problem.library.segments[donors]
-    _insert_rotations(problem, group, taken, counts, local)
+    _insert_rotations(problem, group, taken, counts, frames, local)
     if group == problem.root_group:
         root = problem.library.root
         donor_roots = _resample_roots(problem, taken, counts)
@@ -84,16 +85,26 @@ def advance_root(
 
 
 def _insert_rotations(
-    problem: SearchProblem, group: str, taken: Segments, counts: IntArray, local: FloatArray
+    problem: SearchProblem,
+    group: str,
+    taken: Segments,
+    counts: IntArray,
+    frames: IntArray,
+    local: FloatArray,
 ) -> None:
-    """Write the resampled rotations of donors into rows of local rotations."""
+    """Write the resampled rotations of donors into rows of local rotations.
+
+    `frames` are the frames of the base in which the rows are.
+    """
     library = problem.library
     axes = problem.divided_channels[group]
     joints = np.setdiff1d(library.joints(group), list(axes)).astype(np.int64)
+    lean = TrunkLean.from_config(problem.base, joints, library.up, problem.config)
     clip_of_row = np.repeat(taken.clip, counts)
     for clip in np.unique(taken.clip):
         in_clip, rows, motion = taken.clip == clip, clip_of_row == clip, library.clips[clip]
-        track = np.concatenate([motion.rotations[:, joints], split_axes(motion, axes)], axis=1)
+        upright = lean.remove(motion, motion.rotations[:, joints])
+        track = np.concatenate([upright, split_axes(motion, axes)], axis=1)
         resampled = resample_segments(
             track, taken.start[in_clip], taken.stop[in_clip], counts[in_clip]
         )
@@ -103,6 +114,10 @@ def _insert_rotations(
             euler = rotations.to_euler(local[rows, joint], order)
             euler[:, order.index(axis)] = angle
             local[rows, joint] = rotations.from_euler(euler, order)
+    if lean.columns:
+        trunk = joints[list(lean.columns)]
+        inverse = rotations.inverse(lean.leans(problem.base)[frames])
+        local[:, trunk] = rotations.multiply(inverse, local[:, trunk])
 
 
 def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -> RootTransforms:
