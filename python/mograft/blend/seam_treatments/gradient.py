@@ -11,7 +11,7 @@ from mograft.blend.seams import ClosedFrames, DonorFrames, add_deltas
 _TIME = 2.0 / 15.0
 """Seconds over which a gap is spread: 4 frames at 30 frames per second.
 
-Of 1 to 8 frames, 4 to 6 left seams least detectable in the clips `dance_*`, `basket` and `bandai`.
+Of 2 to 8 frames, 4 to 6 left seams least detectable in the clips `dance_*`, `basket` and `bandai`.
 """
 
 
