@@ -5,7 +5,7 @@ with the upper body as the base group, so that donors drive legs and root. It pr
 feet and frames that skate (`mograft.foot_skate`) in the recording, in grafts without planting, and
 in grafts with it. It prints the largest depth of a heel or toe below its floor without planting and
 with it, and the largest depth below the lower of its floor and its position in the same frame
-without planting. Depths are in skeleton heights; the floor is that of the graft without planting.
+without planting. Depths are in skeleton heights; the floor is that of the recording.
 Files are resampled to 30 frames per second.
 """
 
@@ -36,9 +36,8 @@ def depths(motion, ground):
     return -ground.above(ground.points(motion)) / ground.height
 
 
-def measure_depth(before, after):
+def measure_depth(before, after, ground):
     """Largest depth before and after planting, and largest excess over the same frame before."""
-    ground = Ground.of(before)
     old, new = depths(before, ground), depths(after, ground)
     return old.max(), new.max(), (new - np.maximum(old, 0.0)).max()
 
@@ -54,7 +53,7 @@ def measure_feet(library, seeds):
         fallen, planted = mg.graft(loose, seed=seed), mg.graft(library, seed=seed)
         feet = planted.feet
         skates = mg.foot_skate(fallen.motion), mg.foot_skate(planted.motion)
-        deepest.append(measure_depth(fallen.motion, planted.motion))
+        deepest.append(measure_depth(fallen.motion, planted.motion, Ground.of(planted.base)))
         # Without substitutions of legs, nothing is planted.
         rows.append([*skates, *((feet.moved_root, feet.unreached_frames) if feet else (0.0, 0))])
     return [*np.mean(rows, axis=0), *np.max(deepest, axis=0)]

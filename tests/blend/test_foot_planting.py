@@ -275,7 +275,7 @@ def test_foot_displacements_standing_points_do_not_move(seed, contacts, length, 
     foot = length * np.stack([np.zeros(120), np.sin(tilts), np.cos(tilts)], axis=1)
     points = height * np.stack([heels, heels + foot], axis=1)
     ground = Ground((), up, np.median(points @ up, axis=0)[None], height)
-    lowest = lowest_heights(points[:, None], ground)[:, 0]
+    lowest = lowest_heights(points[:, None], points[:, None], ground)[:, 0]
     free = np.full((120, 2), -np.inf)
     displacements = foot_displacements(points, contacts[:, 0], free, lowest, ground, 0, 30.0)
     targets = points + displacements
@@ -286,6 +286,26 @@ def test_foot_displacements_standing_points_do_not_move(seed, contacts, length, 
         for start, stop in find_runs(contacts[:, 0, point]):
             assert np.ptp(ends[start:stop, point], axis=0).max() < 1e-9 * height
     assert (ends @ up >= lowest - 1e-9 * height).all()
+
+
+@few_examples(30)
+@given(
+    walkers(),
+    st.none() | contact_arrays(),
+    st.floats(-0.1, 0.1),
+    st.sampled_from([None, (True, False)]),
+)
+def test_plant_feet_no_foot_is_deeper_than_in_floor_reference(recorded, contacts, rise, movable):
+    """A motion that sinks below its recording, or is above it: both depths limit its feet."""
+    ground = Ground.of(recorded)
+    positions = recorded.positions.copy()
+    positions[:, 0] += np.outer(np.sin(np.arange(120) / 10.0), rise * ground.height * ground.up)
+    motion = replace(recorded, positions=positions)
+    contacts = np.zeros((120, 2, 2), bool) if contacts is None else contacts
+    still, _ = plant_feet(motion, contacts, movable_legs=movable, floor_reference=recorded)
+    assert_no_deeper(still, motion, ground)
+    excess = depths(still, ground) - np.maximum(depths(recorded, ground).max(axis=0), 0.0)
+    assert excess[:, [True, True] if movable is None else movable].max() <= 0.001 + 1e-6
 
 
 @pytest.mark.filterwarnings("ignore")  # of faults in the recordings
@@ -472,7 +492,10 @@ def test_graft_on_upper_body_of_recordings_plants_feet(name):
         graft(Library.build(motion, JointGroups(members, base="upper"), Config(feet=feet)))
         for feet in ("never", "auto")
     )
-    assert_no_deeper(tight.motion, loose.motion, Ground.of(loose.motion))
+    ground = Ground.of(tight.base)
+    assert_no_deeper(tight.motion, loose.motion, ground)
+    deepest = depths(tight.base, ground).max(axis=0)
+    assert (depths(tight.motion, ground) <= deepest + 0.001 + 1e-6).all()
     assert tight.feet.unreached_frames == 0
     assert tight.feet.skate_after < tight.feet.skate_before
     assert tight.feet.skate_after <= foot_skate(motion)

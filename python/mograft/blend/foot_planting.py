@@ -76,8 +76,8 @@ def plant_feet(
     move_root : bool
         Whether the root may be moved if a leg is too short.
     floor_reference : Motion, optional
-        A motion of the same skeleton on the same floor, from which the floor is estimated; the
-        longer, the more exact. Default: `motion`.
+        A motion of the same skeleton on the same floor, from which the floor is estimated, and the
+        greatest depth of feet; the longer, the more exact. Default: `motion`.
     min_heights : ndarray, shape (n_frames, n_legs, 2), optional
         Least heights of heels and toes above the floor while they do not stand, in skeleton
         heights. Values above 0.05 count as 0.05. Default: none.
@@ -103,9 +103,10 @@ def plant_feet(
     its plane: the knee sets its length, the hip its direction. The foot is rotated so that heel and
     toe reach their positions.
 
-    In no frame is a heel or toe deeper below its floor than in `motion` by more than 0.001 heights.
-    It is raised to that depth, a plant in all its frames, and the root is not lowered further
-    than legs that are not `movable_legs` permit.
+    No heel or toe is deeper below its floor than in the same frame of `motion`, by more than 0.001
+    heights. On `movable_legs` it is not deeper than anywhere in `floor_reference`, either. It is
+    raised to that depth, a plant in all its frames. The root is not lowered if another leg is in
+    the floor.
 
     Examples
     --------
@@ -119,15 +120,18 @@ def plant_feet(
     contacts, movable = _checked_arguments(motion, len(legs), foot_contacts, movable_legs)
     if min_heights is not None and min_heights.shape != contacts.shape:
         raise ValueError(f"`min_heights` must have shape {contacts.shape}, got {min_heights.shape}")
-    ground = Ground.of(motion if floor_reference is None else floor_reference)
+    reference = motion if floor_reference is None else floor_reference
+    ground = Ground.of(reference)
     skate_before = skating_share(motion, ground)
-    if (min_heights is None and not contacts.any()) or not movable.any():
+    has_task = contacts.any() or min_heights is not None or floor_reference is not None
+    if not has_task or not movable.any():
         return motion, _without_changes(skate_before)
     points = ground.points(motion)
     planted = contacts_at_rest(contacts, points, ground, motion.rate)
     heights = np.full(contacts.shape, -np.inf) if min_heights is None else min_heights
     heights = np.where(contacts & ~planted, CLEARANCE, heights)
-    lowest = lowest_heights(points, ground)
+    recorded = points if reference is motion else ground.points(reference)
+    lowest = lowest_heights(points, recorded, ground)
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
     for leg in bent_legs:
@@ -151,7 +155,8 @@ def plant_feet(
         path = world_positions[:, motion.locomotion_root()]
         shift = limit_floor_speed(shift, path, ground.up)
         room = points[:, ~movable] @ ground.up - lowest[:, ~movable]
-        shift = limit_descent(shift, room.min(axis=(1, 2), initial=np.inf), ground.up)
+        room = np.maximum(room.min(axis=(1, 2), initial=np.inf), 0.0)
+        shift = limit_descent(shift, room, ground.up)
     parts = [
         bend_leg(
             motion,

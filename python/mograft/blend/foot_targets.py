@@ -48,12 +48,14 @@ def contacts_at_rest(
     return at_rest
 
 
-def lowest_heights(points: FloatArray, ground: Ground) -> FloatArray:
-    """Return the heights along `up` below which no heel or toe is moved, (n_frames, n_legs, 2).
+def lowest_heights(points: FloatArray, recorded: FloatArray, ground: Ground) -> FloatArray:
+    """Return the least heights along `up` of heels and toes, shape (n_frames, n_legs, 2).
 
-    A point may be as deep below its floor as in the same frame before, plus 0.001 heights.
+    A point may be as deep below its floor as in the same frame of `points`, but at most as deep as
+    anywhere in `recorded`, both plus 0.001 heights. Both have shape (n_frames, n_legs, 2, 3).
     """
-    lowest: FloatArray = np.minimum(points @ ground.up, ground.floors)
+    deepest = (recorded @ ground.up).min(axis=0)
+    lowest: FloatArray = np.minimum(np.maximum(points @ ground.up, deepest), ground.floors)
     return lowest - _DEPTH_MARGIN * ground.height
 
 

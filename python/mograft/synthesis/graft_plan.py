@@ -199,6 +199,7 @@ class GraftPlan:
             contacts | detect_contacts(motion),
             movable_legs=[{leg.hip, leg.knee, leg.ankle} <= donors_of.keys() for leg in legs],
             move_root=library.root in donors_of,
+            floor_reference=problem.base,
             min_heights=heights,
         )
 
