@@ -52,7 +52,7 @@ class Samples:
 
     @property
     def rest(self) -> Packed | FloatArray:
-        """Displacements of the root and the length, shape (n_segments, 3·samples + 1)."""
+        """Root displacements and the length, a view of shape (n_segments, 3·samples + 1)."""
         return self.rows[:, 4 * self.n_samples * self.n_joints :]
 
     def packed(self) -> Packed:

@@ -314,7 +314,7 @@ class _Grafting:
 
 @dataclass(frozen=True, eq=False)
 class _Bases:
-    """Bases with their segments and supports, and their balance by kind."""
+    """Bases with their segments, support polygons, and static and dynamic balance."""
 
     cuts: list[Segments]
     supports: list[Support]
@@ -335,7 +335,7 @@ class _Bases:
         return cls(cuts, supports, balances)
 
     def recording_samples(self) -> dict[str, BalanceSample]:
-        """Return for each kind of balance the bases as their own grafts."""
+        """Return the static and dynamic balance of the bases, with each base as its own graft."""
         changed = [np.ones((1, len(cut)), bool) for cut in self.cuts]
         return {
             kind: BalanceSample(original, [[balance] for balance in original], changed, self.cuts)
@@ -343,7 +343,7 @@ class _Bases:
         }
 
     def graft_samples(self, grafts: Sequence[Sequence[Graft]]) -> dict[str, BalanceSample]:
-        """Return for each kind of balance the bases and their grafts."""
+        """Return the static and dynamic balance of the bases and their grafts."""
         # The donors may allow fewer different grafts of a base than requested.
         count = min(map(len, grafts))
         grafts = [several[:count] for several in grafts]

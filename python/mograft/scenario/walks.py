@@ -190,25 +190,25 @@ def to_beats(
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
     repeat_penalty : float
-        The penalty of repeated runs, as in `walk`.
+        Penalty of repeated runs of segments, as in `walk`.
 
     Returns
     -------
     Scenario
-        Segments with lengths. All segments between two beats are stretched by the same factor, by
-        up to 15 % (and a frame).
+        Segments with lengths. All segments between two beats are stretched by the same factor: by
+        at most 15 %, apart from rounding to frames.
 
     Raises
     ------
     ValueError
-        If no segment sequence can be stretched to the beats; the message names the first beat that
-        cannot be met. If there are fewer than two beats or they do not ascend, if the seed is not
-        an integer of at least 0, or if there is no transition graph.
+        If no segment sequence can be stretched to the beats; the message gives the time of the
+        beat. If there are fewer than two beats or they do not ascend, if the seed is not an integer
+        of at least 0, or if there is no transition graph.
 
     Notes
     -----
-    A segment that ends at a minimum of kinetic energy ends on each beat: dancers come to rest
-    there (Kim, Park and Shin, Rhythmic-motion synthesis based on motion-beat analysis, SIGGRAPH
+    At each beat, a segment ends at a minimum of kinetic energy, because dancers come to rest on
+    beats (Kim, Park and Shin, Rhythmic-motion synthesis based on motion-beat analysis, SIGGRAPH
     2003). The walk is drawn as in `fill`.
 
     Examples

@@ -80,9 +80,9 @@ class CostModel:
     ) -> FloatArray:
         """Return the costs of donors by themselves, without seams and constraints.
 
-        All arrays have shape (n,). `base` and `donors` are lengths in intervals, `distances` those
-        of the base parts in cluster diameters; `is_base` is true where the donor is the base
-        segment.
+        All arrays have shape (n,). `base` and `donors` are lengths in intervals. `distances` are
+        the distances between the base-group motions of base segment and donor, in cluster
+        diameters. `is_base` is true where the donor is the base segment.
         """
         ratio = np.minimum(base, donors) / np.maximum(base, donors)
         costs = self.config.length_weight * (1.0 - ratio)

@@ -14,11 +14,12 @@ from mograft.blend.seams import (
 
 
 class _Inertial(SeamTreatment):
-    """Keep the piece before a seam, and start the piece after it from there.
+    """Add a decaying offset to the motion after a seam; the motion before it is unchanged.
 
-    Inertialisation (Bollo, GDC 2018). The offset is the quintic with zero value, velocity and
-    acceleration at its end, and zero acceleration at the seam. The window is shortened if the
-    offset would overshoot. One polynomial serves all three components, so that they end together.
+    Inertialisation (Bollo, GDC 2018). The offset closes the gap in value and velocity at the seam,
+    with acceleration 0 there. It is a quintic whose value, velocity and acceleration are 0 at the
+    end of the window. The window is shortened if the offset would overshoot. All three
+    components of a joint share one window, so that they end together.
     """
 
     is_causal = True
