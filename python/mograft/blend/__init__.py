@@ -1,1 +1,1 @@
-"""Placing donor parts on a base motion: transplant, seams, root motion, feet."""
+"""Transplant of donor motion to joint groups of a base: seams, root motion, feet."""

@@ -1,4 +1,4 @@
-"""Donor segments in the places of base segments: their values at any time, and their seams."""
+"""Donor segments stretched to replace base segments: their values at any time, and their seams."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,14 +27,14 @@ class SegmentTimes:
 
 @dataclass(frozen=True, eq=False)
 class RootAlignment:
-    """The alignment transform of every donor segment, and the root's columns among its tracks."""
+    """The alignment transform of every donor segment, and the columns of the root in the tracks."""
 
     transforms: AlignmentTransform
     rotation_column: int
     position_column: int
 
     def column(self, space: ValueSpace) -> int:
-        """Return the root's column among the group's rotations or translations."""
+        """Return the column of the root in the tracks of rotations or translations."""
         return self.rotation_column if space is ROTATIONS else self.position_column
 
     def apply(
@@ -44,12 +44,12 @@ class RootAlignment:
         segment: IntArray,
         velocities: FloatArray | None = None,
     ) -> None:
-        """Transform the root's values and velocities in place; identities change no bit."""
+        """Transform the root's values and velocities in place; the identity preserves every bit."""
         transforms = self.transforms[segment]
         moves = (transforms.yaws != rotations.IDENTITY).any(axis=1)
         moves |= (transforms.translations != 0.0).any(axis=1)
         transforms = transforms[moves]
-        if space is ROTATIONS:  # angular velocities are in the body's frame: no change
+        if space is ROTATIONS:  # angular velocities are in local axes: no change
             column = self.rotation_column
             values[moves, column] = rotations.multiply(transforms.yaws, values[moves, column])
             return
@@ -65,7 +65,7 @@ class DonorTimeline:
     """One donor segment for every base segment, stretched to its length."""
 
     cut: Segments  # the base segments, in order of time
-    donors: Segments  # the donor of each
+    donors: Segments  # the donor of each base segment
     rate: float  # frames per second
     warp: TimeWarp | None = None  # None: donors are stretched at a constant rate
     alignment: RootAlignment | None = None  # None: values are used as captured
@@ -89,9 +89,9 @@ class DonorTimeline:
     ) -> FloatArray:
         """Return the donors' values at n times, shape (n, n_joints, 4 or 3).
 
-        `tracks` are the values of each clip, shape (n_frames, n_joints, 4 or 3). At a donor's
-        frame, the result is that frame bit for bit. In between it is interpolated by cubics, which
-        depend on the frames of the clip before and after the donor too.
+        `tracks` are the values of each clip, shape (n_frames, n_joints, 4 or 3). A time that falls
+        on a frame of the donor gives that frame bit for bit. Between frames the values are
+        interpolated by cubics, which also depend on the clip's frames just outside the donor.
         """
         donors, segment = self.donors, times.segment
         # In this order divisions without remainder are exact.
@@ -113,7 +113,7 @@ class DonorTimeline:
     def boundaries(
         self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
     ) -> SeamBoundaries:
-        """Return the values and velocities where the segments `seams` end and their next start."""
+        """Return values and velocities on both sides of the ends of the segments `seams`."""
         ending, starting = self.donors[seams], self.donors[seams + 1]
         speed = np.tile((self.rate * self.donors.lengths / self.cut.lengths)[:, None], (1, 2))
         if self.warp is not None:
@@ -133,7 +133,7 @@ class DonorTimeline:
     ) -> FloatArray:
         """Return the mean accelerations of both donors at seams, per frame².
 
-        They are in the clips' coordinates: those of an aligned root are not rotated.
+        They are in the coordinates of the clips: the alignment transform is not applied.
         """
         ending, starting = self.donors[seams], self.donors[seams + 1]
         speed = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
@@ -143,7 +143,7 @@ class DonorTimeline:
         return mean
 
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
-        """Return times relative to the pieces that the segments `seams` end."""
+        """Return times relative to pieces; each of the segments `seams` is the last of a piece."""
         first = np.concatenate([[0], seams + 1])
         last = np.append(seams, len(self.cut) - 1)
         piece = np.searchsorted(seams, times.segment)
@@ -154,9 +154,9 @@ class DonorTimeline:
     def find_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
         """Return between which segments there is a seam, shape (n_segments - 1,).
 
-        There is none if neither donor is stretched or warped, and the three frames about the end of
-        the one equal, bit for bit, those about the start of the other. So a copy of a clip counts
-        as the clip.
+        There is none if neither donor is stretched or warped, and the last frame of one donor and
+        its two neighbours in the clip equal, bit for bit, the first frame of the next donor and its
+        neighbours. The donors may therefore come from two copies of a clip.
         """
         donors = self.donors
         is_stretched = donors.lengths != self.cut.lengths
@@ -171,7 +171,7 @@ class DonorTimeline:
 
 @dataclass(frozen=True, eq=False)
 class DonorLayout:
-    """The tracks of a group along a donor timeline, and the seams between them."""
+    """The donor tracks of a joint group, their timeline and their seams."""
 
     timeline: DonorTimeline
     rotations: Sequence[FloatArray]  # of each clip, (n_frames, n_joints, 4)
@@ -197,7 +197,7 @@ class DonorLayout:
 
     @cached_property
     def _rows(self) -> tuple[FloatArray, FloatArray]:
-        """Rotations and translations at `DonorTimeline.frame_times`, gaps not closed."""
+        """Rotations and translations at `DonorTimeline.frame_times`, before gaps are closed."""
         times = self.timeline.frame_times()
         return (
             self.timeline.sample(ROTATIONS, self.rotations, times),
@@ -213,7 +213,7 @@ class DonorLayout:
         return treatment.close(values, piece_times, timeline.boundaries(space, tracks, seams))
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rotations and translations of all frames after the treatment's last pass."""
+        """Return rotations and translations of all frames after `SeamTreatment.smooth`."""
         rotations = self._smooth(ROTATIONS, quats)
         return rotations, self._smooth(TRANSLATIONS, positions)
 
@@ -249,9 +249,9 @@ def sample_states(
 ) -> tuple[FloatArray, FloatArray]:
     """Return values and velocities in frames of clips; `clips` and `frames` have shape (n,).
 
-    Velocities are per frame, of rotations in the joint's own frame, shape (n, n_joints, 3). They
-    are those of the curve from which frames are interpolated: of the parabola through the frame and
-    its neighbours, or at a clip's end through the three nearest frames.
+    Velocities, shape (n, n_joints, 3), are per frame; angular velocities are in the joint's local
+    axes. They are those of the parabola through the frame and its neighbours, or at a clip's end
+    through the three nearest frames, as `ValueSpace.interpolate` uses them.
     """
     values = np.empty((len(frames), *tracks[0].shape[1:]))
     velocities = np.empty((*values.shape[:-1], 3))
@@ -276,8 +276,8 @@ def sample_accelerations(
 ) -> FloatArray:
     """Return accelerations per frame² in frames of clips, shape (n, n_joints, 3).
 
-    They are second differences; at a clip's end that of the nearest frame inside, and 0 in a clip
-    of fewer than three frames.
+    They are second differences. The first and last frame of a clip have that of the nearest other
+    frame; it is 0 in a clip of fewer than three frames.
     """
     accelerations = np.zeros((len(frames), *tracks[0].shape[1:-1], 3))
     for clip in np.unique(clips):
@@ -295,7 +295,7 @@ def _steps(space: ValueSpace, track: FloatArray, frames: IntArray) -> FloatArray
 
 
 def _three_frames(tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray) -> FloatArray:
-    """Return the values in the frames before, at and after given ones; NaN outside the clip."""
+    """Return the values in the given frames and their neighbours; NaN outside the clip."""
     near = np.empty((len(frames), 3, *tracks[0].shape[1:]))
     for clip in np.unique(clips):
         rows = np.flatnonzero(clips == clip)

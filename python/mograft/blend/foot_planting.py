@@ -1,4 +1,4 @@
-"""`plant_feet`: legs are bent so that standing feet do not slide.
+"""`plant_feet`: bend legs so that feet in contact with the floor do not slide.
 
 After Kovar, Schreiner and Gleicher, Footskate Cleanup for Motion Capture Editing (2002).
 Lengths are in skeleton heights, so that no number depends on a file's unit.
@@ -35,13 +35,13 @@ class FeetReport:
     Attributes
     ----------
     plants : int
-        Number of intervals in which a heel or a toe stands.
+        Number of plants: intervals in which a heel or a toe stays in contact with the floor.
     skate_before, skate_after : float
         Share of feet and frames that skate; see `foot_skate`.
     moved_root : float
-        Greatest shift of the root, in skeleton heights.
+        Maximum shift of the root, in skeleton heights.
     unreached : float
-        Greatest distance of a heel or toe from its plant, in skeleton heights.
+        Maximum distance of a heel or toe from the position of its plant, in skeleton heights.
     unreached_frames : int
         Number of frames in which such a distance exceeds 1e-4 skeleton heights.
     """
@@ -63,30 +63,30 @@ def plant_feet(
     floor_reference: Motion | None = None,
     min_heights: FloatArray | None = None,
 ) -> tuple[Motion, FeetReport]:
-    """Keep standing feet from sliding.
+    """Bend legs so that feet in contact with the floor do not slide.
 
     Parameters
     ----------
     motion : Motion
         The motion.
     foot_contacts : ndarray of bool, shape (n_frames, n_legs, 2), optional
-        In which frames heels and toes stand. Default: they are detected.
+        In which frames heels and toes are in contact. Default: `detect_contacts`.
     movable_legs : sequence of bool, optional
         Which legs may be bent. Default: all.
     move_root : bool
         Whether the root may be moved if a leg is too short.
     floor_reference : Motion, optional
-        A motion of the same skeleton on the same floor, from which the floor is estimated, and the
-        greatest depth of feet; the longer, the more exact. Default: `motion`.
+        A motion of the same skeleton on the same floor, from which the floor height and the maximum
+        depth of feet are estimated. A longer motion gives a better estimate. Default: `motion`.
     min_heights : ndarray, shape (n_frames, n_legs, 2), optional
-        Least heights of heels and toes above the floor while they do not stand, in skeleton
-        heights. Values above 0.05 count as 0.05. Default: none.
+        Minimum heights of heels and toes above the floor while they are not in contact, in
+        skeleton heights. Values above 0.05 count as 0.05. Default: none.
 
     Returns
     -------
     motion : Motion
-        The motion with bent legs. The root is moved only where a leg does not reach. Frames that
-        need no change keep every number.
+        The motion with bent legs. The root is moved only if a leg does not reach. Frames that need
+        no change are returned bit for bit.
     report : FeetReport
         The changes, and the distances that remain.
 
@@ -98,15 +98,15 @@ def plant_feet(
 
     Notes
     -----
-    A standing heel or toe is placed at its mean position, from 0.01 heights below the floor to 0.03
-    above it. Between plants the displacement fades within 3 frames of 1/30 s. The leg is bent in
-    its plane: the knee sets its length, the hip its direction. The foot is rotated so that heel and
-    toe reach their positions.
+    During a contact, the heel or toe is held at its mean position, with the height clamped to 0.01
+    skeleton heights below the floor to 0.03 above it. Before and after, the displacement fades to
+    0 within 0.1 s. The leg is bent in its plane: the knee sets its length, the hip its direction.
+    The foot is rotated so that heel and toe reach their positions.
 
     No heel or toe is deeper below its floor than in the same frame of `motion`, by more than 0.001
-    heights. On `movable_legs` it is not deeper than anywhere in `floor_reference`, either. It is
-    raised to that depth, a plant in all its frames. The root is not lowered if another leg is in
-    the floor.
+    heights. On `movable_legs` it is also no deeper than the lowest frame of `floor_reference`, by
+    more than 0.001 heights. A point that is deeper is raised, during a contact in all its frames.
+    The root is not lowered if this moves another leg below that limit.
 
     Examples
     --------
@@ -203,7 +203,7 @@ def _checked_arguments(
     foot_contacts: BoolArray | None,
     movable_legs: Sequence[bool] | None,
 ) -> tuple[BoolArray, BoolArray]:
-    """Return contacts and which legs may be bent, checked and with defaults."""
+    """Return the contacts and which legs may be bent, after checks, with defaults filled in."""
     contacts = detect_contacts(motion) if foot_contacts is None else np.asarray(foot_contacts, bool)
     expected = (motion.n_frames, n_legs, 2)
     if contacts.shape != expected:
@@ -215,7 +215,7 @@ def _checked_arguments(
 
 
 def _shifted_root(motion: Motion, world_rotations: FloatArray, shift: FloatArray) -> Part:
-    """Return the root, shifted in the world."""
+    """Return the root with its world position shifted."""
     root = motion.locomotion_root()
     parent = int(motion.skeleton.parents[root])
     if parent >= 0:

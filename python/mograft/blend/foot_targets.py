@@ -1,4 +1,4 @@
-"""Where heels and toes should be: plants, transitions between them, and lifted swing phases."""
+"""Target positions of heels and toes: plants, transitions between them, and lifted swings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,17 +11,17 @@ from mograft._util.runs import find_runs
 from mograft.body.contacts import CONTACT_HEIGHT, SLIDING_SPEED, Ground, point_speeds
 from mograft.config import FRAME
 
-CLEARANCE = 0.05  # skeleton heights above the floor at which a swinging foot does not touch it
+CLEARANCE = 0.05  # skeleton heights above the floor to which a swinging foot is lifted at most
 _FADE_SECONDS = 3 * FRAME
-_RISE_FRAMES = 1.5  # frames after a plant over which the lift of a swinging foot sets in
-_MAX_SLIDE = 0.1  # heights from its mean position at which a fast foot steps instead of sliding
-_MAX_DEPTH = 0.01  # skeleton heights of a plant below the floor; CONTACT_HEIGHT is that above it
+_RISE_FRAMES = 1.5  # frames from a contact within which the lift of a swinging foot is reduced
+_MAX_SLIDE = 0.1  # skeleton heights from the mean position; a contact beyond loses fast frames
+_MAX_DEPTH = 0.01  # maximum depth of a plant below the floor, in skeleton heights
 _DEPTH_MARGIN = 0.001  # skeleton heights by which planting may lower a point into the floor
 
 
 @dataclass(frozen=True, eq=False)
 class _Plant:
-    """Frames in which a heel or toe stands, first and last included, and its position there."""
+    """First and last frame of a contact of a heel or toe, and the position at which it is held."""
 
     first: int
     last: int
@@ -31,10 +31,10 @@ class _Plant:
 def contacts_at_rest(
     contacts: BoolArray, points: FloatArray, ground: Ground, rate: float
 ) -> BoolArray:
-    """Return contacts without the fast frames of contacts that cover a long distance.
+    """Return contacts; those that move far lose the frames in which the point is fast.
 
-    If the feet of two donors stand on both sides of a seam, but far apart, the two contacts are not
-    one plant: that would pull the root half way between them. The foot steps instead.
+    If a foot stands before and after a seam, but at distant positions, the two contacts must not
+    become one plant, which would pull the root half way between them. The foot steps instead.
     """
     at_rest = contacts.copy()
     is_fast = point_speeds(points, rate) >= SLIDING_SPEED * ground.height
@@ -49,10 +49,11 @@ def contacts_at_rest(
 
 
 def lowest_heights(points: FloatArray, recorded: FloatArray, ground: Ground) -> FloatArray:
-    """Return the least heights along `up` of heels and toes, shape (n_frames, n_legs, 2).
+    """Return the minimum heights along `up` of heels and toes, shape (n_frames, n_legs, 2).
 
-    A point may be as deep below its floor as in the same frame of `points`, but at most as deep as
-    anywhere in `recorded`, both plus 0.001 heights. Both have shape (n_frames, n_legs, 2, 3).
+    A point may be as deep below its floor as in the same frame of `points` and as in the lowest
+    frame of `recorded`, whichever is higher, plus 0.001 heights. Both arrays have shape
+    (n_frames, n_legs, 2, 3).
     """
     deepest = (recorded @ ground.up).min(axis=0)
     lowest: FloatArray = np.minimum(np.maximum(points @ ground.up, deepest), ground.floors)
@@ -68,12 +69,12 @@ def foot_displacements(
     leg: int,
     rate: float,
 ) -> FloatArray:
-    """Return the displacements of a leg's heel and toe to where they should be, (n_frames, 2, 3).
+    """Return the displacements of a leg's heel and toe to their targets, shape (n_frames, 2, 3).
 
-    `points` are heel and toe, of the same shape. `contacts` marks when they stand, and
-    `min_heights` are their least heights in skeleton heights while neither stands; both have shape
-    (n_frames, 2). A point that does not stand follows the other one if that stands, and is lifted.
-    The foot keeps its length. Its points stay above `lowest`; see `lowest_heights`.
+    `points` are the positions of heel and toe, of the same shape. `contacts` marks the frames of
+    their contacts; `min_heights` are their minimum heights in skeleton heights while neither is in
+    contact; both have shape (n_frames, 2). If only one of the two is planted, the other follows it.
+    The foot keeps its length. Both points stay above `lowest`; see `lowest_heights`.
     """
     single, holds = np.zeros_like(points), np.zeros(contacts.shape)
     fade = max(round(_FADE_SECONDS * rate), 1)
@@ -82,8 +83,8 @@ def foot_displacements(
     displacements: FloatArray = single + (1.0 - holds)[..., None] * single[:, ::-1]
     lifts = _lifts(points + displacements, contacts, min_heights, ground, leg, rate)
     displacements += lifts[..., None] * ground.up
-    # The point that stands keeps its displacement, and the other one restores the foot's length; in
-    # between, the point that is held less moves more.
+    # A point in contact keeps its displacement, and the other one restores the length of the foot.
+    # While neither is in contact, the point with the smaller weight moves more.
     heel, toe = holds[:, 0] * (1.0 - holds[:, 1]), holds[:, 1] * (1.0 - holds[:, 0])
     heel_share = toe / np.where(toe + heel > 0, toe + heel, 1.0)
     heel_share = np.where(
@@ -115,9 +116,9 @@ def _raise_foot(
 ) -> FloatArray:
     """Return the positions of heels and toes, raised to heights `lowest` along `up`, (n, 2, 3).
 
-    `foot` leads from heel to toe. A point is raised together with the other one, unless a plant
-    holds it: `holds` are the weights of plants. The foot keeps its length by moves over the
-    floor, of which the heel makes the share `heel_share`.
+    `foot` is the vector from heel to toe. A point is raised together with the other one unless it
+    is planted: `holds` are the weights of its plants. The foot keeps its length by horizontal
+    moves; the share of the heel is `heel_share`.
     """
     heights = np.stack([heels, heels + foot], axis=1) @ up
     deficits = np.maximum(lowest - heights, 0.0)
@@ -136,7 +137,7 @@ def _raise_foot(
 def _with_rise(
     foot: FloatArray, rise: FloatArray, length: FloatArray, up: FloatArray
 ) -> FloatArray:
-    """Return vectors of a length and rise, in the directions of `foot` over the floor, (..., 3)."""
+    """Return vectors with a length and height, and the horizontal direction of `foot`, (..., 3)."""
     level = foot - (foot @ up)[..., None] * up
     size = np.linalg.norm(level, axis=-1, keepdims=True)
     any_level = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
@@ -154,7 +155,7 @@ def _lifts(
     leg: int,
     rate: float,
 ) -> FloatArray:
-    """Return by how much a heel and toe that do not stand must be lifted, in the file's unit."""
+    """Return the lifts of heel and toe in frames without contact, in the file's unit."""
     heights = points @ ground.up - ground.floors[leg]
     wanted = np.minimum(min_heights, CLEARANCE) * ground.height
     deficit: FloatArray = np.maximum(wanted - heights, 0.0)
@@ -162,13 +163,13 @@ def _lifts(
     deficit[stands] = 0.0
     if not deficit.any():
         return deficit
-    # The greatest deficit nearby, then smoothed, as for the shift of the root.
+    # The maximum deficit of nearby frames, then smoothed, as for the shift of the root.
     width = max(round(_FADE_SECONDS * rate), 1)
     padded = np.pad(deficit, ((width, width), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1, axis=0)
     greatest = windows.max(axis=2)
     smooth = np.stack([gaussian_filter(column, 0.5 * width) for column in greatest.T], axis=1)
-    # The lift is 0 in contact and sets in after it.
+    # The lift is 0 during a contact and rises over the frames before and after it.
     is_free = np.pad(~stands, width, constant_values=True)
     free_windows = np.lib.stride_tricks.sliding_window_view(is_free, 2 * width + 1)
     distances = np.abs(np.arange(2 * width + 1) - width)
@@ -182,7 +183,8 @@ def _plants(
 ) -> tuple[list[_Plant], list[_Plant]]:
     """Return the plants of a heel and of a toe, none of them below `lowest`.
 
-    While both stand, they keep their mean distance: the later plant is moved over the floor.
+    While both are in contact, they keep their mean distance: the later plant is moved
+    horizontally.
     """
     plants: tuple[list[_Plant], list[_Plant]] = ([], [])
     intervals = [
@@ -203,8 +205,8 @@ def _plants(
                 continue
             length = np.linalg.norm(points[both, 1] - points[both, 0], axis=-1).mean()
             offset = position - other.position
-            # Without a known toe the foot has no length and no direction. The height of the plant
-            # is that of the recording: a vertical move would add up from plant to plant.
+            # Without a known toe the foot has no length and no direction. The plant keeps its
+            # height: vertical moves would add up from plant to plant.
             if length > 0:
                 position = other.position + _with_rise(
                     offset, offset @ ground.up, length, ground.up
@@ -217,11 +219,11 @@ def _plants(
 def _fade(
     track: FloatArray, plants: Sequence[_Plant], up: FloatArray, width: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the displacements of a heel or toe to its plants, and weights of these.
+    """Return the displacements of a heel or toe to its plants, and the weights of the plants.
 
-    Outside plants, displacement and weight fade to 0 or over to the next plant within `width`
-    frames. The point keeps the speed with which it leaves a plant. A downward displacement fades
-    faster, so that a lifted foot does not drag over the floor.
+    The weight is 1 during a plant. Before and after, weight and displacement fade to 0 within
+    `width` frames, at most up to the next plant. The fade starts flat, so that the velocity is
+    continuous. A downward displacement fades faster, so that a lifted foot does not drag.
     """
     displacements, holds = np.zeros_like(track), np.zeros(len(track))
     for plant in plants:

@@ -1,4 +1,4 @@
-"""Motions of joint groups, put together to one motion (paper, eq. 20)."""
+"""Combination of the motions of joint groups into one motion (paper, eq. 20)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,12 +22,12 @@ class Part:
     # Angle of each joint and single channel across each seam before it was closed, in radians,
     # shape (n_seams, len(joints) + len(angles)).
     gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    # For each single channel its angle in radians, (n_frames,); NaN where the base's is kept.
+    # Angle of each single channel in radians, (n_frames,); NaN in frames that keep the base's.
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
 def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
-    """Replace parts of a motion; every other number is kept (eq. 20).
+    """Replace the motion of joint groups; every other number of the base is kept (eq. 20).
 
     The parts have different joints. The result has the base's channel values where neither rotation
     nor translation changed.
@@ -78,7 +78,7 @@ def _replace_channels(
     new = given.copy()
     for column, axis in enumerate(order):
         target = single.get((joint, axis), np.full(base.n_frames, np.nan))
-        # Full turns from the base's angle are no difference.
+        # An angle that differs from the base's by full turns counts as equal.
         off = np.angle(np.exp(1j * (target - given[:, column])))
         new[:, column] = np.where(np.isnan(target), given[:, column], given[:, column] + off)
     changed = (new != given).any(axis=1)

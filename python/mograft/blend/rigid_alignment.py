@@ -34,7 +34,7 @@ class RootTransforms:
         return cls(quats, positions)
 
     def relative_to_parent(self, motion: Motion, frames: IntArray, joint: int) -> "RootTransforms":
-        """Return the local transforms of a joint whose parent moves as in frames of a motion."""
+        """Return the local transforms of a joint, given its parent in frames of a motion."""
         parent = int(motion.skeleton.parents[joint])
         if parent < 0:
             return self
@@ -63,10 +63,10 @@ class AlignmentTransform:
     def from_roots(
         cls, source: RootTransforms, target: RootTransforms, up: int
     ) -> "AlignmentTransform":
-        """Return the transforms that give source roots the place and heading of target roots.
+        """Return the transforms from source roots to the floor position and heading of targets.
 
         They preserve the height and the lean of every source root, and are exactly the identity
-        where source and target are equal. The yaw is the twist about the axis `up` of the rotation
+        if source and target are equal. The yaw is the twist about the axis `up` of the rotation
         from source to target.
 
         >>> source = RootTransforms(np.array([[0.0, 0, 0, 1]]), np.array([[1.0, 9, 2]]))

@@ -1,7 +1,7 @@
 """Root motion over the floor: velocities are blended at seams, and the path is their integral.
 
-Other joints return to the captured value after a seam. A root does not, because every donor starts
-where the one before it ends; to decay an offset would cause a velocity spike.
+Other joints return to their captured rotations after a seam. A root does not: its donor is aligned
+to the root's position and heading at the seam, and decaying an offset would cause a velocity spike.
 """
 
 import numpy as np
@@ -17,10 +17,10 @@ from mograft.motion import rotations
 def root_velocity_weights(
     frames: FloatArray, lengths: IntArray, config: Config, rate: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weights of the velocity on the other side of a seam, before and after the seam.
+    """Return the weights of the root velocity across a seam, before and after the seam.
 
-    `frames` is the distance from the seam, `lengths` the length of the segment on this side, both
-    in frames; the shapes broadcast. See `SeamTreatment.root_velocity_weights`.
+    `frames` are distances from the seam, `lengths` the lengths of the segment on the same side,
+    both in frames; the shapes broadcast. See `SeamTreatment.root_velocity_weights`.
     """
     remaining = np.maximum(1.0 - frames / np.minimum(config.seam_blend * rate, lengths), 0.0)
     return SEAM_TREATMENTS.get(config.seam).root_velocity_weights(remaining)
@@ -31,11 +31,11 @@ def blend_root_velocity(
 ) -> FloatArray:
     """Return velocities that are cross-faded at seams.
 
-    `velocities`, shape (n, k), lead from each frame to the next. `cut` covers the frames in order
-    of time; `seams`, shape (len(cut) - 1,), marks the segments that end with a seam. The result is
-    a mean of given velocities with weights of sum 1, so none exceeds the greatest. A velocity whose
-    weight for the other side is 0 is kept bit for bit. A seam changes only the two segments that
-    meet there.
+    `velocities`, shape (n, k), are per frame, from each frame to the next. `cut` covers the frames
+    in order of time; `seams`, shape (len(cut) - 1,), marks the segments that end with a seam. Each
+    result is a mean of given velocities with weights of sum 1, so none exceeds the maximum. A
+    velocity that is not blended is kept bit for bit. A seam changes only the two segments that meet
+    there.
     """
     segment = np.repeat(np.arange(len(cut)), cut.lengths)
     frames = np.arange(len(velocities), dtype=np.float64) + 0.5
@@ -67,12 +67,12 @@ def integrate_root(
 ) -> RootTransforms:
     """Integrate root velocities and yaw rates to a path over the floor.
 
-    `velocities` and `captured`, shape (n - 1, 4), lead from each frame to the next: the
-    displacement over the floor for the heading of `source`, and the rotation about the up axis.
-    `captured` are those of `source`, the root in n frames before seams are closed. The result has
-    the lean and height of `closed`, the root after that, and its yaw rate never exceeds the
-    greatest captured one. Up to the first frame in which `velocities` and `captured` differ, it
-    equals `source` over the floor bit for bit.
+    `source` is the root in n frames before seams are closed, `closed` after. `velocities` and
+    `captured`, shape (n - 1, 4), are per frame, from each frame to the next: the displacement over
+    the floor, in world axes at the heading of `source`, and the angle about the up axis. `captured`
+    are those of `source`. The result has the lean and height of `closed`, and its yaw rate never
+    exceeds the maximum of `captured`. Up to the first frame in which `velocities` and `captured`
+    differ, its floor positions equal those of `source` bit for bit.
     """
     leaning = closed.rotations
     change = rotations.multiply(leaning, rotations.inverse(source.rotations))

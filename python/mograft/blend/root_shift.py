@@ -10,10 +10,10 @@ from mograft.body.contacts import Leg
 from mograft.config import FRAME
 
 _SMOOTHING_SECONDS = 3 * FRAME
-_MAX_LEG_SHARE = 0.995  # share of its length to which a leg is straightened, unless straighter
+_MAX_LEG_SHARE = 0.995  # hip-ankle distance per leg length, unless the leg is straighter already
 _N_PROJECTIONS = 10
 _MAX_SWEEPS, _SPEED_MARGIN = 1000, 0.9999
-"""How often excess speed is distributed to neighbouring frames, and the share to which it falls."""
+"""Maximum number of passes of `limit_floor_speed`, and the share of the limit that they aim at."""
 
 
 def shift_for_reach(
@@ -23,11 +23,11 @@ def shift_for_reach(
     is_planted: BoolArray,
     rate: float,
 ) -> FloatArray:
-    """Return the smooth shift of the root, (n_frames, 3), with which legs reach their plants.
+    """Return a smooth shift of the root, (n_frames, 3), that lets legs reach their plants.
 
     `world_positions`, shape (n_frames, n_joints, 3), are those of the joints. `displacements`,
-    shape (n_frames, n_legs, 3), are those of the ankles. `is_planted`, shape (n_frames, n_legs),
-    marks the legs that must reach. The shift is 0 if all legs reach.
+    shape (n_frames, n_legs, 3), are those that the ankles need. `is_planted`, shape (n_frames,
+    n_legs), marks the legs that must reach. The shift is 0 if all of these reach without it.
     """
     centers, radii = [], []
     for index, leg in enumerate(legs):
@@ -39,7 +39,7 @@ def shift_for_reach(
         radii.append(np.where(is_planted[:, index], reach, np.inf))
 
     def project(shift: FloatArray) -> FloatArray:
-        """Return a near shift within all spheres, by alternating projections."""
+        """Return a shift near `shift` with which all legs reach, by alternating projections."""
         for _ in range(_N_PROJECTIONS):
             for center, radius in zip(centers, radii, strict=True):
                 offset = shift - center
@@ -64,18 +64,18 @@ def shift_for_reach(
 
 
 def limit_descent(shift: FloatArray, room: FloatArray, up: FloatArray) -> FloatArray:
-    """Return a shift, (n_frames, 3), that lowers no frame by more than its `room`, (n_frames,)."""
+    """Return a shift, (n_frames, 3), that lowers each frame by at most `room`, (n_frames,)."""
     excess: FloatArray = np.maximum(-(shift @ up) - room, 0.0)
     return shift + excess[:, None] * up
 
 
 def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
-    """Return a shift with which a path over the floor is no faster than the path's maximum.
+    """Return a shift that does not raise the maximum speed of a path over the floor.
 
-    `shift` and `path`, to which it is added, have shape (n_frames, 3); `up` is a unit vector. A
-    shift that is slow enough is returned unchanged. Otherwise frames that are too far apart are
-    moved towards each other, then their neighbours; if that does not end, the shift over the floor
-    is 0.
+    `shift` is added to `path`; both have shape (n_frames, 3); `up` is a unit vector. A shift that
+    is slow enough is returned unchanged. Otherwise the floor positions of successive frames that
+    are too far apart are moved towards each other, repeatedly; if 1000 passes are not enough, the
+    shift over the floor is 0.
     """
     level = np.eye(3) - np.outer(up, up)
     given, target = path @ level, (path + shift) @ level
@@ -87,7 +87,7 @@ def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> Fl
         fast = np.flatnonzero(speeds > limit)
         if not len(fast):
             return shift + (moved - target)
-        # To slightly below the limit, so that the iteration ends.
+        # The target is slightly below the limit, so that the iteration ends.
         correction = 0.5 * (1.0 - _SPEED_MARGIN * limit / speeds[fast])[:, None] * steps[fast]
         moved[fast] += correction
         moved[fast + 1] -= correction

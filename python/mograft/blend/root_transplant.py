@@ -16,7 +16,7 @@ from mograft.motion.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class GraftedRoot:
-    """A root joint that donors carry, and its columns in a layout's tracks."""
+    """A root joint that takes the motion of donors, and its columns in the tracks of a layout."""
 
     joint: int
     up: int
@@ -27,14 +27,14 @@ class GraftedRoot:
     def from_columns(
         cls, joint: int, up: int, joints: IntArray, moving: BoolArray
     ) -> "GraftedRoot":
-        """Return a root joint among a group's joints, of which `moving` have translations."""
+        """Return the root for a group's joints; `moving` marks those with translation tracks."""
         is_root = joints == joint
         return cls(joint, up, int(np.argmax(is_root)), int(np.argmax(is_root[moving])))
 
     def close(
         self, layout: DonorLayout, lean: TrunkLean, base: Motion, clips: Sequence[Motion]
     ) -> tuple[DonorLayout, FloatArray, FloatArray]:
-        """Return the aligned layout, and local rotations and translations with seams closed."""
+        """Return the aligned layout, and local rotations and translations, with seams closed."""
         layout = lean.remove_from(self.align(layout, base, clips), clips)
         quats, positions = layout.close()
         self.integrate(layout, quats, positions)
@@ -43,10 +43,11 @@ class GraftedRoot:
         return layout, quats, positions
 
     def align(self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]) -> DonorLayout:
-        """Return the layout with world tracks of the root, each donor following the one before.
+        """Return the layout with world tracks of the root, donors aligned end to start.
 
-        At a seam the donor is rotated about the up axis and moved over the floor to the place and
-        heading at which the donor before it ends; the first, to those of the base.
+        At a seam the next donor is rotated about the up axis and moved over the floor, so that its
+        root starts at the position and heading at which the previous donor ends. The first donor
+        starts at those of the base.
         """
         layout = self._with_world_tracks(layout, clips)
         timeline, donors = layout.timeline, layout.timeline.donors
@@ -66,7 +67,7 @@ class GraftedRoot:
         return replace(layout, timeline=replace(timeline, alignment=alignment), seams=seams)
 
     def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:
-        """Replace the root's closed rotations and positions, in place, by integrated ones."""
+        """Replace the root's rotations and positions, in place, by those of an integrated path."""
         timeline = layout.timeline
         times = timeline.frame_times()
         source = self._source(layout)
@@ -87,7 +88,7 @@ class GraftedRoot:
     def to_local(self, base: Motion, quats: FloatArray, positions: FloatArray) -> None:
         """Replace the root's world rotations and positions, in place, by local ones.
 
-        Frames in which they equal the base's keep the base's local numbers.
+        Frames in which they equal the base's world values get the base's local values.
         """
         if base.skeleton.parents[self.joint] < 0:
             return
@@ -101,7 +102,7 @@ class GraftedRoot:
         self._set_root(quats, positions, local)
 
     def _root(self, quats: FloatArray, positions: FloatArray) -> RootTransforms:
-        """Return the root's columns of tracks."""
+        """Return the columns of the root as transforms."""
         return RootTransforms(quats[:, self.rotation_column], positions[:, self.position_column])
 
     def _set_root(self, quats: FloatArray, positions: FloatArray, root: RootTransforms) -> None:
@@ -120,7 +121,7 @@ class GraftedRoot:
         return replace(layout, rotations=quats, positions=places)
 
     def _states(self, layout: DonorLayout, frames: IntArray) -> RootTransforms:
-        """Return the root in one frame of each donor's clip."""
+        """Return the root in one frame of the clip of each donor, shape (n_donors,)."""
         rows = list(zip(layout.timeline.donors.clip.tolist(), frames.tolist(), strict=True))
         return RootTransforms(
             np.array([layout.rotations[clip][row, self.rotation_column] for clip, row in rows]),
@@ -128,7 +129,7 @@ class GraftedRoot:
         )
 
     def _source(self, layout: DonorLayout) -> RootTransforms:
-        """Return the aligned root at `DonorTimeline.frame_times`, seams not closed."""
+        """Return the aligned root at `DonorTimeline.frame_times`, before seams are closed."""
         alignment = layout.timeline.alignment
         assert alignment is not None
         timeline: DonorTimeline = replace(

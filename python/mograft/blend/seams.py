@@ -1,6 +1,6 @@
 """Values and velocities at seams, and the interface of a seam treatment.
 
-The paper's method is in section 4.5. A *piece* is a stretch of donor motion without a seam inside.
+The paper's method is in section 4.5. A *piece* is the donor motion between two successive seams.
 Treatments are functions of continuous time, so that they can be evaluated between frames.
 """
 
@@ -18,7 +18,7 @@ from mograft.blend.value_spaces import ValueSpace
 
 @dataclass(frozen=True, eq=False)
 class PieceTimes:
-    """n points in time, each inside one piece of a sequence."""
+    """n points in time, each inside a piece; see `mograft.blend.seams`."""
 
     piece: IntArray  # (n,): index of the piece
     seconds: FloatArray  # (n,): seconds since the start of that piece
@@ -41,7 +41,7 @@ class SeamBoundaries:
     """Values and velocities on both sides of the seams between successive pieces.
 
     Values have shape (n_pieces - 1, n_joints, 4 or 3), velocities (n_pieces - 1, n_joints, 3).
-    Velocities are per second; those of rotations are in the joint's own frame.
+    Velocities are per second; angular velocities are in the joint's local axes.
     """
 
     space: ValueSpace  # `ROTATIONS` or `TRANSLATIONS`
@@ -58,7 +58,7 @@ class SeamBoundaries:
 
 
 class SeamTreatment(ABC):
-    """A method that changes the motion beside a seam so that the two pieces meet.
+    """A method that changes the motion near a seam so that the two pieces join.
 
     Implementations have no state. Each is the object `TREATMENT` of its own module in
     `mograft.blend.seam_treatments`.
@@ -66,11 +66,11 @@ class SeamTreatment(ABC):
 
     is_causal: ClassVar[bool]  # frames before a seam never change; `Stream` needs this
     is_velocity_continuous: ClassVar[bool]  # `close` makes velocities continuous, not only values
-    # How far `close` reaches. True: over the whole of the two segments that meet, and every
-    # boundary between segments is treated as a seam. False: `Config.seam_blend` seconds on the
-    # treated sides of a seam, at most to the end of the piece.
+    # Which frames `close` changes. True: all of the two segments that meet, and every boundary
+    # between segments is treated as a seam. False: those within `Config.seam_blend` seconds of a
+    # seam, on the sides that the treatment changes, at most to the end of the piece.
     spans_segments: ClassVar[bool] = False
-    # Seconds beyond `Config.seam_blend` over which other seams change the frames near a seam.
+    # Seconds beyond `Config.seam_blend` within which other seams affect the frames near a seam.
     coupling: ClassVar[float] = 0.0
 
     @abstractmethod
@@ -87,28 +87,28 @@ class SeamTreatment(ABC):
 
     @abstractmethod
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the weights of the other side's root velocity before and after a seam.
+        """Return the weights of the root velocity across a seam, before and after the seam.
 
-        `remaining` is the share of the blend time that remains: 1 at the seam, 0 where the blend
-        ends. Both weights have its shape and are 0 where it is 0. Their sum is 1 at the seam if the
-        velocity is blended, else 0. See `crossfade_both_sides`, `crossfade_after` and
-        `no_crossfade`.
+        The velocity across is that of the donor on the other side, at the seam. `remaining` is 1 at
+        the seam and falls to 0 at the end of the blend time. Both weights have its shape and are 0
+        where it is 0. Their sum is 1 at the seam if the velocity is blended, else 0. See
+        `crossfade_both_sides`, `crossfade_after` and `no_crossfade`.
         """
 
     def smooth(self, closed: "ClosedFrames") -> FloatArray:
-        """Return the closed values after a last pass over whole frames; unchanged by default."""
+        """Return the closed values after a final pass over all frames; unchanged by default."""
         return closed.values
 
 
 @dataclass(frozen=True, eq=False)
 class DonorFrames:
-    """The donors of a base motion in its frames, before gaps are closed."""
+    """The donors' values in the frames of the base motion, before gaps are closed."""
 
-    rows: FloatArray  # (n_rows, n_joints, 4 or 3), per segment; a shared frame occurs twice
-    seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors', per frame²
+    rows: FloatArray  # (n_rows, n_joints, 4 or 3), by segment; a shared frame occurs twice
+    seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors, per frame²
 
     def take(self, columns: IntArray) -> "DonorFrames":
-        """Return some joints."""
+        """Return the values of some joints."""
         rows, accelerations = (
             values.take(columns, axis=1) for values in (self.rows, self.seam_accelerations)
         )
@@ -132,13 +132,13 @@ class ClosedFrames:
 
 
 def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return weights that rise to ½ on either side of the seam, with a continuous slope."""
+    """Return weights that rise to ½ at the seam on both sides, with a continuous slope."""
     half = 0.25 * remaining * remaining * (3.0 - remaining)
     return half, half
 
 
 def crossfade_after(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return weights 0 before the seam, and after it a cubic from 1 to 0 with flat ends."""
+    """Return weights 0 before the seam, and after it a cubic from 1 to 0, flat at both ends."""
     return np.zeros_like(remaining), remaining * remaining * (3.0 - 2.0 * remaining)
 
 
@@ -148,10 +148,10 @@ def no_crossfade(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def at_piece_ends(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return a quantity of seams for the seam at each piece's start and at its end.
+    """Return the entries of `per_seam` for the seams at the start and at the end of each piece.
 
-    `per_seam` has shape (n_pieces - 1, ...), both results (len(piece), ...). They are 0 at the
-    start of the first piece and at the end of the last, which have no seam.
+    `per_seam` has shape (n_pieces - 1, ...), both results (len(piece), ...). The results are 0 at
+    the start of the first piece and at the end of the last, which have no seam.
     """
     zero = np.zeros((1, *per_seam.shape[1:]))
     return np.concatenate([zero, per_seam])[piece], np.concatenate([per_seam, zero])[piece]

@@ -1,4 +1,4 @@
-"""Alignment of donors in time: constant rate, or dynamic time warping of the base parts."""
+"""Alignment of donors in time: at a constant rate, or by dynamic time warping."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,18 +13,19 @@ from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
 from mograft.search.boundary_states import pose_gaps
 
-_BAND_SHARE = 0.2  # share of a segment by which a donor may be ahead or behind
-_MIN_GAIN = 0.05  # share by which warping must reduce the mean distance, or a donor stays unwarped
-_N_KNOTS = 5  # knots of a warp, ends included. A path with a knot in every frame would shake
-_STEPS = (2, 1, 3, 4)  # in half frames; the constant rate comes first, so that it wins ties
+_BAND_SHARE = 0.2  # maximum deviation from the constant rate, as a share of the segment
+_MIN_GAIN = 0.05  # minimum relative reduction of the mean distance; else a donor is not warped
+_N_KNOTS = 5  # knots of a warp, ends included; a knot in every frame would cause jitter
+_STEPS = (2, 1, 3, 4)  # in half frames; ties go to the first, the constant rate
 
 
 def warping_path(distances: FloatArray) -> FloatArray:
-    """Return the frame of a second motion for each of a first, by dynamic time warping.
+    """Return the column of `distances` for each of its rows, by dynamic time warping.
 
-    `distances`, shape (n + 1, 2 n + 1), are those between all frames; the second motion is sampled
-    twice as finely. The path has the least sum of distances among those with steps of 1 to 4 (half
-    to double speed) that are never ahead or behind by more than a fifth.
+    `distances`, shape (n + 1, 2 n + 1), are those from each frame of a first motion to each sample
+    of a second one, which has two samples per frame. The path has the smallest sum of distances
+    among those with steps of 1 to 4 columns (half to double speed) that differ from the constant
+    rate by at most a fifth of the length.
 
     Sakoe and Chiba, Dynamic programming algorithm optimization for spoken word recognition (1978),
     with slopes from ½ to 2 and a band.
@@ -53,14 +54,14 @@ def warping_path(distances: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class TimeWarp:
-    """For each segment, the share of its donor that has passed at any share of the segment."""
+    """For each segment, the elapsed share of its donor as a function of that of the segment."""
 
     shares: FloatArray  # (n_segments, 5): after 0, ¼, ½, ¾ and all of the segment
     is_warped: BoolArray  # (n_segments,)
 
     @cached_property
     def slopes(self) -> FloatArray:
-        """Slopes at the knots of a monotone cubic (Fritsch and Carlson 1980); 1: constant rate."""
+        """Slopes at the knots of a monotone cubic (Fritsch and Carlson 1980); 1 if not warped."""
         rises = np.diff(self.shares, axis=1) * (_N_KNOTS - 1)
         inner = 2.0 * rises[:, 1:] * rises[:, :-1] / (rises[:, 1:] + rises[:, :-1])
         first, last = (
@@ -78,7 +79,7 @@ class TimeWarp:
         clips: Sequence[Motion],
         joints: IntArray,
     ) -> "TimeWarp":
-        """Warp donors so that the given joints move in their clips as they do in the base.
+        """Warp donors so that the poses of the given joints match those of the base in time.
 
         Donors are warped only if this reduces the mean joint angle by more than 5 %.
         """
@@ -101,7 +102,7 @@ class TimeWarp:
         return cls(shares, is_warped)
 
     def donor_share(self, segment: IntArray, share: FloatArray) -> FloatArray:
-        """Return the shares of donors that have passed after shares of their segments."""
+        """Return the elapsed shares of donors, given the elapsed shares of their segments."""
         knot = np.minimum((share * (_N_KNOTS - 1)).astype(np.int64), _N_KNOTS - 2)
         width = 1.0 / (_N_KNOTS - 1)
         t = share / width - knot
@@ -121,7 +122,7 @@ Alignment = Callable[[Motion, Segments, Segments, Sequence[Motion], IntArray], T
 ALIGNMENTS: Registry[Alignment | None] = CONFIG_OPTIONS["alignment"].implemented_by(
     {"uniform": None, "dtw": TimeWarp.by_dtw}
 )
-"""For every value of `Config.alignment` its function; None for a constant rate."""
+"""The function of each value of `Config.alignment`; None for a constant rate."""
 
 
 def _warped_knots(distances: FloatArray) -> FloatArray | None:

@@ -22,15 +22,15 @@ from mograft.motion.motion import Motion
 class GraftedGroup:
     """A joint group that takes the motion of donors.
 
-    If `root` is one of `joints`, every donor continues from the place and heading at which the one
-    before it ends, and the first from those of the base.
+    If `root` is one of `joints`, every donor is aligned so that the root starts at the floor
+    position and heading at which the previous donor ends; the first, at those of the base.
     """
 
-    joints: IntArray  # including those of which it holds only single channels
-    root: int | None = None  # the joint that carries the body through the world
+    joints: IntArray  # including joints of which the group holds only single channels
+    root: int | None = None  # the joint whose translation moves the body through the world
     up: int = 1  # the axis that points up: 0, 1 or 2
-    base_joints: IntArray | None = None  # joints by which ``alignment="dtw"`` aligns
-    held: Mapping[int, str] = field(default_factory=dict)  # axes of joints held in part
+    base_joints: IntArray | None = None  # joints that ``alignment="dtw"`` compares
+    held: Mapping[int, str] = field(default_factory=dict)  # axes of single channels, by joint
 
     @property
     def whole_joints(self) -> IntArray:
@@ -46,18 +46,18 @@ def transplant(
     group: GraftedGroup,
     config: Config,
 ) -> Part:
-    """Return the motion of a joint group with donor segments in place of base segments.
+    """Return the motion of a joint group in which donor segments replace base segments.
 
-    `cut` covers the base in order of time. `donors` holds the donor of each of its segments, which
-    may be the segment itself. `donors.clip` indexes `clips`, whose hierarchy is that of the base.
+    `cut` holds the segments of the base in order of time, `donors` the donor of each, which may be
+    the segment itself. `donors.clip` indexes `clips`, which have the hierarchy of the base.
 
-    Every donor is resampled to the length of its base segment, by a curve that depends on the
-    donor's neighbours in its clip too. At every seam, two donors that are not neighbours in a clip
-    or are stretched, the treatment of `Config.seam` closes the gap. Where unstretched donors follow
-    one another as in their clip, the result is that clip bit for bit. A joint's translation is
-    replaced only if it moves in some donor's clip; otherwise the base keeps its bone lengths.
+    Every donor is resampled to the length of its base segment, by a curve that also depends on the
+    neighbouring frames of its clip. There is a seam between two donors that are stretched or not
+    consecutive in a clip; there the treatment of `Config.seam` closes the gap. Unstretched donors
+    that are consecutive in a clip give that clip bit for bit. A joint's translation is replaced
+    only if it varies in the clip of a donor; otherwise the base's bone length is kept.
     """
-    # Clips of a stored library are read on access: only those of donors are.
+    # Clips of a stored library are read on access, so only those of the donors are accessed.
     used, clip = np.unique(donors.clip, return_inverse=True)
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
     joints = group.whole_joints
@@ -91,9 +91,9 @@ def transplant(
 
 
 def seam_reach(config: Config) -> float:
-    """Return the seconds beside a segment within which other donors change its frames.
+    """Return within how many seconds of a segment the choice of other donors changes its frames.
 
-    Changes beyond are at most 1/10,000 of a gap.
+    Donors farther away change them by at most 1/10,000 of a gap.
     """
     reach = config.seam_blend + SEAM_TREATMENTS.get(config.seam).coupling
     return max(reach, 4.0 * HEADING_SMOOTHING) if config.torso == "world" else reach
@@ -106,7 +106,7 @@ def _lay_out(
     moving: BoolArray,
     config: Config,
 ) -> DonorLayout:
-    """Return the group's tracks in donor clips, single channels behind whole joints."""
+    """Return the group's tracks in donor clips: whole joints, then single channels."""
     joints = group.whole_joints
     quats = [clip.rotations.take(joints, axis=1) for clip in clips]
     if group.held:
@@ -119,7 +119,7 @@ def _lay_out(
 def _channel_angles(
     base: Motion, held: Mapping[int, str], quats: FloatArray
 ) -> dict[ChannelKey, FloatArray]:
-    """Return the angle of each single channel; NaN in frames in which it is the base's."""
+    """Return the angle of each single channel; NaN in frames in which it equals the base's."""
     is_changed = (quats != split_axes(base, held)).any(axis=2)
     return {
         key: np.where(is_changed[:, column], angle, np.nan)

@@ -1,4 +1,4 @@
-"""`Config.torso`: how a grafted trunk leans if it hangs on a joint of another group."""
+"""`Config.torso`: the lean of a grafted trunk whose parent joint belongs to another group."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from mograft.motion.motion import Motion
 HEADING_SMOOTHING = 0.2
 """Standard deviation, in seconds, of the Gaussian that smooths headings.
 
-Of 0 to 0.4 s, chosen on the clips `dance_*`, `basket` and `bandai` by the detectability of seams.
+Chosen from 0 to 0.4 s on the clips `dance_*`, `basket` and `bandai` by the detectability of seams.
 """
 
 
@@ -24,21 +24,21 @@ Of 0 to 0.4 s, chosen on the clips `dance_*`, `basket` and `bandai` by the detec
 class TrunkLean:
     """The trunk joints of a group whose lean in the world is kept.
 
-    A rotation is q_k in a donor's clip k and R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world
-    rotation of the joint on which the trunk hangs, Y its heading, smoothed over
-    `HEADING_SMOOTHING` seconds: the pelvis swings about the up axis with every step, and trunks
-    compensate for that. `remove` applies Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar and
-    Gleicher (2006).
+    The local rotation q_k in a donor's clip k becomes R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is
+    the world rotation of the trunk's parent joint and Y its heading. Y is smoothed over
+    `HEADING_SMOOTHING` seconds, because the pelvis swings about the up axis with every step and the
+    trunk compensates for that. `remove` applies Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar
+    and Gleicher (2006).
     """
 
     joints: IntArray  # the group's joints
-    columns: Sequence[int]  # of `joints` that are trunk joints and hang on another group
+    columns: Sequence[int]  # of `joints`: trunk joints whose parent is in another group
     up: int  # the axis that points up
     uprights: FloatArray  # for each column, rotation to the axis of its parent that points up most
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
-        """Return the trunk joints that hang on another group; none for ``torso="pelvis"``."""
+        """Return the trunk joints with a parent in another group; none for ``torso="pelvis"``."""
         parents, columns = base.skeleton.parents, []
         if config.torso == "world":
             parts = anatomy(base.skeleton).parts
@@ -53,14 +53,14 @@ class TrunkLean:
         return cls(joints, columns, up, _uprights(world, up))
 
     def remove_from(self, layout: DonorLayout, clips: Sequence[Motion]) -> DonorLayout:
-        """Return a layout of clips with the lean removed from its rotations."""
+        """Return the layout with `remove` applied to the rotations of every clip."""
         quats = [
             self.remove(clip, track) for clip, track in zip(clips, layout.rotations, strict=True)
         ]
         return replace(layout, rotations=quats)
 
     def remove(self, clip: Motion, quats: FloatArray) -> FloatArray:
-        """Return rotations as seen from a parent that does not lean, only faces as in the clip."""
+        """Return rotations relative to a parent with the clip's heading, but without its lean."""
         if not self.columns:
             return quats
         upright = quats.copy()
@@ -68,7 +68,7 @@ class TrunkLean:
         return upright
 
     def restore(self, base: Motion, quats: FloatArray) -> FloatArray:
-        """Undo `remove` by the base's lean; rotations equal to the base's stay bit for bit."""
+        """Invert `remove` with the base's lean; rotations equal to the base's stay bit for bit."""
         if not self.columns:
             return quats
         given = base.rotations[:, self.joints]
@@ -81,7 +81,7 @@ class TrunkLean:
         return local
 
     def leans(self, clip: Motion) -> FloatArray:
-        """Return the world rotations, without heading, of the joints on which the trunk hangs."""
+        """Return the world rotations, without heading, of the parents of the trunk joints."""
         world = _world_rotations(clip, clip.skeleton.parents[self.joints[list(self.columns)]])
         yaws = rotations.twist(rotations.multiply(world, self.uprights), self.up)
         angles = np.unwrap(2.0 * np.arctan2(yaws[..., self.up], yaws[..., 3]), axis=0)
@@ -101,10 +101,10 @@ def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:
 
 
 def _uprights(world: FloatArray, up: int) -> FloatArray:
-    """Return for each joint the rotation from the up axis to its own axis that points up most.
+    """Return for each joint the rotation from the up axis to the most vertical local axis.
 
-    `world`, shape (n_frames, n_joints, 4), are world rotations. Without it, a lean would change
-    the heading of joints whose up axis is not vertical at rest.
+    `world`, shape (n_frames, n_joints, 4), are world rotations. Without this rotation, a lean would
+    change the heading of joints whose local up axis is not vertical at rest.
     """
     axis = np.eye(3)[up]
     local = rotations.rotate(rotations.inverse(world), np.broadcast_to(axis, (*world.shape[:2], 3)))

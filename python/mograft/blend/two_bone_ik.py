@@ -1,4 +1,4 @@
-"""Inverse kinematics of a limb of two bones, and its application to legs."""
+"""Inverse kinematics of limbs of two bones, and of legs."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from mograft.body.contacts import Leg
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-_USUAL_AXIS_WEIGHT = 0.1  # of a leg's mean bend axis; a frame's own axis has the sine of its bend
+_USUAL_AXIS_WEIGHT = 0.1  # weight of the mean bend axis; that of a frame is the sine of its bend
 
 
 def bend_limb(
@@ -19,8 +19,8 @@ def bend_limb(
     `start`, `middle` and `end`, shape (n, 3), are positions of the limb's first joint, of the joint
     between its bones, and of its end. If `target` is out of reach, the limb is straightened towards
     it. The limb bends about the unit vectors `axis`, roughly perpendicular to both bones: for a
-    knee the cross product of thigh and shank. The results are rotations in the world: of the whole
-    limb about its start, and before that of the lower bone about the middle joint.
+    knee the cross product of thigh and shank. The results are world rotations: that of the whole
+    limb about its start, and that of the lower bone about the middle joint, which is applied first.
     """
     upper, lower = start - middle, end - middle
 
@@ -42,7 +42,7 @@ def bend_limb(
     at_middle = np.concatenate([np.sin(half) * axis, np.cos(half)], axis=1)
     bent_end = middle + rotations.rotate(at_middle, lower) - start
     given_end, direction = end - start, target - start
-    # In two steps, so that the limb's plane is rotated no more than its direction.
+    # The first arc is in the plane of the limb, so only the second rotates that plane.
     at_start = rotations.multiply(
         rotations.shortest_arc(given_end, direction), rotations.shortest_arc(bent_end, given_end)
     )
@@ -57,11 +57,12 @@ def bend_leg(
     points: FloatArray,
     displacements: FloatArray,
 ) -> Part | None:
-    """Return hip, knee and ankle of a leg, bent so that its heel and toe are displaced.
+    """Return the rotations of hip, knee and ankle that displace the heel and toe of a leg.
 
-    The world transforms, shape (n_frames, n_joints, 4 or 3), and `points`, heel and toe, are those
-    after the root has been moved. `points` and `displacements` have shape (n_frames, 2, 3). Frames
-    with displacements of 0 are kept bit for bit. The result is None if all displacements are 0.
+    The world transforms, shape (n_frames, n_joints, 4 or 3), and `points`, the positions of heel
+    and toe, are those after the root has been moved. `points` and `displacements` have shape
+    (n_frames, 2, 3). Frames with displacements of 0 are kept bit for bit. The result is None if all
+    displacements are 0.
     """
     joints = np.array([leg.hip, leg.knee, leg.ankle])
     is_moved = (displacements != 0.0).any(axis=(1, 2))
@@ -89,8 +90,8 @@ def bend_leg(
 def _bend_axes(world_rotations: FloatArray, world_positions: FloatArray, leg: Leg) -> FloatArray:
     """Return the world axis about which the knee bends in each frame, shape (n_frames, 3).
 
-    It is the normal of the leg's plane. The straighter the leg, the more it becomes the mean axis
-    of all frames, relative to the thigh.
+    It is the normal of the plane of the leg. The straighter the leg, the closer it is to the mean
+    axis of all frames in the local axes of the thigh.
     """
     thigh = world_positions[:, leg.hip] - world_positions[:, leg.knee]
     shank = world_positions[:, leg.ankle] - world_positions[:, leg.knee]

@@ -12,7 +12,7 @@ Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class ValueSpace(Protocol):
-    """A Lie group, of rotations or translations, and the 3-vectors tangent to it.
+    """The Lie group of rotations or of translations, and its tangent vectors.
 
     Values have shape (..., 4) or (..., 3). Deltas lead from one value to another; velocities are
     their rates; both have shape (..., 3).
@@ -25,20 +25,20 @@ class ValueSpace(Protocol):
         """Return the value that a delta leads to."""
 
     def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return a velocity of the start of a constant delta as a velocity of its end."""
+        """Return the velocity of a value plus a constant delta, given that of the value."""
 
     def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return the rate of a delta whose start is fixed and whose end has a velocity."""
+        """Return the rate of change of a delta from a fixed value to one with a velocity."""
 
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
-        """Return values at fractional frames of a track; on a frame, that frame exactly."""
+        """Return values at fractional frames of a track; at whole frames, exactly the track's."""
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
-        """Return cubics at t of [0, 1], given start and end values and velocities per unit of t."""
+        """Return cubics at `t`, 0 to 1, given their end values and end velocities per unit of t."""
 
 
 class _Rotations:
-    """Unit quaternions, xyzw; deltas are rotation vectors in the frame of the rotated joint."""
+    """Unit quaternions, xyzw; deltas are rotation vectors in the local axes of the joint."""
 
     def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:
         return rotations.log(rotations.multiply(rotations.inverse(start), end))

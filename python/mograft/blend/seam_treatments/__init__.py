@@ -14,4 +14,4 @@ from mograft.blend.seams import SeamTreatment
 SEAM_TREATMENTS: Registry[SeamTreatment] = CONFIG_OPTIONS["seam"].implemented_by(
     {name: import_module(f"{__name__}.{name}").TREATMENT for name in CONFIG_OPTIONS["seam"]}
 )
-"""For every value of `Config.seam` its treatment."""
+"""The treatment of each value of `Config.seam`."""

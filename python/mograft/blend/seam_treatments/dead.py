@@ -1,4 +1,4 @@
-"""Seam treatment "dead": a cross-fade after the seam from the extrapolated motion before it."""
+"""Seam treatment "dead": a cross-fade, after the seam, from the extrapolated previous motion."""
 
 import numpy as np
 
@@ -9,10 +9,11 @@ _MIN_HALF_LIFE, _MAX_HALF_LIFE = 0.05, 1.0  # of the extrapolated velocity, in s
 
 
 class _Dead(SeamTreatment):
-    """Extrapolate the piece before a seam with falling speed, and fade over to the piece after.
+    """Extrapolate the motion before a seam with decaying velocity, and cross-fade to the next.
 
-    Dead blending (Holden 2023). The half-life of a joint's velocity is the time in which the
-    velocity would cover the gap, per component: shortest if the joint moves away from its target.
+    Dead blending (Holden 2023). The half-life of each velocity component is the time in which the
+    velocity would cover the gap, clipped to 0.05 to 1 s; it is 0.05 s if the joint moves away from
+    its target.
     """
 
     is_causal = True

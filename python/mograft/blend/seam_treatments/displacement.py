@@ -12,7 +12,7 @@ from mograft.blend.seams import (
 
 
 class Displacement(SeamTreatment):
-    """Move both sides of a seam half way, by an amount that falls to 0 over the segment.
+    """Move both sides of a seam by half of the gap; the displacement falls to 0 over the segment.
 
     Displacement mapping, linear in the logarithm (paper, 4.5). Velocities jump at the seam.
     """
@@ -24,7 +24,7 @@ class Displacement(SeamTreatment):
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        """Return the values with the gap spread over both segments."""
+        """Return the values with half of each gap spread over the segments on either side."""
         half = 0.5 * boundaries.gaps()
         share = (times.seconds / times.durations[times.piece])[:, None, None]
         start, end = at_piece_ends(half, times.piece)

@@ -11,7 +11,7 @@ from mograft.blend.seams import ClosedFrames, DonorFrames, add_deltas
 _TIME = 2.0 / 15.0
 """Seconds over which a gap is spread: 4 frames at 30 frames per second.
 
-Of 2 to 8 frames, 4 to 6 left seams least detectable in the clips `dance_*`, `basket` and `bandai`.
+Of 2 to 8 frames, 4 to 6 made seams least detectable in the clips `dance_*`, `basket` and `bandai`.
 """
 
 
@@ -21,23 +21,24 @@ class _Gradient(Offset):
     Minimises Σ τ⁴ |ẍ - a|² + τ² |ẋ - v|² + |x - d|² per joint, where d, v and a are the value,
     velocity and acceleration of the donors, and τ is `_TIME`. At a seam, d and a are the means of
     both donors. Frames more than `Config.seam_blend` away from a seam, and both ends of the motion,
-    are fixed. Seams that are closer together are solved together. One Gauss-Newton step from the
-    result of `Offset`, which in translations is exact.
+    are fixed. Seams that are closer together are solved together. The solution is one Gauss-Newton
+    step from the result of `Offset`; for translations it is exact.
 
-    Differences across frames stand for derivatives. Compositing of gradients after Pérez, Gangnet
-    and Blake (Poisson image editing, 2003); the last term is the screening of Bhat et al. (2008).
+    Derivatives are finite differences of frames. The method is gradient-domain compositing after
+    Pérez, Gangnet and Blake (Poisson image editing, 2003); the last term is the screening of Bhat
+    et al. (2008).
     """
 
-    # The influence of a seam falls by e in _TIME / cos(30°): by 10,000 in 9.2 times that.
+    # The influence of a seam falls to 1/e in _TIME / cos(30°), and to 1/10,000 in 9.2 times that.
     coupling = 10.6 * _TIME
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
-        """Return the values with the frames near seams solved for."""
+        """Return the values with new values in the frames near seams."""
         values, is_free = closed.values, _free_frames(closed)
         if not is_free.any() or not values.shape[1]:
             return values
         donors = closed.donors()
-        # Resampled constants differ in their last bits.
+        # A constant track differs in its last bits after resampling.
         moves = (np.abs(donors.rows - donors.rows[0]) > 1e-12).any(axis=(0, 2))
         moves[list(closed.integrated)] = False
         columns = np.flatnonzero(moves)
@@ -54,9 +55,10 @@ class _Gradient(Offset):
 
 
 def _donor_steps(cut: Segments) -> BoolArray:
-    """Return whether a donor leads from each frame to the next, shape (n_frames - 1,).
+    """Return whether each frame and the next belong to one donor, shape (n_frames - 1,).
 
-    This is not so between segments that share no frame, as in motions placed one after the other.
+    They do not if one segment ends and the next starts without a shared frame, as in concatenated
+    motions.
     """
     is_step = np.ones(cut.stop[-1], bool)
     is_step[cut.stop[:-1][cut.stop[:-1] < cut.start[1:]]] = False
@@ -113,7 +115,7 @@ def _free_frames(closed: ClosedFrames) -> BoolArray:
 
 
 def _normal_matrix(is_step: BoolArray, weights: FloatArray, is_free: BoolArray) -> FloatArray:
-    """Return the matrix of the least squares as `solve_pentadiagonal` takes it, (n_frames, 3).
+    """Return the matrix of the normal equations for `solve_pentadiagonal`, (n_frames, 3).
 
     `is_step` is that of `_donor_steps`. Rows and columns of fixed frames are those of the identity.
     """

@@ -57,7 +57,7 @@ def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArr
 def _decay(
     value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
 ) -> FloatArray:
-    """Return the quintic from a value and velocity to 0, without acceleration at either end.
+    """Return the quintic from a value and velocity to 0 and 0, with acceleration 0 at both ends.
 
     `window` has one entry per joint, shape (n, n_joints).
     """

@@ -14,11 +14,11 @@ from mograft.blend.seams import (
 
 
 class Offset(SeamTreatment):
-    """Let both sides of a seam meet half way, in value and in velocity.
+    """Move both sides of a seam to the mean value and the mean velocity.
 
     The offset is a cubic in the logarithm. At the seam it has the required value and velocity; at
-    the end of the blend time both are 0. If both seams of a short piece are in reach, their offsets
-    add up; each is 0 with velocity 0 at the other seam.
+    the end of the blend time both are 0. In a piece shorter than the blend time, the offsets of
+    both seams add up; each is 0 with velocity 0 at the other seam.
     """
 
     is_causal = False
@@ -27,7 +27,7 @@ class Offset(SeamTreatment):
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        """Return the values with half of the gap on each side of the seam."""
+        """Return the values with half of each gap closed on either side of the seam."""
         space, gaps = boundaries.space, boundaries.gaps()
         velocity_before = space.transport(0.5 * gaps, boundaries.velocity_before)
         velocity_after = space.transport(-0.5 * gaps, boundaries.velocity_after)
@@ -38,7 +38,7 @@ class Offset(SeamTreatment):
         start_rate = at_piece_ends(rate_after, times.piece)[0]
         end_rate = at_piece_ends(rate_before, times.piece)[1]
         window = times.windows[times.piece]
-        # At the end of a piece, time runs backwards: from the seam into the piece.
+        # At the end of a piece, time is measured backwards, from the seam into the piece.
         offsets = _decay(-0.5 * start_gap, start_rate, times.seconds, window)
         offsets += _decay(0.5 * end_gap, -end_rate, times.seconds_left, window)
         return add_deltas(space, values, offsets)
@@ -51,7 +51,7 @@ class Offset(SeamTreatment):
 def _decay(
     value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
 ) -> FloatArray:
-    """Return the cubic from a value and velocity to 0 and 0 at the end of the window."""
+    """Return the cubic from a value and velocity at the seam to 0 and 0 at the window's end."""
     u = np.minimum(seconds / window, 1.0)[:, None, None]
     scaled = velocity * window[:, None, None]
     # The factor (1 - u)² makes it exactly 0 at the end.

@@ -11,13 +11,13 @@ from mograft.blend.seams import ClosedFrames
 class _Paper(Displacement):
     """Displace the segments, then replace the frames near the seam by a cubic.
 
-    The paper's window is 5 frames on each side of a seam. Here it is min(`Config.seam_window`, half
-    of the shorter segment - 1 frame), so that it stays in the nearer half of either segment and two
-    windows never overlap. Seams beside a segment of one interval are not smoothed.
+    The paper's window is 5 frames on each side of a seam. Here it is `Config.seam_window`, but at
+    most half of the shorter segment minus one frame, so that two windows never overlap. Seams
+    beside a segment of one interval are not smoothed.
     """
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
-        """Return the values with a cubic in the window about each seam."""
+        """Return the values with a cubic in the window around each seam."""
         space, values = closed.space, closed.values
         left, right = smoothing_windows(closed.cut, closed.seams, closed.window)
         if not len(left) or not values.shape[1]:
@@ -41,7 +41,7 @@ class _Paper(Displacement):
 
 
 def smoothing_windows(cut: Segments, seams: IntArray, window: int) -> tuple[IntArray, IntArray]:
-    """Return the kept frames left and right of each seam between which the cubic replaces frames.
+    """Return the last kept frame before and the first after each seam's replaced frames.
 
     `window` is the maximum number of replaced frames on each side. Seams beside a segment of one
     interval have no entry.
