@@ -71,7 +71,7 @@ def test_lengths_to_choice_match_walk_along_only_transitions(only_next, seed):
 
 def ring_graph(n):
     """Free transitions round a ring, and expensive ones between all others."""
-    costs = np.full((n, n), np.radians(25.0))
+    costs = np.full((n, n), np.radians(45.0))
     np.fill_diagonal(costs, np.inf)
     costs[np.arange(n), (np.arange(n) + 1) % n] = 0.0
     return graph_from_costs(costs)

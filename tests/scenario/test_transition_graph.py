@@ -17,7 +17,9 @@ from mograft.motion import rotations
 from mograft.scenario import transitions
 from mograft.scenario.segment_ends import segment_ends
 from mograft.scenario.strong_components import largest_strong_component
+from mograft.scenario.transition_graph import _exits
 from tests.scenario.graphs import cost_matrix
+from tests.strategies import SEEDS
 
 
 @given(npst.arrays(bool, st.integers(1, 12).map(lambda n: (n, n))))
@@ -82,7 +84,8 @@ def test_transitions_dancer_graph_is_strongly_connected_and_allowed(library, gra
         if segment - 1 in at:
             assert costs[at[segment - 1], index] == 0.0
             assert not np.isfinite(costs[index, at[segment - 1]])
-    assert graph.costs.max() <= graph.limit <= np.radians(45) * 1.25
+    assert graph.limit <= np.radians(45) * 1.25
+    assert graph.costs.max() <= np.radians(60)
     assert connected_components(np.isfinite(costs), connection="strong")[0] == 1
     assert len(graph.segments) > len(library.segments) / 2
     np.testing.assert_allclose(
@@ -111,6 +114,29 @@ def test_transitions_never_meet_at_the_greatest_root_accelerations(library, grap
     is_seam = targets != sources + 1
     assert is_seam.sum() > 100
     assert max(ends[sources[is_seam]].max(), starts[targets[is_seam]].max()) <= limit * (1 + 1e-9)
+
+
+@given(npst.arrays(int, st.integers(2, 30), elements=st.integers(4, 32)), SEEDS)
+def test_exits_are_the_cheapest_of_each_period_without_choice(sixteenths, seed):
+    seconds = sixteenths / 16.0
+    rng = np.random.default_rng(seed)
+    n = len(seconds)
+    n_edges = rng.choice([1, 1, 1, 2], n)
+    sources = np.repeat(np.arange(n), n_edges + 3)
+    costs = rng.uniform(0, np.radians(90), len(sources))
+    is_edge = np.concatenate([np.arange(count + 3) < count for count in n_edges])
+    found = _exits(sources, costs, is_edge, seconds)
+    choice, elapsed, options = -1, 0.0, {}
+    for node, run in enumerate(np.split(np.arange(len(sources)), np.cumsum(n_edges + 3)[:-1])):
+        elapsed += seconds[node]
+        if n_edges[node] > 1:
+            choice, elapsed = node, 0.0
+        options.setdefault((choice, int(elapsed // 2.0)), []).extend(run[n_edges[node] :])
+    for (_, period), edges in options.items():
+        cheapest = min(edges, key=lambda edge: costs[edge])
+        is_exit = period >= 1 and costs[cheapest] <= np.radians(60)
+        assert found[edges].tolist() == [is_exit and edge == cheapest for edge in edges]
+    assert not found[is_edge].any()
 
 
 def test_feature_points_single_term_distance_equals_its_cost(library):

@@ -17,6 +17,8 @@ _MAX_LIMIT = np.radians(25.0)
 _MIN_SEGMENT_SHARE = 0.5  # if fewer segments remain, the limit grows up to _MAX_WIDENED_LIMIT
 _MAX_WIDENED_LIMIT = np.radians(45.0)
 _STEADY_SHARE = 0.95  # share of segment ends, those of least root acceleration, for transitions
+_MAX_EXIT_COST = np.radians(60.0)
+_EXIT_SECONDS = 2.0  # without a choice, after which a transition above the limit is allowed
 _TRANSITION_TEMPERATURE = np.radians(5.0)
 _MIN_SEGMENTS = 4
 _MAX_SUCCESSORS = 64  # nearest segments considered after each; determines the memory of a graph
@@ -42,7 +44,7 @@ class Transitions:
     costs : ndarray, shape (m,)
         Cost of each edge in radians; 0 from a segment to its successor in the clip.
     limit : float
-        The greatest allowed cost.
+        The greatest cost, except that of transitions after 2 s without a choice.
     displacements : ndarray, shape (n, 3)
         Captured displacement of the root over the floor within each segment.
     yaw_changes : ndarray, shape (m,)
@@ -117,6 +119,9 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     segment's successor in the clip is always allowed. A segment is never followed by itself or by
     its predecessor in the clip.
 
+    In a run of segments with only one transition each, the cheapest transition of every 2 s is
+    allowed too, up to 60°, except in the first 2 s. Otherwise walks would repeat such runs.
+
     At a twentieth of all starts and ends of segments there are no transitions, because there the
     root's acceleration over the floor, within 0.15 s inward, is greatest. A transition could
     increase it beyond that of the recording.
@@ -149,7 +154,10 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
         )
     node_of = np.full(len(segments), -1)
     node_of[nodes] = np.arange(len(nodes))
-    is_edge = is_within & (node_of[sources] >= 0) & (node_of[targets] >= 0)
+    is_inside = (node_of[sources] >= 0) & (node_of[targets] >= 0)
+    is_edge = is_within & is_inside
+    seconds = library.segments.lengths[segments] / library.rate
+    is_edge |= _exits(sources, np.where(is_inside, costs, np.inf), is_edge, seconds)
     sources, targets, costs = sources[is_edge], targets[is_edge], costs[is_edge]
     yaw_changes, seam_displacements = _root_changes(
         ends, starts, sources, targets, has_successor, library.up
@@ -209,6 +217,28 @@ def _candidate_edges(
     costs = np.concatenate([costs, np.zeros(len(successor_of))])
     order = np.lexsort((targets, sources))
     return sources[order], targets[order], costs[order]
+
+
+def _exits(
+    sources: IntArray, costs: FloatArray, is_edge: BoolArray, seconds: FloatArray
+) -> BoolArray:
+    """Return which further transitions end runs of segments with only one transition each.
+
+    In such a run they are the cheapest of every 2 s, up to 60°, except in the first 2 s. `seconds`
+    are the durations of all segments.
+    """
+    has_choice = np.bincount(sources[is_edge], minlength=len(seconds)) != 1
+    stops = np.cumsum(seconds)
+    last_choice = np.maximum.accumulate(np.where(has_choice, stops, 0.0))
+    period = (stops - last_choice) // _EXIT_SECONDS
+    begins = np.append(True, (np.diff(period) != 0) | (np.diff(last_choice) != 0))
+    group = np.cumsum(begins)[sources]
+    further = np.flatnonzero(~is_edge & (costs <= _MAX_EXIT_COST) & (period[sources] >= 1))
+    further = further[np.lexsort((costs[further], group[further]))]
+    _, cheapest = np.unique(group[further], return_index=True)
+    is_exit = np.zeros(len(sources), bool)
+    is_exit[further[cheapest]] = True
+    return is_exit
 
 
 def _root_changes(

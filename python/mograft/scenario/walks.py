@@ -26,7 +26,7 @@ def walk(
     seed: int = 0,
     *,
     graph: Transitions | None = None,
-    repeat_penalty: float = 3.0,
+    repeat_penalty: float = 5.0,
 ) -> IntArray:
     """Walk at random from base segment to base segment.
 
@@ -89,7 +89,7 @@ def fill(
     seed: int = 0,
     *,
     graph: Transitions | None = None,
-    repeat_penalty: float = 3.0,
+    repeat_penalty: float = 5.0,
 ) -> IntArray:
     """Walk at random for an exact number of frames.
 
@@ -174,7 +174,7 @@ def to_beats(
     seed: int = 0,
     *,
     graph: Transitions | None = None,
-    repeat_penalty: float = 3.0,
+    repeat_penalty: float = 5.0,
 ) -> Scenario:
     """Walk at random so that the body comes to rest on every beat.
 
