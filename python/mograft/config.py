@@ -121,10 +121,10 @@ class Config:
         How the donor is fitted to the length of the base segment: at a constant rate, or by
         dynamic time warping of the donor's base part onto that of the base segment. The warp is
         used only if it reduces their distance by at least 5 %.
-    torso : {"world", "pelvis"}
-        What a grafted trunk keeps on a pelvis of another orientation: its lean in the world, with
-        the heading of the base (Heck, Kovar and Gleicher 2006), or its angle to the pelvis (the
-        paper).
+    torso : {"pelvis", "world"}
+        What a grafted trunk keeps on a pelvis of another orientation: its angle to the pelvis (the
+        paper), or its lean in the world, with the heading of the base (Heck, Kovar and Gleicher
+        2006).
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.

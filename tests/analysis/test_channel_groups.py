@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mograft import Config, JointGroups, Library, Skeleton, graft
@@ -21,7 +21,6 @@ from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
-from mograft.blend.value_spaces import TRANSLATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.strategies import (
@@ -75,8 +74,8 @@ def test_transplant_base_segments_as_donors_keeps_every_bit(lengths, seed, axes,
     np.testing.assert_array_equal(new.channel_numbers(), base.channel_values)
 
 
-@given(SEGMENT_LENGTHS, SEEDS)
-def test_transplant_single_channel_equals_translation_blending(lengths, seed):
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(["gradient", "offset"]))
+def test_transplant_single_channel_equals_translation_blending(lengths, seed, seam):
     """Blending the angle as a number equals blending it as a translation, within a half turn."""
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
@@ -84,17 +83,18 @@ def test_transplant_single_channel_equals_translation_blending(lengths, seed):
     donors = cut[rng.integers(0, len(cut), len(cut))]
     order = base.skeleton.rotation_order(3)
     angle = euler_angles(base, 3)[:, order.index("Y")]
-    if np.ptp(angle) > 3.0:
-        return
+    assume(np.ptp(angle) < 3.0)
+    # A strongly compressed donor may turn by more than half a turn between two frames.
+    assume((donors.lengths <= 2 * cut.lengths).all() and np.abs(np.diff(angle)).max() < 0.5)
     group = GraftedGroup(np.array([3]), held={3: "Y"})
-    part = transplant(base, cut, donors, [base], group, Config())
+    part = transplant(base, cut, donors, [base], group, Config(seam=seam))
     track = np.zeros((len(angle), 1, 3))
     track[:, 0, 0] = angle
     timeline = DonorTimeline(cut, donors, base.rate)
     seams = timeline.find_seams([track])
-    layout = DonorLayout(timeline, [], [track], seams, Config())
-    times = timeline.frame_times()
-    expected = timeline.merge_frames(layout.close_at(TRANSLATIONS, times))[:, 0, 0]
+    at_rest = np.tile(rotations.IDENTITY, (len(angle), 1, 1))
+    layout = DonorLayout(timeline, [at_rest], [track], seams, Config(seam=seam))
+    expected = layout.smooth(*layout.close())[1][:, 0, 0]
     blended = part.angles[3, "Y"]
     blended = np.where(np.isnan(blended), angle, blended)
     np.testing.assert_allclose(np.sin((blended - expected) / 2), 0.0, atol=1e-6)
