@@ -155,9 +155,9 @@ def test_find_faults_angle_jump_is_wrap(motion, frame, joint, jump):
 @pytest.mark.parametrize(
     ("frame_time", "message"),
     [
-        (30.0, "a frame lasts 30 s; a rate of 30 fps, or 30 ms?"),
-        (8.333, "a frame lasts 8.333 s; a rate of 8.333 fps, or 8.333 ms?"),
-        (1e-5, "a frame lasts 1e-05 s"),
+        (30.0, "the frame time is 30 s; is it a rate of 30 fps or 30 ms?"),
+        (8.333, "the frame time is 8.333 s; is it a rate of 8.333 fps or 8.333 ms?"),
+        (1e-5, "the frame time is 1e-05 s"),
     ],
 )
 def test_find_faults_implausible_frame_time(frame_time, message):

@@ -1,1 +1,1 @@
-"""What a skeleton and its motion say about the body: joint names, groups, masses, contacts."""
+"""The body of a skeleton: parts, joint groups, masses, foot contacts and recording faults."""

@@ -19,20 +19,20 @@ class Anatomy:
     """Body part and side of each joint of a skeleton.
 
     The part of a joint is the one that it moves: an elbow is ``"forearm"``, a knee ``"shank"``.
-    ``"pelvis"`` is every joint above the legs. ``"other"`` is a joint above the hips, which moves
-    the body as a whole.
+    Joints from the hips down to the legs are ``"pelvis"``. Ancestors of the hips, which move the
+    whole body, are ``"other"``.
     """
 
     parts: tuple[str, ...]  # of `mograft.body.body_parts.PARTS`, per joint
     sides: tuple[str, ...]  # "left", "right" or "", per joint
-    hips: int  # the lowest joint above all body parts: the root, or a joint below helper joints
+    hips: int  # the lowest common ancestor of all body parts: the root, or below helper joints
     unmatched: tuple[int, ...]  # joints whose names are unknown
-    details: tuple[int, ...]  # joints of the face, markers and ends of bones
-    scheme: str  # "names", or "structure" if symmetry decided because of missing names
+    details: tuple[int, ...]  # joints of the face, markers and tips of bones
+    scheme: str  # "names", or "structure" if names were missing and symmetry was used
     human: bool  # whether the names describe a human: two legs below hips, no tail, no paws
 
     def joints(self, *parts: str, side: str | None = None) -> list[int]:
-        """Return the joints of some parts, of one side or of all sides."""
+        """Return the joints of the given parts, on one side or on all sides."""
         unknown = set(parts) - set(PARTS)
         if unknown:
             raise ValueError(f"`parts` must be among {', '.join(PARTS)}, got {sorted(unknown)}")
@@ -47,12 +47,13 @@ class Anatomy:
 def anatomy(skeleton: Skeleton) -> Anatomy:
     """Recognise the body part and the side of each joint of a human or an animal.
 
-    Known names decide first. Namespace, case, separators and a prefix shared by at least 90 % of
+    Known names have priority. Namespaces, case, separators and a prefix shared by at least 90 % of
     the names are ignored. The hierarchy resolves ambiguous names: ``LeftShoulder`` is the upper arm
-    if an elbow follows, and the clavicle if an arm follows. A joint of unknown name has the part of
-    its parent. If the names contain no legs or no arms, symmetry decides: of all mirrored pairs of
-    limbs, the legs are nearest to the root. Sides that no name states are derived from the rest
-    pose: the feet point forward; without feet, the positive axis points left.
+    if its child is an elbow, and the clavicle if its child is an arm. A joint with an unknown name
+    has the part of its parent. If the names contain no legs or no arms, symmetry is used: of all
+    mirrored pairs of limbs, the legs are nearest to the root. If the names contain no sides, these
+    are derived from the rest pose: the feet point forward; without feet, the positive axis points
+    left.
     """
     words, sides = read_names(skeleton.names)
     named = _resolve_ambiguous(skeleton, [*map(part_of_words, words)], words, sides)
@@ -61,7 +62,7 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     guess, guessed_sides = [""] * skeleton.n_joints, [""] * skeleton.n_joints
     if not (legs and arms):
         guess, guessed_sides = recognise_structure(skeleton)
-        if any(named):  # only the limbs that no name states
+        if any(named):  # only the limbs without known names
             missing = (() if legs else LEG) + (() if arms else ARM)
             guess = [part if part in missing else "" for part in guess]
     elif any(part in ARM + LEG and not side for part, side in zip(named, sides, strict=True)):
@@ -94,8 +95,8 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
 def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
     """Return the joints of a group that are compared between segments, in the given order.
 
-    Fingers, toes, joints of the face and markers are excluded, because they are many and would
-    outweigh the limbs. If no joint remained, all joints are returned.
+    Fingers, toes, joints of the face and markers are excluded, because their number would outweigh
+    the limbs. If no joint remains, all joints are returned.
     """
     indices = as_indices("joints", joints, ("n",))
     known = anatomy(skeleton)
@@ -137,7 +138,7 @@ def _resolve_ambiguous(
         above_arms = _above_arms(skeleton, parts)
         for joint in above_arms:
             parts[joint] = "neck"
-        # A single neck may be all that represents the head; of two, the upper one is the head.
+        # A single neck joint may move the head too; of several, the last is the head.
         if parts.count("neck") > 1:
             parts[max(joint for joint, part in enumerate(parts) if part == "neck")] = "head"
     return parts
@@ -170,7 +171,7 @@ def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
         elif joint == hips and not name:
             part = "pelvis"
         elif joint in leg_ancestors and name not in LEG:
-            # A joint above the legs moves them, whatever its name.
+            # An ancestor of the legs moves them, whatever its name.
             part = above if above in LEG else "pelvis"
         elif above in ("head", "finger", "toe"):
             part = above
@@ -185,7 +186,7 @@ def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
 
 
 def _comes_before(part: str, above: str) -> bool:
-    """Return whether a part of a limb is nearer to the body than the part of its parent."""
+    """Return whether a part of a limb is closer to the trunk than the part of its parent."""
     return any(
         part in limb and above in limb and limb.index(part) < limb.index(above)
         for limb in (ARM, LEG)
@@ -193,7 +194,7 @@ def _comes_before(part: str, above: str) -> bool:
 
 
 def _details(skeleton: Skeleton, parts: list[str]) -> tuple[int, ...]:
-    """Return joints of the face and leaf joints beside the continuation of their part."""
+    """Return joints of the face, and leaf joints that have siblings and their parent's part."""
     found = []
     for joint, parent in enumerate(skeleton.parents):
         if parent < 0 or parts[joint] != parts[parent]:

@@ -39,7 +39,7 @@ class Capsules:
     joints: IntArray  # (n_capsules,)
     parts: tuple[str, ...]  # body part of each, as in `Anatomy`
     sides: tuple[str, ...]  # "left", "right" or ""
-    bones: FloatArray  # from the joint to the other end, in the joint frame, (n_capsules, 3)
+    bones: FloatArray  # from the joint to the other end, in its local axes, (n_capsules, 3)
     radii: FloatArray  # in the unit of the file, as `bones`
 
     def __len__(self) -> int:
@@ -49,7 +49,7 @@ class Capsules:
     def self_collision_pairs(self) -> IntArray:
         """Pairs of capsules that are tested for self-collision, shape (n_pairs, 2).
 
-        Each hand and forearm with trunk, head, thighs and the other hand and forearm.
+        Each hand and forearm is tested with trunk, head, thighs and the other hand and forearm.
         """
         kinds = list(zip(self.parts, self.sides, strict=True))
         pairs = [
@@ -134,10 +134,10 @@ def clearance(
 ) -> tuple[FloatArray, IntArray]:
     """Return the distance between two sets of capsules in every frame, and the nearest pair.
 
-    `ends` has shape (n_frames, n, 2, 3), `others` (n_other_frames, m, 2, 3). `at` gives for each
-    frame the frame of `others`; default: the same index, or the only frame. `pairs`, shape
-    (n_pairs, 2), are the pairs of capsules to compare; default: all. The distances, shape
-    (n_frames,), are negative by the penetration depth and infinite without pairs. The nearest
+    `ends` has shape (n_frames, n, 2, 3), `others` (n_other_frames, m, 2, 3). `at` gives the
+    frame of `others` to compare with each frame; default: the same one, or the only one. `pairs`,
+    shape (n_pairs, 2), are the pairs of capsules to compare; default: all. The distances, shape
+    (n_frames,), are minus the depth if capsules penetrate, and infinite without pairs. The nearest
     pairs, shape (n_frames, 2), are -1 without pairs; ties go to the first. Closest points of two
     segments after Ericson, Real-Time Collision Detection (2005), 5.1.9.
     """
@@ -159,8 +159,8 @@ def box_clearance(
     """Return the distance of each capsule from a box in every frame, shape (n_frames, n).
 
     `ends` has shape (n_frames, n, 2, 3). `half` is half the lengths of the box along its axes and
-    `rotation` its orientation. Distances are negative by the penetration depth and exact to 1e-7 of
-    the capsule length.
+    `rotation` its orientation. If a capsule penetrates the box, the distance is minus the depth. It
+    is exact to 1e-7 of the capsule length.
     """
     return _core.box_clearance(
         np.ascontiguousarray(ends),

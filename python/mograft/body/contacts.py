@@ -1,4 +1,4 @@
-"""Foot contacts: legs, floor heights and frames in which feet stand or skate."""
+"""Foot contacts: legs, floor heights, and frames in which feet are in contact or skate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _CONTACT_SPEED = 0.25
 SLIDING_SPEED = 0.6
 """Maximum speed just before and after a contact, in skeleton heights per second."""
 _SKATING_HEIGHT, _SKATING_SPEED = 0.03, 0.3
-"""A foot skates below this height and above this speed (heights, heights per second)."""
+"""Height below and speed above which a foot skates, in skeleton heights and heights per second."""
 _MIN_CONTACT_SECONDS = 3 * FRAME
 _MAX_GAP_SECONDS = 2 * FRAME
 
@@ -36,7 +36,7 @@ class Leg:
     knee: int
     ankle: int
     toe: int | None  # the joint at the ball of the foot, if there is one
-    tip: tuple[float, float, float]  # without `toe`: from the ankle to the end of its bone
+    tip: tuple[float, float, float]  # if `toe` is None: vector from the ankle to its bone's end
 
 
 def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
@@ -67,12 +67,12 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
 
 
 def detect_contacts(motion: Motion) -> BoolArray:
-    """Detect frames in which heels and toes stand on a level floor, shape (n_frames, n_legs, 2).
+    """Detect contacts of heels and toes with a level floor, shape (n_frames, n_legs, 2).
 
     The floor of a point is the 5th percentile of its height. A point is in contact if it is within
     0.03 skeleton heights of its floor and slower than 0.25 heights per second for at least 0.1 s.
-    The contact extends to adjacent frames in which the point is slower than 0.6. The heel is the
-    ankle joint.
+    The contact extends to adjacent frames in which the point is slower than 0.6 heights per second.
+    The ankle joint stands for the heel.
     """
     ground = Ground.of(motion)
     points = ground.points(motion)
@@ -89,7 +89,7 @@ def detect_contacts(motion: Motion) -> BoolArray:
 def foot_heights(motion: Motion) -> FloatArray:
     """Return the heights of heels and toes above their floor, shape (n_frames, n_legs, 2).
 
-    In skeleton heights; negative below the floor of `detect_contacts`.
+    They are in skeleton heights, and negative below the floor of `detect_contacts`.
     """
     ground = Ground.of(motion)
     heights: FloatArray = ground.above(ground.points(motion)) / ground.height
@@ -97,11 +97,11 @@ def foot_heights(motion: Motion) -> FloatArray:
 
 
 def foot_skate(motion: Motion) -> float:
-    """Return the share of feet and frames in which a foot slides over the floor.
+    """Return the share of steps between frames, over all feet, in which a foot slides.
 
-    A foot slides if heel or toe is less than 0.03 skeleton heights above its floor and the slowest
-    such point moves horizontally faster than 0.3 heights per second. A foot that rolls over its toe
-    does not slide.
+    A foot slides if its heel or toe is less than 0.03 skeleton heights above its floor and moves
+    horizontally faster than 0.3 heights per second; if both are that low, both must be that fast.
+    A foot that rolls over its toe does not slide.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class Ground:
 
 
 def _highest(skeleton: Skeleton, parts: Sequence[str], joint: int) -> int:
-    """Return the highest ancestor of the same part, so that a roll joint is not a knee."""
+    """Return the topmost joint of the same part above a joint, so that roll joints are skipped."""
     while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
         joint = int(skeleton.parents[joint])
     return joint
@@ -202,7 +202,7 @@ def skating_share(motion: Motion, ground: Ground) -> float:
 
 
 def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
-    """Close short gaps, then remove short runs."""
+    """Mark short gaps between marked frames, then unmark short runs."""
     kept = np.ones(len(marked), bool)
     for start, stop in find_runs(~marked):
         is_inner = start > 0 and stop < len(marked)

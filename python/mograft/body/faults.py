@@ -1,7 +1,7 @@
 """Detection of recording faults: implausible steps, spins, frozen spans and angle wraps.
 
-Motions are not changed. Lengths are in figure heights and speeds per second, so the limits do
-not depend on unit and frame rate.
+Motions are not changed. Lengths are in figure heights: the median, over frames, of the largest
+extent of the joints along an axis. Speeds are per second. No limit depends on unit or frame rate.
 """
 
 from collections.abc import Iterator
@@ -24,9 +24,10 @@ _TELEPORT_SPEED = 3.0
 # Minimum ratio of a teleport to the median step around it, and of the first step to the median.
 _TELEPORT_RATIO = 6.0
 _FIRST_STEP_RATIO = 10.0
-# Steps on each side over which the local median is taken.
+# Number of steps on each side that the local median includes.
 _MEDIAN_RADIUS = 8
-# Glitch: minimum ratio of the steps to and from a frame to the step past it, and minimum speed.
+# Glitch: minimum ratio of the steps to and from a frame to that between its neighbours, and
+# minimum speed in heights per second.
 _GLITCH_RATIO = 3.0
 _GLITCH_SPEED = 1.5
 # Minimum angular speed of a joint glitch, in radians per second, and its minimum angle.
@@ -74,13 +75,15 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
         Sorted by kind, then by frame.
 
         ``frame_time``
-            The frame time is below 1/2000 s or at least 1 s: probably a rate or milliseconds.
+            The frame time is below 1/2000 s or at least 1 s; the file may hold a rate or
+            milliseconds.
         ``first_frame``
-            The step from the first frame to the next is at least 10 times the median step: a
-            T-pose or rest pose before the motion.
+            The step from the first frame to the next is more than 10 times the median step. The
+            first frame may be a T-pose or rest pose.
         ``teleport``
-            A step at least 6 times the median of the steps around it and faster than 3 heights
-            per second: a cut or lost markers. `frames` are those before and after.
+            A step is more than 6 times the median of the steps around it and faster than 3
+            heights per second, as at a cut or with lost markers. `frames` are those before and
+            after the step.
         ``glitch``
             A single frame that differs from both neighbours, in the body or in one joint.
         ``flip``
@@ -118,8 +121,8 @@ def _frame_time(motion: Motion) -> Iterator[Fault]:
     if _MIN_FRAME_TIME <= seconds < _MAX_FRAME_TIME:
         return
     is_long = seconds >= _MAX_FRAME_TIME
-    guess = f"; a rate of {seconds:g} fps, or {seconds:g} ms?" if is_long else ""
-    message = f"a frame lasts {seconds:g} s{guess}"
+    guess = f"; is it a rate of {seconds:g} fps or {seconds:g} ms?" if is_long else ""
+    message = f"the frame time is {seconds:g} s{guess}"
     yield Fault("frame_time", (0, motion.n_frames - 1), None, message)
 
 
@@ -154,7 +157,8 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
         message = f"joints jump by {100.0 * steps[start:stop].max():.0f} % of the figure height"
         yield Fault("teleport", (start, stop), None, message)
     for frame in glitches:
-        message = f"one frame {100.0 * smaller_step[frame - 1]:.0f} % of the figure height away"
+        percent = 100.0 * smaller_step[frame - 1]
+        message = f"joints jump by {percent:.0f} % of the figure height for one frame"
         yield Fault("glitch", (int(frame), int(frame)), None, message)
 
 

@@ -55,13 +55,13 @@ def is_joint(entry: object) -> TypeGuard[str | int]:
 
 
 def channels_of_joint(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
-    """Return (joint, axis) for each rotation channel, or (joint, "") if it is indivisible."""
+    """Return (joint, axis) per rotation channel, or (joint, "") unless the joint has three."""
     order = skeleton.rotation_order(joint)
     return [(joint, axis) for axis in order] if len(order) == 3 else [(joint, "")]
 
 
 def channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple[int, str]]:
-    """Return the joints of a group entry, each with the axis of one channel or ""."""
+    """Return the joints of a group entry, each with the axis of a single channel or with ""."""
     found = re.fullmatch(r"(.+)\.([XYZ])rotation", entry) if isinstance(entry, str) else None
     if found is None or entry in skeleton.names:
         return {(joint, "") for joint in _joints_of_entry(entry, skeleton, group)}

@@ -24,7 +24,7 @@ from mograft.body.group_entries import (
 )
 from mograft.motion.skeleton import Skeleton
 
-# Groups of each preset. The first is the base: the hips, the legs and the joints above them.
+# Groups of each preset. The first is the base: the hips, their ancestors and the legs.
 PRESETS: Mapping[str, tuple[str, ...]] = {
     "lower_upper": ("lower", "upper"),
     "lower_torso_arms": ("lower", "torso", "arms"),
@@ -40,7 +40,7 @@ class JointGroups:
     Parameters
     ----------
     groups : mapping of str to sequence
-        Entries of each group: joint names, globs (``"Left*Arm"``), indices, and `subtree` of any
+        Entries of each group: joint names, globs (``"Left*Arm"``), indices, and `subtree` of one
         of these. A name selects all joints of that name; it is a glob only if no joint has that
         name. The suffix ``".Xrotation"`` (or Y, Z) selects one channel, so that a joint can be
         divided between groups.
@@ -125,7 +125,7 @@ class JointGroups:
         Returns
         -------
         JointGroups
-            With base ``"lower"``: the root, the legs and all joints above them. Arms begin at the
+            With base ``"lower"``: the root, the legs and their ancestors. Arms begin at the
             clavicle. Without a group ``"head"`` the head belongs to the torso. A tail and
             joints that are not a body part belong to the group of their parent.
 
@@ -209,12 +209,12 @@ class JointGroups:
                 joint: "".join(a for a in skeleton.rotation_order(joint) if (joint, a) in channels)
                 for joint in sorted({joint for joint, axis in channels if axis})
             }
-            # A group with all three channels has the whole joint.
+            # A group that has all three channels of a joint has the whole joint.
             found[name] = {joint: some for joint, some in axes.items() if len(some) < 3}
         return found
 
     def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
-        """Return (joint, "") or (joint, axis) for every joint or channel of each group."""
+        """Return the contents of each group: (joint, "") for joints, (joint, axis) for channels."""
         owner: dict[tuple[int, str], str] = {}
         shares: dict[str, set[tuple[int, str]]] = {}
         for name, entries in self.groups.items():
@@ -317,7 +317,7 @@ class JointGroups:
 
 
 def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
-    """Return the group of each joint by its body part, else that of its parent."""
+    """Return the group of each joint: by its body part, or else that of its parent."""
     known = anatomy(skeleton)
     torso = "torso" if "torso" in group_names else "upper"
     head = "head" if "head" in group_names else torso
@@ -370,7 +370,7 @@ def _is_encodable(name: str) -> bool:
 
 
 def _toml_value(value: Entry) -> str:
-    """Return a value as TOML. Strings are those of JSON, with DEL escaped."""
+    """Return a value as TOML: strings as in JSON, with DEL also escaped."""
     if isinstance(value, Subtree):
         return f"{{subtree = {_toml_value(value.joint)}}}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 
 def _words_of(text: str) -> frozenset[str]:
-    """Return the words of a table row."""
+    """Split a text into words."""
     return frozenset(text.split())
 
 
@@ -40,7 +40,7 @@ _WORDS_OF_PART = (
     ("pelvis", "hips pelvis buttock sacrum"),
     ("hip", "hip"),
 )
-# Words for fingers only beside a hand or alone: SpineMid and BrowMid contain one too.
+# These mean a finger only alone or together with "hand": SpineMid and BrowMid contain one too.
 _FINGER_WORDS = _words_of("index middle mid ring pinky pinkie little")
 # Rig controls and props: such a joint is not the body part in its name.
 _CONTROL_WORDS = _words_of("ik pole target ctrl control prop weapon")
@@ -51,7 +51,7 @@ _PHRASES_OF_PART = tuple(
     for part, phrases in _WORDS_OF_PART
 )
 _PART_WORDS = frozenset().union(*(phrase for _, phrases in _PHRASES_OF_PART for phrase in phrases))
-# Words without a meaning of their own that occur in compound names such as `lefttoebase`.
+# Includes words without a body part that occur in compound names such as `lefttoebase`.
 _VOCABULARY = (
     _PART_WORDS
     | _FINGER_WORDS
@@ -64,9 +64,9 @@ _CAMEL = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
 def read_names(names: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return the known words, in lower case, and the side of each joint name of one skeleton.
+    """Return the words of `_VOCABULARY` in each joint name of a skeleton, and the side of each.
 
-    A side is ``"left"``, ``"right"`` or ``""``.
+    Words are in lower case. A side is ``"left"``, ``"right"`` or ``""``.
     """
     prefix = _common_prefix(names)
     read = []
@@ -76,7 +76,7 @@ def read_names(names: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]
             words = _words(name[len(prefix) :])
         read.append(words)
     vertebrae = {j: part for j, name in enumerate(names) if (part := _vertebra(name))}
-    # `c1` to `c7` are vertebrae only if other names are known.
+    # `c1` to `c7` are vertebrae only if another name contains a known body part.
     if any(part_of_words(words) for words in read):
         for joint, part in vertebrae.items():
             if not part_of_words(read[joint]):

@@ -1,4 +1,4 @@
-"""Body parts recognised from the structure of a skeleton: limbs come in mirrored pairs."""
+"""Body parts recognised from the structure of a skeleton: limbs are mirrored pairs."""
 
 from dataclasses import dataclass
 from itertools import combinations, pairwise
@@ -14,14 +14,14 @@ from mograft.motion.skeleton import Skeleton
 def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     """Return the part and the side of every joint, from the rest pose alone.
 
-    The part ``""`` stands for the part of the parent. A side is ``"left"``, ``"right"`` or ``""``.
+    An empty part means that of the parent. A side is ``"left"``, ``"right"`` or ``""``.
     """
     n_joints = skeleton.n_joints
     parts, sides = [""] * n_joints, [""] * n_joints
     shape = _Shape.from_skeleton(skeleton)
     pairs, axis = _mirrored_pairs(shape)
     longest = max((shape.length(a) for a, _ in pairs), default=0.0)
-    # Eyes and breasts are mirrored pairs too, but short ones.
+    # Eyes and breasts are mirrored pairs too, but short.
     limbs = [(a, b) for a, b in pairs if shape.length(a) >= 0.4 * longest]
     limbs.sort(key=lambda p: (len(skeleton.ancestors(p[0])), -shape.length(p[0]), p))
     legs = limbs[0] if limbs else None
@@ -53,8 +53,8 @@ class _Shape:
     positions: FloatArray  # rest pose
     subtree: list[list[int]]  # the joint and all joints below it
     middle: FloatArray  # mean rest position of the subtree
-    reach: FloatArray  # length of the longest path down along the bones
-    tips: FloatArray  # length of the longest end site
+    reach: FloatArray  # length of the longest path down the hierarchy
+    tips: FloatArray  # length of the joint's longest end site
 
     @classmethod
     def from_skeleton(cls, skeleton: Skeleton) -> "_Shape":
@@ -83,7 +83,7 @@ class _Shape:
         return float(np.linalg.norm(self.skeleton.offsets[joint]) + self.reach[joint])
 
     def chain(self, joint: int) -> list[int]:
-        """Return the joints of the longest path down."""
+        """Return the joints of the longest path down the hierarchy, from `joint`."""
         found = [joint]
         while self.skeleton.children[found[-1]]:
             found.append(max(self.skeleton.children[found[-1]], key=self.length))
@@ -91,7 +91,7 @@ class _Shape:
 
 
 def _mirrored_pairs(shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
-    """Return mirrored pairs of limbs and the joints of the axis between them."""
+    """Return mirrored pairs of limbs, and the axial joints, which are in no pair."""
     pairs: list[tuple[int, int]] = []
     axis = [0]
     for joint in axis:  # the loop extends the list
@@ -121,14 +121,14 @@ def _asymmetry(shape: _Shape, joint: int, a: int, b: int) -> float:
         distances = [float(np.linalg.norm(shape.middle[child] - origin)) for child in (a, b)]
         score += abs(distances[0] - distances[1]) / longer
         if np.linalg.norm(shape.middle[a] - shape.middle[b]) < 0.02 * longer:
-            score += 0.2  # coincident limbs: unusual, but the legs of some files are
+            score += 0.2  # the limbs coincide: unusual, but some files have such legs
     return score
 
 
 def _limb(
     shape: _Shape, chain: list[int], roles: tuple[str, ...], connector: str
 ) -> list[tuple[int, str]]:
-    """Name the joints of a limb by the position of its upper and lower bone."""
+    """Return the joints of a limb with their parts, from the position of its two long bones."""
     start, upper, lower = _long_bones(shape, chain, roles)
     parts = [connector] * start + [roles[0]] * (upper + 1 - start) + [roles[1]] * (lower - upper)
     parts += [roles[2], *[roles[3]] * len(chain)]
@@ -136,12 +136,12 @@ def _limb(
 
 
 def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tuple[int, int, int]:
-    """Return the index where the upper part starts and those of upper and lower bone."""
+    """Return the indices in a chain: the start of the upper part, the upper and the lower bone."""
     # The bone of a joint ends at the next joint, the last one at an end site.
     lengths = [float(np.linalg.norm(shape.skeleton.offsets[joint])) for joint in chain[1:]]
     lengths.append(float(shape.tips[chain[-1]]))
     longest = max(lengths)
-    # A joint without a bone, such as before a roll joint, belongs to the next one with a bone.
+    # A joint whose bone has no length, such as one before a roll joint, has the part of the next.
     bones = [index for index, length in enumerate(lengths) if length > 0.02 * longest]
     if longest == 0 or len(bones) < 2:
         return 0, 0, 1
@@ -158,7 +158,7 @@ def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tupl
 def _spine(
     shape: _Shape, axis: list[int], legs: tuple[int, int] | None, arms: tuple[int, int] | None
 ) -> list[tuple[int, str]]:
-    """Name the axial joints: trunk up to the arms, then neck and head, and a tail."""
+    """Return the axial joints with their parts: trunk up to the arms, neck, head and tail."""
     skeleton = shape.skeleton
     hips = int(skeleton.parents[legs[0]]) if legs else 0
     between = [child for child in axis if skeleton.parents[child] == hips]
@@ -167,7 +167,7 @@ def _spine(
         spine = max(between, key=shape.length, default=None)
         chain = [] if spine is None else unbranched_chain(skeleton, spine)
         found += [(joint, "trunk") for joint in chain[:-1]]
-        # Without limbs the end of the chain is not known to be a head.
+        # Without limbs, the end of the chain may not be a head.
         head = "head" if legs and len(chain) > 1 else "trunk"
         found += [(joint, head) for joint in chain[-1:]]
     else:

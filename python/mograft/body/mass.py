@@ -15,8 +15,9 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-# Lengths in statures: hips to ankles plus hips to head joint, and each alone. Rounded means over
-# human hierarchies of several sources. Each alone varies by 0.04 (standard deviation).
+# Lengths in statures: hips to ankles plus hips to head joint, and each alone. They are rounded
+# means over human skeletons of several sources. The two single lengths have a standard deviation
+# of 0.04.
 _LEGS_AND_HEAD, _LEGS, _HEAD = 0.87, 0.525, 0.345
 
 
@@ -37,10 +38,10 @@ class MassModel:
     height: float  # stature in the unit of the file, independent of the pose; 1 if unknown
     height_from: str  # "legs and head", "legs", "head", "longest path" or "nothing"
     mass: FloatArray  # share of body mass of each joint's bone, (n_joints,); the sum is 1
-    bone: FloatArray  # from the joint to the end of its bone, in the joint frame, (n_joints, 3)
+    bone: FloatArray  # from the joint to the end of its bone, in its local axes, (n_joints, 3)
     center: FloatArray  # centre of mass along the bone, in bone lengths from the joint
     gyration: FloatArray  # transverse radius about the centre of mass, in bone lengths
-    hips: int  # the lowest joint above all body parts
+    hips: int  # the lowest common ancestor of all body parts
     head: int | None
     feet: tuple[Foot, ...]  # left before right; empty if the skeleton has no known leg
     unmatched: tuple[str, ...]  # joints whose names are unknown
@@ -59,7 +60,8 @@ class MassModel:
     def inertia(self) -> FloatArray:
         """Transverse moment of inertia of each bone about its joint, shape (n_joints,).
 
-        ``m L² (c² + r²)``, in body masses times squared statures.
+        It is ``m L² (c² + r²)``, with mass m, length L, centre of mass c and radius of gyration r,
+        in body masses times squared statures.
         """
         lengths = np.linalg.norm(self.bone, axis=1) / self.height
         moments: FloatArray = self.mass * lengths**2 * (self.center**2 + self.gyration**2)
@@ -72,9 +74,10 @@ def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
 
     Humans with known joint names have the masses of de Leva, Journal of Biomechanics 29 (1996), for
     the given sex: ``"female"``, ``"male"`` or their ``"mean"``. A part with several joints divides
-    its mass in proportion to bone length, each bone a uniform rod. The mass of a part without
-    joints is added to the next part towards the trunk. Joints of the face, markers and joints above
-    the hips have mass 0. Other skeletons consist of uniform rods.
+    its mass in proportion to bone length; each bone is a uniform rod. The mass of a part without
+    joints is added to the next part towards the trunk. Joints of the face, markers and ancestors of
+    the hips have mass 0. In other skeletons each bone is a uniform rod with mass proportional to
+    its length.
     """
     if sex not in COLUMNS_OF_SEX:
         raise ValueError(f"`sex` must be one of {', '.join(COLUMNS_OF_SEX)}, got {sex!r}")
@@ -135,7 +138,7 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -
     ``"own"`` is that of the joint's bone alone, for angular velocities relative to the world;
     ``"subtree"`` that of all bones below the joint in the rest pose, for angular velocities
     relative to the parent; ``"unit"`` is 1 for every bone of nonzero length. The first two are in
-    body masses times squared statures. It is 0 above the hips.
+    body masses times squared statures. The moment of ancestors of the hips is 0.
     """
     if kind not in ("own", "subtree", "unit"):
         raise ValueError(f"`kind` must be 'own', 'subtree' or 'unit', got {kind!r}")
@@ -174,7 +177,7 @@ def center_of_mass(motion: Motion) -> FloatArray:
 
 
 def up_axis(motion: Motion) -> int:
-    """Return the vertical axis of the world, 0 to 2, from a motion of a body that mostly stands.
+    """Return the vertical axis of the world, 0 to 2, from a motion that is mostly upright.
 
     It is the axis of the largest mean distance between hips and feet. If that distance is below 0.1
     statures (as in a split) or the feet are unknown, it is the axis of the largest distance between
@@ -194,8 +197,8 @@ def up_axis(motion: Motion) -> int:
 def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
     """Return the vector from each joint to the end of its bone.
 
-    A bone ends at the child with the largest subtree; in pelvis and trunk at the mean of all
-    children, at a leaf at the end site.
+    A bone ends at the child with the largest subtree. In pelvis and trunk it ends at the mean of
+    all children, at a leaf joint at the end site.
     """
     size = np.ones(skeleton.n_joints, dtype=int)
     for joint in range(skeleton.n_joints - 1, 0, -1):
@@ -206,7 +209,7 @@ def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
         ends = [site.offset for site in skeleton.end_sites if site.parent == joint]
         main = [child for child in children if child not in known.details] or list(children)
         if known.parts[joint] == "other":
-            continue  # moves the body as a whole; not a bone
+            continue  # an ancestor of the hips has no bone
         if main and known.parts[joint] in ("pelvis", "trunk"):
             bones[joint] = skeleton.offsets[main].mean(axis=0)
         elif main:

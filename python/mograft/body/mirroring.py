@@ -23,8 +23,8 @@ def partners(skeleton: Skeleton) -> IntArray:
     """Return the corresponding joint on the other side of the body, shape (n_joints,).
 
     Partners have the same body part on opposite sides, parents that are partners, and the same rank
-    among siblings of that part: the first finger of one hand belongs to the first finger of the
-    other. A joint in the middle is its own partner. A joint without a partner raises ValueError.
+    among siblings of that part: the partner of the first finger of one hand is the first finger of
+    the other. A joint in the middle is its own partner. Raises ValueError if a joint has none.
     """
     known = anatomy(skeleton)
     found = np.zeros(skeleton.n_joints, np.int64)
@@ -112,11 +112,11 @@ def mirror(motion: Motion) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class _Reflection:
-    """Reflection of the joints of a skeleton at a vertical plane."""
+    """Reflection of the joints of a skeleton in a vertical plane."""
 
     pair: IntArray  # partner of each joint
     axis: int  # normal to the plane
-    frame: FloatArray  # from the reflected local axes to those of the partner, (n_joints, 4)
+    frame: FloatArray  # rotation from the reflected local axes to the partner's, (n_joints, 4)
     parent_frame: FloatArray  # `frame` of the parent, (n_joints, 4)
     is_symmetric: bool  # whether the rest pose is symmetric; then `frame` is the identity
 
@@ -128,8 +128,8 @@ class _Reflection:
         level = [axis for axis in range(3) if axis != up_axis(motion)]
         asymmetry = {axis: _asymmetry(skeleton.offsets, pair, axis) for axis in level}
         symmetric = [axis for axis in level if (asymmetry[axis] <= tolerance).all()]
-        # With local axes that are not mirrored, any vertical mirror is valid. Mirroring twice
-        # needs the same one.
+        # If local axes are not mirrored, any vertical plane is valid, but mirroring twice must use
+        # the same one.
         axis = min(symmetric, key=lambda a: float(asymmetry[a].sum()), default=level[0])
         is_symmetric = bool(symmetric)
         frame = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
@@ -150,7 +150,8 @@ class _Reflection:
     def mirror_vectors(self, vectors: FloatArray, frame: FloatArray) -> FloatArray:
         """Return the reflected vectors in the local axes of the partners.
 
-        `frame` rotates those axes: `parent_frame` for translations, the joint's for an end site.
+        `frame` is the rotation to these axes: `parent_frame` for translations, the joint's `frame`
+        for an end site.
         """
         image = _reflect(vectors, self.axis)
         if self.is_symmetric:
@@ -205,7 +206,7 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
             )
         to_partner = rotations.multiply(image[joint], frame[hub])
         expected = rotations.multiply(to_partner, mean[pair[joint]])
-        # The hub has no reference pose: the first candidate of smallest distance is taken.
+        # The hips have no reference pose: the first candidate of smallest distance is taken.
         at_hub = joint == hub
         cost = distance.sum(axis=1) if at_hub else rotations.angle(_CUBE_ROTATIONS, expected)
         frame[joint] = _CUBE_ROTATIONS[int(np.where(fits, cost, np.inf).argmin())]

@@ -18,7 +18,7 @@ _DE_LEVA = {
     "shank": ((4.33, 4.81), (44.0, 43.5), (24.6, 26.3)),
     "foot": ((1.37, 1.29), (44.2, 40.1), (24.5, 27.9)),
 }
-# Segment that receives the mass of a segment without joints.
+# The segment to which the mass of a segment without joints is added.
 _FALLBACK_SEGMENT = {
     "head": "trunk",
     "hand": "forearm",

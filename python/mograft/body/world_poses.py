@@ -14,7 +14,7 @@ from mograft.motion.skeleton import Skeleton
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """World poses of a body in some frames.
+    """World poses of a body in selected frames of a base motion.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Poses:
     def with_poses(
         self, frames: IntArray, world_rotations: FloatArray, positions: FloatArray
     ) -> "Poses":
-        """Return the same body in other poses."""
+        """Return other poses of the same body."""
         return replace(self, frames=frames, rotations=world_rotations, positions=positions)
 
     def __len__(self) -> int:
