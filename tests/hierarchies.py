@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from mograft import EndSite, Skeleton, read_bvh
+from mograft import EndSite, Motion, Skeleton, read_bvh
+from mograft.motion import rotations
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 DANCES = (
@@ -60,6 +61,26 @@ def with_names(skeleton, name):
     names = [name(joint, old) for joint, old in enumerate(skeleton.names)]
     return Skeleton(
         names, skeleton.parents, skeleton.offsets, skeleton.channels, skeleton.end_sites
+    )
+
+
+def with_joint_above_root(motion, share):
+    """Return a motion whose root has a parent that moves by a share of the root's travel."""
+    own = motion.skeleton
+    skeleton = Skeleton(
+        ["World", *own.names],
+        [-1, *(own.parents + 1)],
+        np.concatenate([np.zeros((1, 3)), own.offsets]),
+    )
+    root = motion.positions[:, :1]
+    travel = share * root * [1.0, 0.0, 1.0]
+    quats = np.tile(rotations.IDENTITY, (motion.n_frames, 1, 1))
+    return Motion(
+        skeleton,
+        motion.frame_time,
+        np.concatenate([quats, motion.rotations], axis=1),
+        np.concatenate([travel, root - travel, motion.positions[:, 1:]], axis=1),
+        name=motion.name,
     )
 
 

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mograft import Library, Motion, Skeleton, graft
+from mograft import Library, graft
 from mograft.body.mass import mass_model
 from mograft.motion import rotations
 from mograft.scenario import Scenario, transitions, walk
-from tests.hierarchies import DANCES, DATA, recording
+from tests.hierarchies import DANCES, DATA, recording, with_joint_above_root
 
 
 @pytest.mark.parametrize("seam", ["offset", "inertial", "displacement"])
@@ -68,25 +68,11 @@ def test_graft_scenario_keeps_base_group_bit_for_bit(library, graph):
 def test_graft_scenario_joint_above_root_moves_keeps_world_positions(library):
     """In one of three clips half of the root's travel is that of a joint above it."""
     clip = library.clips[0][:600]
-    skeleton = clip.skeleton
-    above = Skeleton(
-        ["World", *skeleton.names],
-        [-1, *(skeleton.parents + 1)],
-        np.concatenate([np.zeros((1, 3)), skeleton.offsets]),
+    still = with_joint_above_root(clip, 0.0)
+    moving = with_joint_above_root(clip, 0.5)
+    several = Library.build(
+        [replace(still, name="a"), replace(still, name="b"), replace(moving, name="c")]
     )
-    half = clip.positions[:, :1] * [0.5, 0.0, 0.5]
-    world_quats = np.tile(rotations.IDENTITY, (clip.n_frames, 1, 1))
-    moving, still = (
-        Motion(
-            above,
-            clip.frame_time,
-            np.concatenate([world_quats, clip.rotations], axis=1),
-            np.concatenate([travel, clip.positions[:, :1] - travel, clip.positions[:, 1:]], axis=1),
-            name=name,
-        )
-        for name, travel in (("moving", half), ("still", np.zeros_like(half)))
-    )
-    several = Library.build([still, replace(still, name="again"), moving])
     assert several.root == 1
     base = graft(several, scenario=several.segments.of_clip(2)).base
     np.testing.assert_allclose(

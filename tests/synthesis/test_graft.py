@@ -24,6 +24,7 @@ from mograft import (
 )
 from mograft.dancer import dance
 from mograft.motion import rotations
+from tests.hierarchies import with_joint_above_root
 
 
 @pytest.fixture(scope="module")
@@ -335,6 +336,22 @@ def test_graft_donors_at_another_position_and_heading_are_aligned(motion):
     assert {s.clip for s in new.substitutions} == {"away"}
     np.testing.assert_allclose(new.motion.positions, motion.positions, atol=1e-6)
     assert rotations.angle(new.motion.rotations, motion.rotations).max() < 1e-6
+
+
+def test_graft_upper_body_base_split_of_root_travel_changes_no_world_position():
+    """In one clip, a joint above the root has all of the root's travel, or none."""
+    clips = [dance(seed=seed, strides=1).motion[:600] for seed in (1, 2, 3)]
+    worlds = []
+    for share in (0.0, 1.0):
+        split = [
+            replace(with_joint_above_root(clip, own), name=f"clip{index}")
+            for index, (clip, own) in enumerate(zip(clips, (0.0, 0.0, share), strict=True))
+        ]
+        preset = JointGroups.preset("lower_upper", split[0].skeleton).groups
+        new = graft(Library.build(split, JointGroups(preset, base="upper")), "clip0", seed=1)
+        assert any(own.clip == "clip2" for own in new.substitutions)
+        worlds.append(new.motion.world_positions())
+    np.testing.assert_allclose(worlds[1], worlds[0], atol=1e-6)
 
 
 def test_graft_feet_report_is_none_if_feet_are_kept_or_disabled(library, motion):

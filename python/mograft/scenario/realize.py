@@ -35,9 +35,7 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
     base = _still(clips[index[0]], int(donors.start[0]), int(stops[-1]) + 1)
     if scenario.place is not None or scenario.turn:
         base = _place_root(base, scenario, library.root, library.up)
-    # The root's local motion is relative to the joints above it, which keep still.
-    above = base.skeleton.ancestors(library.root)
-    joints = np.setdiff1d(np.arange(base.n_joints), above)
+    joints = joints_of_donors(library, np.arange(base.n_joints))
     group = GraftedGroup(joints, library.root, library.up)
     part = transplant(base, cut, donors, clips, group, library.config)
     motion = recombine(base, [part], base.name)
@@ -46,6 +44,15 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
         contacts, heights = donor_contacts(library, cut, sources)
         motion, _ = plant_feet(motion, contacts, min_heights=heights)
     return motion, cut
+
+
+def joints_of_donors(library: Library, joints: IntArray) -> IntArray:
+    """Return the joints of a group that move as in donors: all but those above the root.
+
+    Donors move the root in the world, relative to the joints above it in the base.
+    """
+    above = library.skeleton.ancestors(library.root)
+    return np.setdiff1d(joints, above).astype(np.int64)
 
 
 def donor_contacts(

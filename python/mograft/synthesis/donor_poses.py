@@ -98,7 +98,7 @@ def _insert_rotations(
     """
     library = problem.library
     axes = problem.divided_channels[group]
-    joints = np.setdiff1d(library.joints(group), list(axes)).astype(np.int64)
+    joints = problem.group_specs[group].whole_joints
     lean = TrunkLean.from_config(problem.base, joints, library.up, problem.config)
     clip_of_row = np.repeat(taken.clip, counts)
     for clip in np.unique(taken.clip):

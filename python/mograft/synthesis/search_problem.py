@@ -15,6 +15,7 @@ from mograft.config import Config
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.scenario.realize import joints_of_donors
 from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Constraint
 from mograft.search.costs import ConstraintViolations, CostModel, limit_config, origin_violations
@@ -151,7 +152,7 @@ class SearchProblem:
         compared = feature_joints(library.skeleton, library.joints(library.groups.base))
         return {
             group: GraftedGroup(
-                joints=library.joints(group),
+                joints=joints_of_donors(library, library.joints(group)),
                 root=library.root,
                 up=library.up,
                 base_joints=np.setdiff1d(compared, [library.root]),
