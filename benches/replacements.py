@@ -171,7 +171,7 @@ def measure_bootstrap(motion):
     weights = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     own = estimate.block_bootstrap(lambda drawn: (drawn @ (2 * weights)) / (drawn @ weights), 8)
     low, high = _scipy_interval(2 * weights, weights)
-    print(f"resamples without a value: {own[0][0]:g} to {own[1][0]:g}, SciPy {low:g} to {high:g}")
+    print(f"resamples without a value: {own[0]:g} to {own[1]:g}, SciPy {low:g} to {high:g}")
 
 
 def _scipy_interval(sums, counts):
