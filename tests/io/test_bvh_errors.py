@@ -30,7 +30,7 @@ REPAIRS = {
     "a site beside": (
         "\t}\n}",
         "\t}\n\tEnd Site\n\t{\n\tOFFSET 0 0 0\n\t}\n}",
-        "line 2: Hips has End Sites beside others",
+        "line 2: Hips has an End Site and other children",
     ),
     "no site": (
         "\t\tEnd Site\n\t\t{\n\t\t\tOFFSET 0.0 5.0 0.0\n\t\t}\n",

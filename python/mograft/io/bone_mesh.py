@@ -1,4 +1,4 @@
-"""The mesh that exported files show: one slim octahedron per bone."""
+"""The mesh in exported files: one slim octahedron per bone."""
 
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ class BoneMesh(NamedTuple):
 def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
     """Return the mesh of the bones in the rest pose.
 
-    A skeleton whose bones all have no length gets one bone at its root, because a skin needs a
+    If no bone is long enough to be visible, one bone is added at the root, because a skin needs a
     mesh.
     """
     rest = transform.points(skeleton.rest_positions())
@@ -42,7 +42,7 @@ def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
 
 
 def _is_visible(start: FloatArray, end: FloatArray, thickness: float) -> bool:
-    """Return whether a bone is long enough: smaller octahedra degenerate in float32."""
+    """Return whether a bone is long enough that its octahedron does not degenerate in float32."""
     min_length = max(1e-5, 1e-4 * thickness, 1e-5 * float(np.abs(start).max()))
     return float(np.linalg.norm(end - start)) >= min_length
 
@@ -72,8 +72,8 @@ def _octahedron(
 def joint_group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
     """Return the index of the group of each joint, shape (n_joints,).
 
-    `groups` may be the name of a preset. None means trunk, arms and legs, or one group for all
-    joints if the skeleton does not have these.
+    `groups` may be the name of a preset. None means trunk, arms and legs, or a single group if the
+    skeleton lacks one of these.
     """
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, skeleton)

@@ -40,7 +40,7 @@ def write_glb(
     Parameters
     ----------
     motions : Motion or sequence of Motion
-        The motions; each becomes an animation with its name. Offsets and frame rates may differ
+        The motions; each becomes an animation of the same name. Offsets and frame rates may differ
         between motions; the mesh has the offsets of the first.
     path : str or path
         The file to write.
@@ -64,9 +64,9 @@ def write_glb(
 
     Notes
     -----
-    As glTF requires, lengths are in metres, y is up, and all rotations of the rest pose are zero.
-    Only the root is rotated from the up direction of the motion to y; other joints keep their
-    rotations. Each bone is a slim octahedron bound to its joint, because engines import no
+    Lengths are in metres and y is up, as glTF requires. Only the root is rotated from the up
+    direction of the motion to y; other joints keep their local rotations, which are zero in the
+    rest pose. Each bone is a slim octahedron bound to its joint, because engines import no
     skeleton without a mesh. There is one key per frame, with spherical linear interpolation.
 
     Examples
@@ -126,7 +126,7 @@ class _Buffer:
         if has_bounds:
             rows = array.reshape(len(array), -1)
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        # glTF requires offsets that are multiples of 4 bytes; the size of each row is one.
+        # glTF requires offsets that are multiples of 4 bytes; so is the size of each row.
         self.data += array.tobytes()
         self.views.append(view)
         self.accessors.append(accessor)
@@ -156,11 +156,11 @@ class _Buffer:
 def _build_document(
     buffer: _Buffer, motions: Sequence[Motion], transform: ExportTransform, group_indices: IntArray
 ) -> dict[str, Any]:
-    """Fill the buffer; return the JSON document without what `_Buffer.pack` adds."""
+    """Fill the buffer; return the JSON document without the entries that `_Buffer.pack` adds."""
     skeleton = motions[0].skeleton
     rest = transform.points(skeleton.rest_positions())
     mesh = _build_mesh(buffer, bone_mesh(skeleton, transform), group_indices)
-    # In the rest pose, the axes of every joint are those of the rotated root.
+    # In the rest pose, the axes of every joint are those of the root, rotated to y up.
     inverse_bind = np.zeros((skeleton.n_joints, 4, 4))
     from_y_up = rotations.inverse(transform.to_y_up)
     inverse_bind[:, :3, :3] = rotations.rotate(from_y_up, np.eye(3)).T
@@ -216,11 +216,11 @@ def _build_nodes(
 def _build_animation(
     buffer: _Buffer, motion: Motion, transform: ExportTransform, offsets: FloatArray
 ) -> dict[str, Any]:
-    """Return a motion as keys for a skeleton with rest offsets, shape (n_joints, 3)."""
+    """Return a motion as keys; joints at their rest offset, (n_joints, 3), get no translation."""
     quats, positions = transform.local_transforms(motion)
     offsets = transform.scale * offsets
     times = (np.arange(motion.n_frames) * motion.frame_time).astype("<f4")
-    # Accessors of the times by number of keys. Each is added with its first use, because
+    # Accessors of the key times, by number of keys. Each is added at its first use, because
     # validators report unused accessors.
     inputs: dict[int, int] = {}
     samplers: list[dict[str, Any]] = []

@@ -88,7 +88,7 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
     Raises
     ------
     ValueError
-        If the file is damaged or is not such a file.
+        If the file is damaged or was not written by `write_npz`.
     OSError
         If the file cannot be read.
     """

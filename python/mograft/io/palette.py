@@ -5,7 +5,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 
 PALETTE = ("#3b6ea8", "#d9596b", "#2b8a57", "#b08a00", "#8a5cb8", "#2492ad", "#9c5a2e", "#6b7280")
-"""Colours of the joint groups, in order; further groups repeat them."""
+"""Colours of the joint groups, in order; if there are more groups, the colours repeat."""
 
 
 def linear_colours(group_indices: IntArray) -> FloatArray:

@@ -76,8 +76,8 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     Returns
     -------
     pybvh.Bvh
-        The clip, with three rotation channels in every joint. Channels that the motion does not
-        have are last and 0.
+        The clip, with three rotation channels in every joint. Channels that the motion lacks are
+        added last, with angle 0.
 
     Raises
     ------
@@ -121,9 +121,10 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
 
 
 def _build_nodes(skeleton: Skeleton, positions: FloatArray) -> tuple[list[Any], list[int]]:
-    """Return the nodes of pybvh in depth-first order, and the joints in this order.
+    """Return the nodes of pybvh in depth-first order, and the joint indices in this order.
 
-    Offsets are the local positions of one frame, shape (n_joints, 3), except that of the root.
+    The offsets of the nodes are `positions`, local positions of shape (n_joints, 3), except at the
+    root.
     """
     bvhnode = import_module("pybvh.bvhnode")
     nodes: list[Any] = []

@@ -18,9 +18,9 @@ _HUMAN_HEIGHT = 1.7  # metres
 
 @dataclass(frozen=True, eq=False)
 class ExportTransform:
-    """The transform of a motion to metres and y up: a factor for all lengths, a turn of the root.
+    """The transform of a motion to metres and y up: a factor for lengths, a rotation of the root.
 
-    The axes of the other joints stay those of the motion, relative to the root.
+    The local rotations of the other joints do not change.
     """
 
     scale: float  # metres per unit of length
@@ -30,7 +30,7 @@ class ExportTransform:
 
     @classmethod
     def of(cls, motion: Motion, scale: float | None) -> "ExportTransform":
-        """Return the transform of a motion; without a scale, guess it by `guess_unit`.
+        """Return the transform of a motion; if `scale` is None, guess it by `guess_unit`.
 
         Raises ValueError if `scale` is not above 0.
         """
@@ -44,7 +44,7 @@ class ExportTransform:
 
     @property
     def metadata(self) -> dict[str, float | str]:
-        """The record of the transform in an exported file."""
+        """The entries that record the transform in an exported file."""
         return {
             "metres_in_a_unit": self.scale,
             "unit": self.unit,
@@ -56,9 +56,10 @@ class ExportTransform:
         return self.scale * rotations.rotate(self.to_y_up, points)
 
     def local_transforms(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        """Return local rotations, (n_frames, n_joints, 4), and positions, (n_frames, n_joints, 3).
+        """Return the transformed local rotations and positions of a motion.
 
-        The rotations have continuous signs.
+        Rotations have shape (n_frames, n_joints, 4) and continuous signs; positions (n_frames,
+        n_joints, 3).
         """
         quats, positions = motion.rotations.copy(), self.scale * motion.positions
         quats[:, 0] = rotations.multiply(self.to_y_up, quats[:, 0])
@@ -69,14 +70,14 @@ class ExportTransform:
 def guess_unit(skeleton: Skeleton) -> str:
     """Return the key of `UNITS` in which the height of a skeleton is nearest to 1.7 m.
 
-    BVH files do not state their unit. The guess is wrong for small children and for animals.
+    BVH files do not state their unit. The guess may be wrong for children and animals.
     """
     height = mass_model(skeleton).height
     return min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / _HUMAN_HEIGHT)))
 
 
 def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
-    """Return the rotation of the up axis to y, or to -y if the head is below the feet."""
+    """Return the rotation of the up axis to y, or to -y if the head is below the feet on it."""
     model = mass_model(motion.skeleton)
     low = [foot.ankle for foot in model.feet] or [model.hips]
     high = model.head if model.head is not None else model.hips

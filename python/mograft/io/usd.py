@@ -62,7 +62,7 @@ def write_usd(
     ``timeCodesPerSecond`` is the rate of the motion. The figure is a ``SkelRoot`` with a
     ``Skeleton`` whose rest pose has all rotations zero, a ``SkelAnimation`` with a key at every
     frame, and a mesh of the bones. Only the root is rotated from the up direction of the motion
-    to y. Joints are identified by paths, in which other characters than letters, digits and
+    to y. Joints are identified by paths, in which characters other than letters, digits and
     underscores are replaced; ``jointNames`` holds the original names.
 
     Examples
@@ -97,7 +97,7 @@ def write_usd(
 
 # The stage of pxr has no type.
 def _define_stage(stage: Any, motion: Motion, transform: ExportTransform) -> None:  # noqa: ANN401
-    """Set units, axes, times and metadata, and define the figure that contains the other prims."""
+    """Set units, axes, times and metadata, and define the root prim of the figure."""
     from pxr import UsdGeom, UsdSkel
 
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)

@@ -36,15 +36,15 @@ class Motion:
     rotations : array_like, shape (n_frames, n_joints, 4)
         Local rotations: unit quaternions, xyzw.
     positions : array_like, shape (n_frames, n_joints, 3)
-        Local translations in the unit of the file. Joints without position channels hold their
-        rest offset.
+        Local translations in the unit of the file. Those of joints without position channels are
+        the rest offsets.
     channel_values : array_like, shape (n_frames, n_channels), optional
-        The numbers of the file, in its order and units (degrees). NaN marks a number that the
-        writer derives from the rotation or translation. Default: NaN everywhere.
+        The channel values of the file, in its order and units (degrees). NaN marks a value that
+        the writer derives from the rotation or translation. Default: NaN everywhere.
     name : str
         Name of the motion; for a file, its stem.
     path : Path, optional
-        The file that it was read from.
+        The file from which the motion was read.
     repairs : tuple of str
         Deviations from the format that the reader tolerated, each with its line.
 
@@ -109,7 +109,7 @@ class Motion:
         return notebook_view(self)
 
     def __getitem__(self, frames: slice) -> "Motion":
-        """Return a motion of some frames; a step multiplies the frame time."""
+        """Return the motion of a slice of frames; its step multiplies the frame time."""
         if not isinstance(frames, slice):
             raise TypeError(f"`frames` must be a slice such as motion[100:400], got {frames!r}")
         step = 1 if frames.step is None else frames.step
@@ -165,7 +165,7 @@ class Motion:
         return self.world_transforms()[1]
 
     def resample(self, rate: float) -> "Motion":
-        """Return the motion at another frame rate, by cubic rotation curves.
+        """Return the motion resampled to another frame rate, by cubic interpolation.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class Motion:
         )
 
     def locomotion_root(self) -> int:
-        """Return the joint whose translation moves the body: the first that varies.
+        """Return the joint that moves the body: the first whose translation varies.
 
         In some files the root of the hierarchy is a helper joint that never moves. If no
         translation varies, the root of the hierarchy is returned.
@@ -213,8 +213,8 @@ class Motion:
         """Return the channel values as a file stores them, shape (n_frames, n_channels).
 
         Order and units (degrees) are those of the file. Known values are returned as read. Missing
-        ones are derived from rotations and translations; each derived angle is the nearest to the
-        previous frame.
+        ones are derived from rotations and translations. Of equivalent angles, the nearest to those
+        of the previous frame are returned.
         """
         n_frames, skeleton = self.n_frames, self.skeleton
         known = self.channel_values
@@ -241,7 +241,7 @@ class Motion:
 def world_transforms(
     skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return world rotations and positions of local ones by forward kinematics.
+    """Return world rotations and positions from local ones, by forward kinematics.
 
     Rotations have shape (n, n_joints, 4), one pose per row, and are not checked; positions have
     shape (n, n_joints, 3). The results have the same shapes.
@@ -252,7 +252,7 @@ def world_transforms(
 
 
 def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:
-    """Fill missing Euler angles in degrees, each the nearest to the previous frame."""
+    """Replace NaN by Euler angles in degrees, nearest to those of the previous frame."""
     filled = angles.copy()
     unknown = np.asarray(np.isnan(angles).any(axis=1))
     for start, stop in find_runs(unknown):

@@ -85,7 +85,7 @@ def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
 def cubic_positions(
     times: npt.ArrayLike, positions: npt.ArrayLike, at: npt.ArrayLike
 ) -> FloatArray:
-    """Interpolate positions at new times with continuous velocity; `cubic` for vectors.
+    """Interpolate positions at new times with continuous velocity, as `cubic` does rotations.
 
     Parameters
     ----------
@@ -109,11 +109,11 @@ def resample_segments(
 ) -> FloatArray:
     """Resample each segment of a clip to a given number of equally spaced frames; concatenate them.
 
-    Segment i, from frame ``starts[i]`` to ``stops[i]`` inclusive of `rotations`, shape (n_frames,
+    Segment i, frames ``starts[i]`` to ``stops[i]`` inclusive of `rotations`, shape (n_frames,
     n_joints, 4), becomes ``counts[i]`` frames. The curve is that of `cubic` and uses no frame
-    outside the segment. A sample at the time of a frame is that frame bit for bit; a count of 1
-    returns the first frame. Raises ValueError if a shape is wrong or a segment exceeds the clip or
-    spans no interval.
+    outside the segment. A sample at the time of a frame is that frame bit for bit. A count of 1
+    returns the first frame. Raises ValueError if a shape is wrong, or if a segment exceeds the clip
+    or has fewer than two frames.
 
     Examples
     --------

@@ -80,10 +80,10 @@ def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
 
 
 def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the smallest rotations that turn one direction into another, shape (..., 4).
+    """Return the rotations of smallest angle from one direction to another, shape (..., 4).
 
     The vectors, shape (..., 3), broadcast. Opposite directions give a half turn about an arbitrary
-    perpendicular axis, a zero vector gives the identity.
+    perpendicular axis; a zero vector gives the identity.
 
     Examples
     --------
@@ -150,9 +150,9 @@ def hermite(
     """Evaluate cubic rotation curves with given end rotations and end velocities.
 
     Each of the n curves has end rotations `start` and `end`, shape (n, 4), and angular velocities
-    `leaving` and `reaching`, shape (n, 3), in the body frame in radians per unit of t. The result,
-    shape (n, 4), is the rotation at `t`, shape (n,), from 0 to 1. Raises ValueError if a shape is
-    wrong, a value is not finite or a quaternion does not have unit norm.
+    `leaving` and `reaching`, shape (n, 3), in the axes of the rotated body, in radians per unit
+    of t. The result, shape (n, 4), is the rotation at `t`, shape (n,), from 0 to 1. Raises
+    ValueError if a shape is wrong, a value is not finite or a quaternion does not have unit norm.
 
     Notes
     -----
@@ -170,7 +170,7 @@ def hermite(
 
 
 def continuous_signs(rotations: FloatArray) -> FloatArray:
-    """Return quaternions with signs chosen so that consecutive frames lie close together.
+    """Return quaternions with signs chosen so that those of consecutive frames are close.
 
     The shape is (n_frames, ..., 4). In the first frame w ≥ 0; the dot product of consecutive
     quaternions is not negative.
@@ -186,9 +186,9 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
 def twist(rotations: FloatArray, axis: int) -> FloatArray:
     """Return the twist of rotations, shape (..., 4), about the coordinate axis 0, 1 or 2.
 
-    The remaining swing, `multiply(inverse(twist), rotation)`, is about a perpendicular axis
-    (swing-twist decomposition). A half turn about a perpendicular axis has no defined twist and
-    gives the identity.
+    This is the swing-twist decomposition: the swing, `multiply(inverse(twist), rotation)`, is about
+    a perpendicular axis. The twist of a half turn about a perpendicular axis is undefined; the
+    identity is returned.
     """
     twists = np.zeros_like(rotations)
     twists[..., axis] = rotations[..., axis]
@@ -201,8 +201,8 @@ def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
     """Return rotations, shape (..., 4), from intrinsic Euler angles in radians.
 
     BVH uses this convention: `order`, such as ``"ZXY"``, is the order of the rotation channels in
-    the file. It has any number of the letters X, Y and Z, one for each angle of the last axis; an
-    empty order gives the identity. Raises ValueError if `order` has other letters, the shape is
+    the file. It has one of the letters X, Y and Z for each angle along the last axis; an empty
+    order gives the identity. Raises ValueError if `order` has other letters, the shape is
     wrong or a value is not finite.
 
     Examples

@@ -23,7 +23,7 @@ CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zr
 
 @dataclass(frozen=True, eq=False)
 class EndSite:
-    """The tip of a bone without a joint of its own.
+    """The end of a bone at which there is no joint.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class EndSite:
     before : int
         Number of child joints of the parent that precede it in the file.
     name : str
-        The name after ``End Site``, if the file has a name there.
+        The name after ``End Site``, if the file has one.
     """
 
     parent: int
@@ -53,8 +53,8 @@ class EndSite:
 class Skeleton:
     """Joints, their hierarchy, rest offsets and channels.
 
-    Joints are identified by index; names may repeat. Every parent precedes its children, in the
-    order of the file.
+    Joints are identified by index; names may repeat. Joints are in the order of the file, in which
+    every parent precedes its children.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class Skeleton:
         return found
 
     def common_ancestor(self, joints: Sequence[int]) -> int:
-        """Return the lowest joint that is or is above each of `joints`; 0 if there are none."""
+        """Return the lowest common ancestor of `joints`, itself included; 0 if there are none."""
         if not joints:
             return 0
         common = [joints[0], *self.ancestors(joints[0])]
@@ -192,7 +192,7 @@ class Skeleton:
         return common[0]
 
     def index(self, name: str) -> int:
-        """Return the index of the joint with a name.
+        """Return the index of the joint named `name`.
 
         Raises ValueError if no joint or more than one has the name.
         """
@@ -217,8 +217,8 @@ class Skeleton:
     def check_same_hierarchy(self, other: "Skeleton", name: str = "the other skeleton") -> None:
         """Raise SkeletonMismatchError unless another skeleton has the same joint names and parents.
 
-        Offsets and channels may differ. The message names the joints that differ, and the other
-        skeleton as `name`.
+        Offsets and channels may differ. The message lists the joints that differ and calls the
+        other skeleton `name`.
         """
         if self.names == other.names and np.array_equal(self.parents, other.parents):
             return

@@ -12,11 +12,10 @@ def channels_to_transforms(
 ) -> tuple[FloatArray, FloatArray]:
     """Convert channel values, shape (n_frames, n_channels), to local rotations and positions.
 
-    Rotations, (n_frames, n_joints, 4), are intrinsic, in the order of the channels of a joint, from
-    degrees; their sign does not change from frame to frame. Positions, (n_frames, n_joints, 3), are
-    relative to the parent, and the offset where a joint has no channel. With `add_offsets`,
-    position channels are relative to the offset of their joint, which is added to them in `values`,
-    too.
+    Angles are in degrees, intrinsic, in the order of a joint's channels. Rotations have shape
+    (n_frames, n_joints, 4) and continuous signs. Positions, (n_frames, n_joints, 3), are relative
+    to the parent; a coordinate without a channel is that of the offset. With `add_offsets`, the
+    offset is added to position channels, also in `values`, in place.
     """
     starts, rotation_axes = [0], list[tuple[int, int]]()
     position_axes = list[tuple[int, int, int]]()

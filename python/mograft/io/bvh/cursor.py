@@ -1,4 +1,4 @@
-"""A cursor over the text of a BVH file: tokens, line numbers, errors and repairs."""
+"""Cursor over the text of a BVH file: words, line numbers, errors and repairs."""
 
 import codecs
 import math
@@ -19,7 +19,8 @@ Position: TypeAlias = tuple[int, int]
 
 # The reader holds about this many bytes of the text at a time. They fit in the cache.
 CHUNK_BYTES = 1 << 18
-# Upper limit for the length of a word. The buffer holds at least this much text after the cursor.
+# Maximum length of a word. The buffer holds at least this much text after the cursor, up to the
+# end of the file.
 MAX_WORD_BYTES = 1 << 16
 
 _ENCODING_OF_MARK = {
@@ -44,7 +45,7 @@ _DECIMAL_COMMA = re.compile(rb"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 class Cursor:
     """A position in the text of a file, of which one chunk at a time is in memory.
 
-    With `strict`, `tolerate` refuses the file. `label` names the file in errors.
+    If `strict`, `tolerate` raises an error. `label` names the file in errors.
     """
 
     def __init__(self, stream: IO[Any], label: str, *, strict: bool) -> None:
@@ -59,7 +60,7 @@ class Cursor:
         # Line and message of the first deviation of each kind, and the number of deviations.
         self._repairs: dict[str, tuple[int, str]] = {}
         self._n_repairs = Counter[str]()
-        # Line and column of the position `_counted` in the buffer.
+        # `_line` and `_column` are those of the offset `_counted` in the buffer.
         self._counted, self._line, self._column = 0, 1, 1
         self._word_start = 0
         self._read_start()
@@ -119,7 +120,7 @@ class Cursor:
             self.read_chunk()
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
-        """Return the group of a pattern and move past the match; None if it does not match."""
+        """Return the group of a pattern and move after the match; None if it does not match."""
         self._ensure_lookahead()
         self._word_start = self.offset
         match = pattern.match(self.buffer, self.offset)
@@ -134,7 +135,7 @@ class Cursor:
 
     @property
     def has_lookahead(self) -> bool:
-        """Whether the buffer holds a word of the greatest length after the cursor."""
+        """Whether the buffer holds enough text after the cursor for a word of maximum length."""
         return len(self.buffer) - self.offset >= MAX_WORD_BYTES
 
     def _ensure_lookahead(self) -> None:
@@ -142,7 +143,7 @@ class Cursor:
             self.skip_white_space()
 
     def move_back(self) -> None:
-        """Move back to the start of the word that was taken last."""
+        """Move back to the start of the last word taken."""
         self.offset = self._word_start
 
     def take_word(self) -> bytes:
@@ -163,7 +164,7 @@ class Cursor:
         return keyword
 
     def expect(self, keyword: bytes) -> None:
-        """Take the next word; refuse the file unless it is this keyword or brace."""
+        """Take the next word; raise BvhError unless it is this keyword or brace."""
         word = self.take_keyword()
         if word == keyword:
             return
@@ -199,17 +200,17 @@ class Cursor:
         return value
 
     def position(self) -> Position:
-        """Return line and column of the word that was taken last."""
+        """Return line and column of the last word taken."""
         self._count_to(self._word_start)
         return self._line, self._column
 
     def fail(self, message: str, position: Position | None = None) -> NoReturn:
-        """Refuse the file; the default position is that of the word taken last."""
+        """Raise BvhError; the default position is that of the last word taken."""
         line, column = position or self.position()
         raise BvhError(message, self.label, line, column)
 
     def tolerate(self, kind: str, message: str, position: Position | None = None) -> None:
-        """List a deviation from the format; the message is kept for the first of each kind."""
+        """Record a deviation, or fail if strict; only the first message of a kind is kept."""
         found_at = position or self.position()
         if self.strict:
             self.fail(f"{message}: refused in strict mode", found_at)
@@ -270,13 +271,13 @@ def _file_bytes(stream: IO[Any]) -> int:
 
 
 def match_end(pattern: re.Pattern[bytes], buffer: bytes, start: int) -> int:
-    """Return the end of a pattern's match at `start`; `start` if it does not match."""
+    """Return the end of the match of a pattern at `start`; `start` if it does not match."""
     match = pattern.match(buffer, start)
     return start if match is None else match.end()
 
 
 def describe_word(word: bytes) -> str:
-    """Return a word as messages show it: printable, at most 40 characters."""
+    """Return a word for a message: printable, at most 40 characters."""
     if not word:
         return "the end of the file"
     text = word.decode("utf-8", "replace")
@@ -285,7 +286,7 @@ def describe_word(word: bytes) -> str:
 
 
 def describe_number(word: bytes) -> str:
-    """Return a word that is not a valid number, with the reason."""
+    """Return an invalid number for a message, with the reason why it is invalid."""
     text = describe_word(word)
     end = match_end(_NUMBER, word, 0)
     if _NAN.fullmatch(word) or _INFINITY.fullmatch(word):

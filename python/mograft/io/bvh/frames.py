@@ -1,4 +1,4 @@
-"""Reading of the numbers after a BVH header, and the check that their lines fit the frames."""
+"""Reading of the numbers after a BVH header, and the check of their lines."""
 
 import re
 
@@ -10,7 +10,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.io.bvh.cursor import Cursor, describe_number, describe_word, match_end
 from mograft.io.bvh.header import Header
 
-# Numbers that are read at a time if the declared number of frames is too small.
+# Numbers read at a time after the declared number of frames.
 _BLOCK_LENGTH = 1 << 15
 _PADDING = re.compile(rb"[\0\x1a \t-\r]*")
 
@@ -36,7 +36,7 @@ def read_frames(cursor: Cursor, header: Header) -> FloatArray:
 
 
 def count_frames(cursor: Cursor, header: Header) -> int:
-    """Return the number of frames, after checking the numbers as `read_frames` does."""
+    """Return the number of frames; check the numbers as `read_frames` does."""
     lines, scratch = _LineCheck(cursor, header), np.empty(_BLOCK_LENGTH)
     while _read_numbers(cursor, lines, scratch):
         pass
@@ -66,7 +66,7 @@ def _read_numbers(cursor: Cursor, lines: "_LineCheck", out: FloatArray) -> int:
 
 
 def _check_padding(cursor: Cursor) -> None:
-    """Refuse a word that is not a number, unless only control bytes follow up to the end."""
+    """Raise BvhError for a word that is not a number, unless it is padding at the end."""
     word = cursor.take_word()
     if word[:1] in (b"\0", b"\x1a"):
         position = cursor.position()
@@ -84,14 +84,14 @@ def _check_padding(cursor: Cursor) -> None:
 
 
 class _LineCheck:
-    """The check that line ends agree with the frames.
+    """Check that the line ends agree with the frames.
 
     Three layouts are valid: a line holds one or more whole frames; a frame is wrapped over
     several lines; all lines hold the same count of numbers. In any other layout a number is
-    missing or surplus, and all later numbers would be assigned to wrong channels. If lines are
-    not single frames, the declared number of frames must be correct. If the number of lines
-    equals the declared number of frames and all lines hold the same surplus of numbers, the
-    surplus at their ends is ignored.
+    missing or surplus, and all later numbers would be assigned to wrong channels. If a line is
+    not exactly one frame, the declared number of frames must be correct. If the number of lines
+    equals the declared number of frames and each line has the same number of surplus numbers at
+    its end, these are ignored.
     """
 
     def __init__(self, cursor: Cursor, header: Header) -> None:
@@ -102,16 +102,16 @@ class _LineCheck:
         self._line = cursor.position()[0]
         # Numbers on the lines before the current one, and on the current line so far.
         self._n_numbers, self._n_on_line = 0, 0
-        # First line of the last frame.
+        # Line on which the last frame starts.
         self._frame_line = self._line
-        # First line that holds part of a frame; several frames; parts of two frames. 0: none.
+        # First line that holds a part of a frame; several frames; parts of two frames; 0 if none.
         self._wrapped_line = self._joined_line = self._straddling_line = 0
         self._straddling_message = ""
         # Whether all lines hold as many numbers as the first, except for a shorter last line.
         self._first_count, self._is_uniform, self._has_short_line = 0, True, False
 
     def add(self, line_ends: IntArray, n_values: int) -> None:
-        """Add `n_values` numbers; `line_ends` holds the count of them before each line end."""
+        """Add `n_values` numbers; `line_ends` holds how many of them precede each line end."""
         if not len(line_ends):
             self._n_on_line += n_values
             return
@@ -125,9 +125,9 @@ class _LineCheck:
             self._check_lines(lines, counts[not_blank])
 
     def finish(self) -> tuple[int, int]:
-        """Check all lines after the last number; return the frames and the numbers of each frame.
+        """Check all lines after the last number; return the counts of frames and numbers per frame.
 
-        A frame has as many numbers as channels, and more if the lines have a surplus.
+        There is one number per channel, or more if the lines have surplus numbers.
         """
         self.add(np.array([0]), 0)
         cursor, declared, width = self._cursor, self._header.n_frames, self._width
@@ -148,8 +148,8 @@ class _LineCheck:
             message = f"expected {width} numbers in the last frame, got {n_left}"
             cursor.fail(message, (self._frame_line, 1))
         if position[0] and not is_declared:
-            message = f"expected {declared} frames of {width} numbers, one on each line, got other"
-            cursor.fail(f"{message} lines and {n_frames} frames", position)
+            message = f"expected {declared} frames of {width} numbers, one on each line"
+            cursor.fail(f"{message}, got {n_frames} frames on lines of other lengths", position)
         if self._straddling_line:
             cursor.tolerate("lines", "frames continue across line ends", position)
         elif self._wrapped_line:
@@ -171,7 +171,7 @@ class _LineCheck:
         )
 
     def _check_lines(self, lines: IntArray, counts: IntArray) -> None:
-        """Check lines that are not blank: their numbers in the file, and their number counts."""
+        """Check lines that are not blank, given their line numbers and their counts of numbers."""
         width, n_before = self._width, self._n_numbers
         self._n_numbers += int(counts.sum())
         self._first_count = self._first_count or int(counts[0])

@@ -24,7 +24,7 @@ class Header:
 
     skeleton: Skeleton
     n_frames: int  # as declared
-    frames_position: Position  # of that number
+    frames_position: Position  # of the declared number in the file
     frame_time: float  # seconds
 
 
@@ -75,7 +75,7 @@ def read_header(cursor: Cursor) -> Header:
 
 
 def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
-    """List a label that differs from the standard spelling, or has no white space after it."""
+    """Record a label with nonstandard spelling, or without white space after it."""
     words = b" ".join(label.split())
     text = describe_word(words)
     if words != expected:
@@ -168,7 +168,7 @@ def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
 
 
 def _read_end_site(cursor: Cursor, parent: int, before: int) -> _Site:
-    """Read an end site after its keyword End."""
+    """Read an end site; its keyword End has been read."""
     position = cursor.position()
     keyword = cursor.take(_SITE)
     if keyword is None:
@@ -200,16 +200,16 @@ def _read_brace(cursor: Cursor, keyword: str, line: int) -> None:
 
 
 def _check_end_sites(cursor: Cursor, joint: _Joint) -> None:
-    """List a branch without an end site, and end sites beside joints or other end sites."""
+    """Record a branch without an end site, and end sites with siblings."""
     text = describe_word(joint.name)
     if not joint.n_children and not joint.n_end_sites:
         cursor.tolerate("no end", f"{text} has neither JOINT nor End Site", joint.position)
     if joint.n_end_sites > 1 or (joint.n_children and joint.n_end_sites):
-        cursor.tolerate("end beside", f"{text} has End Sites beside others", joint.position)
+        cursor.tolerate("end beside", f"{text} has an End Site and other children", joint.position)
 
 
 def _decode_names(cursor: Cursor, names: Sequence[tuple[bytes, Position]]) -> list[str]:
-    """Decode names as UTF-8; if any of them is invalid, all as Windows-1252 or Latin-1."""
+    """Decode names as UTF-8 or, if one of them is invalid, all as Windows-1252 or Latin-1."""
     for encoding in ("utf-8", "cp1252", "latin-1"):
         try:
             decoded = [name.decode(encoding) for name, _ in names]
@@ -223,7 +223,7 @@ def _decode_names(cursor: Cursor, names: Sequence[tuple[bytes, Position]]) -> li
 
 
 def _check_names(cursor: Cursor, names: Sequence[str], positions: Sequence[Position]) -> None:
-    """List names with white space and repeated names."""
+    """Record names with white space and repeated names."""
     known: set[str] = set()
     for name, position in zip(names, positions, strict=True):
         if " " in name or "\t" in name:

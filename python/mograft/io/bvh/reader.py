@@ -1,7 +1,7 @@
 """Reading and scanning of BVH files.
 
-Deviations from the format that have one clear meaning become repairs, or errors if `strict`;
-text without a clear meaning raises `BvhError`.
+A deviation from the format with only one possible meaning is tolerated and listed as a repair, or
+is an error if `strict`. Ambiguous text raises `BvhError`.
 """
 
 import os
@@ -55,7 +55,7 @@ class BvhSummary:
 
     @property
     def counts_agree(self) -> bool:
-        """Whether the file has as many frames as it declares."""
+        """Whether the number of frames found is the declared one."""
         return self.n_frames == self.declared_frames
 
 
@@ -67,23 +67,23 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     source : path or file object
         The file; an open file may be text or binary. White space and line ends may be of any kind.
     strict : bool
-        Whether deviations that `Motion.repairs` would list are errors.
+        Whether to raise an error for the deviations that `Motion.repairs` otherwise lists.
     add_offsets : bool
-        Add position channels to OFFSET, as three.js does, instead of replacing it, as Blender does.
-        The sums become the channel values of the motion, so a program that does not add reads the
-        written file correctly.
+        Whether position channels are added to OFFSET, as in three.js, or replace it, as in Blender.
+        The sums become the channel values of the motion, so that programs that replace OFFSET read
+        the written file correctly.
 
     Returns
     -------
     Motion
-        Named after the file, without its suffix. It has all frames found, even if the file
-        declares another number. `Motion.channel_values` holds the numbers as read, so that
+        The motion, named after the file without its suffix. It has all frames found, even if the
+        file declares another number. `Motion.channel_values` holds the numbers as read, so that
         `write_bvh` reproduces them. Quaternions do not change sign from frame to frame.
 
     Raises
     ------
     BvhError
-        If the file is not a valid BVH motion; names path, line, column and the expected text.
+        If the file is not valid BVH; the message gives path, line, column and expected text.
     OSError
         If the file cannot be read.
 
@@ -111,7 +111,7 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
         header = read_header(cursor)
         values = read_frames(cursor, header)
     rotations, positions = channels_to_transforms(header.skeleton, values, add_offsets=add_offsets)
-    # The name of an open file need not be a path; that of standard input is "<stdin>".
+    # The name of an open file may not be a path; that of standard input is "<stdin>".
     path = Path(cursor.label) if os.path.exists(cursor.label) else None
     return Motion(
         header.skeleton,

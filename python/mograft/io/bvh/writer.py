@@ -25,10 +25,10 @@ def write_bvh(motion: Motion, target: BvhFile) -> None:
     """Write a motion to a BVH file.
 
     Names, hierarchy, offsets, end sites, channels and frame time are those of the motion. A
-    number that was read and not changed is written with the value that was read. Other angles
-    are computed from the rotation, in the channel order of the joint: the Euler angles nearest
-    to those of the previous frame. Each number has the fewest digits that reproduce it exactly.
-    An existing file is replaced atomically.
+    number that was read from a file and not changed since is written with the same value. Other
+    angles are computed from the rotation, in the channel order of the joint: the Euler angles
+    nearest to those of the previous frame. Each number has the fewest digits that reproduce it
+    exactly. An existing file is replaced atomically.
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def _check_names(skeleton: Skeleton) -> None:
 def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
     """Return the lines of the hierarchy, and the joints in the order of these lines."""
     lines, order = ["HIERARCHY"], list[int]()
-    # An explicit stack of joints and end sites to open and lines to write: chains may be deeper
-    # than Python's recursion limit.
+    # An explicit stack of joints, end sites and closing lines still to be written: chains may be
+    # deeper than Python's recursion limit.
     stack: list[int | EndSite | str] = [0]
     depth = 0
     while stack:
