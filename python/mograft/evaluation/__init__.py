@@ -1,4 +1,4 @@
-"""Measures of grafts: combinations, balance, compatibility with captured motion, and quality.
+"""Measures of grafts: combinations, balance, compatibility, quality and detectability.
 
 The measures take a library, or grafts from one. Estimates from samples have the sample size
 and, if the sample is large enough, a 95 % interval. The counts of combinations are exact. If the
@@ -26,16 +26,21 @@ from mograft.evaluation.baselines import (
     default_methods,
     grafts_by,
 )
+from mograft.evaluation.detectability import Detectability, detectability
 from mograft.evaluation.enrichment import Enrichment, enrichment, moment_laws, sweep
 from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.label_judgement import judgement
 from mograft.evaluation.label_table import read_labels
 from mograft.evaluation.labelling import label_items, label_page
 from mograft.evaluation.naturalness import Compatibility, compatibility
+from mograft.evaluation.novelty import Novelty, novelty
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.report import evaluation_page
 from mograft.evaluation.suite import Evaluation, evaluate
 from mograft.evaluation.support_polygon import Support, convex_hull, support_polygons
+from mograft.evaluation.two_sample import Detection
+from mograft.evaluation.world_measures import WorldMeasures, world_measures
+from mograft.evaluation.world_quality import WorldQuality, world_quality
 
 __all__ = [
     "Analogy",
@@ -46,19 +51,25 @@ __all__ = [
     "Captured",
     "Compatibility",
     "ContactPattern",
+    "Detectability",
+    "Detection",
     "Enrichment",
     "Estimate",
     "Evaluation",
     "Method",
     "Nearest",
+    "Novelty",
     "Quality",
     "Random",
     "RandomLength",
     "Support",
+    "WorldMeasures",
+    "WorldQuality",
     "balance_row",
     "compatibility",
     "convex_hull",
     "default_methods",
+    "detectability",
     "dynamic_balance",
     "enrichment",
     "evaluate",
@@ -68,9 +79,12 @@ __all__ = [
     "label_items",
     "label_page",
     "moment_laws",
+    "novelty",
     "quality",
     "read_labels",
     "static_balance",
     "support_polygons",
     "sweep",
+    "world_measures",
+    "world_quality",
 ]

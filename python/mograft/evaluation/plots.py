@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.balance import BalanceRow
+from mograft.evaluation.detectability import Detectability
 from mograft.evaluation.enrichment import Enrichment
 from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.naturalness import Compatibility
 from mograft.evaluation.quality import Quality
+from mograft.evaluation.world_quality import WorldQuality
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,6 +60,44 @@ def draw_quality(rows: Sequence[Quality]) -> "Figure":
         "coverage": ("coverage", ()),
         "local diversity": ("local_diversity", (0.0,)),
     }
+    return _draw_measures(rows, measures)
+
+
+def draw_world(rows: Sequence[WorldQuality]) -> "Figure":
+    """Draw one panel for each world-space measure, with the methods and their 95 % intervals."""
+    measures: dict[str, tuple[str, tuple[float, ...]]] = {
+        "jerk ratio of the head": ("head_jerk", (1.0,)),
+        "jerk ratio of the chest": ("chest_jerk", (1.0,)),
+        "jerk ratio of the hands": ("hands_jerk", (1.0,)),
+        "floor depth, heights": ("floor_depth", (0.0,)),
+        "foot skate": ("skate", (0.0,)),
+        "out of balance": ("balance", (0.0,)),
+    }
+    return _draw_measures(rows, measures)
+
+
+def draw_detectability(rows: Sequence[Detectability]) -> "Figure":
+    """Draw the AUC at and between seams, and of the null, with 95 % intervals.
+
+    A line marks chance.
+    """
+    panels = {
+        f"{title}, {kind}": [(row.method, getattr(getattr(row, place), kind)) for row in rows]
+        for place, title in (
+            ("seams", "at seams"),
+            ("between_seams", "between seams"),
+            ("other_moments", "captured, other moments"),
+        )
+        for kind in ("gross", "fine")
+    }
+    return _draw_dots(panels, "AUC", dict.fromkeys(panels, (0.5,)))
+
+
+def _draw_measures(
+    rows: Sequence[Quality] | Sequence[WorldQuality],
+    measures: Mapping[str, tuple[str, Sequence[float]]],
+) -> "Figure":
+    """Draw one panel for each title, with its field of the records and vertical lines."""
     panels = {
         title: [(row.method, getattr(row, name)) for row in rows]
         for title, (name, _) in measures.items()

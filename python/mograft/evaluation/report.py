@@ -10,10 +10,15 @@ from mograft.body.mass import mass_model
 from mograft.evaluation import plots
 from mograft.evaluation.balance import BalanceRow
 from mograft.evaluation.enrichment import PAPER_TABLES, Enrichment
-from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.label_judgement import Judgement
 from mograft.evaluation.naturalness import Compatibility
-from mograft.evaluation.quality import Quality
+from mograft.evaluation.quality_report import (
+    detectability_section,
+    note,
+    quality_section,
+    world_section,
+    world_sentences,
+)
 from mograft.evaluation.suite import Evaluation
 from mograft.viewing.page import Page, assemble_page
 from mograft.viewing.report import REPORT_STYLE, format_number, html_table
@@ -86,6 +91,7 @@ def summarize(evaluation: Evaluation) -> list[str]:
                 f"The mean seam gap is {measures.seam_gap.text(1, 1, '°')}. The acceleration is "
                 f"{measures.acceleration.text(2)} times that of the recording."
             )
+    sentences += world_sentences(evaluation.world, evaluation.detectability)
     if evaluation.judgement is not None:
         people = evaluation.judgement
         sentences.append(
@@ -155,7 +161,11 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     if evaluation.balance:
         parts += _balance_section(evaluation)
     if evaluation.quality:
-        parts += _quality_section(evaluation.quality)
+        parts += quality_section(evaluation.quality)
+    if evaluation.world:
+        parts += world_section(evaluation.world)
+    if evaluation.detectability:
+        parts += detectability_section(evaluation.detectability)
     if evaluation.enrichment is not None:
         parts += _enrichment_section(evaluation, evaluation.enrichment)
     parts += [
@@ -169,10 +179,6 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
 
 def _list(sentences: Sequence[str]) -> str:
     return f"<ul>{''.join(f'<li>{html.escape(sentence)}</li>' for sentence in sentences)}</ul>"
-
-
-def _note(text: str) -> str:
-    return f'<p class="note">{html.escape(text)}</p>'
 
 
 def _compatibility_section(compatibilities: Sequence[Compatibility]) -> list[str]:
@@ -193,7 +199,7 @@ def _compatibility_section(compatibilities: Sequence[Compatibility]) -> list[str
         head = [found.group, "κ", "κ, same segments", "accepted", "with a donor", "n"]
         parts.append(html_table(head, rows))
         parts.append(
-            _note(
+            note(
                 f"{found.segments} segments in {found.fold_groups} clips or blocks, which were "
                 f"assigned {found.splits} times to {found.folds} folds. The classifier accepts "
                 f"{found.captured.text(0, 100, ' %')} of the captured and "
@@ -202,7 +208,7 @@ def _compatibility_section(compatibilities: Sequence[Compatibility]) -> list[str
             )
         )
     parts.append(
-        _note(
+        note(
             "κ measures whether such combinations occur in these recordings: random parts have 0, "
             "captured parts have 1. It is not the share of natural motions. It does not measure "
             "seams or physics, and a plausible combination that was never captured scores low. A "
@@ -226,7 +232,7 @@ def _label_section(people: Judgement) -> list[str]:
     return [
         "<h2>Labels</h2>",
         html_table(["method", "called natural", "corrected", "n"], rows),
-        _note(
+        note(
             f"{people.learned} training labels, {people.tested} test labels. Of the test labels, "
             f"the classifier predicts {people.accuracy.text(0, 100, ' %')} correctly: of the "
             f"natural ones {people.sensitivity.text(2)}, of the unnatural ones "
@@ -258,7 +264,7 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
         "<h2>Balance</h2>",
         plots.as_image(figure, "Unbalanced segments of each method"),
         html_table(head, [_balance_cells(row) for row in rows]),
-        _note(
+        note(
             f"The body model {masses}.{unknown} The rule states in which frames with a foot on the "
             "floor the reference point must be outside of the hull of the soles for a segment to "
             "be unbalanced: in all, in the majority or in any of them. The reference point of "
@@ -281,43 +287,6 @@ def _balance_cells(row: BalanceRow) -> list[str]:
         f"{100 * row.flight:.0f} %",
         str(row.runs),
         str(row.rate.n if is_recording else row.difference.n),
-    ]
-
-
-def _quality_section(qualities: Sequence[Quality]) -> list[str]:
-    measures: tuple[tuple[str, str, int, float, str], ...] = (
-        ("new parts", "new_segments", 0, 100, " %"),
-        ("seam gap", "seam_gap", 1, 1, "°"),
-        ("seam gap, 90th percentile", "seam_gap_p90", 1, 1, "°"),
-        ("acceleration", "acceleration", 2, 1, ""),
-        ("jerk", "jerk", 2, 1, ""),
-        ("foot skate, points", "foot_skate", 1, 100, ""),
-        ("coverage", "coverage", 2, 1, ""),
-        ("local diversity", "local_diversity", 3, 1, ""),
-        ("diversity", "diversity", 1, 1, "°"),
-        ("arms and legs", "coordination", 2, 1, ""),
-        ("arms and legs, lag", "lag", 2, 1, " s"),
-    )
-    head = ["measure", *(row.method for row in qualities), "n"]
-    rows = []
-    for title, name, digits, scale, suffix in measures:
-        estimates: list[Estimate] = [getattr(row, name) for row in qualities]
-        cells = [found.text(digits, scale, suffix) for found in estimates]
-        n = max(found.n for found in estimates)
-        rows.append([title, *cells, f"{n} {estimates[0].unit}"])
-    figure = plots.draw_quality(qualities)
-    return [
-        "<h2>Quality</h2>",
-        plots.as_image(figure, "Measures of quality of each method"),
-        html_table(head, rows),
-        _note(
-            "Acceleration and jerk: those of the grafted joints divided by those of the recording. "
-            "Foot skate: minus that of the recording. Coverage: share of the one-second windows of "
-            "the library that are near a window of the graft. Local diversity: distance from the "
-            "nearest captured half-second window. Diversity: between grafts of one base. Arms and "
-            "legs: change in the correlation of arm swing and opposite leg swing, and of its lag. "
-            "All measures are relative to these recordings."
-        ),
     ]
 
 
@@ -352,7 +321,7 @@ def _enrichment_section(evaluation: Evaluation, found: Enrichment) -> list[str]:
         else "The counts satisfy all laws of moments, as the counts of one clustering must."
     )
     parts.append(
-        _note(
+        note(
             f"Threshold {found.sigma} times {found.sigma_scale:g}: {found.clusters} clusters of "
             f"the base group, the largest with {found.largest} segments. {laws} In the figure, "
             "dotted lines have the length limit. Triangles are tables 1 and 2 of the paper; their "

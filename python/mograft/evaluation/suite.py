@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -23,6 +23,7 @@ from mograft.evaluation.balance import (
     static_balance,
 )
 from mograft.evaluation.baselines import Method, default_methods, grafts_by
+from mograft.evaluation.detectability import Detectability, detectability
 from mograft.evaluation.enrichment import (
     Enrichment,
     Law,
@@ -37,11 +38,13 @@ from mograft.evaluation.label_table import Labels
 from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.support_polygon import Support, support_polygons
+from mograft.evaluation.world_measures import has_base_legs
+from mograft.evaluation.world_quality import WorldQuality, world_quality
 from mograft.library.clusters import Progress
 from mograft.library.library import Library
 from mograft.synthesis.graft_result import Graft
 
-TOPICS = ("enrichment", "balance", "naturalness", "quality")
+TOPICS = ("enrichment", "balance", "naturalness", "quality", "world", "detectability")
 BALANCE_MARGIN = 0.01  # margin of the second row of static balance, in skeleton heights
 
 _MEASURES = {"static": static_balance, "dynamic": dynamic_balance}
@@ -73,6 +76,10 @@ class Evaluation:
         Results of the classifier that was trained on labels.
     quality : tuple of Quality
         Quality for each method.
+    world : tuple of WorldQuality
+        World-space measures for each method.
+    detectability : tuple of Detectability
+        Detectability for each method, with its null.
     refusals : dict of str to str
         Topics, or parts of one, that the data does not support, with the reason.
     parameters : dict
@@ -89,6 +96,8 @@ class Evaluation:
     naturalness: tuple[Compatibility, ...]
     judgement: Judgement | None
     quality: tuple[Quality, ...]
+    world: tuple[WorldQuality, ...]
+    detectability: tuple[Detectability, ...]
     refusals: Mapping[str, str]
     parameters: Mapping[str, Any]
 
@@ -117,6 +126,8 @@ class Evaluation:
             "naturalness": self.naturalness,
             "people": self.judgement,
             "quality": self.quality,
+            "world": self.world,
+            "detectability": self.detectability,
         }
         return document | {name: as_json(result) for name, result in results.items() if result}
 
@@ -163,11 +174,11 @@ def evaluate(
     library : Library
         Library.
     topics : sequence of str
-        Topics: "enrichment", "balance", "naturalness" and "quality".
+        Topics: "enrichment", "balance", "naturalness", "quality", "world" and "detectability".
     methods : sequence of Method, optional
         Methods that select donors. Default: `default_methods` of the library.
     runs : int
-        Number of grafts for each base and method, for balance and quality.
+        Number of grafts for each base and method.
     bases : int
         Number of clips that serve as base, at most. They are evenly spaced in the library.
     labels : Labels, optional
@@ -214,11 +225,10 @@ def evaluate(
         counts, swept, clusters = enrichment(library), sweep(library), cluster_numbers(library)
         laws = moment_laws(counts.segments, {c.groups: c.unfiltered for c in counts.counts})
     base_names = _select_bases(library, bases)
-    rows: list[BalanceRow] = []
-    qualities: list[Quality] = []
-    if {"balance", "quality"} & set(topics):
+    measured = _Measured()
+    if {"balance", "quality", "world", "detectability"} & set(topics):
         grafting = _Grafting(library, methods, base_names, runs, seed)
-        rows, qualities = grafting.measure(topics, refusals, progress)
+        measured = grafting.measure(topics, refusals, progress)
     compatibilities: list[Compatibility] = []
     people = None
     if "naturalness" in topics:
@@ -239,10 +249,12 @@ def evaluate(
         sweep=swept,
         clusters=clusters,
         laws=laws,
-        balance=tuple(rows),
+        balance=tuple(measured.balance),
         naturalness=tuple(compatibilities),
         judgement=people,
-        quality=tuple(qualities),
+        quality=tuple(measured.quality),
+        world=tuple(measured.world),
+        detectability=tuple(measured.detectability),
         refusals=refusals,
         parameters={
             "seed": seed,
@@ -285,31 +297,50 @@ class _Grafting:
 
     def measure(
         self, topics: Sequence[str], refusals: dict[str, str], progress: Progress | None
-    ) -> tuple[list[BalanceRow], list[Quality]]:
+    ) -> "_Measured":
         """Compute and measure the grafts, one method after the other."""
         bases = None
-        rows: list[BalanceRow] = []
-        qualities: list[Quality] = []
+        found = _Measured()
         if "balance" in topics:
             with _recorded_refusal(refusals, "balance"):
                 bases = _Bases.of(self.library, self.base_names)
-                rows += _balance_rows("recording", bases.recording_samples(), refusals)
+                found.balance.extend(
+                    _balance_rows("recording", bases.recording_samples(), refusals)
+                )
         for position, method in enumerate(self.methods):
             if progress is not None:
                 progress("grafting", position, len(self.methods))
-            with _recorded_refusal(refusals, method.name):
+            name = method.name
+            with _recorded_refusal(refusals, name):
                 grafts = [
-                    list(grafts_by(method, self.library, name, self.runs, seed=self.seed))
-                    for name in self.base_names
+                    list(grafts_by(method, self.library, base, self.runs, seed=self.seed))
+                    for base in self.base_names
                 ]
                 if bases is not None:
-                    rows += _balance_rows(method.name, bases.graft_samples(grafts), refusals)
+                    samples = bases.graft_samples(grafts)
+                    found.balance.extend(_balance_rows(name, samples, refusals))
                 if "quality" in topics:
                     with _recorded_refusal(refusals, "quality"):
-                        qualities.append(quality(method.name, grafts, self.seed))
+                        found.quality.append(quality(name, grafts, self.seed))
+                if "world" in topics:
+                    with _recorded_refusal(refusals, "world"):
+                        found.world.append(world_quality(name, grafts, self.seed))
+                if "detectability" in topics:
+                    with _recorded_refusal(refusals, f"detectability of {name}"):
+                        found.detectability.append(detectability(name, grafts, self.seed))
         if progress is not None:
             progress("grafting", len(self.methods), len(self.methods))
-        return rows, qualities
+        return found
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Measures of all methods, by topic."""
+
+    balance: list[BalanceRow] = field(default_factory=list)
+    quality: list[Quality] = field(default_factory=list)
+    world: list[WorldQuality] = field(default_factory=list)
+    detectability: list[Detectability] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,8 +388,7 @@ class _Bases:
                 [
                     measure(
                         graft.motion,
-                        # Foot planting moves the feet away from the support of the base.
-                        support=support if graft.feet is None else None,
+                        support=support if has_base_legs(graft) else None,
                         floor_reference=graft.base,
                     )
                     for graft in several

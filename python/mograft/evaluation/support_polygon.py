@@ -151,10 +151,7 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
         raise InsufficientDataError(
             f"balance needs feet to stand on: no leg is known among the joints {shown}, ..."
         )
-    up = int(np.flatnonzero(ground.up)[0])
-    axes = ((up + 1) % 3, (up + 2) % 3)
-    if ground.up[up] < 0:
-        axes = axes[::-1]
+    axes = horizontal_axes(ground.up)
     joints = ground.points(motion)
     touches = ground.above(joints) < _MAX_CONTACT_HEIGHT * ground.height
     horizontal = joints[..., axes]
@@ -180,6 +177,13 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
         floor=float(ground.floors.min()),
         height=ground.height,
     )
+
+
+def horizontal_axes(up: FloatArray) -> tuple[int, int]:
+    """Return the horizontal axes in the order that makes them right-handed with the unit `up`."""
+    axis = int(np.flatnonzero(up)[0])
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    return (second, first) if up[axis] < 0 else (first, second)
 
 
 def facing_directions(motion: Motion, ground: Ground) -> FloatArray:

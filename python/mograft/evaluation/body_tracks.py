@@ -1,0 +1,228 @@
+"""Tracks of a body in the world, and the frames of the library that a graft was made from."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.body_parts import ARM
+from mograft.body.contacts import Ground
+from mograft.body.mass import mass_model
+from mograft.evaluation.support_polygon import facing_directions, horizontal_axes
+from mograft.library.library import Library
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.synthesis.graft_result import Graft
+
+SAMPLE_RATE = 30.0  # samples per second that derivatives compare
+BLOCK_SECONDS = 5.0  # duration of the blocks of frames that the bootstrap resamples
+
+
+def landmarks(skeleton: Skeleton) -> dict[str, list[int]]:
+    """Return the joints whose bones end at the head, at the chest and at the hands.
+
+    The chest is the lowest joint above both arms. A name without a known joint is missing.
+    """
+    known = anatomy(skeleton)
+    head = mass_model(skeleton).head
+    found = {"head": [] if head is None else [head], "chest": [], "hands": []}
+    sides = {side: known.joints(*ARM, side=side) for side in ("left", "right")}
+    if all(sides.values()):
+        found["chest"] = [skeleton.common_ancestor([*sides["left"], *sides["right"]])]
+    for side in sides:
+        hands = known.joints("hand", side=side) or known.joints("forearm", side=side)[-1:]
+        found["hands"] += hands[:1]
+    return {name: joints for name, joints in found.items() if joints}
+
+
+def bone_ends(motion: Motion, joints: Sequence[int] | IntArray) -> FloatArray:
+    """Return the world positions of the ends of bones in heights, (n_frames, n_joints, 3)."""
+    model = mass_model(motion.skeleton)
+    indices = np.asarray(joints, np.int64)
+    world_rotations, positions = motion.world_transforms()
+    bones = rotations.rotate(world_rotations[:, indices], model.bone[indices])
+    ends: FloatArray = (positions[:, indices] + bones) / model.height
+    return ends
+
+
+def sample_stride(rate: float) -> int:
+    """Return the number of frames between samples at about 30 samples per second."""
+    return max(round(rate / SAMPLE_RATE), 1)
+
+
+def jerk(points: FloatArray, rate: float) -> FloatArray:
+    """Return the magnitude of the third derivative of points, per s³, shape (n_frames, ...).
+
+    `points` has shape (n_frames, ..., 3). The differences compare samples at about 30 per second,
+    so that noise of single frames at higher rates counts little. The result is 0 in the first
+    sample and the last two.
+    """
+    sizes: FloatArray = np.linalg.norm(_derivative(points, rate, 3), axis=-1)
+    return sizes
+
+
+def _derivative(points: FloatArray, rate: float, order: int) -> FloatArray:
+    """Return a derivative by differences of samples; 0 where samples are missing.
+
+    The first is central over two intervals, the second central; the third is that between a
+    sample and the next.
+    """
+    s = sample_stride(rate)
+    found = np.zeros_like(points)
+    before, after = ((s, s), (s, s), (s, 2 * s))[order - 1]
+    n = len(points) - before - after
+    if n < 1:
+        return found
+    weights = ((-0.5, 0.0, 0.5), (1.0, -2.0, 1.0), (-1.0, 3.0, -3.0, 1.0))[order - 1]
+    for k, weight in enumerate(weights):
+        found[before : before + n] += weight * points[k * s : k * s + n]
+    found[before : before + n] *= (rate / s) ** order
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTracks:
+    """A body in every frame: bone ends relative to the hips, in heights and seconds.
+
+    The axes are two horizontal ones and up.
+    """
+
+    hips: FloatArray  # world position, (n_frames, 3)
+    heading: FloatArray  # radians about up, continuous, (n_frames,)
+    points: FloatArray  # relative to the hips, not to the heading, (n_frames, n_points, 3)
+    rate: float
+
+    @classmethod
+    def of(cls, motion: Motion) -> "BodyTracks":
+        """Return the tracks of a motion; without known hips the heading is 0."""
+        ground = Ground.of(motion)
+        joints = feature_joints(motion.skeleton, np.arange(motion.n_joints))
+        has_mass = mass_model(motion.skeleton).mass[joints] > 0
+        points = bone_ends(motion, joints[has_mass] if has_mass.any() else joints)
+        first, second = horizontal_axes(ground.up)
+        up = int(np.flatnonzero(ground.up)[0])
+        frame = np.zeros((3, 3))
+        frame[first, 0] = frame[second, 1] = 1.0
+        frame[up, 2] = ground.up[up]
+        facing = facing_directions(motion, ground) @ frame
+        model = mass_model(motion.skeleton)
+        hips = motion.world_positions()[:, model.hips] / model.height
+        return cls(
+            hips=hips @ frame,
+            heading=np.unwrap(np.arctan2(facing[:, 1], facing[:, 0])),
+            points=(points - hips[:, None]) @ frame,
+            rate=motion.rate,
+        )
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+    @property
+    def stride(self) -> int:
+        """Frames between samples at about 30 per second."""
+        return sample_stride(self.rate)
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Velocity of the points, heights/s."""
+        return _derivative(self.points, self.rate, 1)
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """Acceleration of the points, heights/s²."""
+        return _derivative(self.points, self.rate, 2)
+
+    @cached_property
+    def jerk(self) -> FloatArray:
+        """Third derivative of the points, heights/s³."""
+        return _derivative(self.points, self.rate, 3)
+
+    @cached_property
+    def root_velocity(self) -> FloatArray:
+        """Velocity of the hips and yaw rate, heights/s and radians/s, (n_frames, 4)."""
+        track = np.concatenate([self.hips, self.heading[:, None]], axis=1)
+        return _derivative(track, self.rate, 1)
+
+    def facing_forward(self, vectors: FloatArray, frames: IntArray) -> FloatArray:
+        """Turn vectors, shape (n, ..., 3), about up by the negative heading at n frames."""
+        angle = self.heading[frames].reshape(-1, *[1] * (vectors.ndim - 2))
+        cos, sin = np.cos(angle), np.sin(angle)
+        x, y, up = np.moveaxis(vectors, -1, 0)
+        return np.stack([cos * x + sin * y, cos * y - sin * x, up], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameBlocks:
+    """Blocks of five seconds of the clips of a library, or whole clips that are shorter."""
+
+    offsets: IntArray  # number of all frames before each clip
+    block: IntArray  # of each frame of all clips
+
+    @classmethod
+    def of(cls, library: Library) -> "FrameBlocks":
+        """Divide the clips of a library into blocks of equal length."""
+        lengths = np.array([entry.n_frames for entry in library.entries])
+        counts = np.maximum(np.rint(lengths / (BLOCK_SECONDS * library.rate)), 1).astype(np.int64)
+        firsts = np.cumsum(counts) - counts
+        blocks = [
+            first + np.arange(n) * count // n
+            for first, n, count in zip(firsts, lengths, counts, strict=True)
+        ]
+        return cls(np.cumsum(lengths) - lengths, np.concatenate(blocks))
+
+    def clip_of(self, frames: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the clip of each frame of all clips, and the frame in that clip."""
+        clip = np.searchsorted(self.offsets, frames, side="right") - 1
+        return clip, frames - self.offsets[clip]
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """For each frame of a graft, the frame of all clips that a joint group comes from.
+
+    Frames of donors are those of a uniform time warp.
+    """
+
+    frames: IntArray  # of all clips, (n_frames,)
+    is_exchanged: BoolArray  # (n_frames,)
+
+    @classmethod
+    def of(cls, graft: Graft, group: str, blocks: FrameBlocks) -> "Origin":
+        """Return the origin of a grafted group; frames outside of segments come from the base."""
+        clips = clip_indices(graft.library)
+        n = graft.motion.n_frames
+        # The segments of a scenario have no frames between them, so its base need not be a clip.
+        frames = blocks.offsets[clips.get(graft.base.name, 0)] + np.arange(n)
+        is_exchanged = np.zeros(n, bool)
+        for s in graft.substitutions:
+            if s.group != group:
+                continue
+            own = np.arange(s.start, s.stop + 1)
+            share = (own - s.start) / (s.stop - s.start)
+            donor = s.donor_start + share * (s.donor_stop - s.donor_start)
+            frames[own] = blocks.offsets[clips[s.clip]] + np.rint(donor).astype(np.int64)
+            is_exchanged[own] = not s.is_own
+        return cls(frames, is_exchanged)
+
+
+def clip_indices(library: Library) -> dict[str, int]:
+    """Return the index of each clip by its name."""
+    return {entry.name: index for index, entry in enumerate(library.entries)}
+
+
+def driving_group(graft: Graft, joints: Iterable[int]) -> str | None:
+    """Return the grafted group that moves joints: of the first on the path to the root.
+
+    None if no exchanged group moves them.
+    """
+    library = graft.library
+    group_of = {int(j): name for name in graft.alternatives for j in library.joints(name)}
+    for joint in joints:
+        for above in (joint, *library.skeleton.ancestors(joint)):
+            if above in group_of:
+                return group_of[above]
+    return None

@@ -1,0 +1,145 @@
+"""Detectability of grafts: whether a classifier distinguishes their windows from captured ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft.errors import InsufficientDataError
+from mograft.evaluation._extra import import_extra
+from mograft.evaluation.estimate import Record
+from mograft.evaluation.two_sample import (
+    MIN_TEST,
+    MIN_TRAIN,
+    N_FOLDS,
+    Detection,
+    block_folds,
+    detect,
+    empty_detection,
+)
+from mograft.evaluation.windows import GraftWindows, Pairs
+from mograft.synthesis.graft_result import Graft
+
+MIN_WINDOWS = 60
+_MAX_WINDOWS = 1600  # limits the run time
+
+
+@dataclass(frozen=True)
+class Detectability(Record):
+    """Detectability of the grafts of one method, with its null.
+
+    Attributes
+    ----------
+    method : str
+        Name of the method that selected the donors.
+    runs : int
+        Number of grafts for each base.
+    seams : Detection
+        Windows of 0.5 s at seams, against the captured windows at the same frames of the base.
+    between_seams : Detection
+        The same in the middle between seams, in exchanged segments.
+    other_moments : Detection
+        Null: the captured windows at other seams of the same five seconds, in place of those of
+        grafts.
+    donor_windows : Detection
+        Null: the captured windows that the donors are from, in place of those of grafts.
+    """
+
+    method: str
+    runs: int
+    seams: Detection
+    between_seams: Detection
+    other_moments: Detection
+    donor_windows: Detection
+
+
+def detectability(
+    method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0, *, splits: int = 3
+) -> Detectability:
+    """Measure whether classifiers distinguish grafts from captured motion.
+
+    Parameters
+    ----------
+    method : str
+        Name of the method that selected the donors.
+    grafts : sequence of sequence of Graft
+        For each base, its grafts; all from one library, whose clips are the bases.
+    seed : int
+        Seed of the folds, of the choice among more than 1600 windows and of the resampling.
+    splits : int
+        Number of random assignments of the blocks to folds.
+
+    Returns
+    -------
+    Detectability
+        Values are NaN if their windows are too few. The intervals resample blocks of five
+        seconds of the bases. They cover neither the choice of the recordings nor that of the
+        training windows.
+
+    Raises
+    ------
+    ImportError
+        If scikit-learn is not installed.
+    InsufficientDataError
+        If there are fewer than 60 windows at seams, or too few of them whose donors and base
+        have not been trained on.
+    ValueError
+        If a base is not a clip of the library.
+
+    Notes
+    -----
+    Classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017). The clips are divided into
+    blocks of five seconds, the blocks at random into three folds, `splits` times. A test window has
+    its base and all its donors in one fold; no base and no donor of a training window is in that
+    fold. Every captured window has the weight of all windows of grafts at its frame. The features
+    are those of `mograft.evaluation.windows`: bone ends relative to the hips and to the heading
+    at the centre, reduced to principal components of the training windows.
+    """
+    flat = [graft for several in grafts for graft in several]
+    if not flat:
+        raise InsufficientDataError("detectability needs at least one graft")
+    names = {entry.name for entry in flat[0].library.entries}
+    for graft in flat:
+        if graft.scenario or graft.base.name not in names:
+            raise ValueError(f"`grafts` must have clips of the library as bases, got {graft!r}")
+    import_extra("sklearn")
+    rng = np.random.default_rng(seed)
+    at_seams = GraftWindows.of(flat, "seams", _MAX_WINDOWS, rng)
+    if len(at_seams) < MIN_WINDOWS:
+        raise InsufficientDataError(
+            f"detectability needs {MIN_WINDOWS} windows at seams, there are {len(at_seams)}"
+        )
+    folds = [block_folds(at_seams.frames, (seed, split)) for split in range(splits)]
+    pairs = at_seams.pairs()
+    seams = detect([pairs] * splits, folds, seed)
+    if not np.isfinite(seams.gross.value):
+        raise InsufficientDataError(
+            f"detectability needs {MIN_TEST} windows at seams whose base and donors are in one "
+            f"of {N_FOLDS} folds, and {MIN_TRAIN} without any of them there"
+        )
+    between = GraftWindows.of(flat, "between seams", _MAX_WINDOWS, rng)
+    others = [pair_other_moments(pairs, rng) for _ in folds]
+    return Detectability(
+        method=method,
+        runs=len(grafts[0]),
+        seams=seams,
+        between_seams=detect([between.pairs()] * splits, folds, seed)
+        if len(between)
+        else empty_detection(),
+        other_moments=detect(others, folds, seed),
+        donor_windows=detect([at_seams.donor_pairs()] * splits, folds, seed),
+    )
+
+
+def pair_other_moments(pairs: Pairs, rng: np.random.Generator) -> Pairs:
+    """Pair each second captured window with another one of its block."""
+    order = rng.permutation(len(pairs.base))
+    order = order[np.argsort(pairs.block[order], kind="stable")]
+    first, second = order[:-1], order[1:]
+    is_paired = np.zeros(len(first), bool)
+    for k in np.flatnonzero(pairs.block[first] == pairs.block[second]).tolist():
+        is_paired[k] = k == 0 or not is_paired[k - 1]
+    base, new = first[is_paired], second[is_paired]
+    block = pairs.block[base]
+    row = np.arange(len(base))
+    return Pairs(pairs.base[base], pairs.base[new], row, block, tuple(block[:, None]))

@@ -1,0 +1,198 @@
+"""Novelty, coverage and diversity of grafts: distances of half-second windows of the body."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.errors import InsufficientDataError
+from mograft.evaluation import estimate
+from mograft.evaluation.body_tracks import BodyTracks, FrameBlocks, clip_indices
+from mograft.evaluation.estimate import Estimate, Record
+from mograft.library.library import Library
+from mograft.synthesis.graft_result import Graft
+
+_OFFSETS = np.array([-7, -4, 0, 4, 7])  # samples at which a window has positions
+_STEP = 5  # samples between windows
+_MIN_SEPARATION_SECONDS = 1.5  # between a captured window and its natural neighbour
+_MIN_CHANGE = 0.003  # distance from the window of the base, in heights, of a changed window
+_MAX_CAPTURED = 8_000  # above this only every k-th captured window is compared
+_N_RANDOM_PAIRS = 2000
+_CHUNK = 500  # rows of a distance matrix that are computed at once
+
+
+@dataclass(frozen=True)
+class Novelty(Record):
+    """How new grafts are, how much of the recordings they cover, and how much they differ.
+
+    The distance of two windows is the root mean square distance of bone ends in heights.
+
+    Attributes
+    ----------
+    changed : Estimate
+        Share of the windows of grafts that differ from that of the base by 0.003 or more.
+    novelty : Estimate
+        Mean distance of the changed windows from the nearest captured window, divided by the
+        median distance of a captured window from the nearest one 1.5 s or more away.
+    coverage : Estimate
+        Share of the captured windows with a changed window within that median distance.
+    between : Estimate
+        Mean distance of two grafts of one base at the same frames, divided by the mean distance
+        of random captured windows.
+    """
+
+    changed: Estimate
+    novelty: Estimate
+    coverage: Estimate
+    between: Estimate
+
+
+def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
+    """Measure the novelty, coverage and diversity of grafts.
+
+    Parameters
+    ----------
+    grafts : sequence of sequence of Graft
+        For each base, its grafts; all from one library.
+    seed : int
+        Seed of the random captured pairs and of the resampling.
+
+    Returns
+    -------
+    Novelty
+        The intervals resample blocks of five seconds of the bases, for coverage of all clips.
+
+    Raises
+    ------
+    InsufficientDataError
+        If there is no graft, or the clips are too short for two windows 1.5 s apart.
+
+    Notes
+    -----
+    A window has the positions of bone ends relative to the hips at five instants within 0.5 s,
+    turned by the heading at its centre. Libraries with more than 8,000 windows are compared with
+    every k-th of them.
+    """
+    if not grafts or not all(grafts):
+        raise InsufficientDataError("novelty needs at least one graft on every base")
+    library = grafts[0][0].library
+    reference = captured_windows(library, seed)
+    clips = clip_indices(library)
+    changed, change_blocks = list[float](), list[int]()
+    new, new_blocks = list[FloatArray](), list[int]()
+    between, between_blocks = list[float](), list[int]()
+    for index, several in enumerate(grafts):
+        base, centers = body_windows(BodyTracks.of(several[0].base))
+        clip = clips.get(several[0].base.name)
+        blocks = (
+            np.full(len(centers), -1 - index)  # One block for a base that is not a clip.
+            if clip is None
+            else reference.frames.block[reference.frames.offsets[clip] + centers]
+        ).tolist()
+        windows = [body_windows(BodyTracks.of(graft.motion))[0] for graft in several]
+        for own in windows:
+            is_changed = np.linalg.norm(own - base, axis=1) >= _MIN_CHANGE
+            changed += is_changed.astype(float).tolist()
+            change_blocks += blocks
+            new.append(own[is_changed])
+            new_blocks += np.array(blocks)[is_changed].tolist()
+        for first, second in _pairs(windows):
+            between += (np.linalg.norm(first - second, axis=1) / reference.spread).tolist()
+            between_blocks += blocks
+    moved = np.concatenate(new)
+    distances = nearest_distances(moved, reference.windows) / reference.scale
+    covered = nearest_distances(reference.windows, moved) < reference.scale
+    return Novelty(
+        changed=estimate.block_mean(changed, change_blocks, "windows", seed),
+        novelty=estimate.block_mean(distances, new_blocks, "changed windows", seed),
+        coverage=estimate.block_mean(covered, reference.block, "captured windows", seed),
+        between=estimate.block_mean(between, between_blocks, "pairs of windows", seed),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CapturedWindows:
+    """The windows of the clips of a library, and their distances."""
+
+    frames: FrameBlocks
+    windows: FloatArray  # (n_windows, n_features)
+    block: IntArray  # of each window
+    scale: float  # median distance of a window from the nearest one 1.5 s or more away
+    spread: float  # mean distance of random pairs of windows
+
+
+@lru_cache(maxsize=1)
+def captured_windows(library: Library, seed: int) -> CapturedWindows:
+    """Return every k-th window of all clips."""
+    frames = FrameBlocks.of(library)
+    found = [body_windows(BodyTracks.of(clip)) for clip in library.clips]
+    windows = np.concatenate([own for own, _ in found])
+    center = np.concatenate(
+        [offset + own for offset, (_, own) in zip(frames.offsets, found, strict=True)]
+    )
+    step = max(math.ceil(len(windows) / _MAX_CAPTURED), 1)
+    windows, center = windows[::step], center[::step]
+    # Windows of different clips are far apart, even if their frames are adjacent.
+    clip, _ = frames.clip_of(center)
+    order = center + clip * math.ceil(_MIN_SEPARATION_SECONDS * library.rate)
+    separation = _MIN_SEPARATION_SECONDS * library.rate
+    natural = nearest_distances(windows, windows, order, separation)
+    natural = natural[np.isfinite(natural)]
+    if not len(natural):
+        raise InsufficientDataError(
+            f"novelty needs captured windows {_MIN_SEPARATION_SECONDS} s apart, there are none"
+        )
+    first, second = np.random.default_rng(seed).integers(len(windows), size=(2, _N_RANDOM_PAIRS))
+    return CapturedWindows(
+        frames=frames,
+        windows=windows,
+        block=frames.block[center],
+        scale=float(np.median(natural)),
+        spread=float(np.linalg.norm(windows[first] - windows[second], axis=1).mean()),
+    )
+
+
+def body_windows(tracks: BodyTracks) -> tuple[FloatArray, IntArray]:
+    """Return windows of a body, (n_windows, n_features), and the frames at their centres.
+
+    The Euclidean distance of two rows is the root mean square distance of bone ends.
+    """
+    reach = int(_OFFSETS[-1]) * tracks.stride
+    centers = np.arange(reach, len(tracks) - reach, _STEP * tracks.stride)
+    positions = tracks.points[centers[:, None] + _OFFSETS * tracks.stride]
+    local = tracks.facing_forward(positions, centers)
+    n_points = len(_OFFSETS) * tracks.points.shape[1]
+    return local.reshape(len(centers), 3 * n_points) / math.sqrt(n_points), centers
+
+
+def nearest_distances(
+    rows: FloatArray,
+    others: FloatArray,
+    order: IntArray | None = None,
+    separation: float = 0.0,
+) -> FloatArray:
+    """Return the distance of each row to the nearest other row; infinite without one.
+
+    With `order`, a number for each row, `rows` and `others` are the same, and only rows whose
+    numbers differ by at least `separation` are compared.
+    """
+    found = np.full(len(rows), np.inf)
+    if not len(others):
+        return found
+    squares = (others**2).sum(axis=1)
+    for start in range(0, len(rows), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        squared = (rows[part] ** 2).sum(axis=1)[:, None] + squares - 2 * rows[part] @ others.T
+        if order is not None:
+            squared[np.abs(order[part, None] - order) < separation] = np.inf
+        found[part] = np.sqrt(np.maximum(squared.min(axis=1), 0.0))
+    return found
+
+
+def _pairs(windows: Sequence[FloatArray]) -> Iterator[tuple[FloatArray, FloatArray]]:
+    for i, first in enumerate(windows):
+        for second in windows[:i]:
+            yield first, second

@@ -1,0 +1,230 @@
+"""Windows of grafts and of captured motion, as features of the classifiers of `detectability`."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.evaluation.body_tracks import (
+    BodyTracks,
+    FrameBlocks,
+    Origin,
+    clip_indices,
+    sample_stride,
+)
+from mograft.library.library import Library
+from mograft.synthesis.graft_result import Graft
+
+Place = Literal["seams", "between seams"]
+HALF_WINDOW: dict[Place, int] = {"seams": 8, "between seams": 4}  # samples before and after
+_POSITIONS = 9  # instants at which a window has positions
+_NEAR = 4  # samples before and after the centre with velocities and accelerations
+_PEAK = 2  # samples before and after the centre whose largest magnitudes are features
+_MARGIN = 3  # samples that derivatives need beyond a window
+_LOG_OFFSET = 0.05  # added to magnitudes before the logarithm, heights per unit of time
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Features of windows, one row for each."""
+
+    blocks: tuple[FloatArray, ...]  # positions, velocities, accelerations: (n, n_features) each
+    magnitudes: FloatArray  # log magnitudes of velocity, acceleration and jerk, and root velocity
+
+    def __len__(self) -> int:
+        return len(self.magnitudes)
+
+    def __getitem__(self, rows: IntArray) -> "Windows":
+        return Windows(tuple(block[rows] for block in self.blocks), self.magnitudes[rows])
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
+        """Join windows, of at least one part, in their order."""
+        columns = zip(*(part.blocks for part in parts), strict=True)
+        return cls(
+            tuple(np.concatenate(column) for column in columns),
+            np.concatenate([part.magnitudes for part in parts]),
+        )
+
+
+def window_reach(place: Place, rate: float) -> int:
+    """Return the frames that a window needs before and after its centre."""
+    return (HALF_WINDOW[place] + _MARGIN) * sample_stride(rate)
+
+
+def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Windows:
+    """Return the features of windows about some frames, relative to the heading at their centre.
+
+    Positions are those at nine instants of the window. Velocities and accelerations are those of
+    the nine samples about the centre. The magnitudes are the largest within two samples and the
+    root mean square over nine samples, for each point.
+    """
+    half, stride = HALF_WINDOW[place], tracks.stride
+    wide = np.linspace(-half, half, _POSITIONS).round().astype(np.int64)
+    near, peak = (np.arange(-n, n + 1) for n in (_NEAR, _PEAK))
+    at_wide, at_near, at_peak = (
+        centers[:, None] + offsets * stride for offsets in (wide, near, peak)
+    )
+
+    def flat(track: FloatArray, frames: IntArray) -> FloatArray:
+        return tracks.facing_forward(track[frames], centers).reshape(len(centers), -1)
+
+    magnitudes = []
+    for track in (tracks.velocity, tracks.acceleration, tracks.jerk):
+        sizes = np.linalg.norm(track, axis=-1)
+        mean_squares = (sizes[at_near] ** 2).mean(axis=1)
+        magnitudes += [sizes[at_peak].max(axis=1), np.sqrt(mean_squares)]
+    root = tracks.root_velocity[centers]
+    level = tracks.facing_forward(root[:, :3], centers)
+    return Windows(
+        blocks=(
+            flat(tracks.points, at_wide),
+            flat(tracks.velocity, at_near),
+            flat(tracks.acceleration, at_near),
+        ),
+        magnitudes=np.concatenate(
+            [np.log(np.concatenate(magnitudes, axis=1) + _LOG_OFFSET), level, root[:, 3:]], axis=1
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Windows of grafts, each with the captured window at the same frame of its base."""
+
+    base: Windows  # one row for each distinct base frame
+    new: Windows
+    row: IntArray  # row of `base` of each new window
+    block: IntArray  # block of the base frame of each row of `base`
+    blocks_used: tuple[IntArray, ...]  # blocks of base and donors of each new window
+
+
+@dataclass(frozen=True, eq=False)
+class GraftWindows:
+    """The windows of some grafts: their clips, centres and origins."""
+
+    library: Library
+    frames: FrameBlocks
+    grafts: Sequence[Graft]
+    place: Place
+    graft: IntArray  # of each window
+    center: IntArray  # frame of each window
+    origins: tuple[tuple[Origin, ...], ...]  # of the grafted groups of each graft
+
+    @classmethod
+    def of(
+        cls, grafts: Sequence[Graft], place: Place, max_count: int, rng: np.random.Generator
+    ) -> "GraftWindows":
+        """Return the windows of grafts, or a random choice of `max_count` of them."""
+        library = grafts[0].library
+        frames = FrameBlocks.of(library)
+        origins = tuple(
+            tuple(Origin.of(graft, group, frames) for group in graft.alternatives)
+            for graft in grafts
+        )
+        centers = [
+            _centers(graft, several, place) for graft, several in zip(grafts, origins, strict=True)
+        ]
+        index = np.repeat(np.arange(len(grafts)), [len(several) for several in centers])
+        center = np.concatenate(centers)
+        if len(center) > max_count:
+            chosen = np.sort(rng.choice(len(center), max_count, replace=False))
+            index, center = index[chosen], center[chosen]
+        return cls(library, frames, grafts, place, index, center, origins)
+
+    def __len__(self) -> int:
+        return len(self.center)
+
+    def pairs(self) -> Pairs:
+        """Return the windows of the grafts, with the captured windows at the same frames."""
+        new = [
+            extract_windows(BodyTracks.of(self.grafts[index].motion), centers, self.place)
+            for index, centers in self._by_graft()
+        ]
+        return self._pair(Windows.concatenate(new), self._donor_blocks())
+
+    def donor_pairs(self) -> Pairs:
+        """Return the captured windows of the donors instead of those of the grafts.
+
+        The donor is that of the first group that is exchanged at the centre of the window.
+        """
+        source = np.empty(len(self), np.int64)
+        for row, (graft, center) in enumerate(zip(self.graft, self.center, strict=True)):
+            origins = self.origins[graft]
+            used = next((o for o in origins if o.is_exchanged[center]), origins[0])
+            source[row] = used.frames[center]
+        clip, frame = self.frames.clip_of(source)
+        lengths = np.array([entry.n_frames for entry in self.library.entries])
+        reach = window_reach(self.place, self.library.rate)
+        frame = np.clip(frame, reach, np.maximum(lengths[clip] - reach - 1, reach))
+        # A clip shorter than a window has none.
+        kept = np.flatnonzero(lengths[clip] > 2 * reach)
+        part = self._choose(kept)
+        new = self._captured(clip[kept], frame[kept])
+        blocks = self.frames.block[self.frames.offsets[clip[kept]] + frame[kept]]
+        return part._pair(new, tuple(blocks[:, None]))
+
+    def _choose(self, rows: IntArray) -> "GraftWindows":
+        return GraftWindows(
+            self.library,
+            self.frames,
+            self.grafts,
+            self.place,
+            self.graft[rows],
+            self.center[rows],
+            self.origins,
+        )
+
+    def _pair(self, new: Windows, donor_blocks: Sequence[IntArray]) -> Pairs:
+        clips = clip_indices(self.library)
+        base_clips = np.array([clips[graft.base.name] for graft in self.grafts])[self.graft]
+        base, row = np.unique(
+            np.stack([base_clips, self.center], axis=1), axis=0, return_inverse=True
+        )
+        block = self.frames.block[self.frames.offsets[base[:, 0]] + base[:, 1]]
+        row = row.reshape(-1)
+        used = tuple(
+            np.union1d(several, block[own])
+            for several, own in zip(donor_blocks, row.tolist(), strict=True)
+        )
+        return Pairs(self._captured(base[:, 0], base[:, 1]), new, row, block, used)
+
+    def _captured(self, clip: IntArray, frame: IntArray) -> Windows:
+        """Return the captured windows about frames of clips."""
+        parts, rows = [], []
+        for index in np.unique(clip).tolist():
+            rows.append(np.flatnonzero(clip == index))
+            tracks = BodyTracks.of(self.library.clips[index])
+            parts.append(extract_windows(tracks, frame[rows[-1]], self.place))
+        order = np.argsort(np.concatenate(rows), kind="stable")
+        return Windows.concatenate(parts)[order]
+
+    def _donor_blocks(self) -> list[IntArray]:
+        """Return the blocks that each window's frames come from, in all grafted groups."""
+        half = HALF_WINDOW[self.place] * sample_stride(self.library.rate)
+        found = []
+        for graft, center in zip(self.graft.tolist(), self.center.tolist(), strict=True):
+            window = slice(center - half, center + half + 1)
+            frames = np.concatenate([origin.frames[window] for origin in self.origins[graft]])
+            found.append(np.unique(self.frames.block[frames]))
+        return found
+
+    def _by_graft(self) -> Iterator[tuple[int, IntArray]]:
+        for index in np.unique(self.graft).tolist():
+            yield index, self.center[self.graft == index]
+
+
+def _centers(graft: Graft, origins: Sequence[Origin], place: Place) -> IntArray:
+    """Return the frames at seams, or in the middle between seams in exchanged segments."""
+    n, stride = graft.motion.n_frames, sample_stride(graft.motion.rate)
+    seams = np.unique([seam.frame for seam in graft.seams]).astype(np.int64)
+    if place == "between seams":
+        edges = np.unique(np.concatenate([[0], seams, [n - 1]]))
+        middles = (edges[1:] + edges[:-1]) // 2
+        is_wide = np.diff(edges) > 2 * HALF_WINDOW[place] * stride
+        is_exchanged = np.any([origin.is_exchanged for origin in origins], axis=0)
+        seams = middles[is_wide & is_exchanged[middles]]
+    reach = window_reach(place, graft.motion.rate)
+    return seams[(seams >= reach) & (seams < n - reach)]

@@ -1,0 +1,167 @@
+"""Detectability: of copies, of planted jitter, its null, and which windows are trained on."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import InsufficientDataError, Library
+from mograft.dancer import dance
+from mograft.evaluation import two_sample
+from mograft.evaluation.baselines import Captured, RandomLength, grafts_by
+from mograft.evaluation.body_tracks import landmarks
+from mograft.evaluation.detectability import detectability, pair_other_moments
+from mograft.evaluation.two_sample import weighted_auc
+from mograft.evaluation.windows import GraftWindows
+from tests.evaluation.planted import add_jitter, copy_base
+from tests.strategies import SEEDS
+
+metrics = pytest.importorskip("sklearn.metrics", reason="scikit-learn is not installed")
+
+
+@pytest.fixture(scope="module")
+def dances():
+    """Return a library of six dance clips of eight seconds or more."""
+    return Library.build([take.motion for take in dance(seed=4, strides=3).takes(6)])
+
+
+@pytest.fixture(scope="module")
+def grafts(dances):
+    names = [entry.name for entry in dances.entries]
+    return [list(grafts_by(RandomLength(), dances, name, 3, seed=1)) for name in names]
+
+
+def change(grafts, function):
+    return [[function(graft) for graft in several] for several in grafts]
+
+
+@pytest.fixture(scope="module")
+def copied(grafts):
+    return detectability("copies", change(grafts, copy_base))
+
+
+def test_detectability_copies_of_base_have_auc_one_half(copied):
+    found = copied
+    for place in (found.seams, found.between_seams):
+        for auc in (place.gross, place.fine):
+            assert auc.value == pytest.approx(0.5, abs=1e-9)
+            assert auc.low - 1e-9 <= 0.5 <= auc.high + 1e-9
+            assert auc.n > 30
+    for null in (found.other_moments, found.donor_windows):
+        for auc in (null.gross, null.fine):
+            assert 0.35 < auc.value < 0.65
+            assert auc.n > 30
+
+
+def test_detectability_jitter_at_seams_is_detected_there_only(grafts, copied):
+    joint = landmarks(grafts[0][0].motion.skeleton)["chest"][0]
+    copies = change(grafts, copy_base)
+    jittered = detectability("jitter", change(copies, lambda g: add_jitter(g, joint, reach=2)))
+    assert jittered.seams.fine.low > 0.8
+    assert jittered.seams.gross.value > 0.6
+    assert jittered.other_moments == copied.other_moments
+    assert jittered.donor_windows == copied.donor_windows
+
+
+def test_detectability_same_seed_gives_same_numbers(grafts):
+    first, second = (detectability("x", [g[:1] for g in grafts], 3, splits=1) for _ in range(2))
+    assert first == second
+    assert first.as_dict()["seams"]["fine"]["n"] == first.seams.fine.n > 0
+
+
+def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
+    seen = []
+    original = two_sample.train_and_score
+
+    def record(learned, labels, tested):
+        seen.append((learned, tested))
+        return original(learned, labels, tested)
+
+    monkeypatch.setattr(two_sample, "train_and_score", record)
+    flat = [graft for several in grafts for graft in several]
+    windows = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0))
+    pairs = windows.pairs()
+    # The frame and the origin of every window, instead of its features.
+    rows = np.arange(len(windows), dtype=float)[:, None]
+    marked = replace(pairs.new, blocks=(rows,) * 3)
+    base_rows = -1.0 - np.arange(len(pairs.base), dtype=float)[:, None]
+    marked_base = replace(pairs.base, blocks=(base_rows,) * 3)
+    folds = two_sample.block_folds(windows.frames, (0, 0))
+    assert set(np.bincount(folds) > 0) == {True}
+    for fold in range(3):
+        two_sample.score_fold(replace(pairs, new=marked, base=marked_base), folds, fold)
+    assert len(seen) == 3
+
+    def blocks_of(mark):
+        if mark < 0:
+            return {int(pairs.block[int(-1 - mark)])}
+        graft = flat[windows.graft[int(mark)]]
+        center = int(windows.center[int(mark)])
+        clips = {entry.name: i for i, entry in enumerate(graft.library.entries)}
+        blocks = {windows.frames.block[windows.frames.offsets[clips[graft.base.name]] + center]}
+        for s in graft.substitutions:
+            if s.stop >= center - 8 and s.start <= center + 8:
+                low, high = max(s.start, center - 8), min(s.stop, center + 8)
+                for frame in range(low, high + 1):
+                    share = (frame - s.start) / (s.stop - s.start)
+                    donor = round(s.donor_start + share * (s.donor_stop - s.donor_start))
+                    # A boundary frame belongs to the segment that starts there.
+                    if frame < s.stop or s is graft.substitutions[-1]:
+                        offset = windows.frames.offsets[clips[s.clip]]
+                        blocks.add(windows.frames.block[offset + donor])
+        return {int(block) for block in blocks}
+
+    for learned, tested in seen:
+        trained = set().union(*(blocks_of(mark) for mark in learned.blocks[0][:, 0]))
+        used = set().union(*(blocks_of(mark) for mark in tested.blocks[0][:, 0]))
+        assert trained
+        assert used
+        assert trained.isdisjoint(used)
+
+
+def test_other_moments_pairs_disjoint_windows_of_one_block(grafts):
+    flat = [graft for several in grafts for graft in several]
+    pairs = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0)).pairs()
+    indices = np.arange(len(pairs.base), dtype=float)[:, None]
+    marked = replace(pairs, base=replace(pairs.base, blocks=(indices,) * 3))
+    null = pair_other_moments(marked, np.random.default_rng(1))
+    first, second = (own.blocks[0][:, 0].astype(int) for own in (null.base, null.new))
+    assert len(np.unique([*first, *second])) == len(first) + len(second)
+    np.testing.assert_array_equal(pairs.block[first], pairs.block[second])
+    assert len(first) >= 0.4 * len(pairs.base)
+
+
+@given(SEEDS, st.integers(4, 40), st.integers(1, 4))
+def test_weighted_auc_equals_scikit_learn(seed, n, n_weightings):
+    rng = np.random.default_rng(seed)
+    scores = rng.integers(0, 6, n).astype(float)
+    labels = np.concatenate([[0.0, 1.0], rng.integers(0, 2, n - 2)])
+    weights = rng.integers(0, 3, size=(n_weightings, n)).astype(float)
+    weights[:, :2] += 0.5
+    found = weighted_auc(scores, labels, weights)
+    expected = [metrics.roc_auc_score(labels, scores, sample_weight=row) for row in weights]
+    assert found == pytest.approx(expected)
+
+
+def test_weighted_auc_class_without_weight_is_nan():
+    found = weighted_auc(np.arange(3.0), np.array([0.0, 1.0, 1.0]), np.array([[1.0, 0.0, 0.0]]))
+    assert math.isnan(found[0])
+
+
+def test_detectability_captured_motion_raises_insufficient_data_error(dances):
+    with pytest.raises(InsufficientDataError, match="60 windows at seams, there are 0"):
+        detectability("x", [list(grafts_by(Captured(), dances))])
+
+
+def test_detectability_without_grafts_raises_insufficient_data_error():
+    with pytest.raises(InsufficientDataError, match="at least one graft"):
+        detectability("x", [[]])
+
+
+def test_detectability_scenario_base_raises_value_error(grafts):
+    walk = replace(grafts[0][0], scenario=(0, 1))
+    with pytest.raises(ValueError, match="`grafts` must have clips of the library as bases"):
+        detectability("x", [[walk]])

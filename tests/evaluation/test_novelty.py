@@ -1,0 +1,113 @@
+"""Novelty, coverage and diversity: of copies, of known distances, and against all pairs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from mograft import InsufficientDataError, Library
+from mograft.evaluation.baselines import ByCost, Captured, RandomLength, grafts_by
+from mograft.evaluation.body_tracks import BodyTracks
+from mograft.evaluation.novelty import (
+    body_windows,
+    captured_windows,
+    nearest_distances,
+    novelty,
+)
+from tests.evaluation.planted import copy_base
+from tests.strategies import SEEDS
+
+
+def make_grafts(library, method, count=3):
+    names = [clip.name for clip in library.clips]
+    return [list(grafts_by(method, library, name, count, seed=2)) for name in names]
+
+
+def test_novelty_of_captured_motion_is_none(library):
+    found = novelty(make_grafts(library, Captured(), 1))
+    assert found.changed.value == 0
+    assert found.novelty.n == 0
+    assert found.coverage.value == 0
+    assert found.between.n == 0
+
+
+def test_novelty_copies_of_another_base_have_distance_zero(library):
+    other = library.clips[1]
+    graft = make_grafts(library, RandomLength(), 1)[0][0]
+    n = min(graft.motion.n_frames, other.n_frames)
+    # A graft that equals other captured frames is changed, but not new.
+    swapped = replace(graft, motion=other[:n], base=graft.base[:n])
+    found = novelty([[swapped]])
+    assert found.changed.value > 0.9
+    assert found.novelty.value == pytest.approx(0, abs=1e-5)
+    assert found.coverage.value > 0.3
+
+
+def test_novelty_equal_grafts_have_no_difference(library):
+    graft = make_grafts(library, ByCost(), 1)[0][0]
+    found = novelty([[graft, graft, copy_base(graft)]])
+    windows = [body_windows(BodyTracks.of(motion))[0] for motion in (graft.motion, graft.base)]
+    distance = np.linalg.norm(windows[0] - windows[1], axis=1).mean()
+    spread = captured_windows(library, 0).spread
+    assert found.between.value == pytest.approx(2 / 3 * distance / spread)
+    assert found.between.n == 3 * len(windows[0])
+
+
+def test_novelty_random_donors_are_more_novel_than_donors_by_cost(library):
+    random, by_cost = (novelty(make_grafts(library, m)) for m in (RandomLength(), ByCost()))
+    assert random.novelty.value > by_cost.novelty.value
+    assert random.between.value > by_cost.between.value
+    for found in (random, by_cost):
+        for own in vars(found).values():
+            assert own.n > 0
+            assert own.value >= 0
+
+
+def test_captured_windows_scale_equals_all_pairs(library):
+    reference = captured_windows(library, 0)
+    rows, centers, clips = [], [], []
+    for index, clip in enumerate(library.clips):
+        own, center = body_windows(BodyTracks.of(clip))
+        rows.append(own)
+        centers += center.tolist()
+        clips += [index] * len(center)
+    windows = np.concatenate(rows)
+    np.testing.assert_array_equal(reference.windows, windows)
+    nearest = []
+    for i in range(len(windows)):
+        distances = [
+            np.linalg.norm(windows[i] - windows[j])
+            for j in range(len(windows))
+            if clips[i] != clips[j] or abs(centers[i] - centers[j]) >= 1.5 * library.rate
+        ]
+        nearest.append(min(distances))
+    assert reference.scale == pytest.approx(np.median(nearest))
+
+
+def test_body_windows_distance_is_root_mean_square_of_points(library):
+    tracks = BodyTracks.of(library.clips[0])
+    moved = replace(tracks, points=tracks.points + np.array([0.03, 0.0, 0.04]))
+    (first, _), (second, _) = body_windows(tracks), body_windows(moved)
+    assert np.linalg.norm(first - second, axis=1) == pytest.approx(np.full(len(first), 0.05))
+
+
+@given(SEEDS)
+def test_nearest_distances_equal_all_pairs(seed):
+    rng = np.random.default_rng(seed)
+    rows, others = rng.normal(size=(7, 3)), rng.normal(size=(5, 3))
+    expected = np.linalg.norm(rows[:, None] - others, axis=2).min(axis=1)
+    assert nearest_distances(rows, others) == pytest.approx(expected)
+    assert np.isinf(nearest_distances(rows, others[:0])).all()
+
+
+@pytest.mark.parametrize("grafts", [[], [[]]])
+def test_novelty_without_grafts_raises_insufficient_data_error(grafts):
+    with pytest.raises(InsufficientDataError, match="at least one graft"):
+        novelty(grafts)
+
+
+def test_novelty_short_clip_raises_insufficient_data_error(library):
+    short = Library.build(library.clips[0][:40])
+    with pytest.raises(InsufficientDataError, match=r"1\.5 s apart"):
+        novelty([list(grafts_by(Captured(), short))])

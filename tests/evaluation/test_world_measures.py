@@ -1,0 +1,234 @@
+"""World-space measures: of copies, of planted changes, and against direct computation."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import InsufficientDataError, JointGroups, Library, Motion, graft
+from mograft.body.contacts import Ground
+from mograft.evaluation.balance import dynamic_balance
+from mograft.evaluation.baselines import ByCost, Captured, grafts_by
+from mograft.evaluation.body_tracks import (
+    BodyTracks,
+    FrameBlocks,
+    Origin,
+    driving_group,
+    jerk,
+    landmarks,
+)
+from mograft.evaluation.world_measures import UNDER_FLOOR, has_base_legs, world_measures
+from mograft.evaluation.world_quality import world_quality
+from tests.evaluation.planted import add_jitter
+from tests.hierarchies import human
+from tests.strategies import SEEDS, few_examples, smooth_rotations, transform_motion
+
+pytest.importorskip("scipy", reason="SciPy is not installed")
+
+
+@pytest.fixture(scope="module")
+def new(library):
+    return graft(library, seed=3)
+
+
+def chest_joint(motion):
+    return landmarks(motion.skeleton)["chest"][0]
+
+
+def raise_root(motion, offsets):
+    """Return a motion whose root is moved up by an offset in every frame."""
+    positions = motion.positions.copy()
+    positions[:, 0, 1] += offsets
+    return replace(motion, positions=positions, channel_values=None)
+
+
+def test_world_measures_captured_motion_has_ratios_one_and_no_difference(library):
+    for clip in library.clips:
+        found = world_measures(grafts_by(Captured(), library, clip.name)[0])
+        assert (found.head_jerk, found.chest_jerk, found.hands_jerk) == (1.0, 1.0, 1.0)
+        assert (found.floor_depth, found.under_floor, found.skate, found.balance) == (0, 0, 0, 0)
+        assert found.frames == 0
+
+
+def test_world_measures_jitter_at_seams_raises_head_jerk(new):
+    before, after = world_measures(new), world_measures(add_jitter(new, chest_joint(new.motion)))
+    assert after.head_jerk > 1.5 * before.head_jerk
+    assert after.hands_jerk > 1.1 * before.hands_jerk
+    assert after.floor_depth == before.floor_depth == 0
+
+
+def test_world_measures_jerk_ratio_equals_direct_computation(library, new):
+    joint = library.skeleton.index("Head")
+    sites = [site.offset for site in library.skeleton.end_sites if site.parent == joint]
+    assert len(sites) == 1
+
+    def head_jerk(motion):
+        height = Ground.of(motion).height
+        quats, positions = motion.world_transforms()
+        x, y, z, w = np.moveaxis(quats[:, joint], -1, 0)
+        matrices = np.stack(
+            [
+                np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
+                np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
+                np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
+            ],
+            axis=1,
+        )
+        ends = positions[:, joint] + matrices @ sites[0]
+        found = np.zeros(len(ends))
+        found[1:-2] = np.linalg.norm(np.diff(ends, 3, axis=0), axis=1) * motion.rate**3 / height
+        return found
+
+    assert round(library.rate) == 30
+    clips = {clip.name: head_jerk(clip) for clip in library.clips}
+    new_jerk, base_jerk = head_jerk(new.motion), clips[new.base.name]
+    rows = {}
+    for s in new.substitutions:
+        for frame in range(s.start, s.stop + 1):
+            share = (frame - s.start) / (s.stop - s.start)
+            donor = round(s.donor_start + share * (s.donor_stop - s.donor_start))
+            rows[frame] = (new_jerk[frame], base_jerk[frame], clips[s.clip][donor], s.is_own)
+    n = new.motion.n_frames
+    used = np.array([row[:3] for f, row in rows.items() if not row[3] and 2 <= f < n - 2])
+    medians = np.median(used, axis=0)
+    expected = medians[0] / math.sqrt(medians[1] * medians[2])
+    assert world_measures(new).head_jerk == pytest.approx(expected, rel=1e-9)
+
+
+@given(st.floats(-5.0, 5.0), st.sampled_from([24.0, 30.0, 60.0, 120.0]), SEEDS)
+def test_jerk_cubic_path_is_its_third_derivative(coefficient, rate, seed):
+    time = np.arange(60) / rate
+    lower = np.random.default_rng(seed).normal(size=(3, 3))
+    path = np.polynomial.polynomial.polyval(time, lower).T
+    path[:, 1] += coefficient * time**3
+    found = jerk(path[:, None], rate)[:, 0]
+    stride = max(round(rate / 30), 1)
+    inner = found[stride : len(found) - 2 * stride]
+    assert inner == pytest.approx(np.full(len(inner), 6 * abs(coefficient)), abs=1e-6)
+    assert not found[:stride].any()
+    assert not found[len(found) - 2 * stride :].any()
+
+
+@given(SEEDS, st.floats(0.001, 0.2))
+@few_examples(20)
+def test_world_measures_lowered_frames_have_their_depth(new_clip, seed, depth):
+    captured, motion = new_clip
+    ground = Ground.of(motion)
+    frame = int(np.random.default_rng(seed).integers(motion.n_frames))
+    offsets = np.zeros(motion.n_frames)
+    offsets[frame] = -depth * ground.height
+    found = world_measures(replace(captured, motion=raise_root(motion, offsets)))
+    depths = -ground.above(ground.points(motion)) / ground.height
+    lowered = depths[frame] + depth
+    expected = max(depths.max(), lowered.max(), 0.0) - max(depths.max(), 0.0)
+    assert found.floor_depth == pytest.approx(expected, abs=1e-9)
+    count = (lowered > UNDER_FLOOR).sum() - (depths[frame] > UNDER_FLOOR).sum()
+    assert found.under_floor == pytest.approx(count / depths.size, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def new_clip(library):
+    captured = grafts_by(Captured(), library)[0]
+    return captured, captured.motion
+
+
+def test_world_measures_transformed_recordings_give_same_measures(library, new):
+    clips = [transform_motion(c, 0.01, 0.7, (2.0, 0.0, -1.0)) for c in library.clips]
+    moved = Library.build(clips)
+    expected = world_measures(new)
+    motion = transform_motion(new.motion, 0.01, 0.7, (2.0, 0.0, -1.0))
+    other = replace(new, library=moved, motion=motion, base=moved.clips[0])
+    found = world_measures(other)
+    for name, value in vars(expected).items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-6, abs=1e-9), name
+
+
+def test_world_measures_balance_equals_shares_of_frames(new):
+    found = world_measures(new)
+    before = dynamic_balance(new.base)
+    after = dynamic_balance(new.motion, floor_reference=new.base)
+    is_exchanged = np.zeros(new.motion.n_frames, bool)
+    for s in new.substitutions:
+        is_exchanged[s.start : s.stop + 1] = not s.is_own
+    used = is_exchanged & before.grounded & after.grounded
+    shares = [(balance.distance[used] > 0).mean() for balance in (after, before)]
+    assert found.balance == pytest.approx(shares[0] - shares[1])
+    assert found.frames == is_exchanged.sum()
+
+
+def test_has_base_legs_upper_base_group_is_false(library):
+    inverted = Library.build(library.clips, JointGroups(library.groups.groups, base="upper"))
+    planted = graft(inverted)
+    assert not has_base_legs(planted)
+    assert has_base_legs(graft(library))
+    assert math.isfinite(world_measures(planted).balance)
+
+
+def test_driving_group_is_that_of_nearest_joint_above(library):
+    new = graft(library)
+    skeleton = library.skeleton
+    assert driving_group(new, landmarks(skeleton)["head"]) == "upper"
+    assert driving_group(new, [skeleton.index("LeftFoot")]) is None
+
+
+def test_origin_frames_are_those_of_donors(library, new):
+    blocks = FrameBlocks.of(library)
+    origin = Origin.of(new, "upper", blocks)
+    names = [entry.name for entry in library.entries]
+    for s in new.substitutions:
+        middle = (s.start + s.stop) // 2
+        clip, frame = blocks.clip_of(origin.frames[[middle]])
+        assert names[clip[0]] == s.clip
+        assert s.donor_start <= frame[0] <= s.donor_stop
+        assert origin.is_exchanged[middle] == (not s.is_own)
+        if s.is_own:
+            assert frame[0] == middle
+
+
+def test_frame_blocks_have_equal_lengths_within_clips(library):
+    blocks = FrameBlocks.of(library)
+    sizes = np.bincount(blocks.block)
+    assert sizes.sum() == sum(entry.n_frames for entry in library.entries)
+    assert (np.diff(blocks.block) >= 0).all()
+    clip, _ = blocks.clip_of(np.arange(len(blocks.block)))
+    for index in range(len(library.entries)):
+        own = sizes[np.unique(blocks.block[clip == index])]
+        assert own.max() - own.min() <= 1
+        assert 2.5 <= own.mean() / library.rate <= 7.5
+
+
+@given(SEEDS, st.floats(-3.0, 3.0))
+@few_examples(20)
+def test_body_tracks_turned_motion_has_same_points_facing_forward(seed, yaw):
+    rng = np.random.default_rng(seed)
+    skeleton = human()
+    quats = smooth_rotations(rng, 40, skeleton.n_joints, speed=0.1)
+    quats[:, 0] = [0.0, 0.0, 0.0, 1.0]
+    motion = Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (40, 1, 1)))
+    turned = transform_motion(motion, 2.0, yaw, (1.0, 0.0, -4.0))
+    frames = np.array([5, 20])
+    expected, found = (
+        t.facing_forward(t.points[frames], frames)
+        for t in (BodyTracks.of(motion), BodyTracks.of(turned))
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_world_quality_is_mean_of_grafts(library):
+    grafts = [list(grafts_by(ByCost(), library, clip.name, 2, seed=1)) for clip in library.clips]
+    found = world_quality("x", grafts)
+    measured = [world_measures(g) for several in grafts for g in several]
+    for name in ("head_jerk", "chest_jerk", "hands_jerk", "balance", "floor_depth", "skate"):
+        own = getattr(found, name)
+        assert own.value == pytest.approx(np.mean([getattr(m, name) for m in measured])), name
+        assert own.n == 4
+    assert found.runs == 2
+
+
+@pytest.mark.parametrize("grafts", [[], [[]]])
+def test_world_quality_without_grafts_raises_insufficient_data_error(grafts):
+    with pytest.raises(InsufficientDataError, match="at least one graft"):
+        world_quality("x", grafts)
