@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from mograft import __version__, read_bvh, write_bvh
+from mograft import Library, __version__, graft_many, read_bvh, write_bvh
 from mograft.cli import main
+from mograft.evaluation import world_measures
 
 
 def test_demo_writes_sample_grafts_and_provenance(run, tmp_path):
@@ -281,3 +282,32 @@ def test_graft_base_given_as_path_file_name_or_clip_is_same(run, folder, tmp_pat
     code, _, err = run("graft", folder, "--base", "c.bvh", "-o", tmp_path / "c.bvh")
     assert code == 1
     assert "--base must be a clip, one of a, b, or a file; got 'c.bvh'" in err
+
+
+def test_graft_measure_writes_quality_to_document_and_page(run, folder, tmp_path):
+    pytest.importorskip("scipy", reason="SciPy is not installed")
+    out = tmp_path / "out"
+    code, _, err = run("graft", folder, "-o", out, "-n", 2, "--measure", "--report")
+    assert code == 0
+    library = Library.build([read_bvh(path) for path in sorted(folder.glob("*.bvh"))])
+    page = (out / "index.html").read_text()
+    for index, new in enumerate(graft_many(library, count=2)):
+        expected = world_measures(new)
+        document = json.loads((out / f"a_graft{index}.json").read_text())
+        assert document["quality"] == pytest.approx(expected.as_dict(), rel=1e-9, abs=1e-12)
+        ratio = f"{expected.head_jerk:.2f}"
+        assert f"head jerk, ratio {ratio}" in err
+        assert f"<td>{ratio}</td>" in page
+    assert "head jerk, ratio</th>" in page
+    code, out_text, _ = run("graft", folder, "-o", tmp_path / "b", "--measure", "--json")
+    assert code == 0
+    first = json.loads(out_text)["grafts"][0]
+    assert first["quality"] == json.loads((out / "a_graft0.json").read_text())["quality"]
+
+
+def test_graft_measure_without_scipy_names_extra(run, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("mograft.cli.graft.find_spec", {}.get)
+    code, _, err = run("graft", folder, "-o", tmp_path / "out", "--measure")
+    assert code == 1
+    assert "--measure needs SciPy: pip install 'mograft[evaluate]'" in err
+    assert not (tmp_path / "out").exists()

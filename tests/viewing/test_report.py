@@ -44,6 +44,18 @@ def test_report_motion_table_equals_grafts(grafts):
     assert len(page_data(page)["clips"]) == 3
 
 
+def test_report_columns_are_appended_to_motion_table(grafts):
+    columns = [{"jerk <head>": "1 < 2"}, {"jerk <head>": "3"}]
+    page = report_page(grafts, columns=columns)
+    plain = cells(report_page(grafts), "Motions")
+    rows = cells(page, "Motions")
+    assert [row[:-1] for row in rows] == plain
+    assert [row[-1] for row in rows] == ["1 &lt; 2", "3"]
+    assert "jerk &lt;head&gt;" in page.html
+    with pytest.raises(ValueError, match="`columns` must be given for 2 grafts, got 1"):
+        report_page(grafts, columns=columns[:1])
+
+
 def test_report_balance_shift_equals_centre_of_mass_distance(grafts):
     own = grafts[0]
     gap = (center_of_mass(own.motion) - center_of_mass(own.base))[:, [0, 2]]

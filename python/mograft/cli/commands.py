@@ -42,7 +42,14 @@ from mograft.cli.values import (
 )
 
 PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters")
-EVALUATION_TOPICS = ("enrichment", "balance", "naturalness", "quality")
+EVALUATION_TOPICS = (
+    "enrichment",
+    "balance",
+    "naturalness",
+    "quality",
+    "world",
+    "detectability",
+)
 LABEL = "label"
 """Word after ``mograft evaluate`` that writes the page for labelling."""
 
@@ -140,6 +147,11 @@ _GRAFT = command(
     ),
     config_option("feet", "foot planting", "auto, with --preset paper never"),
     setting_switch("--report", "also write an HTML page that describes the motions"),
+    setting_switch(
+        "--measure",
+        "also measure jerk, feet and balance of each motion, for its .json file and the page; "
+        "needs the extra evaluate",
+    ),
     switch("--json", "print the provenance as one JSON document"),
     SEED,
     FORCE,
@@ -215,7 +227,7 @@ _EXPORT = command(
 )
 _EVALUATE = command(
     "evaluate",
-    "measure enrichment, balance, naturalness and quality of grafts",
+    "measure enrichment, balance, naturalness, quality and detectability of grafts",
     files_argument("one library, or BVH files; and words that select what to measure", "LIB|FILE"),
     output_option(
         f"folder for evaluation.json and index.html; with {LABEL} the .html file to write "

@@ -1,4 +1,4 @@
-"""``mograft evaluate``: enrichment, balance, naturalness and quality of grafts."""
+"""``mograft evaluate``: measures of a library and of its grafts."""
 
 import argparse
 import json

@@ -4,6 +4,7 @@ import argparse
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,8 @@ def run(options: argparse.Namespace) -> int:
         page = options.output / "index.html"
     files = [path.with_suffix(ending) for path in paths for ending in GRAFT_ENDINGS]
     check_writable([*files, page] if options.report else files, force=options.force)
+    if options.measure and find_spec("scipy") is None:
+        raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     constraints = read_constraints(options)
     if library is None:
         library = load_library(options)
@@ -61,10 +64,11 @@ def run(options: argparse.Namespace) -> int:
         best_effort = options.best_effort
         if _print_violations(grafts, best_effort=best_effort) and not best_effort:
             return 4  # No donor sequence satisfies the constraints.
-    document: dict[str, Any] = {"grafts": _write_grafts(grafts, paths, options)}
+    documents, columns = _write_grafts(grafts, paths, options)
+    document: dict[str, Any] = {"grafts": documents}
     if options.report:
         reported = [grafts[index] for index in range(min(len(grafts), _MAX_REPORTED))]
-        write_report(reported, paths[: len(reported)], page)
+        write_report(reported, paths[: len(reported)], page, columns[: len(reported)])
         document["report"] = str(page)
     print_result(options, "grafts", document, [page] if options.report else [])
     return 0
@@ -141,14 +145,29 @@ def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
 
 def _write_grafts(
     grafts: Sequence[Graft], paths: Sequence[Path], options: argparse.Namespace
-) -> list[dict[str, Any]]:
-    """Write grafts, and print their paths; return what ``--json`` prints of each."""
+) -> tuple[list[dict[str, Any]], list[dict[str, str]]]:
+    """Write grafts, and print their paths.
+
+    Return what ``--json`` prints of each, and with ``--measure`` the measures of each as text.
+    """
     paths[0].parent.mkdir(parents=True, exist_ok=True)
-    documents = []
+    documents, columns = [], []
+    reference = None
+    if options.measure:
+        from mograft.evaluation.world_measures import WorldReference  # takes long to import
+
+        reference = WorldReference(grafts[0].library)
     for path, graft in zip(paths, grafts, strict=False):
-        write_graft(graft, path)
-        documents.append({"file": str(path), **graft.as_dict()})
-        print_remark(graft.report())
+        sections: dict[str, Any] = {}
+        lines = [graft.report()]
+        if reference is not None:
+            measures = reference.measure(graft)
+            sections["quality"] = measures.as_dict()
+            columns.append(measures.columns())
+            lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
+        write_graft(graft, path, sections)
+        documents.append({"file": str(path), **graft.as_dict(), **sections})
+        print_remark("\n".join(lines))
         if not options.json:
             print(path)
     if len(documents) < options.count:
@@ -156,4 +175,4 @@ def _write_grafts(
             f"warning: the donors allow only {len(documents)} different motions, "
             f"not {options.count}; more clips or a larger --sigma-scale allow more"
         )
-    return documents
+    return documents, columns

@@ -2,8 +2,9 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from mograft import __version__
 from mograft._util.atomic import write_text
@@ -17,18 +18,23 @@ GRAFT_ENDINGS = (".bvh", ".json")
 """Endings of the files of a graft: the motion and its provenance."""
 
 
-def write_graft(graft: Graft, path: Path) -> None:
-    """Write the motion of a graft, and its provenance beside it."""
-    document = {"mograft": __version__, **graft.as_dict()}
+def write_graft(graft: Graft, path: Path, more: Mapping[str, Any] | None = None) -> None:
+    """Write the motion of a graft, and beside it its provenance with the sections of `more`."""
+    document = {"mograft": __version__, **graft.as_dict(), **(more or {})}
     # The provenance comes first: an interruption then leaves no motion without it.
     write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
     write_bvh(graft.motion, path)
 
 
-def write_report(grafts: Sequence[Graft], paths: Sequence[Path], target: Path) -> None:
-    """Write the report page of grafts, with links to their files."""
+def write_report(
+    grafts: Sequence[Graft],
+    paths: Sequence[Path],
+    target: Path,
+    columns: Sequence[Mapping[str, str]] = (),
+) -> None:
+    """Write the report page of grafts, with links to their files; see `report_page`."""
     links = [Path(os.path.relpath(path, target.parent)) for path in paths]
-    report_page(grafts, links).save(target, force=True)
+    report_page(grafts, links, columns=columns).save(target, force=True)
 
 
 def open_page(path: Path) -> None:

@@ -3,7 +3,7 @@
 import html
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
@@ -26,7 +26,11 @@ REPORT_STYLE = f"\n{asset('report.css')}\n"
 
 
 def report_page(
-    grafts: Sequence[Graft], files: Sequence[Path | None] = (), title: str | None = None
+    grafts: Sequence[Graft],
+    files: Sequence[Path | None] = (),
+    title: str | None = None,
+    *,
+    columns: Sequence[Mapping[str, str]] = (),
 ) -> Page:
     """Return a page that describes grafts, with the viewer in it.
 
@@ -38,6 +42,9 @@ def report_page(
         The file of each graft, to which the page links, relative to the page.
     title : str, optional
         Title of the page. Default: the name of the base and the number of motions.
+    columns : sequence of mapping of str to str, optional
+        For each graft, further columns of the table of motions, such as
+        ``evaluation.world_measures(graft).columns()``.
 
     Returns
     -------
@@ -47,7 +54,7 @@ def report_page(
     Raises
     ------
     ValueError
-        If there is no graft, or the number of files differs from that of the grafts.
+        If there is no graft, or the number of files or columns differs from that of the grafts.
 
     Examples
     --------
@@ -61,6 +68,8 @@ def report_page(
         raise ValueError("`grafts` must contain at least one graft, got none")
     if files and len(files) != len(grafts):
         raise ValueError(f"`files` must be given for {len(grafts)} grafts, got {len(files)}")
+    if columns and len(columns) != len(grafts):
+        raise ValueError(f"`columns` must be given for {len(grafts)} grafts, got {len(columns)}")
     first = grafts[0]
     library = first.library
     count = "1 new motion" if len(grafts) == 1 else f"{len(grafts)} new motions"
@@ -83,8 +92,8 @@ def report_page(
             "to see its donor.</p>",
             _cards(library),
             "<h2>Motions</h2>",
-            _motion_table(grafts, list(files) or [None] * len(grafts)),
-            f'<p class="note">{_MOTION_NOTE}</p>',
+            _motion_table(grafts, files or [None] * len(grafts), columns or [{} for _ in grafts]),
+            f'<p class="note">{_MOTION_NOTE}{_MEASURE_NOTE if columns else ""}</p>',
             "<h2>Seams and donors</h2>",
             _charts(grafts),
             "<h2>Limits on donors</h2>",
@@ -106,6 +115,11 @@ _MOTION_NOTE = (
     "Seam angle: mean angle between the joints of the two poses that meet at a seam, before "
     "blending. Balance shift: horizontal distance between the centres of mass of the motion and "
     "of its base, in percent of the body height."
+)
+_MEASURE_NOTE = (
+    " Jerk: of the end of the bone in the world, divided by that of base and donors. Floor depth, "
+    "foot skate and out of balance: difference from the base; depth in percent of the body height, "
+    "out of balance over frames with the zero-moment point outside of the support."
 )
 _DONOR_NOTE = (
     "Average number of donors per segment that satisfy each condition and those before it: same "
@@ -140,9 +154,13 @@ def _cards(library: Library) -> str:
     return f'<div class="cards">{items}</div>'
 
 
-def _motion_table(grafts: Sequence[Graft], links: Sequence[Path | None]) -> str:
+def _motion_table(
+    grafts: Sequence[Graft],
+    links: Sequence[Path | None],
+    columns: Sequence[Mapping[str, str]],
+) -> str:
     rows = []
-    for graft, link in zip(grafts, links, strict=True):
+    for graft, link, more in zip(grafts, links, columns, strict=True):
         new = sum(not s.is_own for s in graft.substitutions)
         angles = np.degrees([seam.gap for seam in graft.seams])
         n_without = sum(int((counts == 0).sum()) for counts in graft.alternatives.values())
@@ -158,6 +176,7 @@ def _motion_table(grafts: Sequence[Graft], links: Sequence[Path | None]) -> str:
                 "seam angle, largest": f"{angles.max():.1f}°" if len(angles) else "none",
                 "balance shift, mean": f"{100 * shift.mean():.1f} %",
                 "balance shift, largest": f"{100 * shift.max():.1f} %",
+                **{title: html.escape(text) for title, text in more.items()},
             }
         )
     return html_table(list(rows[0]), [list(row.values()) for row in rows])
