@@ -64,6 +64,9 @@ class Config:
     sigma_scale : float
         Cluster diameter threshold as a multiple of a named `sigma`. Larger values give more
         variety, smaller values more similarity.
+    neighbourhood : {"cluster", "ball"}
+        Which base parts are similar enough for a substitution: those of the base segment's
+        cluster (4.3), or those within 0.65 cluster diameter thresholds of the base segment.
     max_stretch : float
         Maximum length difference between a base segment and a donor, as a share of the base
         segment's length (λ_f of eq. 19).
@@ -157,6 +160,7 @@ class Config:
     length_floor: float = 0.5
     sigma: Literal["rms", "literal"] | float = "rms"
     sigma_scale: float = 0.75
+    neighbourhood: Literal["cluster", "ball"] = "cluster"
     max_stretch: float = 0.15
     length_slack: float = FRAME
     max_angle: float = math.radians(45.0)

@@ -59,7 +59,7 @@ def test_value_repr_is_short(library):
     candidates = library.candidates(17, "upper")
     assert repr(candidates) == (
         f"Candidates({len(candidates.allowed)} allowed, {len(candidates.refused)} refused, "
-        f"{candidates.elsewhere} of other clusters)"
+        f"{candidates.elsewhere} outside the neighbourhood)"
     )
     assert repr(library.embedding["lower"]).startswith(f"Embedding({len(library.segments)} points")
     for value in (library, library.clips[0], library.skeleton, library.segments, library.groups):

@@ -108,7 +108,7 @@ def test_graft_torso_alignment_and_mirror_options_apply(run, folder, tmp_path):
 
     plain, document = write_graft("plain")
     assert (document["config"]["torso"], document["config"]["alignment"]) == ("world", "uniform")
-    for name, value in (("torso", "pelvis"), ("alignment", "dtw")):
+    for name, value in (("torso", "pelvis"), ("alignment", "dtw"), ("neighbourhood", "ball")):
         other, document = write_graft(name, f"--{name}", value)
         assert document["config"][name] == value
         assert other != plain
@@ -163,6 +163,10 @@ def test_candidates_lists_allowed_and_refused_donors(run, folder):
     assert "a, frames " in out
     assert " + a" in out
     assert "segments are in other clusters" in out
+    code, of_ball, _ = run("candidates", folder, *options, "--neighbourhood", "ball")
+    assert code == 0
+    assert "segments are outside the ball" in of_ball
+    assert of_ball.count(" seams ") != out.count(" seams ")
     ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
     code, out, _ = run("candidates", folder, *options, *ball)
     document = json.loads(out)

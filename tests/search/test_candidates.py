@@ -12,7 +12,9 @@ import mograft as mg
 from mograft import Config, Segments
 from mograft.dancer import dance
 from mograft.search.candidates import count_combinations, list_candidates
+from mograft.search.costs import length_fits
 from mograft.search.donor_choice import cost_model
+from mograft.search.neighbourhoods import BALL_RADIUS, NEIGHBOURHOODS
 from mograft.search.trellis import DonorTrellis
 from mograft.synthesis.donor_trellis import build_trellis
 from mograft.synthesis.search_problem import SearchProblem
@@ -27,6 +29,10 @@ def list_segment(pool, segment, config):
     return list_candidates(pool, segment, cost_model(config, pool))
 
 
+def with_random_donors(pool, seed):
+    return replace(pool, is_donor=np.random.default_rng(seed).random(len(pool.segments)) < 0.8)
+
+
 @given(SEEDS, st.sampled_from((ROBUST, PAPER)))
 def test_candidate_lists_match_the_oracle(make_pool, seed, config):
     pool = make_pool(seed)
@@ -35,6 +41,24 @@ def test_candidate_lists_match_the_oracle(make_pool, seed, config):
     for base, found in zip(scenario, pool.candidate_lists(scenario, config), strict=True):
         np.testing.assert_array_equal(found, expected[base])
         assert base in found
+
+
+@given(SEEDS, st.integers(1, 5), st.floats(0.0, 0.5))
+def test_candidate_lists_of_balls_have_all_donors_within_the_radius_that_fit(
+    make_pool, seed, batch, stretch
+):
+    pool = with_random_donors(make_pool(seed), seed)
+    config = Config(neighbourhood="ball", max_stretch=stretch + 0.01, length_slack=0.0)
+    everyone = np.arange(len(pool.segments))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.search.candidates._POSITIONS_PER_BATCH", batch)
+        lists = pool.candidate_lists(everyone, config)
+    lengths = pool.segments.lengths
+    for base, found in zip(everyone, lists, strict=True):
+        distances = np.linalg.norm(pool.points - pool.points[base], axis=1)
+        fits = length_fits(lengths[base], lengths, 30.0, config) & pool.is_donor
+        expected = (distances <= BALL_RADIUS * pool.sigma) & fits | (everyone == base)
+        np.testing.assert_array_equal(found, np.flatnonzero(expected))
 
 
 @given(SEEDS)
@@ -62,10 +86,6 @@ def test_candidate_lists_excluded_donor_is_listed_for_itself_only(make_pool, see
         assert (4 in found) == (base == 4)
     (refused,) = (c for c in list_segment(pool, 3, ROBUST).refused if c.segment == 4)
     assert refused.refused.startswith("excluded donor: a recording fault overlaps it")
-
-
-def with_random_donors(pool, seed):
-    return replace(pool, is_donor=np.random.default_rng(seed).random(len(pool.segments)) < 0.8)
 
 
 def in_two_clips(pool):
@@ -175,12 +195,12 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
 
 @few_examples(40)
 @pytest.mark.parametrize("choice", CHOICES)
-@given(SEEDS, st.integers(1, 3), st.floats(0.05, 3.0))
+@given(SEEDS, st.integers(1, 3), st.floats(0.05, 3.0), st.sampled_from(NEIGHBOURHOODS.names))
 def test_listed_cost_is_that_of_the_trellis_beside_the_base_neighbours(
-    make_pool, choice, seed, n_labels, limit
+    make_pool, choice, seed, n_labels, limit, neighbourhood
 ):
     pool = make_pool(seed, n_labels=n_labels)
-    config = Config(choice=choice, max_stretch=5.0, max_angle=limit)
+    config = Config(choice=choice, max_stretch=5.0, max_angle=limit, neighbourhood=neighbourhood)
     scenario = np.arange(len(pool.segments))
     lists = pool.candidate_lists(scenario, config)
     model = cost_model(config, pool)

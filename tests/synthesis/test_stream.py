@@ -150,8 +150,9 @@ def whole_base_search(library, base):
     return problem, build_trellis(problem, "upper", {})
 
 
-def test_stream_horizon_beyond_the_end_chooses_the_donors_of_graft(library, base):
-    configured = with_choice(library, "viterbi")
+@pytest.mark.parametrize("neighbourhood", ["cluster", "ball"])
+def test_stream_horizon_beyond_the_end_chooses_the_donors_of_graft(library, base, neighbourhood):
+    configured = with_choice(library, "viterbi", neighbourhood=neighbourhood)
     pieces = stream_pieces(configured, base, horizon=1000)
     graft = mg.graft(configured, base)
     assert list_donors(pieces) == [s.donor for s in graft.substitutions]

@@ -5,10 +5,12 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mograft as mg
 from mograft.dancer import dance
+from mograft.search.neighbourhoods import BALL_RADIUS
 from mograft.synthesis.graft_plan import GraftPlan
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -27,6 +29,11 @@ def library(request):
         motions = [mg.read_bvh(file) for file in files]
         same = [own for own in motions if own.skeleton.names == motions[0].skeleton.names]
         return mg.Library.build(same[:6])
+
+
+@pytest.fixture(scope="module")
+def dance_library():
+    return mg.Library.build(dance(seed=1, strides=2).motion)
 
 
 def exchanged_share(library):
@@ -48,3 +55,25 @@ def test_exchanged_share_does_not_fall_as_sigma_scale_grows(library):
     ]
     assert all(wider >= narrower - 0.02 for narrower, wider in pairwise(shares)), shares
     assert shares[-1] > 0.9 > shares[0]
+
+
+def test_graft_ball_takes_the_listed_candidates_within_the_radius(dance_library, tmp_path):
+    config = replace(dance_library.config, neighbourhood="ball")
+    dance_library.relabelled(config).save(tmp_path / "lib")
+    library = mg.Library.open(tmp_path / "lib")
+    points, sigma = library.embedding["lower"].points, library.sigma["lower"]
+    n_outside = 0
+    for graft in mg.graft_many(library, count=2, seed=3):
+        for own in graft.substitutions:
+            distance = np.linalg.norm(points[own.donor] - points[own.segment])
+            assert distance <= BALL_RADIUS * sigma
+            n_outside += library.labels["lower"][own.donor] != library.labels["lower"][own.segment]
+    assert n_outside
+    for segment in range(0, len(library.segments), 40):
+        found = library.candidates(segment, "upper")
+        listed = {own.segment for own in (*found.allowed, *found.refused)}
+        near = np.linalg.norm(points - points[segment], axis=1) <= BALL_RADIUS * sigma
+        assert listed == set(np.flatnonzero(near))
+        assert found.elsewhere == (~near).sum()
+        ways = library.candidates(segment, "upper", [mg.Avoid(mg.Sphere((0.0, 0.0, 0.0), 9e3))])
+        assert {own.segment for own in ways.refused} == listed

@@ -64,6 +64,10 @@ _DESCRIPTIONS = {
         "subtree": "moment of inertia of the link and of all links below it",
         "unit": "moment of inertia 1 for every link",
     },
+    "neighbourhood": {
+        "cluster": "the base segment's cluster, as in the paper",
+        "ball": "all segments within a radius of the base segment",
+    },
     "choice": {
         "viterbi": "minimum total cost; in further motions, repeated donors cost more",
         "best": "the motions of the lowest total costs",

@@ -11,6 +11,7 @@ from mograft.cli.output import print_result
 from mograft.errors import join_names
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates
+from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
 
 def run(options: argparse.Namespace) -> int:
@@ -78,4 +79,5 @@ def _table(library: Library, found: Candidates) -> list[str]:
             f"cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
             f"seams {seams:8} {candidate.refused}".rstrip()
         )
-    return [*lines, f"   {found.elsewhere} segments are in other clusters"]
+    outside = NEIGHBOURHOODS.get(library.config.neighbourhood).outside
+    return [*lines, f"   {found.elsewhere} segments are {outside}"]

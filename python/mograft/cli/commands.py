@@ -20,6 +20,7 @@ from mograft.cli.options import (
     FORCE,
     GROUPS,
     JSON,
+    NEIGHBOURHOOD,
     PRESET,
     PRESETS,
     SCENARIO_OPTIONS,
@@ -106,6 +107,7 @@ _CANDIDATES = command(
     ),
     GROUPS,
     option("--group GROUP", "group to exchange (default: the first except the base group)"),
+    NEIGHBOURHOOD,
     switch("--json", "print all candidates as one JSON document"),
     constraint_options(),
 )
@@ -132,6 +134,7 @@ _GRAFT = command(
         "repeatedly, up to 4)",
         positive_number,
     ),
+    NEIGHBOURHOOD,
     config_option("choice", "selection of donors", "sample, with --preset paper random"),
     setting(
         "--temperature X",

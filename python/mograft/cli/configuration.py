@@ -13,7 +13,16 @@ from mograft.config import Config
 from mograft.io.bvh import read_bvh
 from mograft.library.library import Library
 
-_CONFIG_OPTIONS = ("sigma_scale", "choice", "temperature", "seam", "alignment", "torso", "feet")
+_CONFIG_OPTIONS = (
+    "sigma_scale",
+    "neighbourhood",
+    "choice",
+    "temperature",
+    "seam",
+    "alignment",
+    "torso",
+    "feet",
+)
 """Options that set the configuration field of the same name."""
 
 

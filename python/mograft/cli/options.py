@@ -69,6 +69,7 @@ SIGMA_SCALE = setting(
     "similarity (default: 0.75, with --preset paper 1)",
     positive_number,
 )
+NEIGHBOURHOOD = config_option("neighbourhood", "segments that are similar enough", "cluster")
 SEED = setting(
     "--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0
 )

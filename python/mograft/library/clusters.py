@@ -1,7 +1,6 @@
 """Embed and cluster the segments of a library, group by group."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library.spec import LibrarySpec
 from mograft.motion.skeleton import Skeleton
+from mograft.search.neighbourhoods import ClusterMembers
 
 Progress = Callable[[str, int, int], None]
 """Called with the name of a stage, the number of items done and of all items."""
@@ -95,40 +95,6 @@ def cluster_groups(
             sigma[group] = threshold(embedded.points, config.sigma, config.sigma_scale)
             labels[group] = cut(embedded.points, sigma[group])
     return labels, sigma
-
-
-@dataclass(frozen=True, eq=False)
-class ClusterMembers:
-    """Segments sorted by cluster, to find the cluster of a new segment."""
-
-    order: IntArray  # the segments, cluster by cluster, ascending within each
-    starts: IntArray  # position in `order` at which each cluster begins
-    points: FloatArray  # shape (n_segments, n_components), in this order
-
-    @classmethod
-    def from_labels(cls, labels: IntArray, points: FloatArray) -> "ClusterMembers":
-        """Sort segments by cluster, given the cluster and the embedding point of each."""
-        order = np.argsort(labels, kind="stable")
-        return cls(order, np.flatnonzero(np.diff(labels[order], prepend=-1)), points[order])
-
-    def find_nearest_cluster(self, point: FloatArray, sigma: float) -> tuple[IntArray, FloatArray]:
-        """Return the members of the cluster that a new point joins, and their distances from it.
-
-        A cluster fits if all its members are within `sigma` of the point. Of several, the one with
-        the nearest member is taken; ties go to the first. If none fits, both arrays are empty.
-        """
-        # Most clusters are ruled out by their first member.
-        first = np.linalg.norm(self.points[self.starts] - point, axis=1)
-        ends = np.append(self.starts[1:], len(self.order))
-        members, distances = self.order[:0], np.zeros(0)
-        for cluster in np.flatnonzero(first <= sigma).tolist():
-            rows = slice(self.starts[cluster], ends[cluster])
-            from_point = np.linalg.norm(self.points[rows] - point, axis=1)
-            if from_point.max() > sigma:
-                continue
-            if not len(members) or from_point.min() < distances.min():
-                members, distances = self.order[rows], from_point
-        return members, distances
 
 
 def nearest_clusters(

@@ -309,7 +309,7 @@ class Library(DerivableLibrary):
         Returns
         -------
         Candidates
-            All members of the base segment's cluster, with costs.
+            All members of the base segment's neighbourhood, with costs.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Candidate donors: their generation by cluster and length, and their listing with costs."""
+"""Candidate donors: their generation by neighbourhood and length, and their listing with costs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,9 @@ from mograft.config import Config
 from mograft.motion import rotations
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
 from mograft.search.costs import CostModel, SeamScales, length_fits
+from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
+_POSITIONS_PER_BATCH = 1024  # base segments whose neighbours are in memory together
 _N_TYPICAL_SEAMS = 512  # seams from which the typical gaps are measured
 # Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: 1/g and 1/g² of the
 # root g of g³ = g + 1. Their multiples modulo 1 fill the square evenly.
@@ -21,7 +23,7 @@ _QUASI_RANDOM_STEPS = (0.7548776662466927, 0.5698402909980532)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A member of a base segment's cluster, and the cost of using it as the donor.
+    """A member of a base segment's neighbourhood, and the cost of using it as the donor.
 
     Attributes
     ----------
@@ -63,9 +65,9 @@ class Candidates:
         The donors within all limits, nearest first; the base segment itself comes first unless
         it violates a constraint.
     refused : tuple of Candidate
-        The other members of its cluster, nearest first.
+        The other members of its neighbourhood, nearest first.
     elsewhere : int
-        Number of segments in other clusters.
+        Number of segments outside its neighbourhood.
     """
 
     allowed: tuple[Candidate, ...]
@@ -77,7 +79,7 @@ class Candidates:
 
     def __repr__(self) -> str:
         numbers = f"{len(self.allowed)} allowed, {len(self.refused)} refused"
-        return f"Candidates({numbers}, {self.elsewhere} of other clusters)"
+        return f"Candidates({numbers}, {self.elsewhere} outside the neighbourhood)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,28 +94,28 @@ class SegmentPool:
     points: FloatArray | None = None  # embedding of the base parts; None: all distances are 0
     sigma: float = 0.0  # largest distance of two points of one cluster
 
+    def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
+        """Return the members of each base segment's neighbourhood, ascending, itself included."""
+        neighbourhood = NEIGHBOURHOODS.get(config.neighbourhood)
+        return neighbourhood.find_members(self.labels, self.points, self.sigma, base)
+
     def candidate_lists(self, scenario: IntArray, config: Config) -> list[IntArray]:
-        """Return the segments that can replace each base segment by cluster and length.
+        """Return the segments that can replace each base segment by neighbourhood and length.
 
         `scenario` holds the base segments, in any order. There is one ascending list per position;
         it always includes the base segment.
         """
-        lengths, labels = self.segments.lengths, self.labels
-        by_label = np.argsort(labels, kind="stable")
-        order = np.argsort(labels[scenario], kind="stable")
-        present, starts = np.unique(labels[scenario][order], return_index=True)
-        first = np.searchsorted(labels[by_label], present, side="left")
-        last = np.searchsorted(labels[by_label], present, side="right")
-        lists: list[IntArray] = [np.zeros(0, np.int64)] * len(scenario)
-        for low, high, positions in zip(
-            first.tolist(), last.tolist(), np.split(order, starts[1:]), strict=True
-        ):
-            members = by_label[low:high]
-            base = scenario[positions]
-            fits = length_fits(lengths[base][:, None], lengths[members], self.rate, config)
-            fits = (fits & self.is_donor[members]) | (members == base[:, None])
-            for position, mask in zip(positions.tolist(), fits, strict=True):
-                lists[position] = members[mask]
+        lengths = self.segments.lengths
+        lists: list[IntArray] = []
+        for start in range(0, len(scenario), _POSITIONS_PER_BATCH):
+            positions = scenario[start : start + _POSITIONS_PER_BATCH]
+            members = self.neighbours(positions, config)
+            counts = np.array([len(own) for own in members])
+            base, donors = np.repeat(positions, counts), np.concatenate(members)
+            fits = length_fits(lengths[base], lengths[donors], self.rate, config)
+            fits = (fits & self.is_donor[donors]) | (donors == base)
+            ends = np.append(0, np.cumsum(fits))[np.cumsum(counts)]
+            lists += np.split(donors[fits], ends[:-1])
         return lists
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
@@ -207,7 +209,7 @@ class SegmentPool:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintVerdicts:
-    """Constraint costs and violated hard constraints of the members of a base segment's cluster."""
+    """Constraint costs and violated hard constraints of the members of a neighbourhood."""
 
     costs: FloatArray  # shape (n_members,)
     reasons: Sequence[Sequence[str]]  # for each member the violated hard constraints
@@ -216,13 +218,13 @@ class ConstraintVerdicts:
 def list_candidates(
     pool: SegmentPool, segment: int, model: CostModel, verdicts: ConstraintVerdicts | None = None
 ) -> Candidates:
-    """Return all members of a segment's cluster with costs and reasons for refusal.
+    """Return all members of a segment's neighbourhood with costs and reasons for refusal.
 
     Seams are those with the base segment's neighbours in its clip. `verdicts` are for the members
-    of the cluster, ascending.
+    of the neighbourhood, ascending.
     """
     segments, config = pool.segments, model.config
-    members = np.flatnonzero(pool.labels == pool.labels[segment])
+    members = pool.neighbours(np.array([segment]), config)[0]
     length = int(segments.lengths[segment])
     fits = length_fits(segments.lengths[segment], segments.lengths[members], pool.rate, config)
     costs = pool.unary_costs(np.full(len(members), segment), members, model)

@@ -7,9 +7,9 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import features, normalise
 from mograft.analysis.segmentation import Segments
-from mograft.library.clusters import ClusterMembers
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
+from mograft.search.neighbourhoods import NEIGHBOURHOODS, ClusterMembers
 
 
 class BaseClusters:
@@ -24,11 +24,12 @@ class BaseClusters:
             self._members = ClusterMembers.from_labels(library.labels[base], points)
 
     def find_members(self, motion: Motion, segment: Segments) -> tuple[IntArray, FloatArray]:
-        """Find the cluster that a segment of another motion joins, as `Library.extended` does.
+        """Find the library's segments in the neighbourhood of a segment of another motion.
 
         `segment` is one segment in frames of `motion`, which may be an excerpt with the frames
-        beside the segment. The first result is the cluster's segments, ascending, empty if no
-        cluster fits; the second is their distances from the segment, in cluster diameters.
+        beside the segment. The first result is the neighbours, ascending: those of the cluster
+        that the segment joins, as in `Library.extended`, or of the ball around it. The second is
+        their distances from the segment, in cluster diameters.
         """
         library, embedding, sigma = self._library, self._embedding, self._sigma
         if embedding is None:
@@ -45,5 +46,6 @@ class BaseClusters:
         point = embedding.project(
             features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
         )
-        members, distances = self._members.find_nearest_cluster(point[0], sigma)
+        neighbourhood = NEIGHBOURHOODS.get(library.config.neighbourhood)
+        members, distances = neighbourhood.find_near(self._members, point[0], sigma)
         return members, distances / sigma if sigma > 0 else distances

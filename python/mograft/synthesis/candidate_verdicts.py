@@ -20,17 +20,16 @@ from mograft.synthesis.search_problem import SearchProblem
 def judge_candidates(
     library: Library, segment: int, group: str, constraints: Sequence[Constraint]
 ) -> ConstraintVerdicts:
-    """Return constraint costs and violated hard constraints for the members of a cluster.
+    """Return constraint costs and violated hard constraints for the members of a neighbourhood.
 
-    The base motion is the clip of the base segment `segment`. The members of its cluster are
+    The base motion is the clip of the base segment `segment`. The members of its neighbourhood are
     ascending. A group that holds the root starts each member at the root transform of the base.
     """
     clip = int(library.segments.clip[segment])
     scenario = library.segments.of_clip(clip)
     base, base_segments = library.clips[clip], library.segments[scenario]
     problem = SearchProblem.build(library, base, scenario, base_segments, [group], constraints)
-    labels = problem.pools[group].labels
-    members = np.flatnonzero(labels == labels[segment])
+    members = problem.pools[group].neighbours(np.array([segment]), problem.config)[0]
     positions = np.full(len(members), np.searchsorted(scenario, segment))
     origin = origin_violations(
         problem.constraints,

@@ -1,0 +1,142 @@
+"""Neighbourhoods of base segments: the values of `Config.neighbourhood`."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.registry import CONFIG_OPTIONS, Registry
+
+BALL_RADIUS = 0.65
+"""Radius of a ball, as a multiple of the cluster diameter threshold.
+
+The radius at which balls and clusters have equally many members on average, at the default
+`Config.sigma_scale`: the mean over the development recordings (`benches/variety.py`).
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class ClusterMembers:
+    """Segments sorted by cluster, to find the neighbourhood of a new segment."""
+
+    order: IntArray  # the segments, cluster by cluster, ascending within each
+    starts: IntArray  # position in `order` at which each cluster begins
+    points: FloatArray  # shape (n_segments, n_components), in this order
+
+    @classmethod
+    def from_labels(cls, labels: IntArray, points: FloatArray) -> "ClusterMembers":
+        """Sort segments, given the cluster and the point of each."""
+        order = np.argsort(labels, kind="stable")
+        return cls(order, np.flatnonzero(np.diff(labels[order], prepend=-1)), points[order])
+
+    def find_nearest_cluster(self, point: FloatArray, sigma: float) -> tuple[IntArray, FloatArray]:
+        """Return the members of the cluster that a new point joins, and their distances from it.
+
+        A cluster fits if all its members are within `sigma` of the point. Of several, the one with
+        the nearest member is taken; ties go to the first. If none fits, both arrays are empty.
+        """
+        # Most clusters are ruled out by their first member.
+        first = np.linalg.norm(self.points[self.starts] - point, axis=1)
+        ends = np.append(self.starts[1:], len(self.order))
+        members, distances = self.order[:0], np.zeros(0)
+        for cluster in np.flatnonzero(first <= sigma).tolist():
+            rows = slice(self.starts[cluster], ends[cluster])
+            from_point = np.linalg.norm(self.points[rows] - point, axis=1)
+            if from_point.max() > sigma:
+                continue
+            if not len(members) or from_point.min() < distances.min():
+                members, distances = self.order[rows], from_point
+        return members, distances
+
+    def find_within(self, point: FloatArray, radius: float) -> tuple[IntArray, FloatArray]:
+        """Return the segments within a radius of a point, ascending, and their distances."""
+        distances = np.linalg.norm(self.points - point, axis=1)
+        rows = np.flatnonzero(distances <= radius)
+        rows = rows[np.argsort(self.order[rows])]
+        return self.order[rows], distances[rows]
+
+
+class Neighbourhood(ABC):
+    """The rule that decides which base parts are similar enough to exchange the other parts."""
+
+    outside: ClassVar[str]  # completes "12 segments are ..." for the other segments
+
+    @abstractmethod
+    def find_members(
+        self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
+    ) -> list[IntArray]:
+        """Return the members of the neighbourhood of each base segment, ascending, itself included.
+
+        `labels` and `points` have the cluster and the point of every segment; `points` is None if
+        there is no embedding. `sigma` is the cluster diameter threshold.
+        """
+
+    @abstractmethod
+    def find_near(
+        self, members: ClusterMembers, point: FloatArray, sigma: float
+    ) -> tuple[IntArray, FloatArray]:
+        """Return the segments near a new point, ascending, and their distances."""
+
+
+class _Cluster(Neighbourhood):
+    """The cluster of the base segment (paper, 4.3)."""
+
+    outside = "in other clusters"
+
+    def find_members(
+        self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
+    ) -> list[IntArray]:
+        """As `Neighbourhood.find_members`."""
+        order = np.argsort(labels, kind="stable")
+        first, last = (
+            np.searchsorted(labels[order], labels[base], side) for side in ("left", "right")
+        )
+        return [order[low:high] for low, high in zip(first.tolist(), last.tolist(), strict=True)]
+
+    def find_near(
+        self, members: ClusterMembers, point: FloatArray, sigma: float
+    ) -> tuple[IntArray, FloatArray]:
+        """As `Neighbourhood.find_near`."""
+        return members.find_nearest_cluster(point, sigma)
+
+
+class _Ball(Neighbourhood):
+    """The segments within `BALL_RADIUS` cluster diameter thresholds of the base segment."""
+
+    outside = "outside the ball"
+
+    def find_members(
+        self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
+    ) -> list[IntArray]:
+        """As `Neighbourhood.find_members`.
+
+        Memory is linear in the numbers of segments and of results: distances are computed for one
+        base segment at a time, and only where the first component is within the radius.
+        """
+        if points is None:
+            return [base[index : index + 1] for index in range(len(base))]
+        order = np.argsort(points[:, 0], kind="stable")
+        by_first = points[order]
+        radius = BALL_RADIUS * sigma
+        reach = radius * (1.0 + 1e-9)  # the sum below is rounded
+        first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
+        last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
+        found: list[IntArray] = []
+        for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
+            distances = np.linalg.norm(by_first[low:high] - point, axis=1)
+            found.append(np.sort(order[low:high][distances <= radius]))
+        return found
+
+    def find_near(
+        self, members: ClusterMembers, point: FloatArray, sigma: float
+    ) -> tuple[IntArray, FloatArray]:
+        """As `Neighbourhood.find_near`."""
+        return members.find_within(point, BALL_RADIUS * sigma)
+
+
+NEIGHBOURHOODS: Registry[Neighbourhood] = CONFIG_OPTIONS["neighbourhood"].implemented_by(
+    {"cluster": _Cluster(), "ball": _Ball()}
+)
+"""The neighbourhoods by their names in `Config.neighbourhood`."""
