@@ -14,7 +14,7 @@ from mograft.config import FRAME
 CLEARANCE = 0.05  # skeleton heights above the floor to which a swinging foot is lifted at most
 _FADE_SECONDS = 3 * FRAME
 _RISE_FRAMES = 1.5  # frames from a contact within which the lift of a swinging foot is reduced
-_MAX_SLIDE = 0.1  # skeleton heights from the mean position; a contact beyond loses fast frames
+_MAX_SLIDE = 0.1  # skeleton heights from the mean position; a longer slide loses its fast frames
 _MAX_DEPTH = 0.01  # maximum depth of a plant below the floor, in skeleton heights
 _DEPTH_MARGIN = 0.001  # skeleton heights by which planting may lower a point into the floor
 

@@ -24,7 +24,7 @@ def partners(skeleton: Skeleton) -> IntArray:
 
     Partners have the same body part on opposite sides, parents that are partners, and the same rank
     among siblings of that part: the partner of the first finger of one hand is the first finger of
-    the other. A joint in the middle is its own partner. Raises ValueError if a joint has none.
+    the other. A joint in the middle is its own partner. Raises ValueError if one is missing.
     """
     known = anatomy(skeleton)
     found = np.zeros(skeleton.n_joints, np.int64)

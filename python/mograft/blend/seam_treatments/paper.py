@@ -13,7 +13,7 @@ class _Paper(Displacement):
 
     The paper's window is 5 frames on each side of a seam. Here it is `Config.seam_window`, but at
     most half of the shorter segment minus one frame, so that two windows never overlap. Seams
-    beside a segment of one interval are not smoothed.
+    next to a segment of one interval are not smoothed.
     """
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
@@ -43,8 +43,8 @@ class _Paper(Displacement):
 def smoothing_windows(cut: Segments, seams: IntArray, window: int) -> tuple[IntArray, IntArray]:
     """Return the last kept frame before and the first after each seam's replaced frames.
 
-    `window` is the maximum number of replaced frames on each side. Seams beside a segment of one
-    interval have no entry.
+    `window` is the maximum number of replaced frames on each side. Seams next to a segment of
+    one interval have no entry.
     """
     reach = np.minimum(np.minimum(cut.lengths[seams], cut.lengths[seams + 1]) // 2 - 1, window)
     frames = cut.stop[seams][reach >= 0]
