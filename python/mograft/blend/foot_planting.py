@@ -135,15 +135,8 @@ def plant_feet(
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
     for leg in bent_legs:
-        displacements[:, leg] = foot_displacements(
-            points[:, leg],
-            planted[:, leg],
-            heights[:, leg],
-            lowest[:, leg],
-            ground,
-            leg,
-            motion.rate,
-        )
+        tracks = (track[:, leg] for track in (points, planted, heights, lowest))
+        displacements[:, leg] = foot_displacements(*tracks, ground, leg, motion.rate)
     planted &= movable[None, :, None]
     world_rotations, world_positions = motion.world_transforms()
     shift = np.zeros((motion.n_frames, 3))
@@ -152,11 +145,8 @@ def plant_feet(
         shift = shift_for_reach(
             legs, world_positions, displacements[:, :, 0], is_planted, motion.rate
         )
-        path = world_positions[:, motion.locomotion_root()]
-        shift = limit_floor_speed(shift, path, ground.up)
         room = points[:, ~movable] @ ground.up - lowest[:, ~movable]
-        room = np.maximum(room.min(axis=(1, 2), initial=np.inf), 0.0)
-        shift = limit_descent(shift, room, ground.up)
+        shift = _limit_shift(motion, shift, room, ground)
     parts = [
         bend_leg(
             motion,
@@ -170,9 +160,8 @@ def plant_feet(
     ]
     parts.append(_shifted_root(motion, world_rotations, shift) if shift.any() else None)
     still = recombine(motion, [part for part in parts if part is not None], motion.name)
-    targets = points + displacements
-    errors = np.linalg.norm(ground.points(still) - targets, axis=-1) / ground.height
-    errors = np.where(planted, errors, 0.0)
+    errors = np.linalg.norm(ground.points(still) - (points + displacements), axis=-1)
+    errors = np.where(planted, errors / ground.height, 0.0)
     return still, FeetReport(
         plants=sum(
             len(find_runs(planted[:, leg, point])) for leg, point in np.ndindex(planted.shape[1:])
@@ -183,6 +172,18 @@ def plant_feet(
         unreached=float(errors.max()),
         unreached_frames=int((errors > _MAX_ERROR).any(axis=(1, 2)).sum()),
     )
+
+
+def _limit_shift(motion: Motion, shift: FloatArray, room: FloatArray, ground: Ground) -> FloatArray:
+    """Return a shift of the root within the captured speed and above the allowed depth.
+
+    `room`, shape (n_frames, n_fixed_legs, 2), is the height of heel and toe of the legs that do
+    not bend above their lowest allowed height.
+    """
+    path = motion.world_positions()[:, motion.locomotion_root()]
+    shift = limit_floor_speed(shift, path, ground.up)
+    room = np.maximum(room.min(axis=(1, 2), initial=np.inf), 0.0)
+    return limit_descent(shift, room, ground.up)
 
 
 def _without_changes(skate: float) -> FeetReport:
