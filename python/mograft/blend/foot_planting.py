@@ -135,8 +135,8 @@ def plant_feet(
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
     for leg in bent_legs:
-        tracks = (track[:, leg] for track in (points, planted, heights, lowest))
-        displacements[:, leg] = foot_displacements(*tracks, ground, leg, motion.rate)
+        own = points[:, leg], planted[:, leg], heights[:, leg], lowest[:, leg]
+        displacements[:, leg] = foot_displacements(*own, ground, leg, motion.rate)
     planted &= movable[None, :, None]
     world_rotations, world_positions = motion.world_transforms()
     shift = np.zeros((motion.n_frames, 3))
