@@ -122,6 +122,21 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
         assert trained.isdisjoint(used)
 
 
+def test_tested_windows_have_weight_of_captured_window_at_same_frame(grafts):
+    flat = [graft for several in grafts for graft in several]
+    windows = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0))
+    pairs = windows.pairs()
+    # Without the blocks of donors, more windows at one frame are tested together.
+    pairs = replace(pairs, blocks_used=tuple(pairs.block[pairs.row][:, None]))
+    found = two_sample.score_fold(pairs, two_sample.block_folds(windows.frames, (0, 0)), 0)
+    n = len(found.rows)
+    assert n > len(found.weight) - n
+    sums = np.bincount(pairs.row[found.rows], found.weight[:n])
+    assert sums[sums > 0] == pytest.approx(np.ones(len(found.weight) - n))
+    assert found.weight[n:].tolist() == [1.0] * (len(found.weight) - n)
+    assert found.is_new.tolist() == [1.0] * n + [0.0] * (len(found.weight) - n)
+
+
 def test_other_moments_pairs_disjoint_windows_of_one_block(grafts):
     flat = [graft for several in grafts for graft in several]
     pairs = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0)).pairs()
