@@ -107,7 +107,7 @@ def world_measures(graft: Graft) -> WorldMeasures:
     Notes
     -----
     Jerk is the third difference of positions at about 30 samples per second. The measures take
-    longer than the graft itself, most of it for the support polygons.
+    about as long as the graft, so that `mograft graft` computes them only on request.
 
     Examples
     --------
