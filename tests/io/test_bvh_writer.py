@@ -120,6 +120,7 @@ def test_write_bvh_error_keeps_previous_file(tmp_path):
 
 
 def test_write_bvh_symbolic_link_stays_a_link(tmp_path):
+    (tmp_path / "walk.bvh").touch()
     (tmp_path / "link.bvh").symlink_to(tmp_path / "walk.bvh")
     mg.write_bvh(read(TEXT), tmp_path / "link.bvh")
     assert (tmp_path / "link.bvh").is_symlink()

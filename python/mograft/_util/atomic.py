@@ -1,30 +1,101 @@
 """Atomic file writes: a file is replaced as a whole or not at all."""
 
+import contextlib
 import errno
+import hashlib
 import os
+import platform
+import shutil
+import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_DRAFT_ENDING = ".part"
+"""Ending of draft folders, which no scan for clips enters."""
 
 
 @contextmanager
 def atomic_path(target: Path) -> Iterator[Path]:
     """Yield a temporary path that replaces `target` when the block ends without an error.
 
-    The temporary file lies in the folder of `target` and has the same suffix, because some
-    writers choose the format by suffix. It is removed after an error.
+    The temporary file has the name of `target`, because some writers choose the format by suffix,
+    and lies in a draft folder. The new file has the permissions of the one that it replaces.
+    Raise FileExistsError if `target` is a symbolic link to a missing file.
     """
     path = Path(os.path.realpath(target))
+    if target.is_symlink() and not path.exists():
+        raise FileExistsError(errno.EEXIST, "is a symbolic link to a missing file", str(target))
     if not path.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
-    draft = path.with_name(f".{path.stem}.{os.urandom(4).hex()}{path.suffix}")
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder, expected a file", str(target))
-    try:
+    with draft_folder(path) as folder:
+        draft = folder / path.name
         yield draft
+        with contextlib.suppress(OSError):  # no such file, or a file system without permissions
+            draft.chmod(stat.S_IMODE(path.stat().st_mode))
         draft.replace(path)
+
+
+@contextmanager
+def draft_folder(target: Path) -> Iterator[Path]:
+    """Yield a new folder beside `target`, which is removed at the end of the block.
+
+    Drafts of the same target that killed processes of this computer left are removed first.
+    """
+    parent = target.parent
+    key = _short_hash(target.name)
+    prefix = f".mograft-{key}-{_short_hash(platform.node())}-"
+    _remove_stale_drafts(parent, prefix)
+    folder = parent / f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{_DRAFT_ENDING}"
+    try:
+        folder.mkdir(mode=0o700)
+        yield folder
     finally:
-        draft.unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _short_hash(text: str) -> str:
+    return hashlib.sha256(os.fsencode(text)).hexdigest()[:12]
+
+
+def _remove_stale_drafts(parent: Path, prefix: str) -> None:
+    """Remove the draft folders with a prefix whose process has ended."""
+    try:
+        names = os.listdir(parent)
+    except OSError:
+        return  # a folder may be writable and not readable
+    for name in names:
+        if name.startswith(prefix) and name.endswith(_DRAFT_ENDING):
+            number = name.removeprefix(prefix).partition("-")[0]
+            if number.isdigit() and not _is_running(int(number)):
+                shutil.rmtree(parent / name, ignore_errors=True)
+
+
+if sys.platform == "win32":
+    import ctypes
+
+    def _is_running(process_id: int) -> bool:
+        """Return whether a process exists; `os.kill` would end it on Windows."""
+        synchronize = 0x00100000
+        handle = ctypes.windll.kernel32.OpenProcess(synchronize, 0, process_id)
+        if handle:
+            ctypes.windll.kernel32.CloseHandle(handle)
+        return bool(handle)
+
+else:
+
+    def _is_running(process_id: int) -> bool:
+        """Return whether a process exists."""
+        try:
+            os.kill(process_id, 0)
+        except ProcessLookupError:
+            return False
+        except (OSError, OverflowError):
+            return True  # the process of another user
+        return True
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -6,6 +6,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mograft.errors import join_names
+from mograft.library.discover import scan_folder
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 
@@ -21,7 +22,7 @@ def expand_folders(names: Iterable[str]) -> list[str]:
             continue
         if _is_library(name):
             raise ValueError(f"{name} is a library; expected BVH files")
-        inside = sorted(str(p) for p in Path(name).rglob("*") if p.suffix.lower() == ".bvh")
+        inside = [str(path) for path in scan_folder(name)]
         if not inside:
             raise ValueError(f"{name}: no BVH file in this folder")
         files += inside

@@ -36,8 +36,8 @@ class FoundClip:
 def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
     """Find the clips that motions, paths, folders and globs stand for, in the order of the sources.
 
-    A folder stands for all BVH files in it and in its subfolders. The files of a folder or glob are
-    sorted by name. Raise FileNotFoundError if a path, folder or glob holds no file, and ValueError
+    A folder stands for the files of `scan_folder`, a glob for regular files. Both are sorted by
+    name. Raise FileNotFoundError if a path, folder or glob holds no file, and ValueError
     if there is no source.
     """
     several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
@@ -49,13 +49,28 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
     return clips
 
 
+def scan_folder(folder: str) -> list[Path]:
+    """Return the BVH files in a folder and its subfolders, sorted by name.
+
+    Hidden files, files in hidden folders and anything but regular files, such as pipes, are left
+    out: copies of other programs and incomplete files have hidden names, and reading a pipe waits.
+    """
+    files: list[Path] = []
+    for parent, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        paths = [Path(parent, name) for name in names if not name.startswith(".")]
+        files += [path for path in paths if path.suffix.lower() == ".bvh" and path.is_file()]
+    return sorted(files)
+
+
 def _find_files(path: str) -> list[FoundClip]:
     if os.path.isdir(path):
-        files = sorted(file for file in Path(path).rglob("*") if file.suffix.lower() == ".bvh")
+        files = scan_folder(path)
         if not files:
             raise FileNotFoundError(2, "no BVH file in this folder", path)
         return [FoundClip(str(file), file.relative_to(path).parts[:-1]) for file in files]
     matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
+    matches = [match for match in matches if os.path.isfile(match)]
     if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
         raise FileNotFoundError(f"no file matches {path}")
     if not matches and not os.path.lexists(path):

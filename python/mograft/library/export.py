@@ -5,13 +5,12 @@ import os
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.atomic import atomic_path
+from mograft._util.atomic import atomic_path, draft_folder
 from mograft.library.library import Library
 
 Column = npt.NDArray[Any] | list[Any]
@@ -80,8 +79,8 @@ def export_tables(
             np.savez_compressed(stream, allow_pickle=False, **arrays)
         return [target]
     write = _write_parquet if kind == "parquet" else _write_csv
-    with TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as folder:
-        draft = Path(folder, target.name)
+    with draft_folder(target) as folder:
+        draft = folder / target.name
         draft.mkdir()
         for name, columns in tables.items():
             write(draft / f"{name}.{kind}", columns)
