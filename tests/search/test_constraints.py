@@ -11,15 +11,16 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.body.capsules import capsules
 from mograft.dancer import dance
-from mograft.search.constraints import find_violations
+from mograft.search.constraints import find_violations, overlaps
 from mograft.search.donor_choice import cost_model
 from mograft.synthesis.assembly import assemble, donor_excess, donor_excesses
 from mograft.synthesis.donor_poses import candidate_poses
 from mograft.synthesis.donor_repair import repair_donors
 from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
+from mograft.synthesis.donor_violations import find_donor_violations
 from mograft.synthesis.search_problem import SearchProblem
 from tests.oracles.capsules import capsule_distances
-from tests.strategies import SEEDS, vectors
+from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 
 HAND = "LeftHand"
 
@@ -296,7 +297,7 @@ def test_clip_frames_and_base_frames_are_independent(library):
     including = mg.OnlyFrom("second", clip_frames=(100, 400))
     graft = mg.graft(library, constraints=[including, mg.KeepOriginal(frames=(200, 500))])
     for s in graft.substitutions:
-        if s.start <= 500 and s.stop >= 200:
+        if s.start < 500 and s.stop > 200:
             assert s.is_own
         elif not s.is_own:
             assert s.clip == "second"
@@ -305,15 +306,15 @@ def test_clip_frames_and_base_frames_are_independent(library):
     excluding = mg.NotFrom("second", clip_frames=(100, 400), frames=(0, 300))
     graft = mg.graft(library, constraints=[excluding])
     for s in graft.substitutions:
-        if s.clip == "second" and s.start <= 300:
-            assert s.donor_stop < 100 or s.donor_start > 400
+        if s.clip == "second" and s.start < 300:
+            assert s.donor_stop <= 100 or s.donor_start >= 400
 
 
 def test_not_from_partial_overlap_excludes_donor():
     captured = mg.Segments([0] * 4, [10] * 4)
     donors = mg.Segments([10, 15, 25, 31], [20, 30, 35, 40], [1] * 4)
     clips = [SimpleNamespace(name="base", tags=()), SimpleNamespace(name="other", tags=("x", "y"))]
-    excluding, including = {"clip_frames": (20, 30)}, {"clip_frames": (12, 36)}
+    excluding, including = {"clip_frames": (19, 30)}, {"clip_frames": (12, 36)}
     for constraint in (mg.NotFrom("other", **excluding), mg.NotFrom(tags="x", **excluding)):
         error = constraint.donor_errors(captured, donors, clips)
         np.testing.assert_array_equal(error > 1, [True, True, True, False])
@@ -344,6 +345,53 @@ def test_only_from_selects_clips_by_name_or_tag(tags, wanted_tags, wanted_clips)
     np.testing.assert_array_equal(excluding > 1, is_selected)
     including = mg.OnlyFrom(names, tags=wanted_tags).donor_errors(captured, donors, clips)
     np.testing.assert_array_equal(including > 1, np.logical_not(is_selected))
+
+
+@given(SEGMENT_LENGTHS, st.integers(0, 9), st.data())
+def test_overlaps_frames_of_consecutive_segments_select_exactly_these(lengths, offset, data):
+    bounds = offset + np.concatenate([[0], np.cumsum(lengths)])
+    segments = mg.Segments(bounds[:-1], bounds[1:])
+    first = data.draw(st.integers(0, len(lengths) - 1))
+    last = data.draw(st.integers(first, len(lengths) - 1))
+    expected = (np.arange(len(lengths)) >= first) & (np.arange(len(lengths)) <= last)
+    span = (int(segments.start[first]), int(segments.stop[last]))
+    np.testing.assert_array_equal(overlaps(segments, span), expected)
+    frame = data.draw(st.integers(*span))
+    contains = (segments.start <= frame) & (segments.stop >= frame)
+    np.testing.assert_array_equal(overlaps(segments, (frame, frame)), contains)
+
+
+@few_examples(15)
+@given(SEEDS)
+def test_only_from_frames_of_one_segment_restricts_it_alone(library, seed):
+    rng = np.random.default_rng(seed)
+    segments, n = library.segments, len(library.segments.of_clip(0))
+    position, donor = int(rng.integers(n)), int(rng.integers(len(segments)))
+    name = library.entries[segments.clip[donor]].name
+    donor_frames = int(segments.start[donor]), int(segments.stop[donor])
+    frames = int(segments.start[position]), int(segments.stop[position])
+    only = mg.OnlyFrom(name, donor_frames, frames=frames)
+    free = build_problem(library, []).candidates["upper"]
+    problem = build_problem(library, [only])
+    for i, (before, after) in enumerate(zip(free, problem.candidates["upper"], strict=True)):
+        kept = before[(before == donor) | (before == position)] if i == position else before
+        np.testing.assert_array_equal(after, kept)
+    is_candidate = donor in free[position]
+    found = find_donor_violations(problem, problem.captured_donors)
+    assert [violation.frames for violation in found] == ([] if is_candidate else [frames])
+
+
+def test_only_from_without_candidate_is_violation(library):
+    segments = library.segments
+    frames = int(segments.start[4]), int(segments.stop[4])
+    graft = mg.graft(library, constraints=[mg.OnlyFrom("second", (0, 1), frames=frames)])
+    (violation,) = graft.violations
+    assert violation.message == (
+        f"OnlyFrom is violated in frames {frames[0]} to {frames[1]}: "
+        "no candidate is from second, frames 0 to 1"
+    )
+    soft = mg.OnlyFrom("second", (0, 1), frames=frames, weight=1.0)
+    assert not mg.graft(library, constraints=[soft]).violations
 
 
 def test_max_angle_limits_seam_angles(library):

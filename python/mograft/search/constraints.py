@@ -181,6 +181,22 @@ def find_violations(
     return found
 
 
+def overlaps(segments: Segments, frames: Span | None) -> BoolArray:
+    """Return which segments a range of frames selects, shape (n_segments,); None selects all.
+
+    Neighbours share a frame, so the range must contain an interval of the segment: the first and
+    last frame of a segment select it alone. A single frame selects the segments that contain it.
+    """
+    if frames is None:
+        return np.ones(len(segments), bool)
+    first, last = frames
+    if first == last:
+        selected: BoolArray = (segments.start <= first) & (segments.stop >= first)
+    else:
+        selected = (segments.start < last) & (segments.stop > first)
+    return selected
+
+
 def as_span(name: str, span: object) -> Span:
     """Return a pair of ascending frame numbers; raise ValueError for anything else."""
     ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()

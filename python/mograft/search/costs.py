@@ -14,7 +14,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
-from mograft.search.constraints import Clip, Constraint
+from mograft.search.constraints import Clip, Constraint, overlaps
 from mograft.search.donor_constraints import MaxAngle
 
 _ROUNDED_GAP = 1e-9  # radians or radians per second, of equal poses or velocities
@@ -197,8 +197,5 @@ def origin_violations(
     amounts = []
     for constraint in constraints:
         amount = constraint.donor_errors(base, donors, clips)
-        if constraint.frames is not None:
-            first, last = constraint.frames
-            amount = np.where((frames.start <= last) & (frames.stop >= first), amount, 0.0)
-        amounts.append(amount)
+        amounts.append(np.where(overlaps(frames, constraint.frames), amount, 0.0))
     return amounts

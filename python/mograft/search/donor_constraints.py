@@ -10,12 +10,14 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.validate import check_not_negative, check_positive
 from mograft.analysis.segmentation import Segments
 from mograft.errors import join_names
-from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span
+from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
 
 
 @dataclass(frozen=True)
 class KeepOriginal(Constraint):
-    """Keep the captured parts of every segment that overlaps `frames`.
+    """Keep the captured parts of every segment with an interval in `frames`.
+
+    The first and last frame of a segment select it alone, although its neighbours share them.
 
     Examples
     --------
@@ -76,10 +78,11 @@ class _ClipConstraint(Constraint):
             if whole:
                 inside = inside & (donors.start >= first) & (donors.stop <= last)
             else:
-                inside = inside & (donors.start <= last) & (donors.stop >= first)
+                inside = inside & overlaps(donors, self.clip_frames)
         return inside
 
-    def _describe_selection(self) -> str:
+    def describe_selection(self) -> str:
+        """Return the selected clips, tags and frames as text."""
         tagged = (f"clips tagged {tag}" for tag in _as_names(self.tags))
         frames = self.clip_frames
         span = "" if frames is None else f", frames {frames[0]} to {frames[1]}"
@@ -89,6 +92,9 @@ class _ClipConstraint(Constraint):
 @dataclass(frozen=True)
 class OnlyFrom(_ClipConstraint):
     """Accept donors from some clips only; captured parts may be kept.
+
+    A graft violates it if no segment in its `frames` has a candidate from these clips. `Use` forces
+    a donor.
 
     Parameters
     ----------
@@ -107,12 +113,15 @@ class OnlyFrom(_ClipConstraint):
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.donor_errors`."""
-        within = self._is_selected(donors, clips, whole=True)
-        return np.where(within | _is_same(base, donors), 0.0, 2.0)
+        return np.where(self.selects(donors, clips) | _is_same(base, donors), 0.0, 2.0)
+
+    def selects(self, donors: Segments, clips: Sequence[Clip]) -> BoolArray:
+        """Return which donors are from the selected clips and frames, shape (n,)."""
+        return self._is_selected(donors, clips, whole=True)
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        return f"not from {self._describe_selection()}"
+        return f"not from {self.describe_selection()}"
 
 
 @dataclass(frozen=True)
@@ -126,7 +135,8 @@ class NotFrom(_ClipConstraint):
     tags : str or collection of str
         Tags of clips; a clip with one of them is selected, in addition to `clips`.
     clip_frames : tuple of int, optional
-        First and last frame of those clips; donors must not overlap them. Default: all frames.
+        First and last frame of those clips; donors must not contain an interval between them.
+        Default: all frames.
 
     Examples
     --------
@@ -141,7 +151,7 @@ class NotFrom(_ClipConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        return f"from {self._describe_selection()}"
+        return f"from {self.describe_selection()}"
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ class DonorTrellis:
     """The candidates at each position of a base segment sequence, and their costs."""
 
     scenario: IntArray  # the base segments, shape (n_positions,)
-    candidates: tuple[IntArray, ...]  # at each position, ascending, the base segment among them
+    candidates: tuple[IntArray, ...]  # at each position, ascending
     costs: Trellis
 
     @classmethod
@@ -34,8 +34,8 @@ class DonorTrellis:
     ) -> "DonorTrellis":
         """Return the trellis of the cheapest candidates at each position.
 
-        `candidates` holds the allowed segments at each position, ascending, the base segment among
-        them. The cheapest `max_candidates` are kept; ties go to the lowest index.
+        `candidates` holds the allowed segments at each position, ascending. The cheapest
+        `max_candidates` are kept, the base segment always; ties go to the lowest index.
         """
         counts = [len(segments) for segments in candidates]
         costs = pool.unary_costs(np.repeat(scenario, counts), np.concatenate(candidates), model)

@@ -30,14 +30,15 @@ _TRIALS_PER_BATCH = 24  # sequences that are assembled together
 def restrict_to_violations(problem: SearchProblem, donors: DonorSequences) -> SearchProblem:
     """Return the problem restricted to changes near the violations of donor sequences.
 
-    At other positions the only candidates are the donors of these sequences and the base segments.
+    At other positions the only candidates are the donors of these sequences and the base segments,
+    except where constraints exclude the base segment.
     """
     excess = donor_excess(problem, donors)
     candidates = {}
     for group, lists in problem.candidates.items():
         near = dilate(problem.positions_with(excess[group]), _REPAIR_RADIUS)
         candidates[group] = [
-            segments if is_near else np.unique([base, donor])
+            segments if is_near or base not in segments else np.unique([base, donor])
             for segments, is_near, base, donor in zip(
                 lists, near, problem.scenario, donors[group], strict=True
             )
@@ -82,11 +83,17 @@ def repair_donors(
 
 
 def _replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
-    """Replace donors that are not among the kept candidates by the base segments."""
-    listed = zip(donors, trellis.candidates, trellis.scenario, strict=True)
-    return np.array(
-        [donor if donor in candidates else base for donor, candidates, base in listed], np.int64
-    )
+    """Replace donors that are not among the kept candidates.
+
+    The base segment replaces them, or the cheapest candidate where constraints exclude it.
+    """
+    replaced = donors.copy()
+    for position, candidates in enumerate(trellis.candidates):
+        base = trellis.scenario[position]
+        if donors[position] not in candidates:
+            cheapest = candidates[trellis.costs.unary[position].argmin()]
+            replaced[position] = base if base in candidates else cheapest
+    return replaced
 
 
 def _search_again(

@@ -26,6 +26,7 @@ from mograft.search.viterbi import viterbi
 from mograft.synthesis.assembly import transplant_group
 from mograft.synthesis.donor_repair import repair_donors
 from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
+from mograft.synthesis.donor_violations import find_donor_violations
 from mograft.synthesis.graft_result import Graft, Seam, Substitution
 from mograft.synthesis.root_tabu_search import tabu_search
 from mograft.synthesis.search_problem import SearchProblem
@@ -156,6 +157,7 @@ class GraftPlan:
         if not problem.constraints:
             return []
         found = find_violations(problem.constraints, problem.poses_of(motion))
+        found += find_donor_violations(problem, donors)
         seam_frames = problem.base_segments.stop[:-1].tolist()
         for constraint in problem.constraints:
             for group, sequence in donors.items():

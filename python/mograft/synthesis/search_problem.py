@@ -198,10 +198,13 @@ class SearchProblem:
         return [own.soft for own in self._origin_violations(group)]
 
     def _allowed_by_origin(self, group: str) -> list[IntArray]:
-        """Return the base segments and the candidates that meet all hard constraints on donors."""
+        """Return the candidates that meet all hard constraints on donors, by position.
+
+        Where none does, the base segment remains.
+        """
         candidates, violations = self.candidates[group], self._origin_violations(group)
         return [
-            segments[own.is_feasible | (segments == base)]
+            segments[own.is_feasible if own.is_feasible.any() else segments == base]
             for segments, own, base in zip(candidates, violations, self.scenario, strict=True)
         ]
 
