@@ -32,11 +32,12 @@ class Setting:
 
 
 def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Setting]:
-    """Return the settings of a command by the names of the options in the namespace.
+    """Return the settings of a command, keyed by the option's name in the argparse namespace.
 
-    The configuration file is searched in the working folder and above it; it may have a table for
-    each of `commands`. Raise a ValueError that names the file or the variable if the file is not
-    TOML, or a setting is unknown or has an invalid value.
+    They come from environment variables and from the configuration file, which is searched in the
+    working folder and the folders above it, and may have a table for each of `commands`. Raise a
+    ValueError that names the file or the variable if the file is not TOML, or if a setting is
+    unknown or has an invalid value.
     """
     path = find_config_file(Path.cwd())
     table = {} if path is None else _read_file(path, command, commands)

@@ -31,7 +31,7 @@ PAPER_TABLE: Mapping[str, tuple[float, int]] = {
 Rule = Literal["all", "majority", "any"]
 RULES: tuple[Rule, ...] = ("all", "majority", "any")
 
-_DEGENERATE_MARGIN = 0.01  # heights from a support of one point or line that are still inside
+_DEGENERATE_MARGIN = 0.01  # distance, in heights, from a point or line of support that is inside
 _STATURE_METERS = 1.75
 _GRAVITY = 9.81  # m/s²
 _SMOOTHING_SECONDS = 0.2
@@ -254,8 +254,8 @@ class BalanceRow(Record):
     spread : float
         Standard deviation of the rate over the runs; NaN with a single run.
     changed, difference : Estimate
-        The rate among segments with an exchanged part, and this rate minus that of the same
-        segments of the recording.
+        The rate among segments with an exchanged part, and this rate minus the rate of the
+        same segments in the recording.
     flight : float
         Share of the segments that are in flight.
     runs : int
@@ -339,7 +339,7 @@ def balance_row(
 def _segment_states(
     sample: BalanceSample, base: int, rule: Rule, margin: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return 1 for unbalanced and NaN for flying segments, of the grafts and of their base."""
+    """Return the segments of the grafts and of their base: 1 unbalanced, NaN in flight, else 0."""
     cut = sample.cuts[base]
     states = []
     for balance in (*sample.grafts[base], sample.original[base]):

@@ -130,15 +130,15 @@ class ContactPattern(Method):
     """Donors of similar length with similar foot contacts.
 
     It follows the paper's description of the best rule of Ikemoto and Forsyth (Symposium on
-    Computer Animation 2004). Their own list of rules was not available.
+    Computer Animation 2004). The list of rules itself was not available.
 
     Attributes
     ----------
     tolerance : int
         Number of contact states that may differ, of ten for each foot.
     is_exact : bool
-        Whether the sequence of contact states must be equal instead. The durations of the
-        states may differ, and states of a single frame are ignored.
+        Whether the sequence of contact states must be equal; `tolerance` then has no effect.
+        The durations of the states may differ, and states of a single frame are ignored.
     """
 
     name: str = "contact pattern"

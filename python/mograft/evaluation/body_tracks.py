@@ -68,8 +68,8 @@ def jerk(points: FloatArray, rate: float) -> FloatArray:
 def _derivative(points: FloatArray, rate: float, order: int) -> FloatArray:
     """Return a derivative by differences of samples; 0 where samples are missing.
 
-    The first is central over two intervals, the second central; the third is that between a
-    sample and the next.
+    The first and second derivatives are central differences. The third is the derivative halfway
+    between a sample and the next.
     """
     s = sample_stride(rate)
     found = np.zeros_like(points)
@@ -159,8 +159,8 @@ class BodyTracks:
 class FrameBlocks:
     """Blocks of five seconds of the clips of a library, or whole clips that are shorter."""
 
-    offsets: IntArray  # number of all frames before each clip
-    block: IntArray  # of each frame of all clips
+    offsets: IntArray  # number of frames in the clips before each clip
+    block: IntArray  # block of each frame, over the frames of all clips in order
 
     @classmethod
     def of(cls, library: Library) -> "FrameBlocks":
@@ -175,19 +175,19 @@ class FrameBlocks:
         return cls(np.cumsum(lengths) - lengths, np.concatenate(blocks))
 
     def clip_of(self, frames: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the clip of each frame of all clips, and the frame in that clip."""
+        """Return the clip and the frame in it of frames that are numbered over all clips."""
         clip = np.searchsorted(self.offsets, frames, side="right") - 1
         return clip, frames - self.offsets[clip]
 
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """For each frame of a graft, the frame of all clips that a joint group comes from.
+    """For each frame of a graft, the captured frame that a joint group comes from.
 
-    Frames of donors are those of a uniform time warp.
+    Captured frames are numbered over all clips. A uniform time warp gives the frames of donors.
     """
 
-    frames: IntArray  # of all clips, (n_frames,)
+    frames: IntArray  # captured frames, numbered over all clips, (n_frames,)
     is_exchanged: BoolArray  # (n_frames,)
 
     @classmethod
@@ -215,9 +215,9 @@ def clip_indices(library: Library) -> dict[str, int]:
 
 
 def driving_group(graft: Graft, joints: Iterable[int]) -> str | None:
-    """Return the grafted group that moves joints: of the first on the path to the root.
+    """Return the grafted group of the first joint that has one, or of its nearest such ancestor.
 
-    None if no exchanged group moves them.
+    None if no grafted group moves any of `joints`.
     """
     library = graft.library
     group_of = {int(j): name for name in graft.alternatives for j in library.joints(name)}

@@ -26,7 +26,7 @@ _MAX_WINDOWS = 1600  # limits the run time
 
 @dataclass(frozen=True)
 class Detectability(Record):
-    """Detectability of the grafts of one method, with its null.
+    """Detectability of the grafts of one method, with two null comparisons.
 
     Attributes
     ----------
@@ -37,12 +37,12 @@ class Detectability(Record):
     seams : Detection
         Windows of 0.5 s at seams, against the captured windows at the same frames of the base.
     between_seams : Detection
-        The same in the middle between seams, in exchanged segments.
+        As `seams`, for windows in the middle between seams, in exchanged segments.
     other_moments : Detection
-        Null: the captured windows at other seams of the same five seconds, in place of those of
-        grafts.
+        Null comparison: captured windows at other seams of the same block of five seconds,
+        instead of windows of grafts.
     donor_windows : Detection
-        Null: the captured windows that the donors are from, in place of those of grafts.
+        Null comparison: the captured windows of the donors, instead of windows of grafts.
     """
 
     method: str
@@ -72,17 +72,17 @@ def detectability(
     Returns
     -------
     Detectability
-        Values are NaN if their windows are too few. The intervals resample blocks of five
-        seconds of the bases. They cover neither the choice of the recordings nor that of the
-        training windows.
+        Values are NaN if they have too few windows. The intervals resample blocks of five
+        seconds of the bases. They cover neither the choice of the recordings nor the choice of
+        the training windows.
 
     Raises
     ------
     ImportError
         If scikit-learn is not installed.
     InsufficientDataError
-        If there are fewer than 60 windows at seams, or too few of them whose donors and base
-        have not been trained on.
+        If there are fewer than 60 windows at seams, or if every fold has too few training or
+        test windows (see Notes).
     ValueError
         If a base is not a clip of the library.
 
@@ -114,8 +114,8 @@ def detectability(
     seams = detect([pairs] * splits, folds, seed)
     if not np.isfinite(seams.gross.value):
         raise InsufficientDataError(
-            f"detectability needs {MIN_TEST} windows at seams whose base and donors are in one "
-            f"of {N_FOLDS} folds, and {MIN_TRAIN} without any of them there"
+            f"detectability needs a fold with {MIN_TEST} test windows and {MIN_TRAIN} training "
+            f"windows at seams, none of the {N_FOLDS} folds has as many"
         )
     between = GraftWindows.of(flat, "between seams", _MAX_WINDOWS, rng)
     others = [pair_other_moments(pairs, rng) for _ in folds]
@@ -132,7 +132,7 @@ def detectability(
 
 
 def pair_other_moments(pairs: Pairs, rng: np.random.Generator) -> Pairs:
-    """Pair each second captured window with another one of its block."""
+    """Return random disjoint pairs of captured windows of the same block."""
     order = rng.permutation(len(pairs.base))
     order = order[np.argsort(pairs.block[order], kind="stable")]
     first, second = order[:-1], order[1:]

@@ -69,7 +69,7 @@ class Kappas:
             [*self._kappa_terms(first), *self._kappa_terms(second)],
             lambda means: _kappa(means[:3]) - _kappa(means[3:]),
             self.accepted[first] + self.accepted[second],
-            "segments with a donor of both",
+            "segments with a donor by both methods",
         )
         return Difference(first, second, difference)
 

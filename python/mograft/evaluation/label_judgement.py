@@ -50,7 +50,7 @@ class Judgement(Record):
     learned: int  # number of training labels
     tested: int  # number of test labels
     natural: Estimate  # share of pieces with random donors that the person labelled natural
-    captured: Estimate  # that of captured pieces: the upper limit for every method
+    captured: Estimate  # the same share of captured pieces: the upper limit for every method
     accuracy: Estimate
     sensitivity: Estimate
     specificity: Estimate
@@ -90,8 +90,8 @@ def judgement(
 
     Notes
     -----
-    Three fifths of the labels are training labels, as 300 of the 500 labels of the paper.
-    Neighbouring segments are on the same side. The classifier is a support vector machine on
+    Three fifths of the labels are training labels, like 300 of the 500 labels in the paper.
+    Neighbouring segments are in the same set. The classifier is a support vector machine on
     principal components of the `part_features` of both parts. Its parameters are selected by
     cross-validation on the training labels. The features do not contain seams.
     """

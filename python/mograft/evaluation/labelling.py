@@ -61,7 +61,8 @@ def label_items(
         Number of pieces with an exchanged part. The paper has 300 for training and 200 for
         testing.
     captured : int, optional
-        Number of captured pieces among them, without a mark. Default: a tenth of `count`.
+        Number of captured pieces that are mixed with them, not marked. Default: a tenth of
+        `count`.
     group : str, optional
         Grafted group. Default: the first group that is not the base group.
     method : Method, optional
@@ -105,8 +106,8 @@ def label_items(
         rounds += 1
     if len(exchanged) < count or len(kept) < n_captured:
         raise InsufficientDataError(
-            f"{count} pieces and {n_captured} captured ones were requested, the library has "
-            f"{len(exchanged)} and {len(kept)}"
+            f"{count} pieces with an exchanged part and {n_captured} captured pieces were "
+            f"requested, the library has {len(exchanged)} and {len(kept)}"
         )
     items = list[Item]()
     for pieces, number in ((exchanged, count), (kept, n_captured)):

@@ -18,9 +18,9 @@ def coordination(motion: Motion) -> tuple[float, float]:
     """Return the correlation of the swing of the arms with that of the opposite legs, and its lag.
 
     Both are means over the two pairs of an upper arm and the opposite thigh. The correlation is
-    the magnitude of that of the forward velocities relative to the hips. The lag is the magnitude
-    of the shift in seconds, up to 0.5, at which the correlation is strongest. Both are NaN if the
-    limbs are unknown or do not move.
+    the absolute correlation of their forward velocities relative to the hips. The lag is the
+    absolute shift in seconds, up to 0.5, at which the correlation is strongest. Both are NaN if
+    the limbs are unknown or do not move.
     """
     pairs = _opposite_limbs(motion.skeleton)
     if not pairs or motion.n_frames < 8:

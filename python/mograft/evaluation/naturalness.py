@@ -25,7 +25,7 @@ from mograft.library.clusters import Progress
 from mograft.library.library import Library
 
 MIN_SEGMENTS = 60
-MIN_RATE_DIFFERENCE = 0.1  # κ needs this difference of the rates of captured and random parts
+MIN_RATE_DIFFERENCE = 0.1  # least difference of the acceptance rates of captured and random parts
 GROUP_SEGMENTS = 40  # neighbouring segments that stay together in cross-validation
 _N_FOLDS = 5
 _MIN_TEST_SEGMENTS, _MIN_TRAIN_SEGMENTS = 2, 10

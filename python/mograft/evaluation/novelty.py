@@ -17,7 +17,7 @@ from mograft.synthesis.graft_result import Graft
 
 _OFFSETS = np.array([-7, -4, 0, 4, 7])  # samples at which a window has positions
 _STEP = 5  # samples between windows
-_MIN_SEPARATION_SECONDS = 1.5  # between a captured window and its natural neighbour
+_MIN_SEPARATION_SECONDS = 1.5  # between captured windows whose distance is a reference
 _MIN_CHANGE = 0.003  # distance from the window of the base, in heights, of a changed window
 _MAX_CAPTURED = 8_000  # above this only every k-th captured window is compared
 _N_RANDOM_PAIRS = 2000
@@ -33,12 +33,14 @@ class Novelty(Record):
     Attributes
     ----------
     changed : Estimate
-        Share of the windows of grafts that differ from that of the base by 0.003 or more.
+        Share of the windows of grafts whose distance from the base's window at the same frame
+        is at least 0.003 heights.
     novelty : Estimate
         Mean distance of the changed windows from the nearest captured window, divided by the
         median distance of a captured window from the nearest one 1.5 s or more away.
     coverage : Estimate
-        Share of the captured windows with a changed window within that median distance.
+        Share of the captured windows with a changed window within the median distance of
+        `novelty`.
     between : Estimate
         Mean distance of two grafts of one base at the same frames, divided by the mean distance
         of random captured windows.
@@ -63,7 +65,7 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
     Returns
     -------
     Novelty
-        The intervals resample blocks of five seconds of the bases, for coverage of all clips.
+        The intervals resample blocks of five seconds of the bases; for coverage, of all clips.
 
     Raises
     ------
@@ -119,7 +121,7 @@ class CapturedWindows:
 
     frames: FrameBlocks
     windows: FloatArray  # (n_windows, n_features)
-    block: IntArray  # of each window
+    block: IntArray  # block of each window, as in `FrameBlocks`
     scale: float  # median distance of a window from the nearest one 1.5 s or more away
     spread: float  # mean distance of random pairs of windows
 

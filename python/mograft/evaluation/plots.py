@@ -77,9 +77,9 @@ def draw_world(rows: Sequence[WorldQuality]) -> "Figure":
 
 
 def draw_detectability(rows: Sequence[Detectability]) -> "Figure":
-    """Draw the AUC at and between seams, and of the null, with 95 % intervals.
+    """Draw the AUC of windows at seams, between seams and at other captured moments.
 
-    A line marks chance.
+    Each AUC has a 95 % interval. A line marks chance, 0.5.
     """
     panels = {
         f"{title}, {kind}": [(row.method, getattr(getattr(row, place), kind)) for row in rows]
@@ -97,7 +97,7 @@ def _draw_measures(
     rows: Sequence[Quality] | Sequence[WorldQuality],
     measures: Mapping[str, tuple[str, Sequence[float]]],
 ) -> "Figure":
-    """Draw one panel for each title, with its field of the records and vertical lines."""
+    """Draw one panel for each title in `measures`, which has a field and vertical lines."""
     panels = {
         title: [(row.method, getattr(row, name)) for row in rows]
         for title, (name, _) in measures.items()

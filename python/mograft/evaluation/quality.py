@@ -226,11 +226,11 @@ def nearest_windows(
 ) -> tuple[float, float]:
     """Return the coverage of a source by a motion, and the distance of the motion from the source.
 
-    The clips of `source` and `track` are 6D rotations at 10 frames per second. Coverage is the
-    share of the one-second windows of the source, every `step`-th, that have a window of the motion
-    within a mean L2 distance of 2 per frame. The distance is the mean of that of the half-second
-    windows of the motion to the nearest of the source, as root mean square per joint. Both are NaN
-    if the motion or all clips are shorter than one second.
+    The clips of `source` and `track` are 6D rotations at 10 frames per second. Of every `step`-th
+    one-second window of the source, coverage is the share with a window of the motion within a
+    mean L2 distance of 2 per frame. The distance is the mean over the half-second windows of the
+    motion, each compared with the nearest window of the source, as root mean square per joint.
+    Both are NaN if the motion or all clips are shorter than one second.
     """
     n_coverage = round(_COVERAGE_SECONDS * _WINDOW_RATE)
     n_local = round(_LOCAL_SECONDS * _WINDOW_RATE)
@@ -254,7 +254,7 @@ def nearest_windows(
 
 
 def _window_distances(distances: FloatArray, length: int, step: int) -> FloatArray:
-    """Return mean distances of windows from distances of frames: means along diagonals."""
+    """Return the distances of windows: means of the distances of frames along diagonals."""
     rows, columns = distances.shape[0] - length + 1, distances.shape[1] - length + 1
     total = np.zeros((len(range(0, rows, step)), columns))
     for offset in range(length):

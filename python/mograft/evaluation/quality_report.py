@@ -31,8 +31,9 @@ def world_sentences(qualities: Sequence[WorldQuality], rows: Sequence[Detectabil
             gross, null = found.seams.gross, found.other_moments.gross
             sentences.append(
                 f"A classifier distinguishes windows at seams from captured windows with an AUC of "
-                f"{gross.text(2)}, with magnitudes up to jerk {found.seams.fine.text(2)}, in "
-                f"{gross.n} test windows. Captured windows of other moments have {null.text(2)}."
+                f"{gross.text(2)}; one that also has magnitudes up to jerk, with an AUC of "
+                f"{found.seams.fine.text(2)}; both in {gross.n} test windows. For captured windows "
+                f"of other moments, the AUC of the first classifier is {null.text(2)}."
             )
     return sentences
 
@@ -73,7 +74,7 @@ def _measure_table(
     records: Sequence[object],
     measures: Sequence[tuple[str, str, int, float, str]],
 ) -> str:
-    """Return a table with one row for each measure: title, field, digits, scale and suffix."""
+    """Return a table with one row for each measure (title, field, digits, scale, suffix)."""
     rows = []
     for title, name, digits, scale, suffix in measures:
         estimates: list[Estimate] = [getattr(record, name) for record in records]
@@ -113,7 +114,7 @@ def world_section(qualities: Sequence[WorldQuality]) -> list[str]:
             "feet, and frames with the zero-moment point outside of the support. Novelty: "
             "distance from the nearest captured half-second window; 1 is the median distance of "
             "a captured window from the nearest other one. Coverage: share of the captured "
-            "windows that are nearer than that to a window of a graft. Between grafts: distance "
+            "windows within this median distance of a window of a graft. Between grafts: distance "
             "of two grafts of one base; 1 is that of random captured windows."
         ),
     ]
@@ -147,8 +148,8 @@ def detectability_section(rows: Sequence[Detectability]) -> list[str]:
             "Area under the ROC curve of a classifier that distinguishes windows of grafts from "
             "captured windows at the same frames: 0.5 is chance. Gross: boosted trees on "
             "positions, velocities and accelerations of bone ends. Fine: logistic regression, "
-            "also on the magnitudes of velocity, acceleration and jerk. No block of five seconds "
-            "of the base or of the donors of a test window was trained on. The nulls have "
-            "captured windows in place of those of grafts. n: test windows of grafts."
+            "also on the magnitudes of velocity, acceleration and jerk. The training windows do "
+            "not come from the five-second blocks of the base and donors of a test window. The "
+            "null rows compare captured windows with captured windows. n: test windows of grafts."
         ),
     ]

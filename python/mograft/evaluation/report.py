@@ -106,7 +106,7 @@ def _refusals(evaluation: Evaluation) -> list[str]:
 
 
 def _static_rows(evaluation: Evaluation) -> list[BalanceRow]:
-    """Return the rows of static balance by the rule "all", without a margin."""
+    """Return the rows whose kind is "static", whose rule is "all" and whose margin is 0."""
     return [
         row
         for row in evaluation.balance

@@ -79,7 +79,7 @@ class Evaluation:
     world : tuple of WorldQuality
         World-space measures for each method.
     detectability : tuple of Detectability
-        Detectability for each method, with its null.
+        Detectability for each method, with null comparisons.
     refusals : dict of str to str
         Topics, or parts of one, that the data does not support, with the reason.
     parameters : dict

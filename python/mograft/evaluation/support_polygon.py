@@ -95,7 +95,7 @@ def signed_distance(polygons: FloatArray, sizes: IntArray, points: FloatArray) -
     """Return the distance of each point, shape (n, 2), to the edge of its convex polygon.
 
     Polygons are as in `Support`: counterclockwise vertices, shape (n, n_vertices, 2), of which the
-    first `sizes` count. Distances are negative inside and positive outside. Polygons with one or
+    first `sizes` are used. Distances are negative inside and positive outside. Polygons with one or
     two vertices have no inside. The distance is NaN for polygons without vertices.
     """
     starts, ends = polygons, np.roll(polygons, -1, axis=1)

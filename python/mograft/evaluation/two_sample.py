@@ -17,7 +17,7 @@ from mograft.evaluation.windows import Pairs, Windows
 N_FOLDS = 3
 MIN_TRAIN, MIN_TEST = 25, 8  # windows of grafts in a fold
 _N_COMPONENTS = 25  # of positions, of velocities and of accelerations
-_MIN_RELATIVE_SCALE = 0.1  # of a feature, relative to that of all features of its kind
+_MIN_RELATIVE_SCALE = 0.1  # of a feature, relative to the scale of all features of its kind
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class TestedFold:
     is_new: FloatArray
     weight: FloatArray
     block: IntArray
-    rows: IntArray  # of the windows of grafts
+    rows: IntArray  # indices of the windows of grafts in their `Pairs`
 
 
 def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int) -> Detection:
@@ -69,7 +69,7 @@ def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int
     sizes = np.array([len(found.rows) for found in tested], np.float64)
 
     def mean_auc(multiplicities: FloatArray, which: int) -> FloatArray:
-        """Return the mean of the folds for numbers of draws of each block, (n, n_blocks)."""
+        """Return the mean AUC of the folds for draws of each block, shape (n, n_blocks)."""
         values = np.stack(
             [
                 weighted_auc(
@@ -105,7 +105,7 @@ def empty_detection() -> Detection:
 
 
 def score_fold(pairs: Pairs, fold_of_block: IntArray, fold: int) -> TestedFold | None:
-    """Train on the windows without a block of a fold, and test on those entirely within it."""
+    """Train on windows that have no block in a fold, and test on windows with all blocks in it."""
     is_inside = np.array([(fold_of_block[used] == fold).all() for used in pairs.blocks_used], bool)
     is_outside = np.array([(fold_of_block[used] != fold).all() for used in pairs.blocks_used], bool)
     train, test = np.flatnonzero(is_outside), np.flatnonzero(is_inside)

@@ -55,7 +55,7 @@ def window_reach(place: Place, rate: float) -> int:
 
 
 def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Windows:
-    """Return the features of windows about some frames, relative to the heading at their centre.
+    """Return the features of windows around some frames, relative to the heading at each centre.
 
     Positions are those at nine instants of the window. Velocities and accelerations are those of
     the nine samples about the centre. The magnitudes are the largest within two samples and the
@@ -109,7 +109,7 @@ class GraftWindows:
     frames: FrameBlocks
     grafts: Sequence[Graft]
     place: Place
-    graft: IntArray  # of each window
+    graft: IntArray  # index of the graft of each window
     center: IntArray  # frame of each window
     origins: tuple[tuple[Origin, ...], ...]  # of the grafted groups of each graft
 
@@ -192,7 +192,7 @@ class GraftWindows:
         return Pairs(self._captured(base[:, 0], base[:, 1]), new, row, block, used)
 
     def _captured(self, clip: IntArray, frame: IntArray) -> Windows:
-        """Return the captured windows about frames of clips."""
+        """Return the captured windows around frames of clips."""
         parts, rows = [], []
         for index in np.unique(clip).tolist():
             rows.append(np.flatnonzero(clip == index))

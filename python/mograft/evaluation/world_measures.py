@@ -1,7 +1,7 @@
 """Measures of one graft in the world: jerk of head, chest and hands, feet, and balance.
 
-Rotations of joints do not show what happens to a head whose spine compensated another pelvis.
-These measures therefore use the world positions of body parts.
+Joint rotations do not show how the head moves if the spine of the donor compensates for the
+movement of another pelvis. These measures therefore use the world positions of body parts.
 """
 
 import math
@@ -37,7 +37,7 @@ UNDER_FLOOR = 0.012  # depth below its floor, in heights, from which a heel or t
 class WorldMeasures(Record):
     """Measures of one graft in the world, relative to the recordings that it consists of.
 
-    All are NaN if the skeleton has no such part.
+    A measure is NaN if the skeleton does not have its body part.
 
     Attributes
     ----------
@@ -106,8 +106,8 @@ def world_measures(graft: Graft) -> WorldMeasures:
 
     Notes
     -----
-    Jerk is the third difference of positions at about 30 samples per second. The measures take
-    about as long as the graft, so that `mograft graft` computes them only on request.
+    Jerk is the third difference of positions at about 30 samples per second. Computing the
+    measures takes about as long as computing the graft, so `mograft graft` does it only on request.
 
     Examples
     --------
@@ -124,8 +124,8 @@ def world_measures(graft: Graft) -> WorldMeasures:
 class WorldReference:
     """The recordings that grafts of one library are compared with.
 
-    The tracks of a clip are computed once, those of a base as long as its grafts follow one
-    another.
+    The jerks of a clip are computed once. The measures of a base are kept until a graft on another
+    base is measured.
     """
 
     library: Library
@@ -236,7 +236,7 @@ class _Base:
 class _Feet:
     """The feet of a motion on a given floor; NaN without legs."""
 
-    depth: float  # of the deepest heel or toe below its floor, in heights; 0 above the floor
+    depth: float  # largest depth of a heel or toe below its floor, in heights; 0 above the floor
     under: float  # share of heels and toes below UNDER_FLOOR
     skate: float
 

@@ -52,7 +52,7 @@ class Library(DerivableLibrary):
     spec : LibrarySpec
         `skeleton`, `rate`, `root` and `up`.
     embedding : dict of str to Embedding or None
-        For each group the segments as points; None if there was nothing to compare.
+        For each group the segments as points; None if they were too few or too alike.
     labels : dict of str to ndarray of int, shape (n_segments,)
         For each group the cluster of each segment, numbered by first member from 0.
     sigma : dict of str to float
@@ -118,7 +118,7 @@ class Library(DerivableLibrary):
         -----
         UserWarning
             If clips are resampled to the library's rate, have faults such as a T-pose in the
-            first frame, or a group has nothing to compare.
+            first frame, or if the segments of a group are too few or too alike to cluster.
 
         Examples
         --------

@@ -62,7 +62,7 @@ class _ClipConstraint(Constraint):
             matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
             if not any(matches):
                 raise ValueError(
-                    f"`clips` must match names of {join_names(names)}; got {pattern!r}"
+                    f"`clips` must match at least one of {join_names(names)}; got {pattern!r}"
                 )
             selected |= matches
         for tag in _as_names(self.tags):

@@ -171,9 +171,9 @@ class GraftPlan:
     def _plant_feet(
         self, motion: Motion, donors: DonorSequences
     ) -> tuple[Motion, FeetReport | None]:
-        """Plant the feet where they stand in the clips of their donors.
+        """Keep each foot in place in the frames in which its donor's foot is on the floor.
 
-        The motion stays as it is if no exchanged group drives the feet.
+        The motion is not changed if no exchanged group drives the feet.
         """
         problem, library = self.problem, self.problem.library
         if library.config.feet == "never":

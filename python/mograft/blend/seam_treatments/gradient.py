@@ -33,7 +33,7 @@ class _Gradient(Offset):
     coupling = 10.6 * _TIME
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
-        """Return the values with new values in the frames near seams."""
+        """Return the values, smoothed in the frames near seams."""
         values, is_free = closed.values, _free_frames(closed)
         if not is_free.any() or not values.shape[1]:
             return values

@@ -43,9 +43,9 @@ class _Inertial(SeamTreatment):
 
 
 def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArray) -> FloatArray:
-    """Return the windows in which offsets decay without overshoot, at least a third of `window`.
+    """Return `window`, in seconds, shortened for offsets that would overshoot 0.
 
-    The lower bound is for joints with a small gap and a large velocity difference.
+    It is at least a third of `window`, even for a small gap and a large velocity difference.
     """
     towards_zero = -(value * velocity).sum(axis=-1)
     squared = (value * value).sum(axis=-1)

@@ -44,7 +44,7 @@ class Offset(SeamTreatment):
         return add_deltas(space, values, offsets)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return weights that rise to ½ on either side of the seam."""
+        """As `SeamTreatment.root_velocity_weights`: both rise to ½ at the seam."""
         return crossfade_both_sides(remaining)
 
 
