@@ -31,10 +31,10 @@ _CACHE_BYTES = 1 << 27
 class Samples:
     """Segments resampled to equal length, without position and, by default, without heading.
 
-    A row holds the local rotations, sample by sample, with that of the locomotion root in the
-    world; the root's displacement from the previous sample in skeleton heights, 0 at the first; and
-    the length before resampling in frames of 1/30 s. Rows are in single precision as stored and in
-    double precision as computed.
+    A row holds, first, the rotations, sample by sample: local, but in the world for the locomotion
+    root. Then follow the root's displacement from the previous sample in skeleton heights, 0 at the
+    first sample, and the length before resampling in frames of 1/30 s. Rows are stored in single
+    precision and computed in double precision.
     """
 
     rows: Packed | FloatArray  # (n_segments, 4·samples·joints + 3·samples + 1)
@@ -246,8 +246,8 @@ def embed(
             "the mean; similar segments may fall into different clusters",
             stacklevel=2,
         )
-    # The last feature, the length, cannot tell segments apart alone: a clip at rest is cut
-    # into equal parts.
+    # The last feature, the length, is not sufficient to distinguish segments: a clip at rest is
+    # cut into equal parts.
     if n < 3 or (spread.deviation[:-1] < MIN_DEVIATION).all():
         few = f"{n} segment{'s are' if n > 1 else ' is'} too few to compare"
         reason = few if n < 3 else f"all {n} segments are alike"

@@ -18,8 +18,8 @@ class OnlineSegmenter:
     """
 
     def __init__(self, rate: float, config: Config) -> None:
-        # The frames at which segments meet, ascending from 0: those that further frames do not
-        # change. The caller may remove entries from the front.
+        # The frames at which segments meet, ascending from 0. Further frames do not change them.
+        # The caller may remove entries from the front.
         self.bounds: list[int] = []
         self._sigma = config.smoothing * rate
         self._min_length = max(round(config.min_length * rate), 1)

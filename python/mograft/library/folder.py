@@ -92,7 +92,7 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
 
 
 def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
-    """Return what is saved of a clip: as it was read if that is known, else as it is now."""
+    """Return the metadata and motion to save: as read from the file if known, else the present."""
     info = library.entries[index]
     if isinstance(library.clips, StoredClips):
         return info, library.clips.original(index, as_read=True)

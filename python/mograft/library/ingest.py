@@ -28,7 +28,7 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
 DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
-"""Kinds of faults that exclude the segments in which they lie as donors."""
+"""Kinds of faults that exclude a segment in which they occur as a donor."""
 
 INGEST_ERRORS = (MograftError, OSError, ValueError)
 """Errors by which a clip is refused."""

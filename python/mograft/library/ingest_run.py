@@ -157,7 +157,7 @@ class IngestRun:
         receiver: ClipReceiver,
         spec: LibrarySpec,
     ) -> list[tuple[ClipOrder, ClipProperties]]:
-        """Ingest clips with a given specification; return the properties of those it could read."""
+        """Ingest clips with a specification; return the properties of the readable clips."""
         properties: list[tuple[ClipOrder, ClipProperties]] = []
         self.errors.clear()
         results = ingest_all(tasks, spec, self.config, self.executor, is_packed=self.is_packed)
@@ -231,4 +231,4 @@ def warn_of_clips(entries: Sequence[ClipInfo], rate: float, *, stacklevel: int) 
         warn(f"{info.name}: {'; '.join(faults)}. Segments with these frames are excluded as donors")
     if len(faulty) > _MAX_WARNINGS:
         n = len(faulty) - _MAX_WARNINGS
-        warn(f"faults in {n} more clips; segments with these frames are excluded as donors, too")
+        warn(f"faults in {n} more clips; segments with faulty frames are excluded as donors")

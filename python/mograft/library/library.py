@@ -143,7 +143,7 @@ class Library(DerivableLibrary):
         force: bool = False,
         **options: Unpack[IngestOptions],
     ) -> "Library":
-        """Build a library in a folder, with memory that does not grow with the clips.
+        """Build a library in a folder; the memory used does not grow with the number of clips.
 
         Parameters
         ----------
@@ -230,7 +230,7 @@ class Library(DerivableLibrary):
         same. Clips whose files were removed stay in the library.
         """
         if self.folder is None:
-            raise ValueError("the library is in memory: save it first, or build it of all clips")
+            raise ValueError("the library is in memory: save it first, or build it from all clips")
         run = IngestRun(
             config=self.config,
             strict=strict,
@@ -264,7 +264,8 @@ class Library(DerivableLibrary):
 
         Notes
         -----
-        `open` returns the same numbers, bit for bit. Clips are written at the library's rate.
+        The library that `open` returns has the same numbers, bit for bit. Clips are written at
+        the library's rate.
         """
         save_library(self, Path(path), force=force)
 

@@ -14,8 +14,9 @@ from mograft.scenario.transition_graph import Transitions, transitions
 _BEAM_WIDTH = 2048
 _N_HEADINGS = 8
 _OFF_PATH_WEIGHT, _REMAINING_WEIGHT = 3.0, 2.0
-"""Cost in radians per skeleton height beside the path and height walked, and per remaining height.
-So to walk on is worth its cost up to two thirds of a height beside the path."""
+"""Weights, in radians: of the distance from the path times the distance walked, both in skeleton
+heights; and of the remaining length of the path, in heights. Walking on the path lowers their sum
+if the distance from the path is below two thirds of a height."""
 _MIN_WALKING_SPEED = 0.25  # heights per second of a segment that walks; people walk at about 0.8
 _MAX_DURATION_FACTOR = 10.0  # limit of a result, in path durations at mean walking speed
 
@@ -49,13 +50,15 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     Notes
     -----
     The time limit is ten times the duration of the path plus one height at the mean speed of the
-    segments that walk: at least a quarter of a height per second. If none does, it is this speed.
+    segments that walk: at least a quarter of a height per second. Without such segments the speed
+    is a quarter of a height per second.
 
     A beam search of width 2048; of states with the same segment and heading (in 45° steps) only
-    the best is kept. The cost is that of the transitions, plus for each segment its displacement
-    in skeleton heights times 3 rad per height between the root and the nearest point of the path.
-    That point never moves back, and moves forward by at most twice the displacement. States of
-    equal numbers of segments are compared by cost plus 2 rad per remaining height of path.
+    the best is kept. The cost is the sum of the transition costs, plus for each segment its
+    displacement in skeleton heights times 3 rad per height between the root and the nearest point
+    of the path. The nearest point never moves back, and moves forward by at most twice the
+    displacement. States of equal numbers of segments are compared by cost plus 2 rad per remaining
+    height of path.
 
     Examples
     --------
@@ -87,7 +90,7 @@ class _Beam:
     progress: FloatArray  # arc length of the nearest point of the path
     cost: FloatArray
     seconds: FloatArray
-    parent: IntArray  # row of the state before in the beam before
+    parent: IntArray  # row of the preceding state in the preceding beam
 
     @classmethod
     def start(cls, n: int) -> "_Beam":
@@ -146,8 +149,8 @@ class _PathSearch:
             if not len(rows):
                 raise ValueError(
                     f"the segments follow {beam.progress.max() * self.height:.4g} of a path of "
-                    f"{total * self.height:.4g} in {max_seconds:.4g} s, ten times as long as "
-                    "walking segments need: add clips of someone who walks"
+                    f"{total * self.height:.4g} in {max_seconds:.4g} s, ten times the duration "
+                    "at walking speed: add clips with walking"
                 )
             beam = beam.select(rows)
             history.append(beam)
@@ -214,7 +217,7 @@ class _PathSearch:
     def _nearest_on_path(
         self, positions: ComplexArray, lower: FloatArray, upper: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return arc length and distance of the nearest path points within bounds on the former."""
+        """Return arc length and distance of the nearest path points between two arc lengths."""
         best, nearest = lower, np.full(len(positions), np.inf)
         for corner, leg, start, stop in zip(
             self.corners[:-1],

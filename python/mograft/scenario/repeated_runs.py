@@ -65,8 +65,8 @@ def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) 
 class RepeatedRuns:
     """The runs at the end of a growing sequence that occurred in it before, without overlap.
 
-    With `max_visits`, only so many of the latest occurrences of an item are compared, which bounds
-    the time per item.
+    Only the latest `max_visits` occurrences of an item are compared, which bounds the time per
+    item. By default there is no limit.
     """
 
     def __init__(self, max_visits: int | None = None) -> None:
@@ -89,7 +89,7 @@ class RepeatedRuns:
         return max(self._runs.values(), default=0)
 
     def lengths_before(self) -> dict[int, int]:
-        """Return the items that extend a repeated run, and the length of the longest before it."""
+        """Return the items that would extend a repeated run, with the longest run's length."""
         lengths: dict[int, int] = {}
         for position, length in self._runs.items():
             item = self._items[position + 1]

@@ -18,9 +18,9 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
 _TILT_WEIGHT, _HEIGHT_WEIGHT = 1.0, 2.0  # per radian of root tilt; per skeleton height of the root
-_VELOCITY_SECONDS = 0.1  # cost of a velocity difference, as a multiple of that of a value
+_VELOCITY_SECONDS = 0.1  # cost of a velocity difference, relative to the cost of a pose difference
 _ACCELERATION_SECONDS = 0.15
-_MAX_CHUNK = 1 << 22  # numbers that are compared at a time, about
+_MAX_CHUNK = 1 << 22  # approximate number of values that are compared at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class SegmentEnds:
     """The starts, or the ends, of n segments.
 
     Joints are the base group's feature joints without the root. If the base group does not hold the
-    root, all its quantities are 0 except `root_rotations` and `root_positions`.
+    root, all quantities of the root are 0 except `root_rotations` and `root_positions`.
     """
 
     poses: FloatArray  # (n, n_joints, 4): local rotations
@@ -40,11 +40,11 @@ class SegmentEnds:
     root_velocities: FloatArray  # (n, 3): seen from its heading, in heights per second
     root_angular_velocities: FloatArray  # (n, 3): in radians per second
     root_accelerations: FloatArray  # (n,): greatest within 0.15 s inward, over the floor, 1/s²
-    contacts: BoolArray  # (n, n_feet): which feet stand
+    contacts: BoolArray  # (n, n_feet): which feet are on the floor
     is_at_rest: BoolArray  # (n,): whether the segment ends at a minimum of kinetic energy
     steps: FloatArray  # (n, 4): floor displacement and yaw between the two frames at this end
-    weight_sums: FloatArray  # (n,): weights of the other side's root velocity at a seam, summed
-    faded_steps: FloatArray  # (n, 4): the segment's own steps, summed with these weights
+    weight_sums: FloatArray  # (n,): sum of the weights of the other side's root velocity at a seam
+    faded_steps: FloatArray  # (n, 4): sum of this segment's steps times these weights
 
     def feature_points(self) -> FloatArray:
         """Return points whose distance is the root mean square of the terms of the cost.
@@ -151,7 +151,7 @@ class _ClipEnds:
     def _steps_inward(
         self, segments: IntArray, frames: IntArray, *, is_start: bool
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the root's steps from an end inward, and the weights of the other side's."""
+        """Return the root's steps from an end inward, and the weights of the other side's steps."""
         library = self._library
         distances = np.arange(0.5, np.ceil(library.config.seam_blend * library.rate))
         count = np.arange(len(distances))

@@ -16,9 +16,9 @@ _CHEAPEST_SHARE = 0.1  # share of all allowed pairs whose costs are within the l
 _MAX_LIMIT = np.radians(25.0)
 _MIN_SEGMENT_SHARE = 0.5  # if fewer segments remain, the limit grows up to _MAX_WIDENED_LIMIT
 _MAX_WIDENED_LIMIT = np.radians(45.0)
-_STEADY_SHARE = 0.95  # share of segment ends, those of least root acceleration, for transitions
+_STEADY_SHARE = 0.95  # share of starts and ends, those of least root acceleration, with transitions
 _MAX_EXIT_COST = np.radians(60.0)
-_EXIT_SECONDS = 2.0  # without a choice, after which a transition above the limit is allowed
+_EXIT_SECONDS = 2.0  # with one transition each, after which one above the limit is allowed
 _TRANSITION_TEMPERATURE = np.radians(5.0)
 _MIN_SEGMENTS = 4
 _MAX_SUCCESSORS = 64  # nearest segments considered after each; determines the memory of a graph
@@ -44,7 +44,7 @@ class Transitions:
     costs : ndarray, shape (m,)
         Cost of each edge in radians; 0 from a segment to its successor in the clip.
     limit : float
-        The greatest cost, except that of transitions after 2 s without a choice.
+        The greatest cost, except for transitions that end runs with only one transition each.
     displacements : ndarray, shape (n, 3)
         Captured displacement of the root over the floor within each segment.
     yaw_changes : ndarray, shape (m,)
@@ -279,7 +279,7 @@ def _is_allowed(has_successor: BoolArray, sources: IntArray, targets: IntArray) 
 
 
 def _steady(starts: SegmentEnds, ends: SegmentEnds) -> tuple[BoolArray, BoolArray]:
-    """Return which starts, and which ends, are not those of the greatest root acceleration."""
+    """Return which starts and which ends are among the 95 % with the least root acceleration."""
     accelerations = [starts.root_accelerations, ends.root_accelerations]
     limit = np.quantile(np.concatenate(accelerations), _STEADY_SHARE)
     return accelerations[0] <= limit, accelerations[1] <= limit

@@ -397,5 +397,5 @@ def _normalize(weights: npt.NDArray[np.floating]) -> FloatArray:
 
 
 def _stretchable_lengths(span: int) -> tuple[int, int]:
-    """Return the least and the greatest number of frames that can be stretched to a beat's."""
+    """Return the least and the greatest length that can be stretched to `span`, in intervals."""
     return ceil(span / (1.0 + _MAX_BEAT_STRETCH)), floor(span / (1.0 - _MAX_BEAT_STRETCH))

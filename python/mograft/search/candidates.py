@@ -28,19 +28,20 @@ class Candidate:
     Attributes
     ----------
     segment, clip, start, stop : int
-        Its index, its clip, and its first and last frame there.
+        Index of the segment, index of its clip, and its first and last frame in the clip.
     stretch : float
-        Difference of the two lengths as a fraction of the base segment's.
+        Length difference from the base segment, as a fraction of the base segment's length.
     gap_before, gap_after : float
-        Mean joint angle, in radians, at its seams with the base segment's neighbours; 0 if
+        Mean joint angle, in radians, at the seams with the base segment's neighbours; 0 if
         there is no neighbour.
     distance : float
-        Distance between the two base parts in the embedding; NaN if the library has none.
+        Distance from the base part of the base segment in the embedding; NaN without embedding.
     refused : str
-        Reasons why it cannot be the donor, each with the limit and the value; empty if it can.
+        Reasons why the segment cannot be the donor, each with the limit and the value; empty if
+        it can.
     cost : float
-        The cost that the search assigns to it between the base segment's neighbours: its own
-        cost, that of both seams and that of the constraints. See `Config` for the terms.
+        The cost between the base segment's neighbours: the unary cost, the costs of both seams
+        and the constraint costs. See `Config` for the terms.
     """
 
     segment: int
@@ -67,7 +68,7 @@ class Candidates:
     refused : tuple of Candidate
         The other members of its neighbourhood, nearest first.
     elsewhere : int
-        Number of segments outside its neighbourhood.
+        Number of segments outside the neighbourhood of the base segment.
     """
 
     allowed: tuple[Candidate, ...]
@@ -92,7 +93,7 @@ class SegmentPool:
     boundary: BoundaryStates  # of the grafted group
     rate: float  # frames per second
     points: FloatArray | None = None  # embedding of the base parts; None: all distances are 0
-    sigma: float = 0.0  # largest distance of two points of one cluster
+    sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
         """Return the members of each base segment's neighbourhood, ascending, itself included."""
@@ -132,7 +133,7 @@ class SegmentPool:
         return np.array([self.seam_angles(*seam)[0, 0] for seam in seams], float)
 
     def distances(self, base: IntArray, donors: IntArray) -> FloatArray:
-        """Return the distance between each base part and that of its donor, in cluster diameters.
+        """Return the distance between the base parts of segments and donors, in units of `sigma`.
 
         Both arguments and the result have shape (n,). All are 0 if there is no embedding.
         """
@@ -154,9 +155,9 @@ class SegmentPool:
 
     @cached_property
     def typical_gaps(self) -> tuple[float, float]:
-        """Mean pose and velocity gaps at 512 seams between members of neighbours' clusters.
+        """Mean pose and velocity gaps, in radians and radians/s, at the `typical_seams`.
 
-        Infinite if no cluster of two neighbours has two members.
+        Both are infinite if there are no such seams.
         """
         left, right = self.typical_seams()
         if not len(left):
@@ -170,9 +171,9 @@ class SegmentPool:
     def typical_seams(self) -> tuple[IntArray, IntArray]:
         """Return the segments on the left and on the right of 512 seams that grafts can have.
 
-        Evenly spaced seams of the clips, each segment replaced by another donor of its cluster
-        where there is one. The two are never consecutive in a clip. Both are empty if no cluster
-        of two neighbours has two members.
+        They are evenly spaced boundaries in clips, with the segment on each side replaced by
+        another donor of its cluster if there is one. The two segments of a seam are never
+        consecutive in a clip. Both arrays are empty if no segment can be replaced in this way.
         """
         donors = np.flatnonzero(self.is_donor)
         order = donors[np.argsort(self.labels[donors], kind="stable")]
@@ -199,7 +200,8 @@ class SegmentPool:
             for side, own in zip((seams, seams + 1), fractions, strict=True)
         )
         is_captured = (right == left + 1) & (self.segments.clip[left] == self.segments.clip[right])
-        # A cluster of one member cannot follow its own predecessor: that one was replaced.
+        # Such a right segment has another donor in its cluster: beside a segment that has none,
+        # the left segment was replaced, so the two are not consecutive.
         return left, np.where(is_captured, shift(right, np.ones_like(right)), right)
 
     def seam_scales(self, config: Config) -> SeamScales:

@@ -146,8 +146,8 @@ def find_violations(
 ) -> list[Violation]:
     """Return the violations of hard constraints in successive frames.
 
-    There is one per run of frames, sorted by constraint and frame. Only errors of the `joints` in a
-    mask of shape (J,) count; by default those of all joints.
+    There is one violation per run of frames, sorted by constraint and frame. `joints`, a mask of
+    shape (J,), selects the joints whose errors count; by default all do.
     """
     found = []
     for constraint in constraints:

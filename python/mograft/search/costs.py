@@ -25,7 +25,7 @@ def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) ->
     """Return whether the lengths of donors are close enough to those of base segments (eq. 19).
 
     Lengths are in intervals, `rate` in frames per second; the shapes broadcast. The rule is
-    ``|base - donor| < max_stretch · base``, strictly, as printed. With a length slack it is
+    ``|base - donor| < max_stretch · base``, as in the paper. With a length slack it is
     ``|base - donor| <= max(max_stretch · base, length_slack · rate)``. The rule is relative to the
     base segment, so it is not symmetric.
     """
@@ -68,7 +68,8 @@ class CostModel:
 
     A donor k of segment i costs
     ``length_weight · (1 - shorter / longer) + distance_weight · d(i, k) / sigma``, minus `novelty`
-    if k is not i. A seam costs ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus
+    if k is not i. Here d is the distance of the base parts, sigma the cluster diameter threshold. A
+    seam costs ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus
     `INFEASIBLE_PENALTY` if the angle exceeds `max_angle`.
     """
 
@@ -81,8 +82,8 @@ class CostModel:
         """Return the costs of donors by themselves, without seams and constraints.
 
         All arrays have shape (n,). `base` and `donors` are lengths in intervals. `distances` are
-        the distances between the base-group motions of base segment and donor, in cluster
-        diameters. `is_base` is true where the donor is the base segment.
+        the distances between the base parts of base segment and donor, divided by the cluster
+        diameter threshold. `is_base` is true where the donor is the base segment.
         """
         ratio = np.minimum(base, donors) / np.maximum(base, donors)
         costs = self.config.length_weight * (1.0 - ratio)

@@ -45,7 +45,7 @@ class DonorChoice(ABC):
     """A strategy that chooses donor sequences."""
 
     cost_model: ClassVar[type[CostModel]] = CostModel  # of the unary and pairwise costs
-    is_limited: ClassVar[bool] = True  # whether only the `max_candidates` cheapest count
+    is_limited: ClassVar[bool] = True  # whether only the `max_candidates` cheapest are considered
 
     @abstractmethod
     def draw(

@@ -48,7 +48,7 @@ class _ClipConstraint(Constraint):
             if not isinstance(words, Collection) or not all(
                 isinstance(word, str) for word in words
             ):
-                raise TypeError(f"`{name}` must be names, got {words!r}")
+                raise TypeError(f"`{name}` must be one or more names, got {words!r}")
         if not self.clips and not self.tags:
             raise ValueError("clips or tags must select clips, got neither")
         if self.clip_frames is not None:
@@ -103,7 +103,7 @@ class OnlyFrom(_ClipConstraint):
     tags : str or collection of str
         Tags of clips; a clip with one of them is selected, in addition to `clips`.
     clip_frames : tuple of int, optional
-        First and last frame of those clips; donors must lie within. Default: all frames.
+        First and last frame in these clips; donors must lie within them. Default: all frames.
 
     Examples
     --------
@@ -135,7 +135,7 @@ class NotFrom(_ClipConstraint):
     tags : str or collection of str
         Tags of clips; a clip with one of them is selected, in addition to `clips`.
     clip_frames : tuple of int, optional
-        First and last frame of those clips; donors must not contain an interval between them.
+        First and last frame in these clips; a donor may share at most one frame with this range.
         Default: all frames.
 
     Examples

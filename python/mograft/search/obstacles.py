@@ -26,7 +26,7 @@ class Obstacle(Protocol):
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """Return the distance of the nearest of some capsules in each pose, and its index.
 
-        Distances, shape (n,), are in the unit of the file and negative by the penetration depth.
+        Distances, shape (n,), are in the unit of the file; a penetration depth counts as negative.
         Ties go to the first capsule. Without capsules the distance is infinite and the index -1.
         """
         ...
@@ -103,7 +103,7 @@ class Box:
     center : tuple of float
         Centre, in the unit of the file.
     half : tuple of float
-        Half its length along each of its axes.
+        Half the length along each axis of the box, in the unit of the file.
     rotation : tuple of float
         Orientation as a unit quaternion, xyzw. Default: aligned with the world axes.
 

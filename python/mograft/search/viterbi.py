@@ -47,7 +47,7 @@ class Trellis:
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
 
     def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
-        """Return positions from `start` to before `stop`, the rest being as in a path.
+        """Return positions from `start` to before `stop`, with the others fixed as in a path.
 
         The unary costs at both ends include the pairwise costs to the path's neighbours.
         """
@@ -59,7 +59,7 @@ class Trellis:
         return Trellis(tuple(unary), self.pairwise[start : stop - 1])
 
     def costs_beside(self, path: IntArray) -> list[FloatArray]:
-        """Return for each position the costs of its candidates with the path's neighbours."""
+        """Return the costs of candidates at each position if all others are as in a path."""
         costs = list(self.unary)
         for position, pairwise in enumerate(self.pairwise):
             costs[position] = costs[position] + pairwise[:, path[position + 1]]
@@ -171,7 +171,7 @@ def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
     while len(paths) < count:
         path = viterbi(trellis)
         if path.tobytes() in seen:
-            # Of one more path than are known, at least one is new if a new one exists.
+            # One more path than there are in `seen`, so at least one is new if any is left.
             others = (p for p in k_best(trellis, len(paths) + 1) if p.tobytes() not in seen)
             unseen = next(others, None)
             if unseen is None:

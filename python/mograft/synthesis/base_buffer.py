@@ -62,8 +62,8 @@ class BaseBuffer:
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
         """Return a segment's frames, `start` to `stop`, with `BOUNDARY_MARGIN` more on both sides.
 
-        Fewer beside the ends of the buffer. The second result is the index of frame `start` in
-        them.
+        There are fewer at the ends of the buffer. The second result is the index of frame
+        `start` in the first result.
         """
         first = max(start - BOUNDARY_MARGIN, self._n_discarded)
         return self.motion(first, min(stop + BOUNDARY_MARGIN + 1, self.n_frames)), start - first

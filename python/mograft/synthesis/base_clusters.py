@@ -27,9 +27,9 @@ class BaseClusters:
         """Find the library's segments in the neighbourhood of a segment of another motion.
 
         `segment` is one segment in frames of `motion`, which may be an excerpt with the frames
-        beside the segment. The first result is the neighbours, ascending: those of the cluster
-        that the segment joins, as in `Library.extended`, or of the ball around it. The second is
-        their distances from the segment, in cluster diameters.
+        beside the segment. The first result holds the neighbours, ascending: the members of the
+        cluster that the segment joins, as in `Library.extended`, or of the ball around it. The
+        second holds their distances from the segment, divided by the cluster diameter threshold.
         """
         library, embedding, sigma = self._library, self._embedding, self._sigma
         if embedding is None:

@@ -71,7 +71,7 @@ def candidate_poses(
 def advance_root(
     problem: SearchProblem, donors: IntArray, root_start: RootTransforms
 ) -> RootTransforms:
-    """Return the root transforms at the ends of donors, given that at the start of each."""
+    """Return the root transforms at the ends of donors, given those at their starts."""
     library = problem.library
     taken = library.segments[donors]
     first, last = _empty_roots(len(donors)), _empty_roots(len(donors))

@@ -171,9 +171,10 @@ def repair(
     -------
     Graft
         The motion with other donors for the violating segments of the violating group, and for
-        their neighbours if that is cheaper. Seam treatment reaches `Config.seam_blend` seconds
-        further. Everything else is bit for bit as captured, except that a group which holds
-        the root moves all later frames rigidly. Remaining violations are in `violations`.
+        their neighbours if that is cheaper. Seam treatment changes `Config.seam_blend` seconds
+        more on either side. Everything else is bit for bit as captured, except that a group
+        which holds the root moves all later frames rigidly. Remaining violations are in
+        `violations`.
 
     Raises
     ------

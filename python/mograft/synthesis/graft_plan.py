@@ -197,7 +197,7 @@ class GraftPlan:
         contacts, heights = donor_contacts(library, problem.base_segments, sources)
         return plant_feet(
             motion,
-            # Contacts of the donors, and those that the new motion has by itself.
+            # Contacts of the donors' feet, and contacts detected in the new motion.
             contacts | detect_contacts(motion),
             movable_legs=[{leg.hip, leg.knee, leg.ankle} <= donors_of.keys() for leg in legs],
             move_root=library.root in donors_of,
@@ -216,8 +216,8 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
     for name in wanted:
         if name not in others:
             raise ValueError(
-                f"`swap` must name groups other than the base {base!r}, of {', '.join(others)}; "
-                f"got {name!r}"
+                f"`swap` must name groups other than the base {base!r}, which are "
+                f"{', '.join(others)}; got {name!r}"
             )
     if not wanted:
         raise ValueError(f"`swap` must name at least one group of {', '.join(others)}, got none")
@@ -247,7 +247,7 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
 
 
 def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:
-    """Return a scenario or the one that consists of given segments; check that these exist."""
+    """Return a scenario, or make one of segments; check that the segments exist."""
     if not isinstance(scenario, Scenario):
         indices = as_indices("scenario", scenario, ("n",))
         if not len(indices):

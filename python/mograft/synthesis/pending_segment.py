@@ -33,7 +33,7 @@ class GroupCandidates:
 class PendingSegment:
     """A base segment that is not committed yet."""
 
-    base: Motion  # its frames with those beside them, from `BaseBuffer.motion_with_margin`
+    base: Motion  # the segment's frames with a margin, from `BaseBuffer.motion_with_margin`
     offset: int  # index in `base` of the segment's first frame
     segment: Segments  # in frames of the stream; its clip follows the library's clips
     donors: IntArray  # shape (n_candidates,); the last is -1, the base segment itself

@@ -21,7 +21,7 @@ class SampledDonors:
     """n donors resampled to the length of a base segment, without seam treatment.
 
     `values`, shape (n, n_frames + 2, n_joints, 4), are rotations in the frames of the base segment,
-    then 1 and 2 `VELOCITY_STEP` before the last frame. The velocities, shape (n, n_joints, 3), are
+    then 1 and 2 times `VELOCITY_STEP` before its end. The velocities, shape (n, n_joints, 3), are
     angular velocities in the first and last frame, in radians per second.
     """
 
@@ -80,7 +80,7 @@ class CommittedEnd:
     """The end of the committed motion of one group."""
 
     pose: FloatArray  # rotations in the last frame, shape (n_joints, 4)
-    velocity: FloatArray  # angular, there, in radians per second, shape (n_joints, 3)
+    velocity: FloatArray  # angular, in the last frame, in radians per second, shape (n_joints, 3)
     boundary: BoundaryStates  # of the last donor before seam treatment, for seam costs
 
 
@@ -163,6 +163,6 @@ def place_donors(
 
 
 def _sample_frames(length: int) -> FloatArray:
-    """Return the sampled times of a base segment of some intervals, in frames from its start."""
+    """Return the times at which donors are sampled, in frames after the base segment's start."""
     before_end = [length - VELOCITY_STEP, length - 2 * VELOCITY_STEP]
     return np.append(np.arange(length + 1), before_end)

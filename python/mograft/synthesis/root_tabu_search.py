@@ -151,7 +151,7 @@ def _add_excess_after(
     moves: AlignmentTransform,
     violations: FloatArray,
 ) -> None:
-    """Add to each violation an estimate of that of the constrained frames after its end."""
+    """Add to `violations` an estimate for the constrained frames after each of `ends`."""
     frames = np.flatnonzero(problem.is_constrained_frame)
     stride = max(1, int(np.ceil(len(frames) * len(ends) / (2 * _MAX_RANKING_POSES))))
     frames = frames[::stride]

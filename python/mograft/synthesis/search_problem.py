@@ -188,7 +188,7 @@ class SearchProblem:
         return np.any(applies, axis=0) if applies else np.zeros(len(frames), bool)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
-        """Return which positions contain a frame whose excess, as of `donor_excess`, is above 0."""
+        """Return which positions have a frame with `excess`, from `donor_excess`, above 0."""
         count = np.concatenate([[0], np.cumsum(excess > 0)])
         found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
         return found

@@ -80,8 +80,8 @@ class Stream:
         Seed of the random choices of ``Config(choice="sample")`` and "random".
     horizon : int
         Number of segments that must be known before the first of them is committed. A larger
-        horizon gives cheaper donor sequences and a longer delay. With 1, every donor is chosen
-        by itself and its seam with the previous one.
+        horizon gives cheaper donor sequences and a longer delay. With 1, only the cost of each
+        donor and of its seam with the previous one counts.
 
     Raises
     ------
@@ -95,8 +95,8 @@ class Stream:
     Notes
     -----
     The seam treatments "inertial" and "dead" change only frames after a seam. A stream replaces
-    the other treatments of `Config.seam` by "inertial", and `Config.torso` by "pelvis": to smooth
-    the heading of the base takes later frames. Translations are those of the base.
+    the other treatments of `Config.seam` by "inertial", and `Config.torso` by "pelvis": smoothing
+    the heading of the base requires later frames. Translations are those of the base.
     ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among
     the `max_candidates` cheapest candidates of each segment.
 

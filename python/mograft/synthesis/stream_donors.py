@@ -55,7 +55,7 @@ class StreamRules:
 
     @classmethod
     def build(cls, donors: StreamDonors, constraints: Sequence[Constraint]) -> "StreamRules":
-        """Return the rules that constraints make for some donors."""
+        """Return the rules for a stream with these donors and constraints."""
         config = limit_config(donors.library.config, constraints)
         models = {group: cost_model(config, pool) for group, pool in donors.pools.items()}
         return cls(tuple(constraints), config, models)

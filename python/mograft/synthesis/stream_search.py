@@ -68,8 +68,8 @@ class StreamSearch:
     ) -> PendingSegment:
         """Return a base segment with the candidates that satisfy cluster, length and origin limits.
 
-        `start` and `stop` are its first and last frame. `has_previous` says whether a segment is
-        committed already, so that the first frame is too.
+        `start` and `stop` are its first and last frame. `has_previous` is true if the previous
+        segment is committed already, with the first frame of this one.
         """
         motion, offset = base.motion_with_margin(start, stop)
         excerpt = _single_segment(offset, offset + stop - start, 0)
@@ -172,7 +172,7 @@ class StreamSearch:
         return replace(Poses.from_motion(self._frame), up=self._library.up)
 
     def _poses(self, segment: PendingSegment, rotations: FloatArray) -> Poses:
-        """Return the world poses of several candidates in a segment, which gives the translations.
+        """Return the world poses of several candidates, with the translations of a segment.
 
         `rotations` are local, of all joints in the segment's frames, one candidate after the other:
         shape (n_candidates * n_frames, n_joints, 4).
@@ -245,7 +245,7 @@ def _trellis(
     end: CommittedEnd | None,
     model: CostModel,
 ) -> Trellis:
-    """Return the costs of a group's candidates in all segments, given those in the first."""
+    """Return the trellis of a group's candidates, given their costs in the first segment."""
     candidates = [segment.groups[group] for segment in segments]
     if end is not None:
         first_costs = first_costs + model.seam_costs(end.boundary, candidates[0].boundary)[0]
