@@ -100,9 +100,10 @@ class BodyTracks:
     def of(cls, motion: Motion) -> "BodyTracks":
         """Return the tracks of a motion; without known hips the heading is 0."""
         ground = Ground.of(motion)
+        # By name and not by length: bones of length 0 in some clips are points in all of them.
+        above_hips = anatomy(motion.skeleton).joints("other")
         joints = feature_joints(motion.skeleton, np.arange(motion.n_joints))
-        has_mass = mass_model(motion.skeleton).mass[joints] > 0
-        points = bone_ends(motion, joints[has_mass] if has_mass.any() else joints)
+        points = bone_ends(motion, joints[~np.isin(joints, above_hips)])
         first, second = horizontal_axes(ground.up)
         up = int(np.flatnonzero(ground.up)[0])
         frame = np.zeros((3, 3))
