@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from mograft.synthesis.graft_result import Graft as Graft
     from mograft.synthesis.graft_result import Seam as Seam
     from mograft.synthesis.graft_result import Substitution as Substitution
+    from mograft.synthesis.self_repair import RepairedWindow as RepairedWindow
     from mograft.synthesis.stream import Stream as Stream
     from mograft.viewing.page import Page as Page
     from mograft.viewing.page import view as view
@@ -107,6 +108,7 @@ _HOMES = {
     "io.usd": "write_usd",
     "synthesis.graft": "Grafts graft graft_many repair",
     "synthesis.graft_result": "Graft Seam Substitution",
+    "synthesis.self_repair": "RepairedWindow",
     "body.group_entries": "subtree",
     "body.groups": "JointGroups",
     "io.pybvh": "from_pybvh to_pybvh",

@@ -128,6 +128,10 @@ class Config:
         What a grafted trunk keeps on a pelvis of another orientation: its angle to the pelvis (the
         paper), or its lean in the world, with the heading of the base (Heck, Kovar and Gleicher
         2006).
+    self_repair : bool
+        Whether donors are replaced where the assembled motion has more acceleration or jerk than
+        the recordings, by factors stated in the documentation of seams. Without effect for the
+        choices "best" and "random".
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.
@@ -178,6 +182,7 @@ class Config:
     seam_blend: float = 0.3
     alignment: Literal["uniform", "dtw"] = "uniform"
     torso: Literal["pelvis", "world"] = "world"
+    self_repair: bool = True
     feet: Literal["auto", "never"] = "auto"
 
     def __post_init__(self) -> None:
@@ -191,8 +196,10 @@ class Config:
                 raise ValueError(
                     f"`{name}` must be a whole number of at least {minimum}, got {value!r}"
                 )
-        if not isinstance(self.keep_heading, bool):
-            raise ValueError(f"`keep_heading` must be True or False, got {self.keep_heading!r}")
+        for name in ("keep_heading", "self_repair"):
+            value = getattr(self, name)
+            if not isinstance(value, bool):
+                raise ValueError(f"`{name}` must be True or False, got {value!r}")
         if self.sigma not in _NAMED_SIGMAS:
             if isinstance(self.sigma, str):
                 raise ValueError(
@@ -241,6 +248,7 @@ class Config:
             choice="random",
             seam="paper",
             torso="pelvis",
+            self_repair=False,
             feet="never",
         )
         return replace(literal, **changes)

@@ -165,7 +165,8 @@ def test_graft_many_best_differ_less_than_diverse(library):
     """The first is that of "viterbi"."""
     best = list(graft_many(with_choice(library, "best"), count=5))
     first = [s.donor for s in best[0].substitutions]
-    assert first == [s.donor for s in graft(with_choice(library, "viterbi")).substitutions]
+    cheapest = graft(with_choice(library, "viterbi", self_repair=False))
+    assert first == [s.donor for s in cheapest.substitutions]
 
     def count_changes(graft):
         return sum(s.donor != d for s, d in zip(graft.substitutions, first, strict=True))

@@ -46,6 +46,7 @@ class DonorChoice(ABC):
 
     cost_model: ClassVar[type[CostModel]] = CostModel  # of the unary and pairwise costs
     is_limited: ClassVar[bool] = True  # whether only the `max_candidates` cheapest are considered
+    allows_self_repair: ClassVar[bool] = True  # whether donors may be replaced after the choice
 
     @abstractmethod
     def draw(
@@ -76,6 +77,9 @@ class Viterbi(DonorChoice):
 
 class Best(DonorChoice):
     """The sequences with the lowest total costs."""
+
+    # Neighbours in rank differ by few donors; repair would make them equal.
+    allows_self_repair = False
 
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator
@@ -130,6 +134,7 @@ class Random(DonorChoice):
     """Uniform draws among the donors within the limits (paper, 4.4)."""
 
     is_limited = False
+    allows_self_repair = False  # a repaired draw is not uniform
 
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator

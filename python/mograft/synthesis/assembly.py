@@ -1,7 +1,7 @@
 """Motions assembled from donor sequences, and how far they violate hard constraints."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,9 +34,52 @@ def transplant_group(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """The range of positions from `first` to before `stop` of donor sequences."""
+
+    donors: DonorSequences
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """The motion of donor sequences and its parts, before feet are planted."""
+
+    problem: SearchProblem
+    donors: DonorSequences
+    parts: Mapping[str, Part]  # by grafted group
+    motion: Motion
+
+    @classmethod
+    def build(
+        cls,
+        problem: SearchProblem,
+        donors: DonorSequences,
+        name: str,
+        parts: Mapping[str, Part] | None = None,
+    ) -> "Assembly":
+        """Assemble donor sequences; groups in `parts` keep these parts."""
+        base, segments = problem.base, problem.base_segments
+        kept = parts or {}
+        made = {
+            group: kept[group]
+            if group in kept
+            else transplant_group(problem, group, base, segments, sequence)
+            for group, sequence in donors.items()
+        }
+        return cls(problem, donors, made, recombine(base, list(made.values()), name))
+
+    def replace_donors(self, group: str, donors: IntArray) -> "Assembly":
+        """Return the assembly with another donor sequence of one group."""
+        kept = {name: part for name, part in self.parts.items() if name != group}
+        return self.build(self.problem, {**self.donors, group: donors}, self.motion.name, kept)
+
+
 def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
     """Return the motion of donor sequences; joints of groups without one are as in the base."""
-    return _assemble_ranges(problem, [donors], 0, len(problem.base_segments))
+    return assemble_pieces(problem, [Piece(donors, 0, len(problem.base_segments))])
 
 
 def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
@@ -73,7 +116,7 @@ def donor_excesses(
         return {group: np.concatenate([own[group] for own in each]) for group in problem.pools}
     segments = problem.base_segments
     low, high = _seam_range(problem, first, stop)
-    motion = _assemble_ranges(problem, alternatives, low, high)
+    motion = assemble_pieces(problem, [Piece(donors, low, high) for donors in alternatives])
     begin, end = int(segments.start[low]), int(segments.stop[high - 1])
     frames = np.tile(np.arange(begin, end + 1), len(alternatives))
     poses = problem.base_poses.with_poses(frames, *motion.world_transforms())
@@ -94,30 +137,32 @@ def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> Fl
     return excess
 
 
-def _assemble_ranges(
-    problem: SearchProblem, alternatives: Sequence[DonorSequences], first: int, stop: int
-) -> Motion:
-    """Return a range of positions of several assembled motions, one after the other."""
-    segments, base, n = problem.base_segments, problem.base, len(alternatives)
-    begin, end = int(segments.start[first]), int(segments.stop[stop - 1])
-    shift = np.repeat((end - begin + 1) * np.arange(n) - begin, stop - first)
-    tiled_segments = Segments(
-        np.tile(segments.start[first:stop], n) + shift,
-        np.tile(segments.stop[first:stop], n) + shift,
-    )
-    tiled = replace(
+def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
+    """Return pieces of assembled motions, one after the other."""
+    segments, base = problem.base_segments, problem.base
+    frames, starts, stops, n_frames = [], [], [], 0
+    for piece in pieces:
+        own = segments[piece.first : piece.stop]
+        shift = n_frames - int(own.start[0])
+        starts.append(own.start + shift)
+        stops.append(own.stop + shift)
+        frames.append(np.arange(own.start[0], own.stop[-1] + 1))
+        n_frames += len(frames[-1])
+    joined = Segments(np.concatenate(starts), np.concatenate(stops))
+    kept = np.concatenate(frames)
+    motion = replace(
         base,
-        rotations=np.tile(base.rotations[begin : end + 1], (n, 1, 1)),
-        positions=np.tile(base.positions[begin : end + 1], (n, 1, 1)),
+        rotations=base.rotations[kept],
+        positions=base.positions[kept],
         channel_values=None,
     )
     parts = []
     for group in problem.pools:
-        chosen = [donors[group][first:stop] for donors in alternatives if group in donors]
+        chosen = [own.donors[group][own.first : own.stop] for own in pieces if group in own.donors]
         if chosen:
             donors = np.concatenate(chosen)
-            parts.append(transplant_group(problem, group, tiled, tiled_segments, donors))
-    return recombine(tiled, parts, "")
+            parts.append(transplant_group(problem, group, motion, joined, donors))
+    return recombine(motion, parts, "")
 
 
 def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int]:

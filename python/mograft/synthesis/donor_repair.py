@@ -58,7 +58,7 @@ def repair_donors(
     if not any(constraint.is_hard for constraint in problem.constraints):
         return donors
     chosen = {
-        group: _replace_unlisted(donors[group], trellis) for group, trellis in trellises.items()
+        group: replace_unlisted(donors[group], trellis) for group, trellis in trellises.items()
     }
     local = {group: own for group, own in trellises.items() if group != problem.root_group}
     if not local:
@@ -76,13 +76,12 @@ def repair_donors(
         if total == 0:
             return best
         for group, trellis in local.items():
-            chosen[group] = _search_again(
-                problem, trellis, penalties[group], chosen[group], excess[group]
-            )
+            worst = problem.greatest_at_positions(excess[group])
+            chosen[group] = search_again(trellis, penalties[group], chosen[group], worst)
     return _try_sequences(problem, best, local)
 
 
-def _replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
+def replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
     """Replace donors that are not among the kept candidates.
 
     The base segment replaces them, or the cheapest candidate where constraints exclude it.
@@ -96,22 +95,20 @@ def _replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
     return replaced
 
 
-def _search_again(
-    problem: SearchProblem,
-    trellis: DonorTrellis,
-    penalties: list[FloatArray],
-    donors: IntArray,
-    excess: FloatArray,
+def search_again(
+    trellis: DonorTrellis, penalties: list[FloatArray], donors: IntArray, excess: FloatArray
 ) -> IntArray:
-    """Penalise the donors at violated positions and return the cheapest sequence around them."""
-    violated = problem.positions_with(excess)
+    """Penalise the donors at violated positions and return the cheapest sequence around them.
+
+    `excess` is above 0 at violated positions, shape (n_positions,). The penalties are added to
+    `penalties` in place.
+    """
+    violated = excess > 0
     if not violated.any():
         return donors
-    segments, path = problem.base_segments, trellis.path(donors)
+    path = trellis.path(donors)
     for position in np.flatnonzero(violated).tolist():
-        frames = slice(segments.start[position], segments.stop[position] + 1)
-        worst = float(excess[frames].max())
-        penalties[position][path[position]] += INFEASIBLE_PENALTY * (1.0 + worst)
+        penalties[position][path[position]] += INFEASIBLE_PENALTY * (1.0 + excess[position])
     costs = trellis.costs.add_unary(penalties)
     for start, stop in find_runs(dilate(violated)).tolist():
         path[start:stop] = viterbi(costs.slice_within(path, start, stop))

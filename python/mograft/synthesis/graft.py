@@ -128,7 +128,8 @@ def graft_many(
         The motions, each built when it is accessed. Fewer than `count` if there are no more
         different ones: random choices stop after 100 draws in a row that repeat. Donors of
         earlier motions cost `Config.diversity` more in later ones, except with "best" and
-        "random". With ``Config(choice="viterbi")`` the first is the cheapest.
+        "random". With ``Config(choice="viterbi")`` the first is the cheapest. In a small library
+        `Config.self_repair` can make two motions equal.
 
     Raises
     ------
@@ -192,7 +193,8 @@ def repair(
     False
     """
     # Without novelty the captured parts are the cheapest.
-    library = replace(library, config=replace(library.config, novelty=0.0, choice="viterbi"))
+    config = replace(library.config, novelty=0.0, choice="viterbi", self_repair=False)
+    library = replace(library, config=config)
     best: Graft | None = None
     donors: DonorSequences | None = None
     while True:

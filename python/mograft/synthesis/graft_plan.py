@@ -9,7 +9,6 @@ import numpy as np
 
 from mograft._util.arrays import IntArray, as_indices
 from mograft.blend.foot_planting import FeetReport, plant_feet
-from mograft.blend.recombine import Part, recombine
 from mograft.body.contacts import detect_contacts, find_legs
 from mograft.config import Config
 from mograft.library.library import Library
@@ -23,13 +22,14 @@ from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
 from mograft.search.donor_constraints import find_seam_violations
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import viterbi
-from mograft.synthesis.assembly import transplant_group
+from mograft.synthesis.assembly import Assembly
 from mograft.synthesis.donor_repair import repair_donors
 from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
 from mograft.synthesis.donor_violations import find_donor_violations
 from mograft.synthesis.graft_result import Graft, Seam, Substitution
 from mograft.synthesis.root_tabu_search import tabu_search
 from mograft.synthesis.search_problem import SearchProblem
+from mograft.synthesis.self_repair import RepairedWindow, self_repair
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,19 +121,20 @@ class GraftPlan:
     def build_graft(self, donors: DonorSequences, seed: int, index: int) -> Graft:
         """Return the graft of donor sequences."""
         problem = self.problem
-        parts: list[Part] = []
+        assembly = Assembly.build(problem, donors, f"{problem.base.name}_graft{index}")
+        repairs: list[RepairedWindow] = []
+        if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
+            assembly, repairs = self_repair(assembly, lambda: self.trellises, self._total_excess)
+        donors = assembly.donors
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
-        for group, sequence in donors.items():
-            part = transplant_group(problem, group, problem.base, problem.base_segments, sequence)
-            parts.append(part)
-            substitutions += _substitutions(problem, group, sequence)
+        for group, part in assembly.parts.items():
+            substitutions += _substitutions(problem, group, donors[group])
             seams += [
                 Seam(group, frame, float(gaps.mean()))
                 for frame, gaps in zip(part.seams.tolist(), part.gaps, strict=True)
             ]
-        motion = recombine(problem.base, parts, f"{problem.base.name}_graft{index}")
-        motion, feet = self._plant_feet(motion, donors)
+        motion, feet = self._plant_feet(assembly.motion, donors)
         return Graft(
             motion=motion,
             base=problem.base,
@@ -149,7 +150,12 @@ class GraftPlan:
             violations=tuple(self._violations(motion, donors)),
             feet=feet,
             scenario=self.scenario,
+            repairs=tuple(repairs),
         )
+
+    def _total_excess(self, assembly: Assembly) -> float:
+        motion = self._finish(assembly.motion, assembly.donors)
+        return sum(own.error - 1.0 for own in self._violations(motion, assembly.donors))
 
     def _violations(self, motion: Motion, donors: DonorSequences) -> list[Violation]:
         """Return the violations of hard constraints by a finished motion."""

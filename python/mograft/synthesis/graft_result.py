@@ -9,6 +9,7 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Violation
 from mograft.synthesis import provenance
+from mograft.synthesis.self_repair import RepairedWindow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,6 +104,8 @@ class Graft:
         group drives the feet.
     scenario : tuple of int
         The segments of which the base is composed; empty if the base is a clip.
+    repairs : tuple of RepairedWindow
+        The frames in which `Config.self_repair` searched for other donors.
     """
 
     motion: Motion
@@ -116,6 +119,7 @@ class Graft:
     violations: tuple[Violation, ...] = ()
     feet: FeetReport | None = None
     scenario: tuple[int, ...] = ()
+    repairs: tuple[RepairedWindow, ...] = ()
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)

@@ -10,6 +10,7 @@ from mograft.search.constraints import Violation
 
 if TYPE_CHECKING:
     from mograft.synthesis.graft_result import Graft, Substitution
+    from mograft.synthesis.self_repair import RepairedWindow
 
 
 def document(graft: "Graft") -> dict[str, Any]:
@@ -57,6 +58,7 @@ def document(graft: "Graft") -> dict[str, Any]:
             for s in graft.seams
         ],
         "violations": [_violation_record(own) for own in graft.violations],
+        "self_repair": [_repair_record(own) for own in graft.repairs],
         "feet": None if graft.feet is None else asdict(graft.feet),
         "kept_without_candidate": {
             name: int((counts == 0).sum()) for name, counts in graft.alternatives.items()
@@ -89,6 +91,16 @@ def _violation_record(violation: Violation) -> dict[str, Any]:
     }
 
 
+def _repair_record(window: "RepairedWindow") -> dict[str, Any]:
+    return {
+        "group": window.group,
+        "frames": [window.start, window.stop],
+        "measure": window.measure,
+        "before": round(window.before, 4),
+        "after": round(window.after, 4),
+    }
+
+
 def report(graft: "Graft", *, each: bool = False) -> str:
     """Return a summary of a graft in text; `each` lists every exchanged segment."""
     lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
@@ -101,6 +113,7 @@ def report(graft: "Graft", *, each: bool = False) -> str:
     for group in graft.alternatives:
         lines += _group_lines(graft, group, each=each)
     lines += [f"  {violation.message}" for violation in graft.violations]
+    lines += [_repair_line(own) for own in graft.repairs]
     feet = graft.feet
     if feet is not None:
         lines.append(
@@ -113,6 +126,15 @@ def report(graft: "Graft", *, each: bool = False) -> str:
                 f"by up to {feet.unreached:.4f} heights"
             )
     return "\n".join(lines)
+
+
+def _repair_line(window: "RepairedWindow") -> str:
+    where = f"{window.group}, frames {window.start}-{window.stop}: {window.measure}"
+    if window.after < window.before:
+        result = f"{window.after:.1f} with other donors"
+    else:
+        result = "no better donors"
+    return f"  {where} {window.before:.1f} times its limit; {result}"
 
 
 def _group_lines(graft: "Graft", group: str, *, each: bool) -> list[str]:

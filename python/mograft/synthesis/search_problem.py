@@ -193,6 +193,11 @@ class SearchProblem:
         found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
         return found
 
+    def greatest_at_positions(self, excess: FloatArray) -> FloatArray:
+        """Return the greatest excess in the frames of each position, both ends included."""
+        frames = zip(self.base_segments.start, self.base_segments.stop, strict=True)
+        return np.array([excess[start : stop + 1].max() for start, stop in frames])
+
     def origin_costs(self, group: str) -> list[FloatArray]:
         """Return the costs of soft constraints on clip and length of candidates, by position."""
         return [own.soft for own in self._origin_violations(group)]

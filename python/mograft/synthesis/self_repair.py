@@ -1,0 +1,221 @@
+"""Self-repair: other donors where an assembled motion is rougher than the recordings.
+
+The donors at defects are excluded and the trellis is searched again around them. The sequences
+found are assembled and measured; the least rough one stays, in the worst case the first.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.runs import dilate, find_runs
+from mograft.search.trellis import DonorTrellis
+from mograft.synthesis.assembly import Assembly, Piece, assemble_pieces
+from mograft.synthesis.defects import MEASURES, DefectMeasure
+from mograft.synthesis.donor_repair import replace_unlisted, search_again
+
+_Window = tuple[int, int]  # half-open range of positions
+
+_RADIUS = 2  # positions beside a defect that repair can change
+_MARGIN = 3  # positions beside a window that are assembled with it
+_MAX_ROUNDS = 4  # searches with excluded donors
+_MAX_ASSEMBLIES = 2  # of the whole motion
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairedWindow:
+    """A range of frames in which self-repair searched for other donors.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    start, stop : int
+        First and last frame in the base, both included.
+    measure : {"seam acceleration", "seam jerk", "world jerk"}
+        The measure that exceeded its limit most.
+    before, after : float
+        Greatest measure before and after, as a multiple of its limit. They are equal if no better
+        donors were found.
+    """
+
+    group: str
+    start: int
+    stop: int
+    measure: str
+    before: float
+    after: float
+
+    @property
+    def is_within_limit(self) -> bool:
+        """Whether no defect remains."""
+        return self.after <= 1.0
+
+
+def self_repair(
+    assembly: Assembly,
+    trellises: Callable[[], Mapping[str, DonorTrellis]],
+    total_violation: Callable[[Assembly], float],
+) -> tuple[Assembly, list[RepairedWindow]]:
+    """Replace donors at defects of an assembly; return the better assembly and the windows.
+
+    The assembly is the same object if it has no defect or no better donors were found. Neither the
+    greatest amount of a group nor the total violation of hard constraints grows.
+    """
+    reports: list[RepairedWindow] = []
+    for group in assembly.donors:
+        before = _Defects.build(assembly, group)
+        if not before.windows:
+            continue
+        after = _keep_better(before, _search(before, trellises()[group]))
+        if after.worst > before.worst or (
+            after is not before
+            and total_violation(after.assembly) > total_violation(before.assembly)
+        ):
+            after = before
+        assembly = after.assembly
+        reports += before.report(after)
+    return assembly, reports
+
+
+@dataclass(frozen=True, eq=False)
+class _Defects:
+    """The amounts of one group's measures at each position of an assembly."""
+
+    assembly: Assembly
+    measure: DefectMeasure
+    amounts: FloatArray  # shape (n_positions, n_measures)
+
+    @classmethod
+    def build(
+        cls, assembly: Assembly, group: str, measure: DefectMeasure | None = None
+    ) -> "_Defects":
+        """Measure a group of an assembly."""
+        measure = measure or DefectMeasure(assembly.problem, group)
+        whole = Piece(assembly.donors, 0, len(assembly.problem.base_segments))
+        return cls(assembly, measure, measure.amounts(assembly.motion, [whole])[0])
+
+    @property
+    def donors(self) -> IntArray:
+        """The donor sequence of the group."""
+        return self.assembly.donors[self.measure.group]
+
+    @property
+    def worst(self) -> float:
+        """The greatest amount."""
+        return float(self.amounts.max(initial=0.0))
+
+    @cached_property
+    def windows(self) -> list[_Window]:
+        """The half-open ranges of positions around defects."""
+        has_defect = self.amounts.max(axis=1) > 1.0
+        return [(start, stop) for start, stop in find_runs(dilate(has_defect, _RADIUS)).tolist()]
+
+    def is_better(self, amounts: FloatArray, window: _Window) -> bool:
+        """Whether other amounts in a window have a smaller total excess and no greater maximum."""
+        before, after = _around(self.amounts, window), _around(amounts, window)
+        return after.max() <= before.max() and _total_excess(after) < _total_excess(before)
+
+    def report(self, after: "_Defects") -> list[RepairedWindow]:
+        """Return the windows with their measures before and `after` the repair."""
+        cut = self.assembly.problem.base_segments
+        reports = []
+        for start, stop in self.windows:
+            own = _around(self.amounts, (start, stop))
+            reports.append(
+                RepairedWindow(
+                    group=self.measure.group,
+                    start=int(cut.start[start]),
+                    stop=int(cut.stop[stop - 1]),
+                    measure=MEASURES[int(own.max(axis=0).argmax())],
+                    before=float(own.max()),
+                    after=float(_around(after.amounts, (start, stop)).max()),
+                )
+            )
+        return reports
+
+
+def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
+    """Return the donors with the smallest total excess found in each window.
+
+    Each window tries the cheapest sequences without the donors at its defects, one after the other,
+    and at last the captured part.
+    """
+    problem, first = defects.assembly.problem, defects.donors
+    best, excess = first.copy(), np.maximum(defects.amounts.max(axis=1) - 1.0, 0.0)
+    least = dict.fromkeys(defects.windows, np.inf)
+    current = replace_unlisted(first, trellis)
+    captured = replace_unlisted(problem.scenario, trellis)
+    penalties = [np.zeros(len(own)) for own in trellis.candidates]
+    for attempt in range(_MAX_ROUNDS + 1):
+        windows = [window for window, total in least.items() if total > 0.0]
+        if not windows:
+            break
+        is_open = np.zeros(len(first), bool)
+        for start, stop in windows:
+            is_open[start:stop] = True
+        if attempt == _MAX_ROUNDS:
+            current = np.where(is_open, captured, current)
+        else:
+            # A search changes one position on either side of those that it penalises.
+            is_inner = ~dilate(~is_open)
+            current = search_again(trellis, penalties, current, np.where(is_inner, excess, 0.0))
+        found = _measure(defects, current, windows)
+        for (start, stop), own in zip(windows, found, strict=True):
+            excess[start:stop] = np.maximum(own[start:stop].max(axis=1) - 1.0, 0.0)
+            total = _total_excess(_around(own, (start, stop)))
+            if total < least[start, stop] and defects.is_better(own, (start, stop)):
+                least[start, stop] = total
+                best[start:stop] = current[start:stop]
+    return best
+
+
+def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) -> list[FloatArray]:
+    """Return for each window the amounts of other donors; 0 at positions away from it."""
+    assembly, group = defects.assembly, defects.measure.group
+    problem, n = assembly.problem, len(donors)
+    chosen = {**assembly.donors, group: donors}
+    if problem.root_group is not None:
+        # A root's transform accumulates from the start.
+        whole = [Piece(chosen, 0, n)]
+        found = defects.measure.amounts(assemble_pieces(problem, whole), whole)
+        return found * len(windows)
+    pieces = [
+        Piece(chosen, max(start - _MARGIN, 0), min(stop + _MARGIN, n)) for start, stop in windows
+    ]
+    found = defects.measure.amounts(assemble_pieces(problem, pieces), pieces)
+    amounts = [np.zeros(defects.amounts.shape) for _ in pieces]
+    for own, piece, amount in zip(amounts, pieces, found, strict=True):
+        own[piece.first : piece.stop] = amount
+    return amounts
+
+
+def _keep_better(before: _Defects, donors: IntArray) -> _Defects:
+    """Return the defects with other donors in the windows in which the whole motion is better."""
+    group = before.measure.group
+    for _ in range(_MAX_ASSEMBLIES):
+        if (donors == before.donors).all():
+            break
+        assembly = before.assembly.replace_donors(group, donors)
+        after = _Defects.build(assembly, group, before.measure)
+        worse = [own for own in before.windows if not before.is_better(after.amounts, own)]
+        changed = [own for own in worse if (donors != before.donors)[slice(*own)].any()]
+        if not changed:
+            return after
+        donors = donors.copy()
+        for start, stop in changed:
+            donors[start:stop] = before.donors[start:stop]
+    return before
+
+
+def _around(amounts: FloatArray, window: _Window) -> FloatArray:
+    """Return the amounts in a window and at the positions beside it."""
+    start, stop = window
+    return amounts[max(start - 1, 0) : stop + 1]
+
+
+def _total_excess(amounts: FloatArray) -> float:
+    return float(np.maximum(amounts.max(axis=1) - 1.0, 0.0).sum())
