@@ -1,0 +1,205 @@
+"""Self-repair: donors at defects are replaced, and nothing else changes."""
+
+import itertools
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.body.anatomy import feature_joints
+from mograft.body.faults import find_faults
+from mograft.dancer import dance
+from mograft.motion import rotations
+from mograft.synthesis.assembly import Piece
+from mograft.synthesis.defects import MAX_JERK_RATIO, MAX_SEAM_RATIO, DefectMeasure
+from mograft.synthesis.graft_plan import GraftPlan
+from tests.strategies import few_examples
+
+HALF_WIDTH = 4  # frames at 30 frames per second
+GLITCH_DEGREES = 20.0
+LIMITS = np.array([MAX_SEAM_RATIO, MAX_SEAM_RATIO, MAX_JERK_RATIO])
+
+
+@pytest.fixture(scope="module")
+def library():
+    motion = dance(seed=1, strides=2).motion
+    return mg.Library.build([motion[:900], replace(motion[900:], name="second")])
+
+
+def configured(library, **changes):
+    return replace(library, config=replace(library.config, **changes))
+
+
+def graft_pair(library, **arguments):
+    """Return a graft without and with self-repair."""
+    return [
+        mg.graft(configured(library, self_repair=is_on), **arguments) for is_on in (False, True)
+    ]
+
+
+def donors_of(graft):
+    return np.array([own.donor for own in graft.substitutions])
+
+
+def peaks(motion, joints, frame):
+    """Return the greatest angular acceleration and jerk of a joint about a frame, per frame."""
+    accelerations, jerks = [0.0], [0.0]
+    for at in range(frame - HALF_WIDTH, frame + HALF_WIDTH + 1):
+        if at < 1 or at > motion.n_frames - 2:
+            continue
+        for joint in joints:
+            quats = motion.rotations[at - 1 : at + 3, joint]
+            steps = [
+                rotations.log(rotations.multiply(rotations.inverse(a), b))
+                for a, b in itertools.pairwise(quats)
+            ]
+            accelerations.append(np.linalg.norm(steps[1] - steps[0]))
+            if len(steps) == 3:
+                jerks.append(np.linalg.norm(steps[2] - 2 * steps[1] + steps[0]))
+    return np.array([max(accelerations), max(jerks)])
+
+
+def seam_ratios(graft):
+    """Return acceleration and jerk at seams relative to base and donors, by loops over frames."""
+    library = graft.library
+    clips = {entry.name: clip for entry, clip in zip(library.entries, library.clips, strict=True)}
+    joints = feature_joints(library.skeleton, library.joints("upper"))
+    own = [s for s in graft.substitutions if s.group == "upper"]
+    found = {}
+    for before, after in itertools.pairwise(own):
+        if before.is_own and after.is_own:
+            continue
+        known = [
+            peaks(graft.base, joints, before.stop),
+            peaks(clips[before.clip], joints, before.donor_stop),
+            peaks(clips[after.clip], joints, after.donor_start),
+        ]
+        reached = peaks(graft.motion, joints, before.stop)
+        found[before.stop] = reached / np.maximum(np.max(known, axis=0), 1e-6)
+    return found
+
+
+@few_examples(2)
+@given(st.integers(0, 1000))
+def test_defect_amounts_above_limit_equal_ratios_of_loops_over_frames(library, seed):
+    """Up to the limit, an amount may be the greater ratio to the base alone."""
+    plan = GraftPlan.build(configured(library, self_repair=False), None, None, ())
+    donors = plan.choose_donors(1, seed)[0]
+    graft = plan.build_graft(donors, seed, 0)
+    problem = plan.problem
+    whole = [Piece(donors, 0, len(problem.base_segments))]
+    amounts = DefectMeasure(problem, "upper").amounts(graft.motion, whole)[0] * LIMITS
+    expected = np.zeros((len(amounts), 2))
+    for frame, ratios in seam_ratios(graft).items():
+        position = int(np.flatnonzero(problem.base_segments.stop == frame)[0])
+        for side in (position, position + 1):
+            expected[side] = np.maximum(expected[side], ratios)
+    is_high = (expected > 1.02 * MAX_SEAM_RATIO) | (amounts[:, :2] > 1.02 * MAX_SEAM_RATIO)
+    assert is_high.any()
+    np.testing.assert_allclose(amounts[:, :2][is_high], expected[is_high], rtol=0.02)
+    assert (amounts[:, :2] >= 0.98 * expected).all()
+
+
+@few_examples(2)
+@given(st.integers(0, 1000), st.sampled_from(["sample", "viterbi", "nearest"]))
+def test_self_repair_never_increases_the_greatest_seam_ratio(library, seed, choice):
+    before, after = graft_pair(configured(library, choice=choice), seed=seed)
+    before, after = (np.array([*seam_ratios(own).values()]) for own in (before, after))
+    worst = max(before.max(initial=0.0), MAX_SEAM_RATIO)
+    assert after.max(initial=0.0) <= 1.01 * worst
+
+
+@few_examples(8)
+@given(st.integers(0, 1000))
+def test_self_repair_changes_only_windows_that_it_reports(library, seed):
+    before, after = graft_pair(library, seed=seed)
+    assert not before.repairs
+    if not after.repairs:
+        assert before.motion.rotations.tobytes() == after.motion.rotations.tobytes()
+        assert before.motion.positions.tobytes() == after.motion.positions.tobytes()
+    for old, new in zip(before.substitutions, after.substitutions, strict=True):
+        reported = any(
+            own.after < own.before and own.start <= new.start and new.stop <= own.stop
+            for own in after.repairs
+        )
+        assert reported or old == new or old.donor == new.donor
+    assert all(own.after <= own.before and own.before > 1.0 for own in after.repairs)
+
+
+def test_graft_without_defects_is_unchanged_by_self_repair(library, monkeypatch):
+    monkeypatch.setattr("mograft.synthesis.defects.MAX_SEAM_RATIO", 1e6)
+    monkeypatch.setattr("mograft.synthesis.defects.MAX_JERK_RATIO", 1e6)
+    for seed in range(4):
+        before, after = graft_pair(library, seed=seed)
+        assert not after.repairs
+        assert before.motion.rotations.tobytes() == after.motion.rotations.tobytes()
+
+
+def with_glitch(motion, frame, joints, degrees):
+    """Return a motion in which joints are turned in a single frame."""
+    quats = motion.rotations.copy()
+    turn = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.radians([degrees]))
+    quats[frame, joints] = rotations.multiply(quats[frame, joints], turn)
+    return replace(motion, rotations=quats, channel_values=None, name="second")
+
+
+def test_self_repair_donor_with_glitch_is_replaced_if_another_candidate_exists(library):
+    """The glitch is below the threshold of the fault detector, so that it is no excluded donor."""
+    arms = [library.skeleton.index(name) for name in ("LeftArm", "RightArm")]
+    n_planted = 0
+    for seed in range(6):
+        chosen = mg.graft(configured(library, self_repair=False), seed=seed)
+        position, donor = next(
+            (position, own)
+            for position, own in enumerate(chosen.substitutions)
+            if own.clip == "second" and own.stop - own.start > 6
+        )
+        middle = (donor.donor_start + donor.donor_stop) // 2
+        glitched = with_glitch(library.clips[1], middle, arms, GLITCH_DEGREES)
+        assert not find_faults(glitched)
+        plan = GraftPlan.build(replace(library, clips=(library.clips[0], glitched)), None, None, ())
+        if len(plan.trellises["upper"].candidates[position]) < 2:
+            continue
+        n_planted += 1
+        repaired = plan.build_graft({"upper": donors_of(chosen)}, seed, 0)
+        assert donors_of(repaired)[position] != donor.donor
+        assert any(own.start <= donor.start <= own.stop for own in repaired.repairs)
+    assert n_planted >= 4
+
+
+def test_self_repair_keeps_hard_constraints(library):
+    hand = library.skeleton.index("LeftHand")
+    target = tuple(library.clips[0].world_positions()[300, hand])
+    for seed in range(3):
+        before, after = graft_pair(
+            library, seed=seed, constraints=[mg.Reach("LeftHand", target, 300)]
+        )
+        assert len(after.violations) <= len(before.violations)
+
+
+def test_self_repair_is_reported_as_text_and_json(library):
+    graft = next(own for seed in range(50) if (own := mg.graft(library, seed=seed)).repairs)
+    window = graft.repairs[0]
+    records = json.loads(json.dumps(graft.as_dict()))["self_repair"]
+    assert records[0]["frames"] == [window.start, window.stop]
+    assert records[0]["before"] > 1.0 >= records[0]["after"]
+    assert f"frames {window.start}-{window.stop}: {window.measure}" in graft.report()
+
+
+def test_self_repair_is_off_in_paper_preset_and_in_random_draws(library):
+    assert not mg.Config.paper().self_repair
+    for choice in ("random", "best"):
+        before, after = graft_pair(configured(library, choice=choice), seed=1)
+        np.testing.assert_array_equal(donors_of(before), donors_of(after))
+        assert not after.repairs
+
+
+def test_self_repair_of_donors_that_drive_the_root_reduces_the_worst_ratio(root_library):
+    repaired = [own for seed in range(3) for own in mg.graft(root_library, seed=seed).repairs]
+    assert repaired
+    assert all(own.after <= own.before for own in repaired)
+    assert any(own.after <= 1.0 for own in repaired)
