@@ -28,7 +28,9 @@ __all__ = [
     "moments",
     "multiply",
     "pose_gaps",
+    "pose_gaps_along",
     "rotate",
+    "sample",
     "scan_numbers",
     "segments",
     "segments_positions",
@@ -36,6 +38,7 @@ __all__ = [
     "solve_pentadiagonal",
     "to_euler",
     "velocity_gaps",
+    "velocity_gaps_along",
     "world",
 ]
 
@@ -90,6 +93,9 @@ def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def pose_gaps_along(
+    ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray
+) -> FloatArray: ...
 def capsule_ends(
     rotations: FloatArray, positions: FloatArray, joints: IntArray, bones: FloatArray
 ) -> FloatArray: ...
@@ -109,6 +115,16 @@ def box_clearance(
     rotation: Sequence[float],
 ) -> FloatArray: ...
 def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
+def velocity_gaps_along(
+    ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray
+) -> FloatArray: ...
+def sample(
+    counts: IntArray,
+    unary: FloatArray,
+    pairwise: FloatArray,
+    temperature: float,
+    draws: FloatArray,
+) -> IntArray: ...
 def solve_pentadiagonal(bands: FloatArray, rhs: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,

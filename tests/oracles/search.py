@@ -84,3 +84,23 @@ def cheapest_sequence(unary, pairwise):
         choice = best_left[choice]
         sequence.append(choice)
     return np.array(sequence[::-1])
+
+
+def sampled_sequence(unary, pairwise, temperature, draws):
+    """Return the choices drawn with probability exp(-cost / temperature), from uniform numbers.
+
+    Each choice is drawn given the one before, in proportion to the summed weights of all ways to
+    continue. The arguments are those of `cheapest_sequence`, with one draw per position.
+    """
+    onward = [np.ones(len(unary[-1]))]
+    for own, pairs in zip(unary[:0:-1], pairwise[::-1], strict=True):
+        onward.append((np.exp(-pairs / temperature) * np.exp(-own / temperature)) @ onward[-1])
+    onward.reverse()
+    sequence = []
+    for position, draw in enumerate(draws):
+        weights = np.exp(-unary[position] / temperature) * onward[position]
+        if position:
+            weights = weights * np.exp(-pairwise[position - 1][sequence[-1]] / temperature)
+        shares = np.cumsum(weights)
+        sequence.append(int((shares <= draw * shares[-1]).sum()))
+    return np.array(sequence)

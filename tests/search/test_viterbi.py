@@ -115,6 +115,15 @@ def test_sample_frequencies_follow_the_gibbs_distribution(seed, temperature):
     assert chisquare(counts[is_filled], expected[is_filled]).pvalue > 1e-4
 
 
+@given(SEEDS, st.sampled_from([0.3, 1.0, 5.0]))
+def test_sample_matches_the_oracle(seed, temperature):
+    trellis = make_trellis(seed)
+    draws = np.random.default_rng(seed).random(len(trellis))
+    path = sample(trellis, temperature, np.random.default_rng(seed))
+    expected = oracle.sampled_sequence(trellis.unary, trellis.pairwise, temperature, draws)
+    np.testing.assert_array_equal(path, expected)
+
+
 @given(SEEDS)
 def test_sample_low_temperature_returns_the_cheapest_path(seed):
     trellis = make_trellis(seed)

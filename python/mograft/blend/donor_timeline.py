@@ -206,11 +206,23 @@ class DonorLayout:
 
     def _close(self, space: ValueSpace, times: SegmentTimes, values: FloatArray) -> FloatArray:
         timeline, treatment = self.timeline, SEAM_TREATMENTS.get(self.config.seam)
-        tracks = self._tracks(space)
-        every = treatment.spans_segments
-        seams = np.arange(len(self.seams)) if every else np.flatnonzero(self.seams)
+        if treatment.spans_segments:
+            seams = np.arange(len(self.seams))
+            boundaries = timeline.boundaries(space, self._tracks(space), seams)
+        else:
+            seams = np.flatnonzero(self.seams)
+            boundaries = self._boundaries[space is TRANSLATIONS]
         piece_times = timeline.piece_times(seams, times, self.config.seam_blend)
-        return treatment.close(values, piece_times, timeline.boundaries(space, tracks, seams))
+        return treatment.close(values, piece_times, boundaries)
+
+    @cached_property
+    def _boundaries(self) -> tuple[SeamBoundaries, SeamBoundaries]:
+        """Boundaries of rotations and of translations at the seams."""
+        seams = np.flatnonzero(self.seams)
+        return (
+            self.timeline.boundaries(ROTATIONS, self.rotations, seams),
+            self.timeline.boundaries(TRANSLATIONS, self.positions, seams),
+        )
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames after `SeamTreatment.smooth`."""
@@ -238,9 +250,7 @@ class DonorLayout:
 
     def seam_angles(self) -> FloatArray:
         """Return the rotation gap of each joint at each seam in radians, (n_seams, n_joints)."""
-        seams = np.flatnonzero(self.seams)
-        boundaries = self.timeline.boundaries(ROTATIONS, self.rotations, seams)
-        angles: FloatArray = np.linalg.norm(boundaries.gaps(), axis=-1)
+        angles: FloatArray = np.linalg.norm(self._boundaries[0].gaps(), axis=-1)
         return angles
 
 
@@ -299,6 +309,8 @@ def _three_frames(tracks: Sequence[FloatArray], clips: IntArray, frames: IntArra
     near = np.empty((len(frames), 3, *tracks[0].shape[1:]))
     for clip in np.unique(clips):
         rows = np.flatnonzero(clips == clip)
-        padded = np.pad(tracks[clip], ((1, 1), (0, 0), (0, 0)), constant_values=np.nan)
-        near[rows] = padded[frames[rows][:, None] + [0, 1, 2]]
+        wanted, last = frames[rows][:, None] + [-1, 0, 1], len(tracks[clip]) - 1
+        values = tracks[clip][wanted.clip(0, last)]
+        values[(wanted < 0) | (wanted > last)] = np.nan
+        near[rows] = values
     return near

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray, any_component
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -36,8 +36,8 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
     quats, positions = base.rotations.copy(), base.positions.copy()
     values = None if base.channel_values is None else base.channel_values.copy()
     for part in parts:
-        rotated = (part.rotations != base.rotations[:, part.joints]).any(axis=-1)
-        moved = (part.positions != base.positions[:, part.joints]).any(axis=-1)
+        rotated = any_component(part.rotations != base.rotations.take(part.joints, axis=1))
+        moved = any_component(part.positions != base.positions.take(part.joints, axis=1))
         rotates, moves = rotated.any(axis=0), moved.any(axis=0)
         quats[:, part.joints[rotates]] = rotations.continuous_signs(part.rotations[:, rotates])
         positions[:, part.joints[moves]] = part.positions[:, moves]

@@ -1,7 +1,7 @@
 """`Config.torso`: the lean of a grafted trunk whose parent joint belongs to another group."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class TrunkLean:
     columns: Sequence[int]  # of `joints`: trunk joints whose parent is in another group
     up: int  # the axis that points up
     uprights: FloatArray  # for each column, rotation to the axis of its parent that points up most
+    _known: dict[Motion, FloatArray] = field(default_factory=dict)  # results of `leans`
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
@@ -71,17 +72,22 @@ class TrunkLean:
         """Invert `remove` with the base's lean; rotations equal to the base's stay bit for bit."""
         if not self.columns:
             return quats
-        given = base.rotations[:, self.joints]
-        is_same = (quats == self.remove(base, given)).all(axis=2)[:, self.columns]
-        inverse = rotations.inverse(self.leans(base))
-        leaning = rotations.multiply(inverse, quats[:, self.columns])
+        leans, upright = self.leans(base), quats[:, self.columns]
+        given = base.rotations[:, self.joints[list(self.columns)]]
+        is_same = (upright == rotations.multiply(leans, given)).all(axis=2)
+        leaning = rotations.multiply(rotations.inverse(leans), upright)
         leaning /= np.linalg.norm(leaning, axis=-1, keepdims=True)
         local = quats.copy()
-        local[:, self.columns] = np.where(is_same[..., None], given[:, self.columns], leaning)
+        local[:, self.columns] = np.where(is_same[..., None], given, leaning)
         return local
 
     def leans(self, clip: Motion) -> FloatArray:
         """Return the world rotations, without heading, of the parents of the trunk joints."""
+        if clip not in self._known:
+            self._known[clip] = self._find_leans(clip)
+        return self._known[clip]
+
+    def _find_leans(self, clip: Motion) -> FloatArray:
         world = _world_rotations(clip, clip.skeleton.parents[self.joints[list(self.columns)]])
         yaws = rotations.twist(rotations.multiply(world, self.uprights), self.up)
         angles = np.unwrap(2.0 * np.arctan2(yaws[..., self.up], yaws[..., 3]), axis=0)

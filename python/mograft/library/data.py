@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -85,12 +86,24 @@ class LibraryData:
 
     def joints(self, group: str) -> IntArray:
         """Return the joints of a group, ascending."""
-        members = self.groups.resolve(self.skeleton)
-        _check_group(group, members)
-        return members[group]
+        _check_group(group, self._members)
+        return self._members[group].copy()
+
+    @cached_property
+    def _members(self) -> dict[str, IntArray]:
+        return self.groups.resolve(self.skeleton)
+
+    @cached_property
+    def _pools(self) -> dict[str, SegmentPool]:
+        return {}
 
     def pool(self, group: str) -> SegmentPool:
-        """Return the segments as candidates for the donors of a group."""
+        """Return the segments as candidates for the donors of a group; always the same object."""
+        if group not in self._pools:
+            self._pools[group] = self._build_pool(group)
+        return self._pools[group]
+
+    def _build_pool(self, group: str) -> SegmentPool:
         _check_group(group, self.boundary_states)
         base = self.groups.base
         embedding = self.embedding[base]

@@ -28,6 +28,29 @@ def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
     return _core.velocity_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
 
 
+def pose_gaps_along(
+    ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray
+) -> FloatArray:
+    """Return the gaps of `pose_gaps` between the candidates of consecutive positions.
+
+    `ends` and `starts` are those of all segments, `candidates` the segments at every position, one
+    position after the other, and `counts` their numbers. The result is flat: for each position but
+    the last one row per candidate, with one gap per candidate of the next position.
+    """
+    return _core.pose_gaps_along(
+        np.ascontiguousarray(ends), np.ascontiguousarray(starts), candidates, counts
+    )
+
+
+def velocity_gaps_along(
+    ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray
+) -> FloatArray:
+    """Return the gaps of `velocity_gaps` in the form of `pose_gaps_along`."""
+    return _core.velocity_gaps_along(
+        np.ascontiguousarray(ends), np.ascontiguousarray(starts), candidates, counts
+    )
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BoundaryStates:
     """Poses and velocities of one joint group in the first and last frame of each segment.

@@ -3,14 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.motion import rotations
-from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
+from mograft.search.boundary_states import (
+    BoundaryStates,
+    pose_gaps,
+    pose_gaps_along,
+    velocity_gaps,
+    velocity_gaps_along,
+)
 from mograft.search.costs import CostModel, SeamScales, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
@@ -116,7 +123,7 @@ class SegmentPool:
             fits = length_fits(lengths[base], lengths[donors], self.rate, config)
             fits = (fits & self.is_donor[donors]) | (donors == base)
             ends = np.append(0, np.cumsum(fits))[np.cumsum(counts)]
-            lists += np.split(donors[fits], ends[:-1])
+            lists += split_by_counts(donors[fits], np.diff(ends, prepend=0))
         return lists
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
@@ -129,8 +136,8 @@ class SegmentPool:
 
     def seam_angles_along(self, donors: IntArray) -> FloatArray:
         """Return the mean joint angle at each seam of a donor sequence, shape (n - 1,)."""
-        seams = ((donors[i : i + 1], donors[i + 1 : i + 2]) for i in range(len(donors) - 1))
-        return np.array([self.seam_angles(*seam)[0, 0] for seam in seams], float)
+        boundary = self.boundary
+        return pose_gaps_along(boundary.last, boundary.first, donors, np.ones_like(donors))
 
     def distances(self, base: IntArray, donors: IntArray) -> FloatArray:
         """Return the distance between the base parts of segments and donors, in units of `sigma`.
@@ -152,6 +159,21 @@ class SegmentPool:
         """Return the costs of the seams between segments, shape (len(left), len(right))."""
         ends, starts = self.boundary.last_velocity[left], self.boundary.first_velocity[right]
         return model.pairwise(self.seam_angles(left, right), velocity_gaps(ends, starts))
+
+    def pairwise_costs_along(
+        self, candidates: Sequence[IntArray], model: CostModel
+    ) -> list[FloatArray]:
+        """Return the `pairwise_costs` of the candidates of each position and the next."""
+        counts, boundary = np.array([len(own) for own in candidates]), self.boundary
+        along = np.concatenate(candidates), counts
+        angles = pose_gaps_along(boundary.last, boundary.first, *along)
+        ends, starts = boundary.last_velocity, boundary.first_velocity
+        costs = model.pairwise(angles, velocity_gaps_along(ends, starts, *along))
+        matrices = split_by_counts(costs, counts[:-1] * counts[1:])
+        return [
+            own.reshape(shape)
+            for own, shape in zip(matrices, pairwise(counts.tolist()), strict=True)
+        ]
 
     @cached_property
     def typical_gaps(self) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
@@ -167,8 +167,8 @@ class ConstraintViolations:
 
     def split(self, counts: Sequence[int]) -> "list[ConstraintViolations]":
         """Return the violations of consecutive sets of candidates, given their sizes."""
-        ends = np.cumsum(counts)[:-1]
-        sets = zip(np.split(self.hard, ends), np.split(self.soft, ends), strict=True)
+        parts = (split_by_counts(own, np.array(counts)) for own in (self.hard, self.soft))
+        sets = zip(*parts, strict=True)
         return [ConstraintViolations(hard, soft) for hard, soft in sets]
 
     @property

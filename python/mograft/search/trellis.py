@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray, split_by_counts
 from mograft.search.candidates import SegmentPool
 from mograft.search.costs import CostModel
 from mograft.search.viterbi import Trellis
@@ -37,19 +36,21 @@ class DonorTrellis:
         `candidates` holds the allowed segments at each position, ascending. The cheapest
         `max_candidates` are kept, the base segment always; ties go to the lowest index.
         """
-        counts = [len(segments) for segments in candidates]
+        counts = np.array([len(segments) for segments in candidates])
         costs = pool.unary_costs(np.repeat(scenario, counts), np.concatenate(candidates), model)
         if constraint_costs is not None:
             costs = costs + np.concatenate(constraint_costs)
         kept: list[IntArray] = []
         unary: list[FloatArray] = []
         for base, segments, own in zip(
-            scenario.tolist(), candidates, np.split(costs, np.cumsum(counts)[:-1]), strict=True
+            scenario.tolist(), candidates, split_by_counts(costs, counts), strict=True
         ):
-            order = model.keep_cheapest(own, segments == base)
-            kept.append(segments[order])
-            unary.append(own[order])
-        seams = [pool.pairwise_costs(left, right, model) for left, right in pairwise(kept)]
+            if len(segments) > model.config.max_candidates:
+                order = model.keep_cheapest(own, segments == base)
+                segments, own = segments[order], own[order]
+            kept.append(segments)
+            unary.append(own)
+        seams = pool.pairwise_costs_along(kept, model)
         return cls(scenario, tuple(kept), Trellis(tuple(unary), tuple(seams)))
 
     def donor_sequence(self, path: IntArray) -> IntArray:

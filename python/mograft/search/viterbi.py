@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 
 
@@ -135,22 +136,10 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
-    weights = [-trellis.unary[-1] / temperature]
-    with np.errstate(divide="ignore"):  # log 0 if a candidate has no continuation
-        for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
-            onward = weights[-1] - pairwise / temperature
-            top = onward.max(axis=1, initial=-np.inf)
-            top[~np.isfinite(top)] = 0.0
-            total = top + np.log(np.exp(onward - top[:, None]).sum(axis=1))
-            weights.append(total - unary / temperature)
-    path: list[int] = []
-    for position, weight in enumerate(reversed(weights)):
-        before = trellis.pairwise[position - 1][path[-1]] / temperature if position else 0.0
-        log_weights = weight - before
-        ends = np.exp(log_weights - log_weights.max()).cumsum()
-        # side="right" skips indices of weight 0 and never returns the end itself.
-        path.append(int(np.searchsorted(ends, rng.random() * ends[-1], side="right")))
-    return np.array(path, np.int64)
+    counts = np.array([len(costs) for costs in trellis.unary])
+    pairwise = np.concatenate([np.zeros(0), *(costs.ravel() for costs in trellis.pairwise)])
+    draws = rng.random(len(trellis))
+    return _core.sample(counts, np.concatenate(trellis.unary), pairwise, temperature, draws)
 
 
 def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:

@@ -27,6 +27,8 @@ def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) ->
     """
     if group == problem.root_group:
         return _build_root_trellis(problem, group, chosen)
+    if not problem.constraints:
+        return _trellis(problem, group, None)
     costs = [own.costs() for own in candidate_violations(problem, group, chosen)]
     return _trellis(problem, group, costs)
 
@@ -102,7 +104,7 @@ def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequenc
 
 
 def _trellis(
-    problem: SearchProblem, group: str, constraint_costs: list[FloatArray]
+    problem: SearchProblem, group: str, constraint_costs: list[FloatArray] | None
 ) -> DonorTrellis:
     return DonorTrellis.build(
         problem.pools[group],

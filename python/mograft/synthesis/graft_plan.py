@@ -131,8 +131,10 @@ class GraftPlan:
         for group, part in assembly.parts.items():
             substitutions += _substitutions(problem, group, donors[group])
             seams += [
-                Seam(group, frame, float(gaps.mean()))
-                for frame, gaps in zip(part.seams.tolist(), part.gaps, strict=True)
+                Seam(group, frame, gap)
+                for frame, gap in zip(
+                    part.seams.tolist(), part.gaps.mean(axis=1).tolist(), strict=True
+                )
             ]
         motion, feet = self._plant_feet(assembly.motion, donors)
         return Graft(
@@ -231,24 +233,36 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
 
 
 def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iterator[Substitution]:
-    library, pool, frames = problem.library, problem.pools[group], problem.base_segments
-    segments = library.segments
+    pool, frames = problem.pools[group], problem.base_segments
+    origins, clips = problem.library.segments[donors], problem.library.entries
     costs = pool.unary_costs(problem.scenario, donors, problem.cost_models[group])
     gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
-    for i, (base, donor) in enumerate(zip(problem.scenario.tolist(), donors.tolist(), strict=True)):
+    columns = (
+        frames.start,
+        frames.stop,
+        problem.scenario,
+        donors,
+        origins.clip,
+        origins.start,
+        origins.stop,
+        frames.lengths / origins.lengths - 1.0,
+        costs,
+    )
+    rows = zip(*(column.tolist() for column in columns), gaps[:-1], gaps[1:], strict=True)
+    for start, stop, segment, donor, clip, first, last, stretch, cost, before, after in rows:
         yield Substitution(
             group=group,
-            start=int(frames.start[i]),
-            stop=int(frames.stop[i]),
-            segment=base,
+            start=start,
+            stop=stop,
+            segment=segment,
             donor=donor,
-            clip=library.entries[segments.clip[donor]].name,
-            donor_start=int(segments.start[donor]),
-            donor_stop=int(segments.stop[donor]),
-            stretch=int(frames.lengths[i]) / int(segments.lengths[donor]) - 1.0,
-            cost=float(costs[i]),
-            gap_before=gaps[i],
-            gap_after=gaps[i + 1],
+            clip=clips[clip].name,
+            donor_start=first,
+            donor_stop=last,
+            stretch=stretch,
+            cost=cost,
+            gap_before=before,
+            gap_after=after,
         )
 
 

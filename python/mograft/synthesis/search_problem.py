@@ -41,6 +41,19 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
         constraint.errors(first)
 
 
+def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> list[Constraint]:
+    """Return constraints that apply to a base motion, each with its captured depth."""
+    poses = Poses.from_motion(base)
+    check_constraints(constraints, poses)
+    for constraint in constraints:
+        if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
+            raise ValueError(
+                f"frames of {type(constraint).__name__} must be within 0 to "
+                f"{base.n_frames - 1}, got {constraint.frames[0]}"
+            )
+    return with_captured_depth(constraints, poses)
+
+
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
     """Return for each joint group a mask of the joints that it moves, shape (n_joints,).
 
@@ -83,14 +96,8 @@ class SearchProblem:
         a constraint raises TypeError; a constraint with an unknown joint, clip or frame raises
         ValueError.
         """
-        poses = Poses.from_motion(base)
-        check_constraints(constraints, poses)
-        for constraint in constraints:
-            if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
-                raise ValueError(
-                    f"frames of {type(constraint).__name__} must be within 0 to "
-                    f"{base.n_frames - 1}, got {constraint.frames[0]}"
-                )
+        if constraints or isinstance(constraints, Constraint):
+            constraints = _checked_constraints(constraints, base)
         config = limit_config(library.config, constraints)
         if not DONOR_CHOICES.get(config.choice).is_limited:
             config = replace(config, max_candidates=len(library.segments))
@@ -104,7 +111,7 @@ class SearchProblem:
             base_segments=base_segments,
             pools=pools,
             candidates=lists,
-            constraints=tuple(with_captured_depth(constraints, poses)),
+            constraints=tuple(constraints),
             config=config,
         )
         allowed = {group: problem._allowed_by_origin(group) for group in groups}
@@ -207,6 +214,8 @@ class SearchProblem:
 
         Where none does, the base segment remains.
         """
+        if not self.constraints:
+            return self.candidates[group]
         candidates, violations = self.candidates[group], self._origin_violations(group)
         return [
             segments[own.is_feasible if own.is_feasible.any() else segments == base]

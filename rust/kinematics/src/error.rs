@@ -44,6 +44,11 @@ pub enum Error {
         /// Index of the pair.
         pair: usize,
     },
+    /// A pose index that is too large.
+    InvalidPose {
+        /// The index.
+        pose: usize,
+    },
     /// A matrix that is not positive definite.
     NotPositiveDefinite {
         /// First row without a positive pivot.
@@ -82,6 +87,9 @@ impl fmt::Display for Error {
             }
             Self::NotPositiveDefinite { row } => {
                 write!(f, "`bands` must be a positive definite matrix, row {row} is not")
+            }
+            Self::InvalidPose { pose } => {
+                write!(f, "`candidates` must be indices of poses, got {pose}")
             }
             Self::InvalidPair { pair } => write!(f, "pair {pair} must be indices of capsules"),
         }

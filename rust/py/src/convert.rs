@@ -5,7 +5,7 @@ use std::fmt::Display;
 use glam::{DQuat, DVec3};
 use mograft_kinematics::sample;
 use numpy::{
-    Element, IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArray2,
+    Element, IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArrayDyn, PyUntypedArrayMethods as _,
 };
 use pyo3::exceptions::PyValueError;
@@ -13,6 +13,9 @@ use pyo3::prelude::*;
 
 /// A C-contiguous array of f64, of any shape.
 pub type Floats<'py> = PyReadonlyArrayDyn<'py, f64>;
+
+/// A C-contiguous array of indices.
+pub type Indices<'py> = PyReadonlyArray1<'py, i64>;
 
 /// An array returned to Python.
 pub type Array<'py> = PyResult<Bound<'py, PyArrayDyn<f64>>>;
@@ -53,6 +56,12 @@ fn check_last_axis(array: &Floats<'_>, expected: usize) -> PyResult<()> {
             Err(PyValueError::new_err(format!("expected shape (..., {expected}), got {shape:?}")))
         }
     }
+}
+
+/// Convert indices, which must not be negative.
+pub fn as_usizes(indices: &Indices<'_>) -> PyResult<Vec<usize>> {
+    let as_usize = |&i: &i64| usize::try_from(i).map_err(value_error);
+    indices.as_slice()?.iter().map(as_usize).collect()
 }
 
 /// The shape of an array with its last axis replaced by `last`.

@@ -3,16 +3,14 @@
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
 use mograft_kinematics::{Error, banded, capsule, forward, pose, resample, rotation, sample};
-use numpy::{IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyUntypedArrayMethods as _};
+use numpy::{IntoPyArray as _, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, Rows, as_quats, as_rows, as_vecs, from_quats, from_vecs, into_array,
-    shape_with_last, value_error,
+    Array, Floats, Indices, Rows, as_quats, as_rows, as_usizes, as_vecs, from_quats, from_vecs,
+    into_array, shape_with_last, value_error,
 };
-
-type Indices<'py> = PyReadonlyArray1<'py, i64>;
 
 /// See [`rotation::exp`].
 #[pyfunction]
@@ -226,11 +224,6 @@ pub fn cubic_positions<'py>(
     from_vecs(py, resampled, &[times.len(), n_joints])
 }
 
-fn as_usizes(indices: &Indices<'_>) -> PyResult<Vec<usize>> {
-    let as_usize = |&i: &i64| usize::try_from(i).map_err(value_error);
-    indices.as_slice()?.iter().map(as_usize).collect()
-}
-
 /// See [`resample::segments`].
 #[pyfunction]
 pub fn segments<'py>(
@@ -337,6 +330,44 @@ pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py
         .detach(|| pose::velocity_gaps(from, to, n_joints))
         .map_err(value_error)?;
     into_array(py, gaps, &shape)
+}
+
+/// See [`pose::pose_gaps_along`].
+#[pyfunction]
+pub fn pose_gaps_along<'py>(
+    py: Python<'py>,
+    ends: Floats<'py>,
+    starts: Floats<'py>,
+    candidates: Indices<'py>,
+    counts: Indices<'py>,
+) -> Array<'py> {
+    let n_joints = ends.shape()[1];
+    let (candidates, counts) = (as_usizes(&candidates)?, as_usizes(&counts)?);
+    let (from, to) = (as_quats(&ends)?, as_quats(&starts)?);
+    let gaps = py
+        .detach(|| pose::pose_gaps_along(from, to, n_joints, &candidates, &counts))
+        .map_err(value_error)?;
+    let n = gaps.len();
+    into_array(py, gaps, &[n])
+}
+
+/// See [`pose::velocity_gaps_along`].
+#[pyfunction]
+pub fn velocity_gaps_along<'py>(
+    py: Python<'py>,
+    ends: Floats<'py>,
+    starts: Floats<'py>,
+    candidates: Indices<'py>,
+    counts: Indices<'py>,
+) -> Array<'py> {
+    let n_joints = ends.shape()[1];
+    let (candidates, counts) = (as_usizes(&candidates)?, as_usizes(&counts)?);
+    let (from, to) = (as_vecs(&ends)?, as_vecs(&starts)?);
+    let gaps = py
+        .detach(|| pose::velocity_gaps_along(from, to, n_joints, &candidates, &counts))
+        .map_err(value_error)?;
+    let n = gaps.len();
+    into_array(py, gaps, &[n])
 }
 
 /// See [`banded::solve_pentadiagonal`].

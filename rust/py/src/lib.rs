@@ -16,6 +16,7 @@ mod convert;
 mod kinematics;
 mod linkage;
 mod text;
+mod trellis;
 
 /// Compiled kernels of mograft. Private: call the functions of the package instead.
 #[pyo3::pymodule]
@@ -31,8 +32,8 @@ mod _core {
     use crate::kinematics::{
         angle, box_clearance, capsule_ends, clearance, cubic, cubic_positions, exp, features,
         from_channels, from_euler, hermite, kinetic_energy, log, moments, multiply, pose_gaps,
-        rotate, segments, segments_positions, slerp, solve_pentadiagonal, to_euler, velocity_gaps,
-        world,
+        pose_gaps_along, rotate, segments, segments_positions, slerp, solve_pentadiagonal,
+        to_euler, velocity_gaps, velocity_gaps_along, world,
     };
 
     #[pymodule_export]
@@ -40,4 +41,7 @@ mod _core {
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};
+
+    #[pymodule_export]
+    use crate::trellis::sample;
 }

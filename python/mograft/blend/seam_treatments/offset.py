@@ -53,9 +53,11 @@ def _decay(
 ) -> FloatArray:
     """Return the cubic from a value and velocity at the seam to 0 and 0 at the window's end."""
     u = np.minimum(seconds / window, 1.0)[:, None, None]
-    scaled = velocity * window[:, None, None]
-    # The factor (1 - u)² makes it exactly 0 at the end.
-    offset: FloatArray = (1.0 - u) ** 2 * (value * (1.0 + 2.0 * u) + scaled * u)
+    offset: FloatArray = velocity * window[:, None, None]
+    offset *= u
+    offset += value * (1.0 + 2.0 * u)
+    # This factor makes it exactly 0 at the end.
+    offset *= (1.0 - u) ** 2
     return offset
 
 

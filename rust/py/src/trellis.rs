@@ -1,0 +1,27 @@
+//! Bindings of `mograft-trellis`. Every function has its kernel's name.
+
+use mograft_trellis::Trellis;
+use numpy::{IntoPyArray as _, PyArray1};
+use pyo3::prelude::*;
+
+use crate::convert::{Floats, Indices, as_usizes, value_error};
+
+/// See [`mograft_trellis::sample`].
+#[pyfunction]
+pub fn sample<'py>(
+    py: Python<'py>,
+    counts: Indices<'py>,
+    unary: Floats<'py>,
+    pairwise: Floats<'py>,
+    temperature: f64,
+    draws: Floats<'py>,
+) -> PyResult<Bound<'py, PyArray1<i64>>> {
+    let (counts, unary) = (as_usizes(&counts)?, unary.as_slice()?);
+    let (pairwise, draws) = (pairwise.as_slice()?, draws.as_slice()?);
+    let trellis = Trellis { counts: &counts, unary, pairwise };
+    let path = py
+        .detach(|| mograft_trellis::sample(trellis, temperature, draws))
+        .map_err(value_error)?;
+    let indices: Result<Vec<_>, _> = path.into_iter().map(i64::try_from).collect();
+    Ok(indices.map_err(value_error)?.into_pyarray(py))
+}
