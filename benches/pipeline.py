@@ -159,7 +159,7 @@ def time_grafts(source, repeats, count=20):
     The clip is grafted at most at 30 fps, and at most its first 164 s.
     """
     motion = mg.read_bvh(source)
-    motion = (motion.resample(30.0) if motion.rate > 35 else motion)[: round(164 * 30)]
+    motion = (motion.resample(30.0) if motion.rate > 35 else motion)[: 164 * 30]
     library = mg.Library.build(motion)
     one, many = [], []
     for seed in range(repeats):
