@@ -5,9 +5,15 @@ set of BVH files with one skeleton below it, at 30 frames per second. It prints
 
 - ``radius``: for each source the radius, in cluster diameter thresholds, at which balls have as
   many members on average as clusters, from which `BALL_RADIUS` is chosen;
-- ``neighbourhood``: means over the sources with clusters and with balls, by `sigma_scale`.
+- ``share``: the share of exchanged segments and the mean seam gap by variety, which need no
+  motions and take seconds;
+- ``neighbourhood``: measures of grafts with clusters and with balls, by `sigma_scale`;
+- ``temperature``: the same by `temperature`;
+- ``dial``: the same by the variety of `Config.with_variety`.
 
-``--only NAME`` prints one of these. The columns are those of `mograft.evaluation.quality`.
+``--only NAME`` prints one of these. Novelty, the difference between
+grafts and the detectability at seams are those of `mograft.evaluation`: 0.5 means that
+a classifier cannot distinguish grafts from recordings. Needs scikit-learn.
 """
 
 import argparse
@@ -22,20 +28,26 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from benches._common import run, tiny_motion
 from mograft import evaluation
+from mograft.evaluation.detectability import MIN_WINDOWS
+from mograft.evaluation.two_sample import block_folds, detect
+from mograft.evaluation.windows import GraftWindows
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
+from mograft.synthesis.graft_plan import GraftPlan
 
 RATE = 30.0
 SIGMA_SCALES = (0.3, 0.5, 0.75, 1.0, 1.5, 2.5)
-COLUMNS = {
-    "new_segments": "exchanged",
-    "local_diversity": "local diversity",
-    "diversity": "diversity",
-    "seam_gap": "seam gap",
-    "acceleration": "acceleration",
-    "jerk": "jerk",
-    "foot_skate": "foot skate",
-}
-PARTS = ("radius", "neighbourhood")
+COLUMNS = (
+    "exchanged",
+    "novelty",
+    "between grafts",
+    "seam gap",
+    "seams, gross",
+    "seams, fine",
+)
+VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
+PARTS = ("radius", "share", "neighbourhood", "temperature", "dial")
+MAX_BASES = 3  # clips of a source that are bases
+MAX_WINDOWS = 600
 
 
 def read_source(folder):
@@ -72,29 +84,64 @@ def print_radius(sources):
     print("| mean | |" + "".join(f" {radius:.2f} |" for radius in np.mean(rows, axis=0)))
 
 
-def mean_quality(sources, config, count):
-    """Means over the sources of `COLUMNS`, of some grafts on up to three clips each."""
+def donor_shares(library, config, count):
+    """The share of exchanged segments in donor sequences on all clips, and the mean seam gap."""
+    library = library.relabelled(config)
+    is_new, gaps = [], []
+    for entry in library.entries:
+        plan = GraftPlan.build(library, entry.name, None, ())
+        for donors in plan.choose_donors(count, 0):
+            for group, sequence in donors.items():
+                is_new.append(sequence != plan.problem.scenario)
+                gaps.append(plan.pools[group].seam_angles_along(sequence))
+    gaps = np.concatenate(gaps)
+    return np.concatenate(is_new).mean(), np.degrees(gaps[gaps > 1e-9].mean())
+
+
+def print_shares(sources, count):
+    print("| source |" + "".join(f" {variety:g} |" for variety in VARIETIES))
+    print("|---|" + "---|" * len(VARIETIES))
     rows = []
-    for library in sources.values():
-        library = library.relabelled(config)
-        names = [own.name for own in library.entries if own.n_frames >= 2 * RATE][:3]
-        grafts = [list(mg.graft_many(library, name, count)) for name in names]
-        found = evaluation.quality("", grafts)
-        rows.append([getattr(found, column).value for column in COLUMNS])
-    return np.mean(rows, axis=0)
+    for name, library in sources.items():
+        configs = map(mg.Config.with_variety, VARIETIES)
+        rows.append([donor_shares(library, config, count) for config in configs])
+        cells = "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in rows[-1])
+        print(f"| {name} |{cells}", flush=True)
+    means = np.mean(rows, axis=0)
+    print("| mean |" + "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in means))
+
+
+def measure(library, config, count):
+    """The values of `COLUMNS`, of some grafts on up to `MAX_BASES` clips of a library."""
+    library = library.relabelled(config)
+    names = [own.name for own in library.entries if own.n_frames >= 2 * RATE][:MAX_BASES]
+    grafts = [list(mg.graft_many(library, name, count)) for name in names]
+    flat = [graft for several in grafts for graft in several]
+    exchanged = [not own.is_own for graft in flat for own in graft.substitutions]
+    gaps = [seam.gap for graft in flat for seam in graft.seams]
+    new = evaluation.novelty(grafts)
+    values = [np.mean(exchanged), new.novelty.value, new.between.value]
+    values.append(np.degrees(np.mean(gaps)) if gaps else np.nan)
+    windows = GraftWindows.of(flat, "seams", MAX_WINDOWS, np.random.default_rng(0))
+    if len(windows) < MIN_WINDOWS:
+        return [*values, np.nan, np.nan]
+    found = detect([windows.pairs()], [block_folds(windows.frames, (0, 0))], 0)
+    return [*values, found.gross.value, found.fine.value]
 
 
 def print_settings(sources, configs, count):
-    """Print one row of `mean_quality` for each configuration, given with its label."""
-    print("| |" + "".join(f" {title} |" for title in COLUMNS.values()))
-    print("|---|" + "---|" * len(COLUMNS))
-    for label, config in configs:
-        exchanged, local, diversity, gap, *ratios, skate = mean_quality(sources, config, count)
-        print(
-            f"| {label} | {exchanged:.2f} | {local:.3f} | {diversity:.1f}° | {gap:.1f}° |"
-            + "".join(f" {ratio:.2f} |" for ratio in ratios)
-            + f" {100 * skate:+.1f} % |"
-        )
+    """Print `COLUMNS` for each source and configuration, given with its label."""
+    print("| source | |" + "".join(f" {title} |" for title in COLUMNS))
+    print("|---|---|" + "---|" * len(COLUMNS))
+    for name, library in sources.items():
+        for label, config in configs:
+            exchanged, new, between, gap, *areas = measure(library, config, count)
+            cells = "".join(f" {area:.2f} |" for area in areas)
+            print(
+                f"| {name} | {label} | {exchanged:.2f} | {new:.2f} | {between:.2f} | {gap:.1f}° |"
+                + cells,
+                flush=True,
+            )
 
 
 def report(options):
@@ -105,13 +152,20 @@ def report(options):
         sources = {Path(folder).name: read_source(folder) for folder in options.folders}
     if options.only in (None, "radius"):
         print_radius(sources)
-    if options.only in (None, "neighbourhood"):
-        configs = [
+    if options.only in (None, "share"):
+        print_shares(sources, options.count)
+    settings = {
+        "neighbourhood": [
             (f"{name}, {scale:g}", mg.Config(neighbourhood=name, sigma_scale=scale))
             for name in NEIGHBOURHOODS.names
-            for scale in SIGMA_SCALES
-        ]
-        print_settings(sources, configs[:2] if options.tiny else configs, options.count)
+            for scale in (0.5, 0.75, 1.0)
+        ],
+        "temperature": [(f"{own:g}", mg.Config(temperature=own)) for own in (0.5, 1.0, 2.0)],
+        "dial": [(f"{own:g}", mg.Config.with_variety(own)) for own in VARIETIES],
+    }
+    for part, configs in settings.items():
+        if options.only in (None, part):
+            print_settings(sources, configs[:1] if options.tiny else configs, options.count)
 
 
 def main(argv=None):

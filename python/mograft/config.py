@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass, fields, replace
+from numbers import Real
 from typing import Any, Literal
 
 from mograft._util.registry import CONFIG_OPTIONS
@@ -253,6 +254,32 @@ class Config:
         )
         return replace(literal, **changes)
 
+    @classmethod
+    def with_variety(cls, variety: float, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
+        """Return the configuration of a variety, with the fields `changes` set to other values.
+
+        Parameters
+        ----------
+        variety : float
+            From 0, few and similar donors, to 1, many and less similar ones. 0.5 is ``Config()``.
+        **changes
+            Values of other fields than those that the variety sets: see `variety_fields`.
+
+        Raises
+        ------
+        ValueError
+            If `variety` is not between 0 and 1, or a field is given that it sets.
+
+        Examples
+        --------
+        >>> [round(Config.with_variety(v).sigma_scale, 2) for v in (0, 0.5, 1)]
+        [0.3, 0.75, 1.88]
+        """
+        values = variety_fields(variety)
+        for name in values.keys() & changes.keys():
+            raise ValueError(f"`{name}` must not be given with a variety, which sets it")
+        return cls(**values, **changes)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as a dict of JSON values; infinity becomes None."""
         return {name: None if value == math.inf else value for name, value in asdict(self).items()}
@@ -268,3 +295,15 @@ class Config:
             raise ValueError(f"unknown parameters: {', '.join(sorted(unknown))}")
         given: dict[str, Any] = {k: math.inf if v is None else v for k, v in values.items()}
         return cls(**given)
+
+
+def variety_fields(variety: float) -> dict[str, Any]:
+    """Return the fields of `Config` that a variety from 0 to 1 sets, and their values.
+
+    ``sigma_scale = 0.75 · 2.5^(2 · variety - 1)``: from 0.3 to 1.9, 0.75 in the middle.
+
+    Raises ValueError if `variety` is not a number between 0 and 1.
+    """
+    if isinstance(variety, bool) or not isinstance(variety, Real) or not 0 <= variety <= 1:
+        raise ValueError(f"`variety` must be a number from 0 to 1, got {variety!r}")
+    return {"sigma_scale": 0.75 * 2.5 ** (2.0 * float(variety) - 1.0)}

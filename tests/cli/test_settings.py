@@ -194,3 +194,32 @@ def test_settings_groups_are_ignored_for_libraries(run, clip):
     ):
         code, _, err = run(*words)
         assert code == 0, (number, err)
+
+
+VARIETY_CASES = [
+    # settings, options of the command line, sigma_scale or None for an error
+    ("", ("--variety", 1), 1.875),
+    ("", ("--sigma-scale", 2), 2.0),
+    ("", ("--variety", 1, "--sigma-scale", 2), None),
+    ("variety = 1", (), 1.875),
+    ("variety = 1", ("--sigma-scale", 2), 2.0),
+    ("variety = 1", ("--variety", 0), 0.3),
+    ("sigma-scale = 2", ("--variety", 1), 1.875),
+    ("variety = 1\nsigma-scale = 2", (), None),
+]
+
+
+@pytest.mark.parametrize(("settings", "words", "expected"), VARIETY_CASES)
+def test_variety_and_sigma_scale_nearest_source_wins_and_both_are_an_error(
+    run, clip, capsys, settings, words, expected
+):
+    Path(CONFIG_FILE).write_text(settings)
+    options = ["graft", clip, "-o", "x.bvh", "--json", *words]
+    if expected is None:
+        with pytest.raises(SystemExit) as ended:
+            run(*options)
+        assert ended.value.code == 2
+        assert "--variety sets --sigma-scale: give one of them, not both" in capsys.readouterr().err
+    else:
+        found = json.loads(run(*options)[1])["grafts"][0]["config"]["sigma_scale"]
+        assert found == pytest.approx(expected)

@@ -45,6 +45,7 @@ def test_main_wrong_usage_returns_2(arguments, capsys):
         ("graft", "--max-angle", "-4", "a number above 0"),
         ("graft", "--radius", "0", "a number above 0"),
         ("index", "--sigma-scale", "-1", "a number above 0"),
+        ("graft", "--variety", "1.5", "a number from 0 to 1"),
         ("index", "--rate", "0", "a number above 0"),
         ("evaluate", "--rate", "inf", "a number above 0"),
         ("export", "--rate", "fast", "a number above 0"),

@@ -1,8 +1,11 @@
 """Checks of `Config` and its conversion to dictionaries."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mograft import Config
+from mograft.config import variety_fields
 
 
 @pytest.mark.parametrize(
@@ -27,3 +30,29 @@ def test_config_from_dict_inverts_as_dict():
         assert Config.from_dict(config.as_dict()) == config
     with pytest.raises(ValueError, match="unknown parameters: speed"):
         Config.from_dict({"speed": 1})
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_config_with_variety_has_a_threshold_that_grows_with_it(one, other):
+    low, high = sorted((one, other))
+    narrow, wide = Config.with_variety(low), Config.with_variety(high)
+    assert 0.3 - 1e-12 <= narrow.sigma_scale <= wide.sigma_scale <= 1.875 + 1e-12
+    assert (low == high) or high - low < 1e-9 or narrow.sigma_scale < wide.sigma_scale
+
+
+def test_config_with_variety_in_the_middle_is_the_default():
+    assert Config.with_variety(0.5) == Config()
+    assert Config.with_variety(0.5, seam="dead") == Config(seam="dead")
+
+
+@pytest.mark.parametrize("variety", [-0.1, 1.1, float("nan"), True, "bold", None])
+def test_config_invalid_variety_raises_value_error(variety):
+    with pytest.raises(ValueError, match="`variety` must be a number from 0 to 1, got"):
+        Config.with_variety(variety)
+
+
+@pytest.mark.parametrize("name", list(variety_fields(0.5)))
+def test_config_with_variety_and_a_field_that_it_sets_raises_value_error(name):
+    changes = {name: getattr(Config(), name)}
+    with pytest.raises(ValueError, match=f"`{name}` must not be given with a variety, which sets"):
+        Config.with_variety(0.5, **changes)

@@ -26,6 +26,7 @@ from mograft.cli.options import (
     SCENARIO_OPTIONS,
     SEED,
     SIGMA_SCALE,
+    VARIETY,
     config_option,
     constraint_options,
     files_argument,
@@ -126,6 +127,7 @@ _GRAFT = command(
     output_option("folder for the motions, or for one motion a .bvh file", required=True),
     PRESET,
     setting_switch("--mirror", "use the mirror images of all clips as additional donors"),
+    VARIETY,
     setting(
         "--sigma-scale X",
         "cluster diameter threshold, as a multiple of sigma; a larger value gives more "

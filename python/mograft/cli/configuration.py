@@ -9,7 +9,7 @@ from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.options import PRESETS
 from mograft.cli.output import show_progress
-from mograft.config import Config
+from mograft.config import Config, variety_fields
 from mograft.io.bvh import read_bvh
 from mograft.library.library import Library
 
@@ -94,4 +94,16 @@ def selected_config(options: argparse.Namespace) -> Config:
 
 def _with_options(config: Config, options: argparse.Namespace) -> Config:
     values = {name: getattr(options, name, None) for name in _CONFIG_OPTIONS}
-    return replace(config, **{name: value for name, value in values.items() if value is not None})
+    given = {name: value for name, value in values.items() if value is not None}
+    variety = getattr(options, "variety", None)
+    if variety is None:
+        return replace(config, **given)
+    by_variety = variety_fields(variety)
+    for name in by_variety.keys() & given.keys():
+        sources = [options.origins.get(own, "the command line") for own in ("variety", name)]
+        # An option of the command line replaces both kinds of setting.
+        if "the command line" not in sources or sources[0] == sources[1]:
+            option = name.replace("_", "-")
+            options.usage_error(f"--variety sets --{option}: give one of them, not both")
+    is_setting = "variety" in options.origins
+    return replace(config, **(by_variety | given if is_setting else given | by_variety))

@@ -112,7 +112,8 @@ def _make_grafts(
     keywords: dict[str, Any] = {"constraints": constraints, "swap": swap, "seed": options.seed}
     keywords["scenario"] = scenario
     grafts = graft_many(library, base, options.count, **keywords)
-    while len(grafts) < options.count and options.sigma_scale is None:
+    is_fixed = options.sigma_scale is not None or options.variety is not None
+    while len(grafts) < options.count and not is_fixed:
         scale = library.config.sigma_scale * 4 / 3
         if scale > _MAX_SIGMA_SCALE or library.config.sigma not in ("rms", "literal"):
             break
@@ -173,6 +174,6 @@ def _write_grafts(
     if len(documents) < options.count:
         print_remark(
             f"warning: the donors allow only {len(documents)} different motions, "
-            f"not {options.count}; more clips or a larger --sigma-scale allow more"
+            f"not {options.count}; more clips or a larger --variety allow more"
         )
     return documents, columns

@@ -15,7 +15,7 @@ from mograft.cli.arguments import (
     setting_switch,
     switch,
 )
-from mograft.cli.values import non_negative_integer, non_negative_number, positive_number
+from mograft.cli.values import non_negative_integer, non_negative_number, positive_number, share
 
 PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
 DEFAULT_DURATION = 60.0
@@ -68,6 +68,12 @@ SIGMA_SCALE = setting(
     "cluster diameter threshold, as a multiple of sigma; larger gives more variety, smaller more "
     "similarity (default: 0.75, with --preset paper 1)",
     positive_number,
+)
+VARIETY = setting(
+    "--variety X",
+    "variety from 0, few and similar donors, to 1, many and less similar ones; sets --sigma-scale "
+    "(default: 0.5)",
+    share,
 )
 NEIGHBOURHOOD = config_option("neighbourhood", "segments that are similar enough", "cluster")
 SEED = setting(

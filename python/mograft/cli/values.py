@@ -37,6 +37,11 @@ def non_negative_number(text: str) -> float:
     return _number(float, text, lambda number: 0 <= number < math.inf, "a number of at least 0")
 
 
+def share(text: str) -> float:
+    """Read a number from 0 to 1."""
+    return _number(float, text, lambda number: 0 <= number <= 1, "a number from 0 to 1")
+
+
 def _number(kind: Callable[[str], N], text: str, is_valid: Callable[[N], bool], expected: str) -> N:
     try:
         number = kind(text)
