@@ -59,11 +59,13 @@ if TYPE_CHECKING:
     from mograft.search.candidates import Candidates as Candidates
     from mograft.search.constraints import Constraint as Constraint
     from mograft.search.constraints import Violation as Violation
+    from mograft.search.donor_constraints import Ban as Ban
     from mograft.search.donor_constraints import KeepOriginal as KeepOriginal
     from mograft.search.donor_constraints import MaxAngle as MaxAngle
     from mograft.search.donor_constraints import MaxStretch as MaxStretch
     from mograft.search.donor_constraints import NotFrom as NotFrom
     from mograft.search.donor_constraints import OnlyFrom as OnlyFrom
+    from mograft.search.donor_constraints import Use as Use
     from mograft.search.obstacles import Box as Box
     from mograft.search.obstacles import Capsule as Capsule
     from mograft.search.obstacles import Character as Character
@@ -96,7 +98,7 @@ _HOMES = {
     "analysis.clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
     "config": "Config",
     "search.constraints": "Constraint Violation",
-    "search.donor_constraints": "KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom",
+    "search.donor_constraints": "Ban KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom Use",
     "search.pose_constraints": "Avoid AvoidSelf Custom Face KeepOut Reach",
     "errors": "BvhError InsufficientDataError LibraryError MograftError SkeletonMismatchError",
     "body.faults": "Fault find_faults",

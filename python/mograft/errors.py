@@ -1,6 +1,6 @@
 """Exceptions that mograft raises."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 
@@ -46,6 +46,14 @@ class LibraryError(MograftError):
 
 class InsufficientDataError(MograftError, ValueError):
     """Too little data for a measure; the message names what is missing."""
+
+
+def suggest_name(name: str, names: Collection[str]) -> str:
+    """Return "; did you mean 'NAME'?" with the most similar name, or nothing, for a message."""
+    from difflib import get_close_matches  # only for the message: 20 ms
+
+    close = get_close_matches(name, names, n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def join_names(names: Sequence[str], maximum: int = 12) -> str:

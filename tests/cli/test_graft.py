@@ -193,8 +193,38 @@ def test_graft_constraint_options_restrict_donors(run, folder, tmp_path):
     document = json.loads((tmp_path / "a.json").read_text())
     for s in document["substitutions"]:
         assert s["clip"] == "a"
-        assert not (s["exchanged"] and s["frames"][0] <= 60)
+        assert not (s["exchanged"] and s["frames"][0] < 60)
         assert abs(s["stretch"]) <= 0.1 / 0.9 + 1e-6
+
+
+def test_graft_take_and_ban_set_donors_of_segments(run, folder, tmp_path):
+    assert run("graft", folder, "-o", tmp_path / "free.bvh")[0] == 0
+    free = json.loads((tmp_path / "free.json").read_text())["substitutions"]
+    code, out, _ = run("candidates", folder, "--clip", "b", "--segment", 7, "--json")
+    first, last = json.loads(out)["frames"]
+    begin, end = free[9]["frames"]
+    options = ["--take", f"5=b:{first}-{last}", "--take", f"{begin}-{end}=b:{first}-{last}"]
+    options += ["--ban", f"2={free[2]['clip']}", "--ban", "12"]
+    code, _, _ = run("graft", folder, *options, "-o", tmp_path / "new.bvh", "--best-effort")
+    assert code == 0
+    made = json.loads((tmp_path / "new.json").read_text())["substitutions"]
+    for s in (made[5], made[9]):
+        assert (s["clip"], s["clip_frames"]) == ("b", [first, last])
+    assert made[12]["exchanged"]
+    assert made[2]["clip"] != free[2]["clip"]
+    for options, expected in (
+        (["--take", f"5=bb:{first}-{last}"], "got 'bb'; did you mean 'b'?"),
+        (["--take", f"5=b:{first + 1}-{last}"], f"the nearest are {first}-{last} (segment 7)"),
+        (["--ban", "999"], "`segment` of Ban must be 0 to"),
+    ):
+        code, _, err = run("graft", folder, *options, "-o", tmp_path / "bad.bvh")
+        assert code == 1
+        assert expected in err
+        assert not (tmp_path / "bad.bvh").exists()
+    options = ["--take", f"5=b:{first}-{last}", "--ban", "5=b"]
+    code, _, err = run("graft", folder, *options, "-o", tmp_path / "bad.bvh")
+    assert code == 4
+    assert "Use is violated in frames" in err
 
 
 def test_graft_scenario_options_set_length_path_and_clips(run, folder, tmp_path):

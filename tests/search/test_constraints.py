@@ -394,6 +394,79 @@ def test_only_from_without_candidate_is_violation(library):
     assert not mg.graft(library, constraints=[soft]).violations
 
 
+@few_examples(10)
+@given(SEEDS, st.sampled_from(["sample", "viterbi", "random", "nearest", "best"]))
+def test_use_and_ban_random_segments_hold(library, seed, choice):
+    chosen = replace(library, config=replace(library.config, choice=choice))
+    rng = np.random.default_rng(seed)
+    segments, n = library.segments, len(library.segments.of_clip(0))
+    used, banned, exchanged = rng.choice(n, 3, replace=False).tolist()
+    donor = int(rng.integers(len(segments)))
+    name = library.entries[segments.clip[donor]].name
+    donor_frames = name, int(segments.start[donor]), int(segments.stop[donor])
+    free = mg.graft(chosen, seed=seed % 7)
+    rejected = int(upper_donors(free)[banned])
+    span = int(segments.start[used]), int(segments.stop[used])
+    for use in (mg.Use(used, donor), mg.Use(frames=span, donor=donor_frames)):
+        bans = [mg.Ban(banned, rejected), mg.Ban(exchanged)]
+        graft = mg.graft(chosen, constraints=[use, *bans], seed=seed % 7)
+        donors, candidates = upper_donors(graft), build_problem(library, []).candidates["upper"]
+        assert donors[used] == donor
+        unmet = [(banned, rejected), (exchanged, exchanged)]
+        expected = []
+        for position, forbidden in unmet:
+            has_other = bool((candidates[position] != forbidden).any())
+            assert (donors[position] != forbidden) == has_other
+            expected += [] if has_other else [int(segments.start[position])]
+        assert [violation.frames[0] for violation in graft.violations] == expected
+
+
+def test_use_excluded_by_another_constraint_is_violation(library):
+    segments = library.segments
+    frames = int(segments.start[4]), int(segments.stop[4])
+    use = mg.Use(4, int(segments.of_clip(1)[7]))
+    for other in (mg.Ban(4, "second"), mg.NotFrom("second"), mg.KeepOriginal(frames=frames)):
+        graft = mg.graft(library, constraints=[use, other])
+        assert upper_donors(graft)[4] == 4
+        (violation,) = graft.violations
+        assert violation.frames == frames
+        assert violation.message.startswith(f"Use is violated in frames {frames[0]} to {frames[1]}")
+    soft = mg.graft(library, constraints=[replace(use, weight=1e6)])
+    assert upper_donors(soft)[4] == segments.of_clip(1)[7]
+
+
+def test_use_in_repair_changes_segment(library):
+    donor = int(library.segments.of_clip(1)[7])
+    repaired = mg.repair(library, constraints=[mg.Use(4, donor)])
+    assert upper_donors(repaired)[4] == donor
+    assert not repaired.violations
+    assert not any(s.segment not in (4, donor) and not s.is_own for s in repaired.substitutions)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: mg.Use(donor=3), "give either `segment` or `frames`, got both or neither"),
+        (lambda: mg.Ban(3, frames=(0, 9)), "give either `segment` or `frames`"),
+        (lambda: mg.Use(3), r"`donor` must be a segment or \(clip, first frame, last frame\), got"),
+        (lambda: mg.Use(3, "second"), "`donor` must be a segment or .*, got 'second'"),
+        (lambda: mg.Ban(3, ("second", 9, 3)), "`donor` must be a first and a last frame"),
+        (lambda: mg.Use(99999, 3), "`segment` of Use must be 0 to .*, got 99999"),
+        (lambda: mg.Ban(3, 99999), "`donor` of Ban must be 0 to .*, got 99999"),
+        (lambda: mg.Ban(3, "secnd"), "`donor` of Ban .*; got 'secnd'; did you mean 'second'"),
+        (
+            lambda: mg.Use(3, ("second", 0, 1)),
+            r"`donor` of Use must be a segment of second, got 0-1; the nearest are 0-",
+        ),
+        (lambda: mg.Use(frames=(0, 1), donor=3), "`frames` of Use must be a segment of the base"),
+        (lambda: mg.Ban(3, ("second", 99990, 99999)), "`donor` of Ban must be a segment of second"),
+    ],
+)
+def test_use_and_ban_unknown_segment_raises_value_error(library, make, message):
+    with pytest.raises(ValueError, match=message):
+        mg.graft(library, constraints=[make()])
+
+
 def test_max_angle_limits_seam_angles(library):
     limit = np.radians(12)
     graft = mg.graft(library, constraints=[mg.MaxAngle(limit)])

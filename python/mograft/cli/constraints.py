@@ -24,6 +24,11 @@ def read_constraints(options: argparse.Namespace) -> list[Constraint]:
     for target, frames in options.face:
         found.append(pose_constraints.Face(target, frames=frames))
     found += [donor_constraints.KeepOriginal(frames=frames) for frames in options.keep]
+    for options_of, kind_of in (
+        (options.take, donor_constraints.Use),
+        (options.ban, donor_constraints.Ban),
+    ):
+        found += [kind_of(number, donor, frames=span) for number, span, donor in options_of]
     for clips, tags, kind in (
         (options.only_from, options.only_tagged, donor_constraints.OnlyFrom),
         (options.not_from, options.not_tagged, donor_constraints.NotFrom),

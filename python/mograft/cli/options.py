@@ -121,7 +121,7 @@ SCENARIO_OPTIONS = (
 def constraint_options(*more: Argument) -> ArgumentGroup:
     """Return the options of the constraints, followed by `more`."""
     return ArgumentGroup(
-        (*_POSE_OPTIONS, *_DONOR_OPTIONS, *more),
+        (*_POSE_OPTIONS, *_SEGMENT_OPTIONS, *_DONOR_OPTIONS, *more),
         "constraints",
         "Positions are in the unit of the file, frames are those of the base. If no donor "
         "sequence satisfies the constraints, the exit code is 4 and stderr lists the smallest "
@@ -161,6 +161,21 @@ _POSE_OPTIONS = (
     ),
     repeated_option(
         "--keep FIRST-LAST", "frames that keep the captured motion; may be repeated", values.frames
+    ),
+)
+_SEGMENT_OPTIONS = (
+    repeated_option(
+        "--take SEGMENT=CLIP:FIRST-LAST",
+        "donor of a base segment, from any cluster and of any length; SEGMENT is its number, from "
+        "0, or its frames FIRST-LAST; may be repeated",
+        values.take,
+    ),
+    repeated_option(
+        "--ban SEGMENT[=CLIP[:FIRST-LAST]]",
+        "donors that a base segment must not have: the segments of a clip, or those in a range of "
+        "its frames (default: the captured part, so that it is exchanged); SEGMENT is as for "
+        "--take; may be repeated",
+        values.ban,
     ),
 )
 _DONOR_OPTIONS = (

@@ -86,6 +86,48 @@ def frames(text: str) -> tuple[int, int]:
     return int(first), int(last)
 
 
+BaseSegment = tuple[int | None, tuple[int, int] | None]
+"""Number of a base segment, or its first and last frame."""
+
+
+def take(text: str) -> tuple[int | None, tuple[int, int] | None, tuple[str, int, int]]:
+    """Read a base segment, and the clip, first and last frame of its donor."""
+    segment, _, donor = text.partition("=")
+    clip, colon, span = donor.rpartition(":")  # The name of a clip may contain colons.
+    try:
+        if colon and clip:
+            return (*_base_segment(segment), (clip, *frames(span)))
+    except ArgumentTypeError:
+        pass
+    raise ArgumentTypeError(f"expected SEGMENT=CLIP:FIRST-LAST, as 24=walk:242-275, got {text!r}")
+
+
+def ban(
+    text: str,
+) -> tuple[int | None, tuple[int, int] | None, str | tuple[str, int, int] | None]:
+    """Read a base segment, and optionally a clip, or a clip with the first and last frame."""
+    segment, equals, clip = text.partition("=")
+    try:
+        if equals and clip:
+            number, span = _base_segment(segment)
+            name, colon, clip_frames = clip.rpartition(":")
+            if colon and name and clip_frames[:1].isdigit():
+                return number, span, (name, *frames(clip_frames))
+            return number, span, clip
+        if not equals:
+            return (*_base_segment(segment), None)
+    except ArgumentTypeError:
+        pass
+    raise ArgumentTypeError(
+        f"expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, as 24=walk, got {text!r}"
+    )
+
+
+def _base_segment(text: str) -> BaseSegment:
+    """Read the number of a segment, or its first and last frame."""
+    return (int(text), None) if text.isdecimal() else (None, frames(text))
+
+
 def _numbers(text: str, *counts: int) -> list[float]:
     try:
         numbers = [float(word) for word in text.split(",")]

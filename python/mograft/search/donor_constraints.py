@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft._util.validate import check_not_negative, check_positive
+from mograft._util.validate import as_integer, check_not_negative, check_positive, is_integer
 from mograft.analysis.segmentation import Segments
 from mograft.errors import join_names
 from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
@@ -152,6 +152,142 @@ class NotFrom(_ClipConstraint):
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
         return f"from {self.describe_selection()}"
+
+
+DonorReference = int | str | tuple[str, int, int]
+"""Index of a segment in the library, name of a clip, or clip with first and last frame."""
+
+
+@dataclass(frozen=True)
+class _SegmentConstraint(Constraint):
+    """Base class of constraints between base segments and a donor that is given by name."""
+
+    segment: int | None = None
+    donor: DonorReference | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.segment is None) == (self.frames is None):
+            raise ValueError("give either `segment` or `frames`, got both or neither")
+        if self.segment is not None:
+            object.__setattr__(self, "segment", as_integer("segment", self.segment))
+        if is_integer(self.donor):
+            object.__setattr__(self, "donor", as_integer("donor", self.donor))
+        elif self.donor is not None and not isinstance(self.donor, str):
+            object.__setattr__(self, "donor", _as_clip_span(self.donor))
+
+    def _is_donor(self, donors: Segments, clips: Sequence[Clip]) -> BoolArray:
+        """Return which segments contain an interval of the donor's frames."""
+        if isinstance(self.donor, int):
+            raise ValueError(f"`donor` must name a clip outside of a graft, got {self.donor}")
+        name, span = self.donor, None
+        if isinstance(self.donor, tuple):
+            name, *frames = self.donor
+            span = (frames[0], frames[1])
+        is_clip = np.array([clip.name == name for clip in clips], bool)
+        selected: BoolArray = is_clip[donors.clip] & overlaps(donors, span)
+        return selected
+
+    def _describe_donor(self) -> str:
+        if isinstance(self.donor, tuple):
+            return f"{self.donor[0]}, frames {self.donor[1]} to {self.donor[2]}"
+        return str(self.donor)
+
+
+@dataclass(frozen=True)
+class Use(_SegmentConstraint):
+    """Use one donor for a base segment, in all exchanged groups.
+
+    The donor may be any segment of the library: a hard `Use` ignores its cluster, its length and
+    its recording faults. Its seams are treated like all others; `MaxAngle` can report them.
+
+    Parameters
+    ----------
+    segment : int, optional
+        Number of the base segment in the base motion, from 0.
+    donor : int or tuple of (str, int, int)
+        Index of the donor in the library, such as `Candidate.segment`, or its clip with its first
+        and last frame.
+    frames : tuple of int, optional
+        First and last frame of the base segment, instead of `segment`.
+
+    Raises
+    ------
+    ValueError
+        If both or none of `segment` and `frames` are given, or the donor is not of one of the
+        forms. `graft` raises it if there is no such segment.
+
+    Examples
+    --------
+    >>> Use(24, ("waltz", 242, 275)).describe_error(2.0, height=180.0)
+    'not waltz, frames 242 to 275'
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.donor is None or isinstance(self.donor, str):
+            raise ValueError(
+                f"`donor` must be a segment or (clip, first frame, last frame), got {self.donor!r}"
+            )
+
+    def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
+        """As `Constraint.donor_errors`."""
+        return np.where(self._is_donor(donors, clips), 0.0, 2.0)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        return f"not {self._describe_donor()}"
+
+
+@dataclass(frozen=True)
+class Ban(_SegmentConstraint):
+    """Forbid a donor, or the captured part, for base segments.
+
+    Unlike `NotFrom`, it also excludes captured parts.
+
+    Parameters
+    ----------
+    segment : int, optional
+        Number of the base segment in the base motion, from 0.
+    donor : int, str or tuple of (str, int, int), optional
+        Index of a segment in the library, a clip, or a clip with the first and last frame of a
+        range: all segments with an interval in it are excluded. Default: the captured part, so
+        that the segment is exchanged.
+    frames : tuple of int, optional
+        First and last frame of a range of base segments, instead of `segment`.
+
+    Raises
+    ------
+    ValueError
+        If both or none of `segment` and `frames` are given, or the donor is not of one of the
+        forms. `graft` raises it if there is no such segment or clip.
+
+    Examples
+    --------
+    >>> Ban(24, "waltz").describe_error(2.0, height=180.0)
+    'excluded donor: waltz'
+    """
+
+    def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
+        """As `Constraint.donor_errors`."""
+        captured = self.donor is None
+        banned = _is_same(base, donors) if captured else self._is_donor(donors, clips)
+        return np.where(banned, 2.0, 0.0)
+
+    def describe_error(self, error: float, height: float) -> str:
+        """As `Constraint.describe_error`."""
+        donor = "the captured part" if self.donor is None else self._describe_donor()
+        return f"excluded donor: {donor}"
+
+
+def _as_clip_span(donor: object) -> tuple[str, int, int]:
+    """Return a clip with its first and last frame; raise ValueError for anything else."""
+    parts = tuple(donor) if isinstance(donor, Sequence) else ()
+    if len(parts) != 3 or not isinstance(parts[0], str):
+        raise ValueError(
+            f"`donor` must be a segment or (clip, first frame, last frame), got {donor!r}"
+        )
+    return (parts[0], *as_span("donor", parts[1:]))
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,8 @@ def _excluded_donors(
             constraint,
             (int(frames.start[position]), int(frames.stop[position])),
             float(amounts[position]),
-            f"{group}: "
-            + constraint.describe_error(float(amounts[position]), problem.base_poses.height),
+            constraint.describe_error(float(amounts[position]), problem.base_poses.height)
+            + f"; no donor of {group} satisfies all constraints",
         )
         for position in np.flatnonzero(amounts > 1.0).tolist()
     ]

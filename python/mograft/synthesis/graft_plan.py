@@ -144,7 +144,14 @@ class GraftPlan:
             substitutions=tuple(substitutions),
             seams=tuple(seams),
             alternatives={
-                group: np.array([len(own) - 1 for own in problem.candidates[group]])
+                group: np.array(
+                    [
+                        np.count_nonzero(own != base)
+                        for own, base in zip(
+                            problem.candidates[group], problem.scenario, strict=True
+                        )
+                    ]
+                )
                 for group in donors
             },
             seed=seed,

@@ -22,6 +22,7 @@ from mograft.search.costs import ConstraintViolations, CostModel, limit_config, 
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.trellis import DonorSequences
+from mograft.synthesis.segment_references import add_used_donors, resolve_segments
 
 
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
@@ -101,9 +102,15 @@ class SearchProblem:
         config = limit_config(library.config, constraints)
         if not DONOR_CHOICES.get(config.choice).is_limited:
             config = replace(config, max_candidates=len(library.segments))
+        constraints = resolve_segments(constraints, base_segments, library)
         groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
         pools = {group: library.pool(group) for group in groups}
-        lists = {group: pool.candidate_lists(scenario, config) for group, pool in pools.items()}
+        lists = {
+            group: add_used_donors(
+                pool.candidate_lists(scenario, config), constraints, base_segments, library
+            )
+            for group, pool in pools.items()
+        }
         problem = cls(
             library=library,
             base=base,

@@ -14,6 +14,7 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Clip, Constraint
+from mograft.search.donor_constraints import Ban, Use
 from mograft.synthesis.search_problem import check_constraints
 
 
@@ -58,6 +59,11 @@ def check_stream_constraints(
     check_constraints(constraints, Poses.from_motion(rest))
     no_segments = Segments(np.zeros(0, np.int64), np.zeros(0, np.int64))
     for constraint in constraints:
+        if isinstance(constraint, Use | Ban):
+            name = type(constraint).__name__
+            raise ValueError(
+                f"`constraints` of a stream must not contain {name}; use OnlyFrom or NotFrom"
+            )
         constraint.donor_errors(no_segments, no_segments, clips)
 
 
