@@ -345,3 +345,69 @@ def test_graft_measure_without_scipy_names_extra(run, folder, tmp_path, monkeypa
     assert code == 1
     assert "--measure needs SciPy: pip install 'mograft[evaluate]'" in err
     assert not (tmp_path / "out").exists()
+
+
+def copy_clips(folder, target):
+    target.mkdir()
+    for path in folder.glob("*.bvh"):
+        (target / path.name).write_bytes(path.read_bytes())
+    return target
+
+
+def names_of_clips(document):
+    return [clip["name"] for clip in document["grafts"][0]["clips"]]
+
+
+def test_graft_grafts_of_earlier_run_are_no_donors(run, folder, tmp_path):
+    clips = copy_clips(folder, tmp_path / "clips")
+    assert run("graft", clips, "-o", clips, "-n", 2)[0] == 0
+    first = (clips / "a_graft0.bvh").read_bytes()
+    code, out, err = run("graft", clips, "-o", clips, "-n", 2, "--force", "--json")
+    assert code == 0
+    lines = [line for line in err.splitlines() if "--include-grafts" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("warning: 2 grafts ")
+    assert names_of_clips(json.loads(out)) == ["a", "b"]
+    assert (clips / "a_graft0.bvh").read_bytes() == first
+    code, out, err = run("graft", clips, "--include-grafts", "-o", tmp_path / "all", "--json")
+    assert code == 0
+    assert names_of_clips(json.loads(out)) == ["a", "a_graft0", "a_graft1", "b"]
+    assert "--include-grafts" not in err
+    named = [clips / "b.bvh", clips / "a_graft1.bvh"]
+    code, out, err = run("graft", *named, "-o", tmp_path / "named", "--json")
+    assert names_of_clips(json.loads(out)) == ["b", "a_graft1"]
+    assert "--include-grafts" not in err
+    for path in (clips / "a.bvh", clips / "b.bvh"):
+        path.unlink()
+    code, _, err = run("graft", clips, "-o", tmp_path / "none")
+    assert code == 1
+    assert "--include-grafts" in err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("candidates", "--segment", 3),
+        ("plot", "clusters", "-o", "x.png"),
+        ("evaluate", "balance", "--runs", 1, "--bases", 1),
+        ("index", "-o", "x.mograft"),
+    ],
+)
+def test_commands_exclude_grafts_in_folders(run, folder, tmp_path, words):
+    clips = copy_clips(folder, tmp_path / "clips")
+    write_bvh(read_bvh(clips / "a.bvh"), clips / "c.bvh")
+    (clips / "c.json").write_text('{"schema": "mograft.graft/1"}')
+    position = 2 if words[0] == "plot" else 1
+    command = [*words[:position], clips, *words[position:]]
+    code, _, err = run(*command)
+    assert code == 0
+    assert err.count("1 graft of mograft in these folders") == 1
+    if words[0] == "index":
+        names = [entry.name for entry in Library.open("x.mograft").entries]
+        assert names == ["a", "b"]
+        assert run(*command, "--add", "--include-grafts")[0] == 0
+        names = [entry.name for entry in Library.open("x.mograft").entries]
+        assert names == ["a", "b", "c"]
+    else:
+        force = ["--force"] if words[0] == "plot" else []
+        assert "--include-grafts" not in run(*command, "--include-grafts", *force)[2]

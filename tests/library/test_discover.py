@@ -1,6 +1,8 @@
 """Properties of the search for clips, and of paths of source files."""
 
+import json
 import os
+import warnings
 from pathlib import Path
 
 import pytest
@@ -8,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft.cli.files import expand_folders
-from mograft.library.discover import find_clips, relative_path
+from mograft.library.discover import exclude_grafts, find_clips, relative_path
 
 FOLDER_PATHS = st.lists(st.sampled_from(["a", "b", "..", ".", "a b"]), max_size=5).map("/".join)
 
@@ -63,3 +65,42 @@ def test_find_clips_folder_of_hidden_files_holds_no_clip(tmp_path):
     assert [found.source for found in find_clips(tmp_path / "._walk.bvh")] == [
         str(tmp_path / "._walk.bvh")
     ]
+
+
+GRAFT = json.dumps({"schema": "mograft.graft/1"})
+SIDECARS = {
+    GRAFT: True,
+    json.dumps({"mograft": "1.0", "schema": "mograft.graft/2", "name": "walk"}): True,
+    json.dumps({"schema": "mograft.grafts/1"}): False,
+    json.dumps({"schema": 1}): False,
+    json.dumps(["mograft.graft/1"]): False,
+    '{"schema": "mograft.graft/1"': False,
+    "[" * 9999: False,
+    "\xff": False,
+}
+
+
+@given(st.lists(st.sampled_from([None, *SIDECARS]), min_size=1, max_size=6))
+def test_find_clips_files_with_provenance_are_grafts(tmp_path_factory, sidecars):
+    folder = tmp_path_factory.mktemp("clips")
+    for index, text in enumerate(sidecars):
+        create(folder, [f"{index}.bvh"])
+        if text is not None:
+            (folder / f"{index}.json").write_text(text, encoding="latin-1")
+    clips = find_clips([folder, *sorted(folder.glob("*.bvh")), f"{folder}/*.bvh"])
+    n, expected = len(sidecars), [SIDECARS.get(text, False) for text in sidecars]
+    assert [clip.is_graft for clip in clips] == [*expected, *[False] * 2 * n]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        kept = exclude_grafts(clips)
+    assert kept == [clip for clip in clips if not clip.is_graft]
+    assert [str(warning.message).split(" of ")[0] for warning in caught] == (
+        [f"{sum(expected)} graft{'s'[: sum(expected) > 1]}"] if any(expected) else []
+    )
+
+
+def test_exclude_grafts_folder_of_grafts_raises_file_not_found(tmp_path):
+    create(tmp_path, ["a.bvh"])
+    (tmp_path / "a.json").write_text(GRAFT)
+    with pytest.raises(FileNotFoundError, match="--include-grafts"):
+        exclude_grafts(find_clips(tmp_path))

@@ -29,6 +29,8 @@ def test_index_existing_folder_is_kept_without_force(clip_folder, stored_library
     assert_same_libraries(Library.index(clip_folder, tmp_path / "empty"), stored_library)
     with pytest.raises(ValueError, match="in memory: save it first"):
         Library.build(DANCE[:200]).add(clip_folder)
+    with pytest.raises(TypeError, match="`rate` is fixed"):
+        stored_library.add(clip_folder, rate=30.0)
     with pytest.raises(TypeError, match="`sources` must be files"):
         Library.index(DANCE, tmp_path / "no")
 

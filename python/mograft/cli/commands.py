@@ -19,6 +19,7 @@ from mograft.cli.options import (
     FILES_OR_LIBRARY,
     FORCE,
     GROUPS,
+    INCLUDE_GRAFTS,
     JSON,
     NEIGHBOURHOOD,
     PRESET,
@@ -99,6 +100,7 @@ _CANDIDATES = command(
     "candidates",
     "list the donors of a segment, and why other segments are refused",
     FILES_OR_LIBRARY,
+    INCLUDE_GRAFTS,
     option("--clip NAME", "clip of the segment (default: the first)"),
     exclusive(
         option("--segment N", "number of the segment in the clip, from 0", non_negative_integer),
@@ -116,6 +118,7 @@ _GRAFT = command(
     "graft",
     "create motions on the base group of a captured one",
     files_argument("one library, or BVH files", "LIB|FILE"),
+    INCLUDE_GRAFTS,
     option(
         "--base CLIP|FILE",
         "motion that provides the base group (default: the first clip)",
@@ -188,6 +191,7 @@ _PLOT = command(
     ),
     output_option(".png, .svg or .pdf file to write", required=True),
     groups_option(default="lower_upper; for strip trunk, arms and legs"),
+    INCLUDE_GRAFTS,
     option("--group NAME", "joint group of pca, dendrogram or clusters (default: the base group)"),
     setting("--poses", "number of poses of strip (default: 12)", positive_integer, 12),
     option(
@@ -234,6 +238,7 @@ _EVALUATE = command(
     "evaluate",
     "measure enrichment, balance, naturalness, quality and detectability of grafts",
     files_argument("one library, or BVH files; and words that select what to measure", "LIB|FILE"),
+    INCLUDE_GRAFTS,
     output_option(
         f"folder for evaluation.json and index.html; with {LABEL} the .html file to write "
         "(default: no files)",
@@ -315,6 +320,7 @@ COMMANDS = (
         "index",
         "create a library of many files, or add files to one",
         files_argument("BVH files, or folders of them", "FILE|DIR"),
+        INCLUDE_GRAFTS,
         output_option("folder of the library", required=True, metavar="LIB"),
         switch("--add", "add to an existing library; only new and changed files are read"),
         setting("-j --jobs N", "number of processes (default: 1)", positive_integer, 1),

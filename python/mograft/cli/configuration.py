@@ -67,7 +67,7 @@ def load_library(options: argparse.Namespace) -> Library:
         library = Library.open(folder)
         config = _with_options(library.config, options)
         return library if config == library.config else library.relabelled(config)
-    files = expand_folders(options.files)
+    files = expand_folders(options.files, include_grafts=options.include_grafts)
     groups, config = selected_groups(options), selected_config(options)
     with show_progress() as progress:
         clips = files if rate is None else [read_bvh(file).resample(rate) for file in files]

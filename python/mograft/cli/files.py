@@ -6,27 +6,25 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mograft.errors import join_names
-from mograft.library.discover import scan_folder
+from mograft.library.discover import FoundClip, exclude_grafts, find_clips
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 
 _MAX_SHOWN_CLIPS = 12
 
 
-def expand_folders(names: Iterable[str]) -> list[str]:
-    """Replace each folder by the BVH files below it, sorted by name."""
-    files: list[str] = []
+def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list[str]:
+    """Replace each folder by the BVH files below it, sorted by name, grafts only on request."""
+    clips: list[FoundClip] = []
     for name in names:
         if not Path(name).is_dir():
-            files.append(name)
+            clips.append(FoundClip(name))
             continue
         if _is_library(name):
             raise ValueError(f"{name} is a library; expected BVH files")
-        inside = [str(path) for path in scan_folder(name)]
-        if not inside:
-            raise ValueError(f"{name}: no BVH file in this folder")
-        files += inside
-    return files
+        clips += find_clips(name)
+    kept = clips if include_grafts else exclude_grafts(clips)
+    return [str(clip.source) for clip in kept]
 
 
 def library_folder(options: argparse.Namespace) -> Path | None:

@@ -39,7 +39,9 @@ def run(options: argparse.Namespace) -> int:
     check_scenario(options)
     folder = library_folder(options)
     library = None if folder is None else load_library(options)
-    first = expand_folders(options.files)[0] if library is None else library.entries[0].name
+    if library is None:
+        options.files = expand_folders(options.files, include_grafts=options.include_grafts)
+    first = options.files[0] if library is None else library.entries[0].name
     if is_single:
         paths, page = [options.output], options.output.with_suffix(".html")
     else:

@@ -85,6 +85,7 @@ def _index(
             "strict": options.strict,
             "executor": executor,
             "progress": progress,
+            "include_grafts": options.include_grafts,
         }
         before: set[str] = set()
         if options.add:

@@ -79,6 +79,10 @@ NEIGHBOURHOOD = config_option("neighbourhood", "segments that are similar enough
 SEED = setting(
     "--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0
 )
+INCLUDE_GRAFTS = setting_switch(
+    "--include-grafts",
+    "also take the grafts in a folder, files beside which mograft graft wrote a .json, as donors",
+)
 FORCE = switch("--force", "overwrite existing files")
 JSON = switch("--json", "print the results as one JSON document")
 

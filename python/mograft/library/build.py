@@ -13,7 +13,7 @@ from mograft.body.groups import JointGroups
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import cluster_groups, embed_groups, join_boundary_states
 from mograft.library.data import LibraryData
-from mograft.library.discover import ClipSource, find_clips, unique_names
+from mograft.library.discover import ClipSource, unique_names
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
 from mograft.motion.motion import Motion
@@ -28,7 +28,7 @@ def build_library(
     run: IngestRun,
 ) -> L:
     """Build a library in memory; see `Library.build`."""
-    found = find_clips(sources)
+    found = run.find_clips(sources)
     pending = [run.pending(ClipOrder(index), clip) for index, clip in enumerate(found)]
     ingested: list[tuple[PendingClip, IngestedClip]] = []
     spec = run.ingest_and_choose_spec(pending, ingested)

@@ -2,7 +2,9 @@
 
 import csv
 import glob
+import json
 import os
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -23,6 +25,7 @@ class FoundClip:
 
     source: Motion | str  # the clip, or its file
     folders: tuple[str, ...] = ()  # the folders between the source and the file
+    is_graft: bool = False  # whether a folder holds it with the provenance of a graft beside it
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -68,7 +71,10 @@ def _find_files(path: str) -> list[FoundClip]:
         files = scan_folder(path)
         if not files:
             raise FileNotFoundError(2, "no BVH file in this folder", path)
-        return [FoundClip(str(file), file.relative_to(path).parts[:-1]) for file in files]
+        return [
+            FoundClip(str(file), file.relative_to(path).parts[:-1], is_graft=_has_provenance(file))
+            for file in files
+        ]
     matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
     matches = [match for match in matches if os.path.isfile(match)]
     if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
@@ -76,6 +82,34 @@ def _find_files(path: str) -> list[FoundClip]:
     if not matches and not os.path.lexists(path):
         raise FileNotFoundError(2, "No such file or directory", path)
     return [FoundClip(match) for match in matches or [path]]
+
+
+def _has_provenance(path: Path) -> bool:
+    """Return whether the JSON file that ``mograft graft`` writes is beside a motion."""
+    provenance = path.with_suffix(".json")
+    try:
+        document = json.loads(provenance.read_bytes()) if provenance.is_file() else None
+    except (OSError, ValueError, RecursionError):
+        return False
+    schema = document.get("schema") if isinstance(document, dict) else None
+    return isinstance(schema, str) and schema.startswith("mograft.graft/")
+
+
+def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
+    """Return the clips without the grafts that folders hold, and warn of these.
+
+    A graft as donor would repeat its seams. Raise FileNotFoundError if no clip remains.
+    """
+    kept = [clip for clip in clips if not clip.is_graft]
+    n_grafts = len(clips) - len(kept)
+    remedy = "--include-grafts (include_grafts=True) includes them"
+    if clips and not kept:
+        raise FileNotFoundError(f"all files of these folders are grafts of mograft; {remedy}")
+    if n_grafts:
+        grafts = "1 graft" if n_grafts == 1 else f"{n_grafts} grafts"
+        message = f"{grafts} of mograft in these folders excluded as donors; {remedy}"
+        warnings.warn(message, stacklevel=3)
+    return kept
 
 
 def relative_path(path: str, folder: Path) -> Path:

@@ -18,7 +18,6 @@ from mograft.library.data import LibraryData
 from mograft.library.discover import (
     ClipSource,
     FoundClip,
-    find_clips,
     matching_values,
     relative_path,
 )
@@ -125,7 +124,7 @@ def _pending_files(
 ) -> list[PendingClip]:
     """Return each file that sources stand for once, in the order of the library."""
     by_path = {}
-    for found in find_clips(sources):
+    for found in run.find_clips(sources):
         if isinstance(found.source, Motion):
             raise TypeError(
                 "`sources` must be files, got a Motion: use Library.build and Library.save"

@@ -14,7 +14,13 @@ from mograft.config import Config
 from mograft.errors import join_names
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
-from mograft.library.discover import FoundClip, matching_values
+from mograft.library.discover import (
+    ClipSource,
+    FoundClip,
+    exclude_grafts,
+    find_clips,
+    matching_values,
+)
 from mograft.library.ingest import (
     INGEST_ERRORS,
     IngestedClip,
@@ -34,14 +40,20 @@ _MAX_FAULTS = 3
 """Faults per clip that warnings name."""
 
 
-class IngestOptions(TypedDict, total=False):
-    """Keyword arguments that `Library.build` and `Library.index` share and document."""
+class AddOptions(TypedDict, total=False):
+    """Keyword arguments that `Library.build`, `index` and `add` share and document."""
 
-    rate: float | None
+    include_grafts: bool
     frame_rates: Mapping[str, float] | None
     tags: Mapping[str, Iterable[str]] | None
     executor: Executor | None
     progress: Progress | None
+
+
+class IngestOptions(AddOptions, total=False):
+    """Keyword arguments that `Library.build` and `Library.index` share and document."""
+
+    rate: float | None
 
 
 class ClipOrder(NamedTuple):
@@ -113,12 +125,18 @@ class IngestRun:
     config: Config
     strict: bool  # whether a clip that is refused ends the run with an error
     is_packed: bool  # whether clips are returned packed or as motions
+    include_grafts: bool = False
     rate: float | None = None
     frame_rates: Mapping[str, float] | None = None
     tags: Mapping[str, Iterable[str]] | None = None
     executor: Executor | None = None
     progress: Progress | None = None
     errors: dict[str, Exception] = field(default_factory=dict)  # of refused clips, by label
+
+    def find_clips(self, sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
+        """Find the clips that sources stand for; grafts in folders only with `include_grafts`."""
+        found = find_clips(sources)
+        return found if self.include_grafts else exclude_grafts(found)
 
     def report(self, stage: str, done: int, total: int) -> None:
         """Report progress."""

@@ -1,7 +1,6 @@
 """The class `Library`: build, store and open libraries of segments."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -12,12 +11,11 @@ from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library import storage
 from mograft.library.build import build_library
-from mograft.library.clusters import Progress
 from mograft.library.derive import DerivableLibrary
 from mograft.library.discover import ClipSource
 from mograft.library.folder import load_library, save_library
 from mograft.library.indexing import add_to_folder, index_folder
-from mograft.library.ingest_run import IngestOptions, IngestRun
+from mograft.library.ingest_run import AddOptions, IngestOptions, IngestRun
 from mograft.search.candidates import Candidates, list_candidates
 from mograft.search.costs import limit_config
 from mograft.search.donor_choice import cost_model
@@ -90,6 +88,9 @@ class Library(DerivableLibrary):
             The configuration.
         mirrored : bool
             Whether to append the mirror images of all clips; see `mirrored`.
+        include_grafts : bool
+            Whether to take also the grafts in folders: files beside which ``mograft graft``
+            wrote a ``.json``. Files that a path or glob names are always taken.
         rate : float, optional
             Frames per second. Default: the rate of most frames.
         frame_rates : mapping of str to float, optional
@@ -118,7 +119,8 @@ class Library(DerivableLibrary):
         -----
         UserWarning
             If clips are resampled to the library's rate, have faults such as a T-pose in the
-            first frame, or if the segments of a group are too few or too alike to cluster.
+            first frame, if the segments of a group are too few or too alike to cluster, or if
+            grafts in folders are left out.
 
         Examples
         --------
@@ -151,7 +153,7 @@ class Library(DerivableLibrary):
             The files, in any order: the clips of the library are sorted by path.
         path : path
             The folder to create.
-        groups, config, rate, frame_rates, tags, executor, progress
+        groups, config, include_grafts, rate, frame_rates, tags, executor, progress
             As for `build`.
         strict : bool
             Whether a clip that cannot be read or does not fit is an error. By default it is
@@ -195,11 +197,8 @@ class Library(DerivableLibrary):
         self,
         sources: Paths,
         *,
-        frame_rates: Mapping[str, float] | None = None,
-        tags: Mapping[str, Iterable[str]] | None = None,
         strict: bool = False,
-        executor: Executor | None = None,
-        progress: Progress | None = None,
+        **options: Unpack[AddOptions],
     ) -> "Library":
         """Add clips to a library in a folder.
 
@@ -207,7 +206,7 @@ class Library(DerivableLibrary):
         ----------
         sources : path, folder or glob, or several
             The files. Files that the library holds and that have not changed are not read.
-        frame_rates, tags, strict, executor, progress
+        strict, include_grafts, frame_rates, tags, executor, progress
             As for `index`.
 
         Returns
@@ -221,6 +220,8 @@ class Library(DerivableLibrary):
             If the library is damaged, or another process is writing to it.
         ValueError
             If the library is in memory, or no clip can be used.
+        TypeError
+            If `rate` is given, which is fixed when a library is created.
         BvhError, FileNotFoundError, SkeletonMismatchError
             As for `index`.
 
@@ -231,15 +232,9 @@ class Library(DerivableLibrary):
         """
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it from all clips")
-        run = IngestRun(
-            config=self.config,
-            strict=strict,
-            is_packed=True,
-            frame_rates=frame_rates,
-            tags=tags,
-            executor=executor,
-            progress=progress,
-        )
+        if "rate" in options:
+            raise TypeError("`rate` is fixed when a library is created")
+        run = IngestRun(config=self.config, strict=strict, is_packed=True, **options)
         add_to_folder(self.folder, sources, run)
         return Library.open(self.folder)
 
