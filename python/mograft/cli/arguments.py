@@ -63,7 +63,7 @@ class Command:
     help: str  # One line for the list of commands.
     arguments: tuple[Argument | ArgumentGroup, ...] = ()  # In the order of ``--help``.
     description: str | None = None  # Paragraph above the arguments in ``--help``.
-    actions: tuple["Command", ...] = ()  # The commands below it, as ``mograft lib verify``.
+    actions: tuple["Command", ...] = ()  # Its subcommands, such as ``mograft lib verify``.
     has_settings: bool = True  # Whether the settings are read before it runs.
 
     def settings(self) -> Iterator[Argument]:

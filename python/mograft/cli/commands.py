@@ -254,7 +254,7 @@ _EVALUATE = command(
         positive_number,
     ),
     setting(
-        "--runs", "number of motions for each base and rule (default: 10)", positive_integer, 10
+        "--runs", "number of motions for each base and method (default: 10)", positive_integer, 10
     ),
     setting("--bases", "number of clips that serve as base (default: 4)", positive_integer, 4),
     setting(
@@ -271,8 +271,8 @@ _EVALUATE = command(
     JSON,
     SEED,
     FORCE,
-    description="Measure grafts, and for comparison random motions and those of other donor "
-    "rules. Words among FILE that are not files select what to measure: "
+    description="Measure grafts, and for comparison grafts with random donors and with donors that "
+    "other methods select. Words among FILE that are not files select what to measure: "
     f"{', '.join(EVALUATION_TOPICS)} (default: all). The word {LABEL} writes a page instead, on "
     "which a person labels pieces as natural or not.",
 )
@@ -387,9 +387,9 @@ COMMANDS = (
                 description="Print the settings of the commands as a mograft.toml with the same "
                 "values. Settings come from mograft.toml in the working folder or the nearest "
                 "folder above it; a table such as [graft] applies to one command, keys before all "
-                "tables to every command. Environment variables override the file: first "
-                "MOGRAFT_SEED and the like, then MOGRAFT_GRAFT_SEED and the like. The command line "
-                "overrides both.",
+                "tables to every command. Environment variables override the file: MOGRAFT_SEED, "
+                "for example, applies to every command and MOGRAFT_GRAFT_SEED, which overrides it, "
+                "to graft. The command line overrides both.",
             ),
         ),
     ),

@@ -48,7 +48,7 @@ def refuse_useless_options(
 
 
 def refuse_fixed_options(options: argparse.Namespace, *names: str) -> None:
-    """End with a usage error if an option is given that a library's creation fixes."""
+    """End with a usage error if an option is given that is fixed when a library is created."""
     for name in options_given(options, *names):
         options.usage_error(f"--{name} is fixed when a library is created: mograft index --{name}")
 

@@ -23,7 +23,7 @@ from mograft.synthesis.graft import graft_many, repair
 from mograft.synthesis.graft_result import Graft
 
 _MAX_REPORTED = 20
-"""Grafts in a report page, which holds all of them in memory at once."""
+"""Maximum number of grafts in a report page, which has all of them in memory at once."""
 
 _MAX_SIGMA_SCALE = 4.0
 """At four times the spread of all segments one cluster contains them all."""

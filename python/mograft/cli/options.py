@@ -75,7 +75,7 @@ VARIETY = setting(
     "(default: 0.5)",
     share,
 )
-NEIGHBOURHOOD = config_option("neighbourhood", "segments that are similar enough", "cluster")
+NEIGHBOURHOOD = config_option("neighbourhood", "segments that can be donors", "cluster")
 SEED = setting(
     "--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0
 )

@@ -63,7 +63,7 @@ def find_config_file(folder: Path) -> Path | None:
 
 
 def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dict[str, Any]:
-    """Return the settings of a file for a command; its own table overrides the shared keys."""
+    """Return the settings of a file for a command; the command's table overrides shared keys."""
     import tomllib
 
     try:

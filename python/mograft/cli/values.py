@@ -66,7 +66,7 @@ def picture_size(text: str) -> tuple[int, int]:
     """Read ``WIDTHxHEIGHT``."""
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal()):
-        raise ArgumentTypeError(f"must be WIDTHxHEIGHT, as 720x480, got {text}")
+        raise ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 720x480, got {text}")
     return int(width), int(height)
 
 
@@ -74,7 +74,7 @@ def frame_range(text: str) -> tuple[int, int]:
     """Read the first and last frame of a range of at least two frames."""
     first, dash, last = text.partition("-")
     if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
-        raise ArgumentTypeError(f"must be FIRST-LAST, as 100-400, got {text}")
+        raise ArgumentTypeError(f"must be FIRST-LAST, such as 100-400, got {text}")
     return int(first), int(last)
 
 
@@ -146,7 +146,7 @@ def corners(text: str) -> list[list[float]]:
     except ArgumentTypeError:
         found = []
     if len(found) < 2:
-        raise ArgumentTypeError(f"must be at least two corners, as 0,0:300,0; got {text}")
+        raise ArgumentTypeError(f"must be at least two corners, such as 0,0:300,0; got {text}")
     return found
 
 

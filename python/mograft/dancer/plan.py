@@ -122,7 +122,7 @@ class Route:
         return np.interp(clock, self.grid, self.headings)
 
     def position(self, clock: FloatArray, offsets: FloatArray) -> FloatArray:
-        """Return positions on the floor plus offsets from there that face the heading, (n, 3)."""
+        """Return positions on the floor plus `offsets` rotated to the heading, shape (n, 3)."""
         x, z = (np.interp(clock, self.grid, values) for values in (self.x, self.z))
         heading = rotations.from_axis_angle(Y, self.heading(clock))
         return np.stack([x, np.zeros_like(x), z], axis=-1) + rotations.rotate(heading, offsets)
@@ -239,7 +239,7 @@ def _ease(t: FloatArray) -> FloatArray:
 
 
 def _bump(t: FloatArray) -> FloatArray:
-    """Return a smooth curve from 0 at t = 0 over 1 at t = 0.5 to 0 at t = 1."""
+    """Return a smooth curve that is 0 at t = 0, 1 at t = 0.5 and 0 at t = 1."""
     t = t.clip(0, 1)
     bump: FloatArray = 64 * (t * (1 - t)) ** 3
     return bump

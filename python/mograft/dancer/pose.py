@@ -25,7 +25,7 @@ def leg_pose(
 ) -> FloatArray:
     """Return local rotations of thigh, shank and foot, shape (n_frames, 3, 4).
 
-    `pelvis` holds its rotations, `hip` the offset of the hip joint.
+    `pelvis` holds the rotations of the pelvis, `hip` the offset of the hip joint.
     """
     reach = foot.ankle - pelvis_positions - rotations.rotate(pelvis, hip)
     # The knee points to the mean of the forward directions of pelvis and foot.
@@ -54,8 +54,8 @@ def _two_bone_ik(
     """Return the rotations (n, 4) of a limb's first bone and the angles (n,) of its second.
 
     `reach`, shape (n, 3), leads from the start of the limb to its end and is shorter than both
-    bones. `pole` is the direction of the middle joint. In the rest pose the limb points along
-    `rest` and bends about `hinge`. Angles are about the hinge in radians, 0 if the limb is
+    bones together. `pole` is the direction of the middle joint. In the rest pose the limb points
+    along `rest` and bends about `hinge`. Angles are about the hinge in radians, 0 if the limb is
     straight.
     """
     upper, lower = lengths

@@ -82,7 +82,7 @@ _WAVE = ArmPattern((36, 66, 8), sway=(11, -2, 0), elbow=(1, -1, -0.2), hand=(0.1
 
 
 def _alternate(pattern: ArmPattern) -> tuple[ArmPattern, ArmPattern]:
-    """Return the pattern for the left arm, and half a period later for the right."""
+    """Return the pattern for the left arm, and the same half a period later for the right arm."""
     return pattern, replace(pattern, start=pattern.start + 0.5)
 
 

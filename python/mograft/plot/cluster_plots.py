@@ -205,7 +205,7 @@ def _embedding(library: Library, group: str | None) -> tuple[str, Embedding, Int
     embedding = library.embedding[name]
     if embedding is None or len(embedding.points) < 2:
         raise ValueError(
-            f"group {name!r} has no embedding: a library needs at least two segments for one"
+            f"group {name!r} has no embedding: this requires at least three segments that differ"
         )
     # The segments of a base that was added for a graft have labels, but no points.
     return name, embedding, labels[: len(embedding.points)]

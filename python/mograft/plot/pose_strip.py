@@ -98,9 +98,9 @@ def strip(
 
 
 def _bones(motion: Motion) -> list[tuple[int, int]]:
-    """Return the nodes with their parents, without those above the locomotion root.
+    """Return the nodes with their parents, without nodes above the locomotion root.
 
-    A joint above it stays at the origin of the world, however far away the body is.
+    A joint above that root stays at the origin of the world, however far away the body is.
     """
     parents = node_parents(motion)
     above, joint = set(), motion.locomotion_root()
@@ -113,7 +113,7 @@ def _bones(motion: Motion) -> list[tuple[int, int]]:
 def _project(motion: Motion, frames: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return horizontal and vertical node coordinates per frame, in body heights.
 
-    The camera looks at the front of the first pose, 35 degrees from aside.
+    The camera is 35 degrees beside the direction in which the first pose faces.
     """
     skeleton = motion.skeleton
     nodes = node_positions(motion[int(frames[0]) : int(frames[-1]) + 1])[frames - frames[0]]

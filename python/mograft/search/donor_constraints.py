@@ -135,8 +135,8 @@ class NotFrom(_ClipConstraint):
     tags : str or collection of str
         Tags of clips; a clip with one of them is selected, in addition to `clips`.
     clip_frames : tuple of int, optional
-        First and last frame in these clips; a donor may share at most one frame with this range.
-        Default: all frames.
+        First and last frame in these clips; donors must not have an interval in this range, or
+        contain it if it is a single frame. Default: all frames.
 
     Examples
     --------

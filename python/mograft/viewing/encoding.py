@@ -14,10 +14,10 @@ from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.scene import Figure, Scene, TimelineRow
 
 MAX_NODE_POSITIONS = 6_000_000
-"""Node positions in a page; of longer motions only every n-th frame is stored."""
+"""Maximum number of node positions in a page; of longer motions every n-th frame is stored."""
 
 _MAX_CURVE_POINTS = 1_500
-"""Points of the energy curve; no screen is wider."""
+"""Maximum number of points of the energy curve, which is about the width of a screen in pixels."""
 
 _CURVE_SMOOTHING_SECONDS = 0.07
 
@@ -82,9 +82,9 @@ def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, Fl
 
     World positions (n_frames, n_nodes, 3) relative to node `root` become 16-bit multiples of the
     step, which is at least a ten-thousandth of the body height; the error is at most half a step.
-    The bytes are their second differences in time, track by track, as unsigned integers, even for
-    positive and odd for negative ones; all low bytes precede all high bytes, as zlib compresses
-    this order best.
+    The bytes are the second differences in time of these multiples, track by track, as unsigned
+    integers, even for positive and odd for negative ones; all low bytes precede all high bytes, as
+    zlib compresses this order best.
     """
     path = positions[:, root].astype(np.float32).astype(np.float64)
     relative = positions - path[:, None]

@@ -108,7 +108,7 @@ class _Panel:
         self.zoom = min(size[1] * 0.7, size[0] * 0.85)
 
     def draw(self, frame: int, font: "FreeTypeFont | ImageFont") -> "Image":
-        """Return the picture of a frame, of the last one if the motion has ended."""
+        """Return the picture of a frame, or of the last frame if the motion has ended."""
         from PIL import Image, ImageDraw
 
         frame = min(frame, len(self.positions) - 1)
@@ -168,7 +168,7 @@ class _Panel:
 
 
 def _camera_yaw(motion: Motion, positions: FloatArray) -> float:
-    """Return the yaw from which the camera sees the front of the figure, 30 degrees aside."""
+    """Return the yaw of a camera that sees the figure from 30 degrees beside its front."""
     thighs = [anatomy(motion.skeleton).joints("thigh", side=side) for side in ("left", "right")]
     if not all(thighs):
         return 0.0

@@ -55,7 +55,7 @@ class DrawnSkeleton:
         positions = node_positions(motion)
         on_head = {node for node, parent in enumerate(parents) if parent == mass.head}
         if mass.head is not None and on_head and on_head <= set(known.details):
-            # The head has no child but eyes and the like: it ends where the mass model ends it.
+            # The only children of the head are details such as eyes: the mass model sets its end.
             turns, joints = motion.world_transforms()
             top = joints[:, mass.head] + rotations.rotate(turns[:, mass.head], mass.bone[mass.head])
             positions = np.concatenate([positions, top[:, None]], axis=1)
@@ -98,7 +98,7 @@ def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
         if is_trunk and part not in ("trunk", "neck", "head"):
             widths[joint] = _TRUNK_TO_LIMB_WIDTH
     for node, parent in enumerate(above):
-        # Eyes and markers at the width of a head would look like a second one.
+        # Eyes and markers drawn as wide as the head would look like a second head.
         if {node, parent} & set(known.details):
             widths[node] = _DETAIL_WIDTH
     return widths

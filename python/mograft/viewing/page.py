@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: no network, no further files, no script except their own."""
+"""Self-contained HTML pages: they load nothing and run only the script that they contain."""
 
 import base64
 import hashlib
@@ -24,7 +24,7 @@ from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
 from mograft.viewing.scene import Scene
 
 _MAX_NOTEBOOK_POSITIONS = 300_000
-"""Node positions in the page of a notebook cell, which is saved with the notebook."""
+"""Maximum number of node positions in a notebook cell, which is saved with the notebook."""
 
 Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
 
@@ -168,7 +168,7 @@ def assemble_page(
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
     script = asset("viewer.js") if script is None else script
     sheet = asset("viewer.css") + style
-    # Second line of defence against names from files that contain HTML: the browser runs only
+    # Additional protection against names from files that contain HTML: the browser runs only
     # this script and loads nothing.
     policy = (
         f"default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "

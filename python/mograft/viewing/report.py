@@ -20,7 +20,7 @@ from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
 
 _MAX_SHOWN = 4
-"""Grafts in the viewer; more would be too small."""
+"""Maximum number of grafts in the viewer; the figures of more grafts would be too small."""
 
 REPORT_STYLE = f"\n{asset('report.css')}\n"
 
@@ -122,7 +122,7 @@ _MEASURE_NOTE = (
     "out of balance over frames with the zero-moment point outside of the support."
 )
 _DONOR_NOTE = (
-    "Average number of donors per segment that satisfy each condition and those before it: same "
+    "Average number of donors per segment that satisfy each condition and all previous ones: same "
     "cluster; similar duration and no recording fault; seam angle within the limit for at least "
     "one pair of neighbours. A segment without donors keeps its captured motion."
 )

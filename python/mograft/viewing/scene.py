@@ -19,7 +19,7 @@ _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TimelineRow:
-    """One line of the timeline: the segments of a clip for one joint group."""
+    """One row of the timeline: the segments of a clip for one joint group."""
 
     group: str
     start: IntArray  # First and last frame of each segment, both inclusive.
@@ -37,7 +37,7 @@ class TimelineRow:
     def without_donors(
         cls, group: str, start: IntArray, stop: IntArray, cluster: IntArray
     ) -> "TimelineRow":
-        """Return the line of captured segments."""
+        """Return the row of captured segments."""
         zeros = np.zeros(len(start), np.int64)
         return cls(
             group=group,
@@ -59,9 +59,9 @@ class Figure:
     """One moving figure."""
 
     motion: Motion
-    name: str  # On the page.
+    name: str  # Name on the page.
     members: Mapping[str, IntArray]  # The joints of each group.
-    rows: tuple[TimelineRow, ...]  # Its lines of the timeline.
+    rows: tuple[TimelineRow, ...]  # The rows of the figure in the timeline.
 
     def group_of_nodes(self, parents: Sequence[int]) -> list[int]:
         """Return the index of each node's group.

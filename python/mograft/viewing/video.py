@@ -72,7 +72,7 @@ def write_video(
 
     Notes
     -----
-    A camera follows each figure; it sees the front 30 degrees from aside. GIF stores durations
+    A camera follows each figure, 30 degrees beside the direction of its front. GIF stores durations
     in hundredths of a second: durations of pictures differ by one of these units, so that the
     total duration is correct.
 
