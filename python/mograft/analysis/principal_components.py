@@ -42,7 +42,7 @@ class Spread:
             chunk_mean = rows.mean(axis=0)
             centred = rows - chunk_mean
             within = centred.T @ centred
-            # NumPy's own sum, without BLAS: scales derive from it.
+            # numpy.sum does not use BLAS, on whose threads the scales would depend otherwise.
             np.fill_diagonal(within, np.einsum("ij,ij->j", centred, centred))
             if not n:
                 n, mean, scatter = len(rows), chunk_mean, within

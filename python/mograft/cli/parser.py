@@ -81,7 +81,7 @@ def parse(
         except (OSError, ValueError) as error:
             parser.error(str(error))
         # argparse leaves a default that is no string as it is: an option that still holds its
-        # `Setting` after parsing was not given on the command line.
+        # `Setting` after parsing is absent from the command line.
         parser.set_defaults(**settings)
         options = parsers[()].parse_args(arguments)
     options.commands = commands

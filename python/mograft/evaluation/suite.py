@@ -366,7 +366,7 @@ class _Bases:
         return cls(cuts, supports, balances)
 
     def recording_samples(self) -> dict[str, BalanceSample]:
-        """Return the static and dynamic balance of the bases, with each base as its own graft."""
+        """Return the static and dynamic balance of the bases, each compared with itself."""
         changed = [np.ones((1, len(cut)), bool) for cut in self.cuts]
         return {
             kind: BalanceSample(original, [[balance] for balance in original], changed, self.cuts)

@@ -95,9 +95,9 @@ class Library(DerivableLibrary):
             Frames per second. Default: the rate of most frames.
         frame_rates : mapping of str to float, optional
             The true frames per second of clips whose file gives a wrong rate, by name,
-            file name or glob of these.
+            file name, or a glob that matches either.
         tags : mapping of str to iterable of str, optional
-            Words by which donors can be chosen, by name, file name or glob of these; the
+            Words by which donors can be chosen, by the same keys as `frame_rates`; the
             folders between a source and a file are tags, too.
         executor : concurrent.futures.Executor, optional
             The workers that read, segment and sample clips: a pool of threads or of processes,

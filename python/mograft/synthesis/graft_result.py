@@ -52,7 +52,7 @@ class Substitution:
 
     @property
     def is_own(self) -> bool:
-        """Whether the base segment is its own donor."""
+        """Whether the donor is the base segment itself."""
         return self.segment == self.donor
 
 

@@ -124,7 +124,7 @@ def rank_substitutions(
     pairs = zip(positions, indices, strict=True)
     donors = np.array([trellis.candidates[p][i] for p, i in pairs], np.int64)
     begins, ends = segments.start[positions], segments.stop[positions]
-    # Frames before a substitution stay unchanged; those of its own position are the donor's;
+    # Frames before a substitution stay unchanged; the frames of its position are the donor's;
     violations = np.concatenate([[0.0], np.cumsum(excess)])[begins]
     root_start = root[begins]
     active = np.flatnonzero(problem.is_constrained_position[positions])

@@ -177,7 +177,7 @@ class SearchProblem:
 
     @property
     def captured_donors(self) -> DonorSequences:
-        """The donor sequences in which every base segment is its own donor."""
+        """The donor sequences in which the donor of every base segment is the segment itself."""
         return {group: self.scenario.copy() for group in self.pools}
 
     @property
