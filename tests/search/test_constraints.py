@@ -497,14 +497,14 @@ def reachable_target(problem, rng):
 def test_reach_reachable_target_is_met(library):
     problem, rng = build_problem(library, []), np.random.default_rng(5)
     n_met = 0
-    for _ in range(10):
+    for _ in range(20):
         target, frame = reachable_target(problem, rng)
         graft = mg.graft(library, constraints=[mg.Reach(HAND, target, frame)])
         at = graft.motion.world_positions()[frame, graft.motion.skeleton.index(HAND)]
         distance = np.linalg.norm(at - target) / problem.base_poses.height
         assert (distance <= 0.03) == (not graft.violations)
         n_met += distance <= 0.03
-    assert n_met >= 8
+    assert n_met >= 14
 
 
 def test_reach_unreachable_target_reports_smallest_violation(library):

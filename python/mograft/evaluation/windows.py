@@ -162,7 +162,7 @@ class GraftWindows:
         # A clip shorter than a window has none.
         kept = np.flatnonzero(lengths[clip] > 2 * reach)
         part = self._choose(kept)
-        new = self._captured(clip[kept], frame[kept])
+        new = self._captured_windows(clip[kept], frame[kept])
         blocks = self.frames.block[self.frames.offsets[clip[kept]] + frame[kept]]
         return part._pair(new, tuple(blocks[:, None]))
 
@@ -189,9 +189,9 @@ class GraftWindows:
             np.union1d(several, block[own])
             for several, own in zip(donor_blocks, row.tolist(), strict=True)
         )
-        return Pairs(self._captured(base[:, 0], base[:, 1]), new, row, block, used)
+        return Pairs(self._captured_windows(base[:, 0], base[:, 1]), new, row, block, used)
 
-    def _captured(self, clip: IntArray, frame: IntArray) -> Windows:
+    def _captured_windows(self, clip: IntArray, frame: IntArray) -> Windows:
         """Return the captured windows around frames of clips."""
         parts, rows = [], []
         for index in np.unique(clip).tolist():
