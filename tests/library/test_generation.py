@@ -35,6 +35,40 @@ def test_index_existing_folder_is_kept_without_force(clip_folder, stored_library
         Library.index(DANCE, tmp_path / "no")
 
 
+def make_foreign_year(folder):
+    (folder / "2024").mkdir()
+    (folder / "2024" / "tax.pdf").write_bytes(b"tax")
+
+
+def make_foreign_manifest(folder):
+    (folder / "manifest.json").write_text('{"format": "web app", "version": 1}')
+
+
+def make_foreign_link(folder):
+    (folder / "0009").symlink_to(folder / "0001", target_is_directory=True)
+
+
+@pytest.mark.parametrize("change", [make_foreign_year, make_foreign_manifest, make_foreign_link])
+@pytest.mark.parametrize("source", ["folder", "missing"])
+def test_index_force_leaves_folders_that_hold_foreign_files(clip_folder, tmp_path, change, source):
+    Library.index(clip_folder / "c.bvh", tmp_path / "l")
+    change(tmp_path / "l")
+    before = list_files(tmp_path / "l")
+    clips = clip_folder if source == "folder" else tmp_path / "no.bvh"
+    with pytest.raises((LibraryError, OSError, ValueError)):
+        Library.index(clips, tmp_path / "l", force=True)
+    assert list_files(tmp_path / "l") == before
+
+
+def test_index_force_that_fails_keeps_the_library(clip_folder, tmp_path):
+    library = Library.index(clip_folder / "c.bvh", tmp_path / "l")
+    (tmp_path / "bad.bvh").write_text("no motion")
+    with pytest.raises(ValueError, match=r"bad\.bvh"):
+        Library.index(tmp_path / "bad.bvh", tmp_path / "l", force=True)
+    assert_same_libraries(Library.open(tmp_path / "l"), library)
+    assert storage.list_leftovers(tmp_path / "l") == []
+
+
 def test_write_generation_second_writer_raises_library_error(clip_folder, tmp_path):
     library = Library.index(clip_folder / "c.bvh", tmp_path / "l")
     with generation.write_generation(tmp_path / "l", add=True):

@@ -4,6 +4,7 @@ import contextlib
 import glob
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -279,7 +280,7 @@ def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
         except LibraryError:
             taken = [int(path.name) for path in final.iterdir() if path.name.isdigit()]
             number = max(taken, default=0) + 1
-        _remove_generations(final, except_for=f"{number - 1:04d}")
+        _remove(final / f"{number:04d}")  # a killed process may have left it
         try:
             yield GenerationWriter(final, final, base, number)
         finally:
@@ -288,27 +289,79 @@ def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
 
 
 def _check_is_library(folder: Path) -> None:
-    """Check that a folder to be overwritten is a library, intact or damaged."""
-    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-    if MANIFEST not in names or not all(
-        name in (MANIFEST, LOCK) or name[:4].isdigit() or name.startswith(f"{MANIFEST}.")
-        for name in names
-    ):
+    """Check that a folder to be overwritten holds a library, maybe damaged, and nothing else."""
+    reason = None
+    if not _has_library_manifest(folder):
+        reason = f"it has no {MANIFEST} of a library"
+    else:
+        foreign = sorted(
+            path.name
+            for path in folder.iterdir()
+            if path.name not in (MANIFEST, LOCK) and not _is_replaceable(path)
+        )
+        if foreign:
+            reason = f"it also holds {', '.join(foreign[:3])}"
+    if reason:
         raise LibraryError(
-            f"{folder} is not a mograft library and is not overwritten; remove it first"
+            f"{folder} is not a mograft library and is not overwritten, because {reason}; "
+            "move it away first"
         )
 
 
+def _has_library_manifest(folder: Path) -> bool:
+    """Return whether the manifest has the format of a library, even if it is cut off."""
+    try:
+        text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    try:
+        document = json.loads(text)
+    except ValueError:
+        return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def _is_replaceable(path: Path) -> bool:
+    """Return whether a path in a library's folder is a generation or the draft of a manifest.
+
+    A generation is a folder named by its number that holds arrays and the database only.
+    """
+    if path.is_symlink():
+        return False
+    if not path.is_dir():
+        return re.fullmatch(rf"{re.escape(MANIFEST)}\.\d{{4,}}", path.name) is not None
+    return re.fullmatch(r"\d{4,}", path.name) is not None and all(
+        _is_generation_file(entry)
+        or (
+            entry.is_dir()
+            and not entry.is_symlink()
+            and entry.name.isdigit()
+            and all(map(_is_generation_file, entry.iterdir()))
+        )
+        for entry in path.iterdir()
+    )
+
+
+def _is_generation_file(path: Path) -> bool:
+    is_file = path.is_file() and not path.is_symlink()
+    return is_file and (path.suffix == ".npy" or path.name.startswith(DATABASE))
+
+
+def _remove(path: Path) -> None:
+    """Remove a generation or the draft of a manifest; leave anything else."""
+    if not path.exists() or not _is_replaceable(path):
+        return
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
 def _remove_generations(folder: Path, *, except_for: str) -> None:
-    """Remove all generations but one, and incomplete manifests."""
+    """Remove all generations but one, and drafts of manifests."""
     for path in folder.iterdir():
-        is_draft = path.name.startswith(f"{MANIFEST}.")
-        if path.name == except_for or not (path.name.isdigit() or is_draft):
-            continue
-        if path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
+        if path.name != except_for:
+            _remove(path)
 
 
 def _remove_partial_libraries(final: Path) -> None:
