@@ -180,6 +180,6 @@ def test_export_interrupted_film_leaves_no_file(working_folder, clip, ending):
     if ending == "mp4":
         pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
     child = start("export", clip, "-o", f"x.{ending}", "--size", "1920x1080")
-    wait_until(lambda: any(path.name.startswith(".x") for path in working_folder.iterdir()), child)
+    wait_until(lambda: any(path.suffix == ".part" for path in working_folder.iterdir()), child)
     interrupt(child)
     assert list(working_folder.iterdir()) == []

@@ -73,7 +73,8 @@ def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
 @settings(max_examples=4, deadline=None)
 @given(SEEDS)
 def test_donor_excess_is_that_of_the_graft(root_library, make_problem, seed):
-    problem = make_problem(root_library, [distant_wall()])
+    library = replace(root_library, config=replace(root_library.config, self_repair=False))
+    problem = make_problem(library, [distant_wall()])
     rngs = [np.random.default_rng([seed, i]) for i in range(2)]
     alternatives = [random_sequence(problem.candidates["lower"], rng) for rng in rngs]
     excesses = donor_excesses(problem, alternatives, 3, 9)["lower"]

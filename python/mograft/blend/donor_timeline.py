@@ -211,18 +211,19 @@ class DonorLayout:
             boundaries = timeline.boundaries(space, self._tracks(space), seams)
         else:
             seams = np.flatnonzero(self.seams)
-            boundaries = self._boundaries[space is TRANSLATIONS]
+            boundaries = (
+                self._rotation_boundaries if space is ROTATIONS else self._translation_boundaries
+            )
         piece_times = timeline.piece_times(seams, times, self.config.seam_blend)
         return treatment.close(values, piece_times, boundaries)
 
     @cached_property
-    def _boundaries(self) -> tuple[SeamBoundaries, SeamBoundaries]:
-        """Boundaries of rotations and of translations at the seams."""
-        seams = np.flatnonzero(self.seams)
-        return (
-            self.timeline.boundaries(ROTATIONS, self.rotations, seams),
-            self.timeline.boundaries(TRANSLATIONS, self.positions, seams),
-        )
+    def _rotation_boundaries(self) -> SeamBoundaries:
+        return self.timeline.boundaries(ROTATIONS, self.rotations, np.flatnonzero(self.seams))
+
+    @cached_property
+    def _translation_boundaries(self) -> SeamBoundaries:
+        return self.timeline.boundaries(TRANSLATIONS, self.positions, np.flatnonzero(self.seams))
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames after `SeamTreatment.smooth`."""
@@ -250,7 +251,7 @@ class DonorLayout:
 
     def seam_angles(self) -> FloatArray:
         """Return the rotation gap of each joint at each seam in radians, (n_seams, n_joints)."""
-        angles: FloatArray = np.linalg.norm(self._boundaries[0].gaps(), axis=-1)
+        angles: FloatArray = np.linalg.norm(self._rotation_boundaries.gaps(), axis=-1)
         return angles
 
 

@@ -313,10 +313,11 @@ def draw_donors(
 ) -> tuple[GraftPlan, list[DonorSequences]]:
     """Select donors as `grafts_by` does, without computing the motions.
 
-    Return the plan, and for each graft the donor sequence of each grafted group.
+    Return the plan, and for each graft the donor sequence of each grafted group. Grafts of the plan
+    keep these donors: self-repair is off, so that methods are compared by their own choice.
     """
-    if method.config_changes:
-        library = library.relabelled(replace(library.config, **dict(method.config_changes)))
+    changes = {**dict(method.config_changes), "self_repair": False}
+    library = library.relabelled(replace(library.config, **changes))
     plan = GraftPlan.build(library, base, swap, ())
     problem = plan.problem
     candidates = method.candidates(problem.library, problem.scenario)
