@@ -78,7 +78,7 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
     treatment = SEAM_TREATMENTS.get(seam)
 
     def curve(piece):
-        def closed(frames):
+        def close_at(frames):
             seconds = np.asarray(frames) / RATE
             from_seam = seconds - durations[0] if piece == 0 else seconds
             values = rotations.multiply(
@@ -87,7 +87,7 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
             times = PieceTimes(np.full(len(seconds), piece), seconds, durations, blend)
             return treatment.close(values, times, boundaries)
 
-        return closed
+        return close_at
 
     end, start = np.array([durations[0] * RATE]), np.zeros(1)
     gap = np.linalg.norm(ROTATIONS.delta(boundaries.before, boundaries.after), axis=-1)

@@ -39,12 +39,12 @@ def change(grafts, function):
 
 
 @pytest.fixture(scope="module")
-def copied(grafts):
+def captured_copies(grafts):
     return detectability("copies", change(grafts, copy_base))
 
 
-def test_detectability_copies_of_base_have_auc_one_half(copied):
-    found = copied
+def test_detectability_copies_of_base_have_auc_one_half(captured_copies):
+    found = captured_copies
     for place in (found.seams, found.between_seams):
         for auc in (place.gross, place.fine):
             assert auc.value == pytest.approx(0.5, abs=1e-9)
@@ -56,14 +56,14 @@ def test_detectability_copies_of_base_have_auc_one_half(copied):
             assert auc.n > 30
 
 
-def test_detectability_jitter_at_seams_is_detected_there_only(grafts, copied):
+def test_detectability_jitter_at_seams_is_detected_there_only(grafts, captured_copies):
     joint = landmarks(grafts[0][0].motion.skeleton)["chest"][0]
     copies = change(grafts, copy_base)
     jittered = detectability("jitter", change(copies, lambda g: add_jitter(g, joint, reach=2)))
     assert jittered.seams.fine.low > 0.8
     assert jittered.seams.gross.value > 0.6
-    assert jittered.other_moments == copied.other_moments
-    assert jittered.donor_windows == copied.donor_windows
+    assert jittered.other_moments == captured_copies.other_moments
+    assert jittered.donor_windows == captured_copies.donor_windows
 
 
 def test_detectability_same_seed_gives_same_numbers(grafts):

@@ -22,7 +22,7 @@ pytest.importorskip("scipy", reason="SciPy is not installed")
 SHARED = Path(__file__).parents[3] / "shared"
 METHODS = (
     ByCost(),
-    ByCost("posture aligned", config_changes=(("torso", "world"),)),
+    ByCost("trunk on pelvis", config_changes=(("torso", "pelvis"),)),
     RandomLength(),
 )
 

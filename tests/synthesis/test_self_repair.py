@@ -30,14 +30,14 @@ def library():
     return mg.Library.build([motion[:900], replace(motion[900:], name="second")])
 
 
-def configured(library, **changes):
+def with_config(library, **changes):
     return replace(library, config=replace(library.config, **changes))
 
 
 def graft_pair(library, **arguments):
     """Return a graft without and with self-repair."""
     return [
-        mg.graft(configured(library, self_repair=is_on), **arguments) for is_on in (False, True)
+        mg.graft(with_config(library, self_repair=is_on), **arguments) for is_on in (False, True)
     ]
 
 
@@ -87,7 +87,7 @@ def seam_ratios(graft):
 @given(st.integers(0, 1000))
 def test_defect_amounts_above_limit_equal_ratios_of_loops_over_frames(library, seed):
     """Up to the limit, an amount may be the greater ratio to the base alone."""
-    plan = GraftPlan.build(configured(library, self_repair=False), None, None, ())
+    plan = GraftPlan.build(with_config(library, self_repair=False), None, None, ())
     donors = plan.choose_donors(1, seed)[0]
     graft = plan.build_graft(donors, seed, 0)
     problem = plan.problem
@@ -107,7 +107,7 @@ def test_defect_amounts_above_limit_equal_ratios_of_loops_over_frames(library, s
 @few_examples(2)
 @given(st.integers(0, 1000), st.sampled_from(["sample", "viterbi", "nearest"]))
 def test_self_repair_never_increases_the_greatest_seam_ratio(library, seed, choice):
-    before, after = graft_pair(configured(library, choice=choice), seed=seed)
+    before, after = graft_pair(with_config(library, choice=choice), seed=seed)
     before, after = (np.array([*seam_ratios(own).values()]) for own in (before, after))
     worst = max(before.max(initial=0.0), MAX_SEAM_RATIO)
     assert after.max(initial=0.0) <= 1.01 * worst
@@ -152,7 +152,7 @@ def test_self_repair_donor_with_glitch_is_replaced_if_another_candidate_exists(l
     arms = [library.skeleton.index(name) for name in ("LeftArm", "RightArm")]
     n_planted = 0
     for seed in range(6):
-        chosen = mg.graft(configured(library, self_repair=False), seed=seed)
+        chosen = mg.graft(with_config(library, self_repair=False), seed=seed)
         position, donor = next(
             (position, own)
             for position, own in enumerate(chosen.substitutions)
@@ -193,7 +193,7 @@ def test_self_repair_is_reported_as_text_and_json(library):
 def test_self_repair_is_off_in_paper_preset_and_in_random_draws(library):
     assert not mg.Config.paper().self_repair
     for choice in ("random", "best"):
-        before, after = graft_pair(configured(library, choice=choice), seed=1)
+        before, after = graft_pair(with_config(library, choice=choice), seed=1)
         np.testing.assert_array_equal(donors_of(before), donors_of(after))
         assert not after.repairs
 

@@ -210,9 +210,9 @@ def default_methods(library: Library) -> tuple[Method, ...]:
     if library.embedding[library.groups.base] is not None:
         methods.append(Nearest())
     methods += [Analogy(), ByCost()]
-    # Posture alignment as in Heck et al. 2006.
-    aligned = ByCost(f"{ByCost.name}, posture aligned", config_changes=(("torso", "world"),))
-    return (*methods, aligned)
+    # The trunk keeps its angle to the pelvis, as in the paper.
+    tilted = ByCost(f"{ByCost.name}, trunk on pelvis", config_changes=(("torso", "pelvis"),))
+    return (*methods, tilted)
 
 
 def contact_patterns(library: Library) -> BoolArray:
@@ -316,12 +316,16 @@ def draw_donors(
     Return the plan, and for each graft the donor sequence of each grafted group. Grafts of the plan
     keep these donors: self-repair is off, so that methods are compared by their own choice.
     """
-    changes = {**dict(method.config_changes), "self_repair": False}
-    library = library.relabelled(replace(library.config, **changes))
+    if method.config_changes:
+        library = library.relabelled(replace(library.config, **dict(method.config_changes)))
     plan = GraftPlan.build(library, base, swap, ())
     problem = plan.problem
     candidates = method.candidates(problem.library, problem.scenario)
-    problem = replace(problem, candidates=dict.fromkeys(problem.pools, candidates))
+    problem = replace(
+        problem,
+        candidates=dict.fromkeys(problem.pools, candidates),
+        config=replace(problem.config, self_repair=False),
+    )
     plan = replace(plan, problem=problem)
     if method.uses_cost:
         return plan, plan.choose_donors(count, seed)

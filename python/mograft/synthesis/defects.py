@@ -145,7 +145,7 @@ class DefectMeasure:
     ) -> list[FloatArray]:
         """Return the amount of world jerk at each position; 0 away from substitutions."""
         cut, (base, limits) = self.problem.base_segments, self._base_jerk
-        jerk = _world_jerk(motion.world_positions()[:, self._driven])
+        jerk = _world_jerk(motion.world_positions()[:, self._driven_joints])
         found = []
         for piece, shift in zip(pieces, shifts, strict=True):
             begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
@@ -175,7 +175,7 @@ class DefectMeasure:
         )
 
     @cached_property
-    def _driven(self) -> IntArray:
+    def _driven_joints(self) -> IntArray:
         """The joints whose world jerk is measured."""
         driven = np.flatnonzero(self.problem.driven_joints[self.group])
         return feature_joints(self.problem.base.skeleton, driven)
@@ -184,7 +184,7 @@ class DefectMeasure:
     def _base_jerk(self) -> tuple[FloatArray, FloatArray]:
         """The world jerk of the base in each frame, and the limit of each joint."""
         poses = self.problem.base_poses
-        jerk = _world_jerk(poses.positions[:, self._driven])
+        jerk = _world_jerk(poses.positions[:, self._driven_joints])
         limits = MAX_JERK_RATIO * np.percentile(jerk, _JERK_PERCENTILE, axis=0)
         return jerk, np.maximum(limits, _LEAST * poses.height)
 
