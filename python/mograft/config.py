@@ -80,8 +80,8 @@ class Config:
     choice : {"viterbi", "best", "sample", "nearest", "random"}
         How donors are chosen among the candidates within the limits. "sample" draws donor
         sequences with probability exp(-cost / `temperature`), so every seed gives another
-        motion. "viterbi" takes the donor sequence of minimum cost, for every seed. With both,
-        each further motion pays `diversity` for donors of the previous ones. "best" takes the
+        motion. "viterbi" takes the donor sequence of minimum cost, for every seed. In
+        several motions, both charge `diversity` for donors of the previous ones. "best" takes the
         sequences of the lowest costs, which differ little. "nearest" minimises the distance
         between base parts alone. "random" draws uniformly within the limits, as in the paper
         (4.4).
@@ -119,8 +119,8 @@ class Config:
     seam_window : float
         Half-width, in seconds, of the cubic of the "paper" treatment.
     seam_blend : float
-        Time beside a seam, in seconds, within which all other treatments but "displacement"
-        change frames.
+        Time beside a seam, in seconds, within which all treatments except "paper" and
+        "displacement" change frames.
     alignment : {"uniform", "dtw"}
         How the donor is fitted to the length of the base segment: at a constant rate, or by
         dynamic time warping of the donor's base part onto that of the base segment. The warp is
@@ -131,8 +131,8 @@ class Config:
         2006).
     self_repair : bool
         Whether donors are replaced where the assembled motion has more acceleration or jerk than
-        the recordings, by factors stated in the documentation of seams. Without effect for the
-        choices "best" and "random".
+        the recordings, by the factors in docs/seams.md. Without effect for the choices "best"
+        and "random".
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.

@@ -130,15 +130,16 @@ class ContactPattern(Method):
     """Donors of similar length with similar foot contacts.
 
     It follows the paper's description of the best rule of Ikemoto and Forsyth (Symposium on
-    Computer Animation 2004). The list of rules itself was not available.
+    Computer Animation 2004). Their list of rules was not available.
 
     Attributes
     ----------
     tolerance : int
-        Number of contact states that may differ, of ten for each foot.
+        Maximum number of differences, summed over all feet. The contact of each foot is compared
+        at ten instants of the segment.
     is_exact : bool
-        Whether the sequence of contact states must be equal; `tolerance` then has no effect.
-        The durations of the states may differ, and states of a single frame are ignored.
+        Whether the order of the contact states of all feet must be equal, whatever the duration of
+        each; states of a single frame are ignored. `tolerance` then has no effect.
     """
 
     name: str = "contact pattern"

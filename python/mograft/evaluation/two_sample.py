@@ -69,7 +69,12 @@ def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int
     sizes = np.array([len(found.rows) for found in tested], np.float64)
 
     def mean_auc(multiplicities: FloatArray, which: int) -> FloatArray:
-        """Return the mean AUC of the folds for draws of each block, shape (n, n_blocks)."""
+        """Return the mean AUC over the folds for each bootstrap sample, shape (n,).
+
+        `multiplicities`, shape (n, n_blocks), says how often each sample contains each block. Folds
+        are weighted by their number of windows. `which` is 0 for the gross classifier, 1 for the
+        fine one.
+        """
         values = np.stack(
             [
                 weighted_auc(

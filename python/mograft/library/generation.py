@@ -292,7 +292,7 @@ def _check_is_library(folder: Path) -> None:
     """Check that a folder to be overwritten holds a library, maybe damaged, and nothing else."""
     reason = None
     if not _has_library_manifest(folder):
-        reason = f"it has no {MANIFEST} of a library"
+        reason = f"it is not a mograft library: it has no {MANIFEST} of one; move it away first"
     else:
         foreign = sorted(
             path.name
@@ -300,12 +300,10 @@ def _check_is_library(folder: Path) -> None:
             if path.name not in (MANIFEST, LOCK) and not _is_replaceable(path)
         )
         if foreign:
-            reason = f"it also holds {', '.join(foreign[:3])}"
+            listed = ", ".join(foreign[:3])
+            reason = f"it holds files that are not of the library, such as {listed}; move them away"
     if reason:
-        raise LibraryError(
-            f"{folder} is not a mograft library and is not overwritten, because {reason}; "
-            "move it away first"
-        )
+        raise LibraryError(f"{folder} is not overwritten: {reason}")
 
 
 def _has_library_manifest(folder: Path) -> bool:

@@ -179,7 +179,10 @@ class _SegmentConstraint(Constraint):
     def _is_donor(self, donors: Segments, clips: Sequence[Clip]) -> BoolArray:
         """Return which segments contain an interval of the donor's frames."""
         if isinstance(self.donor, int):
-            raise ValueError(f"`donor` must name a clip outside of a graft, got {self.donor}")
+            raise ValueError(
+                "`donor` can be a segment index only in `graft`; "
+                f"here give the clip with its first and last frame, got {self.donor}"
+            )
         name, span = self.donor, None
         if isinstance(self.donor, tuple):
             name, *frames = self.donor

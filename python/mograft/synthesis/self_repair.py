@@ -60,10 +60,11 @@ def self_repair(
     trellises: Callable[[], Mapping[str, DonorTrellis]],
     total_violation: Callable[[Assembly], float],
 ) -> tuple[Assembly, list[RepairedWindow]]:
-    """Replace donors at defects of an assembly; return the better assembly and the windows.
+    """Replace donors at defects of an assembly; return the result and the frame ranges searched.
 
-    The assembly is the same object if it has no defect or no better donors were found. Neither the
-    greatest amount of a group nor the total violation of hard constraints grows.
+    The ranges include those without better donors. If there is no defect, or no better donor, the
+    assembly is the same object. The repair of a group increases neither the group's greatest
+    amount (see `DefectMeasure`) nor the total violation of hard constraints.
     """
     reports: list[RepairedWindow] = []
     for group in assembly.donors:

@@ -12,7 +12,7 @@ class _Paper(Displacement):
     """Displace the segments, then replace the frames near the seam by a cubic.
 
     The paper's window is 5 frames on each side of a seam. Here it is `Config.seam_window`, but at
-    most half of the shorter segment minus one frame, so that two windows never overlap. Seams
+    most one frame less than half of the shorter segment, so that two windows never overlap. Seams
     next to a segment of one interval are not smoothed.
     """
 
