@@ -28,7 +28,7 @@ class ValueSpace(Protocol):
         """Return the velocity of a value plus a constant delta, given that of the value."""
 
     def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return the rate of change of a delta from a fixed value to one that moves with `velocity`."""
+        """Return the rate of change of a delta from a fixed value to a moving one."""
 
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
         """Return values at fractional frames of a track; at whole frames, exactly the track's."""
