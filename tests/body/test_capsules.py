@@ -185,7 +185,7 @@ def test_capsules_hand_covers_fingers():
 @pytest.mark.parametrize(
     ("radii", "message"),
     [
-        ({"wing": 0.1}, "`radii` must have keys of .*got 'wing'"),
+        ({"wing": 0.1}, "keys of `radii` must be among .*got 'wing'"),
         ({"head": -1.0}, "'head' must not be"),
     ],
 )

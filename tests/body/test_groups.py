@@ -231,7 +231,7 @@ def test_groups_exact_name_precedes_glob():
             {"lower": ["Hips"], "upper": [subtree("Spine")]},
             "every joint must be in a group, got none for LeftLeg, LeftFoot, RightLeg",
         ),
-        ({"lower": ["Hips", 6], "upper": ["Spine"]}, "'lower': index must be 0 to 5, got 6"),
+        ({"lower": ["Hips", 6], "upper": ["Spine"]}, "'lower': joint index must be 0 to 5, got 6"),
         ({"lower": [subtree("Tail")], "upper": ["Spine"]}, "no joint is named 'Tail'"),
     ],
 )
@@ -276,9 +276,9 @@ def test_groups_entry_types_are_checked():
     ("text", "message"),
     [
         ("base = \n", "groups: not valid TOML: .*line 1"),
-        ('base = "a"\n', r"must contain base and a table \[groups\], got base"),
-        ("groups = 1\n", "must contain base and a table"),
-        ('speed = 1\n[groups]\na = ["x"]\n', "must contain base and a table.*got speed, groups"),
+        ('base = "a"\n', r"must contain a table \[groups\].*got base"),
+        ("groups = 1\n", r"must contain a table \[groups\]"),
+        ('speed = 1\n[groups]\na = ["x"]\n', r"must contain a table \[groups\].*got speed, groups"),
         ('[groups]\na = "x"\nlower = ["b"]\n', "group 'a' must be a list, got 'x'"),
         ('[groups]\na = [1.5]\nlower = ["b"]\n', "group 'a' must contain names, indices or"),
         ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must contain names"),

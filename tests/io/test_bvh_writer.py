@@ -139,7 +139,7 @@ def test_write_bvh_no_channels_raises_value_error():
     skeleton = mg.Skeleton(("a",), np.array([-1]), np.zeros((1, 3)), ((),))
     still = mg.Motion(skeleton, 1.0, np.array([[rotations.IDENTITY]]), np.zeros((1, 1, 3)))
     assert still.skeleton.n_channels == 0
-    with pytest.raises(ValueError, match="must have a channel"):
+    with pytest.raises(ValueError, match="must have at least one channel"):
         mg.write_bvh(still, io.BytesIO())
 
 

@@ -18,9 +18,9 @@ from mograft.motion.skeleton import Skeleton
 class Anatomy:
     """Body part and side of each joint of a skeleton.
 
-    The part of a joint is the one that it moves: an elbow is ``"forearm"``, a knee ``"shank"``.
-    Joints from the hips down to the legs are ``"pelvis"``. Ancestors of the hips, which move the
-    whole body, are ``"other"``.
+    A joint belongs to the body part that it moves: an elbow to ``"forearm"``, a knee to
+    ``"shank"``. The hips, and the joints between them and the legs, belong to ``"pelvis"``.
+    Ancestors of the hips, which move the whole body, have the part ``"other"``.
     """
 
     parts: tuple[str, ...]  # of `mograft.body.body_parts.PARTS`, per joint
@@ -32,7 +32,7 @@ class Anatomy:
     human: bool  # whether the names describe a human: two legs below hips, no tail, no paws
 
     def joints(self, *parts: str, side: str | None = None) -> list[int]:
-        """Return the joints of the given parts, on one side or on all sides."""
+        """Return the indices of the joints of the given body parts; `side` None means all sides."""
         unknown = set(parts) - set(PARTS)
         if unknown:
             raise ValueError(f"`parts` must be among {', '.join(PARTS)}, got {sorted(unknown)}")
@@ -50,10 +50,11 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     Known names have priority. Namespaces, case, separators and a prefix shared by at least 90 % of
     the names are ignored. The hierarchy resolves ambiguous names: ``LeftShoulder`` is the upper arm
     if its child is an elbow, and the clavicle if its child is an arm. A joint with an unknown name
-    has the part of its parent. If the names contain no legs or no arms, symmetry is used: of all
-    mirrored pairs of limbs, the legs are nearest to the root. If the names contain no sides, these
-    are derived from the rest pose: the feet point forward; without feet, the positive axis points
-    left.
+    has the part of its parent; below a hand it is a finger, below a foot a toe. If the names
+    contain no legs or no arms, mirrored pairs of limbs are searched in the rest pose; the pair
+    nearest to the root is the legs. If the names contain no sides, the feet are assumed to point
+    forward in the rest pose. Without feet, the limb with the larger coordinate on the axis between
+    a pair is the left one.
     """
     words, sides = read_names(skeleton.names)
     named = _resolve_ambiguous(skeleton, [*map(part_of_words, words)], words, sides)
@@ -93,10 +94,10 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
 
 
 def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
-    """Return the joints of a group that are compared between segments, in the given order.
+    """Return those of the given joints whose rotations are compared between segments, in order.
 
     Fingers, toes, joints of the face and markers are excluded, because their number would outweigh
-    the limbs. If no joint remains, all joints are returned.
+    the limbs. If no joint remains, all given joints are returned.
     """
     indices = as_indices("joints", joints, ("n",))
     known = anatomy(skeleton)
@@ -107,7 +108,11 @@ def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
 def _resolve_ambiguous(
     skeleton: Skeleton, named: list[str], words: list[tuple[str, ...]], sides: list[str]
 ) -> list[str]:
-    """Resolve ambiguous names by the joints above and below."""
+    """Return the part of each joint, with ambiguous names resolved by the joints above and below.
+
+    For each joint, `words` holds the known words of its name, `named` the part that they mean, and
+    `sides` its side.
+    """
     below: list[set[str]] = [set() for _ in named]
     for joint in range(len(named) - 1, 0, -1):
         parent = skeleton.parents[joint]
@@ -145,7 +150,7 @@ def _resolve_ambiguous(
 
 
 def _above_arms(skeleton: Skeleton, parts: list[str]) -> list[int]:
-    """Return the spine joints above the arms if no joint is named neck."""
+    """Return the trunk joints that lead from the arms to the head; empty if a name means neck."""
     arms = [joint for joint, part in enumerate(parts) if part in ARM]
     if not arms or "neck" in parts:
         return []
@@ -158,7 +163,10 @@ def _above_arms(skeleton: Skeleton, parts: list[str]) -> list[int]:
 
 
 def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
-    """Return the part of every joint: its known part if plausible, else that of its parent."""
+    """Return the part of every joint: that in `known` if plausible, else that of the parent.
+
+    In `known`, a joint without a recognised name has the part ``""``.
+    """
     legs = [joint for joint, part in enumerate(known) if part in LEG]
     leg_ancestors = {above for joint in legs for above in skeleton.ancestors(joint)}
     above_hips = set(skeleton.ancestors(hips))
@@ -186,7 +194,7 @@ def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
 
 
 def _comes_before(part: str, above: str) -> bool:
-    """Return whether a part of a limb is closer to the trunk than the part of its parent."""
+    """Return whether both parts are in one limb, and `part` is closer to the trunk than `above`."""
     return any(
         part in limb and above in limb and limb.index(part) < limb.index(above)
         for limb in (ARM, LEG)
@@ -194,7 +202,7 @@ def _comes_before(part: str, above: str) -> bool:
 
 
 def _details(skeleton: Skeleton, parts: list[str]) -> tuple[int, ...]:
-    """Return joints of the face, and leaf joints that have siblings and their parent's part."""
+    """Return joints of the face, and markers: leaf joints with siblings and their parent's part."""
     found = []
     for joint, parent in enumerate(skeleton.parents):
         if parent < 0 or parts[joint] != parts[parent]:

@@ -49,7 +49,8 @@ class Capsules:
     def self_collision_pairs(self) -> IntArray:
         """Pairs of capsules that are tested for self-collision, shape (n_pairs, 2).
 
-        Each hand and forearm is tested with trunk, head, thighs and the other hand and forearm.
+        Hands and forearms are tested against pelvis, trunk, head, thighs, and the hand and forearm
+        of the other side.
         """
         kinds = list(zip(self.parts, self.sides, strict=True))
         pairs = [
@@ -67,8 +68,8 @@ class Capsules:
     def ends(self, world_rotations: FloatArray, world_positions: FloatArray) -> FloatArray:
         """Return both ends of each capsule, shape (n_frames, n_capsules, 2, 3).
 
-        `world_rotations` has shape (n_frames, n_joints, 4), `world_positions` (n_frames, n_joints,
-        3).
+        `world_rotations`, xyzw, has shape (n_frames, n_joints, 4), `world_positions` (n_frames,
+        n_joints, 3).
         """
         return _core.capsule_ends(
             np.ascontiguousarray(world_rotations),
@@ -98,7 +99,7 @@ def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Ca
     changed = {} if radii is None else dict(radii)
     for part, radius in changed.items():
         if part not in RADII:
-            raise ValueError(f"`radii` must have keys of {', '.join(RADII)}, got {part!r}")
+            raise ValueError(f"keys of `radii` must be among {', '.join(RADII)}, got {part!r}")
         if not radius >= 0:
             raise ValueError(f"the radius of {part!r} must not be negative, got {radius}")
     radius_of_part = {**RADII, **changed}
@@ -132,14 +133,16 @@ def clearance(
     at: IntArray | None = None,
     pairs: IntArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Return the distance between two sets of capsules in every frame, and the nearest pair.
+    """Return the smallest distance between two sets of capsules in every frame, and its pair.
 
-    `ends` has shape (n_frames, n, 2, 3), `others` (n_other_frames, m, 2, 3). `at` gives the
-    frame of `others` to compare with each frame; default: the same one, or the only one. `pairs`,
-    shape (n_pairs, 2), are the pairs of capsules to compare; default: all. The distances, shape
-    (n_frames,), are minus the depth if capsules penetrate, and infinite without pairs. The nearest
-    pairs, shape (n_frames, 2), are -1 without pairs; ties go to the first. Closest points of two
-    segments after Ericson, Real-Time Collision Detection (2005), 5.1.9.
+    The first set has the ends `ends`, shape (n_frames, n, 2, 3), and `radii`, shape (n,); the
+    second `others`, shape (n_other_frames, m, 2, 3), and `other_radii`, shape (m,). Frame i of
+    `ends` is compared with frame ``at[i]`` of `others`; by default with frame i, or with the only
+    frame. `pairs`, shape (n_pairs, 2), are the indices of the capsules to compare; by default all
+    pairs. The distances, shape (n_frames,), are minus the penetration depth if capsules overlap.
+    The pairs of smallest distance have shape (n_frames, 2); ties go to the first. Without pairs,
+    the distances are infinite and the indices -1. The closest points of two line segments follow
+    Ericson, Real-Time Collision Detection (2005), 5.1.9.
     """
     if at is None:
         at = np.arange(len(ends)) if len(others) > 1 else np.zeros(len(ends), np.int64)
@@ -158,9 +161,10 @@ def box_clearance(
 ) -> FloatArray:
     """Return the distance of each capsule from a box in every frame, shape (n_frames, n).
 
-    `ends` has shape (n_frames, n, 2, 3). `half` is half the lengths of the box along its axes and
-    `rotation` its orientation. If a capsule penetrates the box, the distance is minus the depth. It
-    is exact to 1e-7 of the capsule length.
+    The capsules have the ends `ends`, shape (n_frames, n, 2, 3), and `radii`, shape (n,). The box
+    has its centre at `center`, half its side lengths in `half`, and its orientation as a
+    quaternion, xyzw, in `rotation`. If a capsule penetrates the box, the distance is minus the
+    depth. Distances are exact to 1e-7 of the capsule length.
     """
     return _core.box_clearance(
         np.ascontiguousarray(ends),

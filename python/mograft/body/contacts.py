@@ -40,7 +40,7 @@ class Leg:
 
 
 def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
-    """Return the legs that have a knee joint, left before right; the forelegs of animals follow."""
+    """Return the legs that have a knee joint, left before right, then the forelegs of animals."""
     known, found = anatomy(skeleton), mass_model(skeleton)
     ends: list[tuple[str, int, int | None]] = [(f.side, f.ankle, f.toe) for f in found.feet]
     if not known.human:
@@ -67,12 +67,13 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
 
 
 def detect_contacts(motion: Motion) -> BoolArray:
-    """Detect contacts of heels and toes with a level floor, shape (n_frames, n_legs, 2).
+    """Return whether each heel and toe touches a level floor, bool, shape (n_frames, n_legs, 2).
 
-    The floor of a point is the 5th percentile of its height. A point is in contact if it is within
-    0.03 skeleton heights of its floor and slower than 0.25 heights per second for at least 0.1 s.
-    The contact extends to adjacent frames in which the point is slower than 0.6 heights per second.
-    The ankle joint stands for the heel.
+    On the last axis, index 0 is the heel, for which the ankle joint is used, and index 1 the toe.
+    The floor of a point is the 5th percentile of its height over all frames. A point is in contact
+    if it is within 0.03 skeleton heights of its floor and slower than 0.25 heights per second for
+    at least 0.1 s; gaps of up to 0.07 s are ignored. The contact extends to adjacent frames in
+    which the point is as low and slower than 0.6 heights per second.
     """
     ground = Ground.of(motion)
     points = ground.points(motion)
@@ -87,9 +88,10 @@ def detect_contacts(motion: Motion) -> BoolArray:
 
 
 def foot_heights(motion: Motion) -> FloatArray:
-    """Return the heights of heels and toes above their floor, shape (n_frames, n_legs, 2).
+    """Return the heights of heels and toes above the floor, shape (n_frames, n_legs, 2).
 
-    They are in skeleton heights, and negative below the floor of `detect_contacts`.
+    The unit is the skeleton height. The floor is that of `detect_contacts`; points below it have
+    negative heights.
     """
     ground = Ground.of(motion)
     heights: FloatArray = ground.above(ground.points(motion)) / ground.height
@@ -97,11 +99,11 @@ def foot_heights(motion: Motion) -> FloatArray:
 
 
 def foot_skate(motion: Motion) -> float:
-    """Return the share of steps between frames, over all feet, in which a foot slides.
+    """Return the fraction of frame-to-frame steps, counted for each foot, in which it slides.
 
     A foot slides if its heel or toe is less than 0.03 skeleton heights above its floor and moves
-    horizontally faster than 0.3 heights per second; if both are that low, both must be that fast.
-    A foot that rolls over its toe does not slide.
+    horizontally faster than 0.3 heights per second. If both heel and toe are that low, both must
+    be that fast, so that a foot that rolls over its toe does not slide.
 
     Parameters
     ----------
@@ -134,7 +136,7 @@ class Ground:
 
     @classmethod
     def of(cls, motion: Motion) -> "Ground":
-        """Estimate the floor: the 5th percentile of the height of each heel and toe."""
+        """Estimate the floor below each heel and toe as the 5th percentile of its height."""
         found = mass_model(motion.skeleton)
         up = np.zeros(3)
         axis = up_axis(motion)
@@ -148,7 +150,7 @@ class Ground:
         return cls(ground.limbs, up, floors, found.height)
 
     def points(self, motion: Motion) -> FloatArray:
-        """Return the positions of heels and toes, shape (n_frames, n_legs, 2, 3)."""
+        """Return the positions of each leg's heel and toe, shape (n_frames, n_legs, 2, 3)."""
         world_rotations, positions = motion.world_transforms()
         points = np.empty((motion.n_frames, len(self.limbs), 2, 3))
         for index, limb in enumerate(self.limbs):
@@ -161,13 +163,16 @@ class Ground:
         return points
 
     def above(self, points: FloatArray) -> FloatArray:
-        """Return the heights of points above their floors."""
+        """Return the heights of the result of `points` above the floors, in units of length."""
         heights: FloatArray = points @ self.up - self.floors
         return heights
 
 
 def _highest(skeleton: Skeleton, parts: Sequence[str], joint: int) -> int:
-    """Return the topmost joint of the same part above a joint, so that roll joints are skipped."""
+    """Return the last ancestor that is reached through joints of the same part.
+
+    This skips roll joints. If the parent has another part, the joint itself is returned.
+    """
     while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
         joint = int(skeleton.parents[joint])
     return joint
@@ -179,7 +184,10 @@ def _longest_child(skeleton: Skeleton, hand: int) -> int | None:
 
 
 def point_speeds(points: FloatArray, rate: float) -> FloatArray:
-    """Return the speed of points by central differences, in units per second."""
+    """Return the speeds of points, shape (n_frames, ..., 3), in units of length per second.
+
+    They are central differences; `rate` is in frames per second.
+    """
     if len(points) < 2:
         return np.zeros(points.shape[:-1])
     velocity = np.gradient(points, axis=0) * rate
@@ -202,7 +210,10 @@ def skating_share(motion: Motion, ground: Ground) -> float:
 
 
 def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
-    """Mark short gaps between marked frames, then unmark short runs."""
+    """Return a mask in which short gaps are marked, and then short runs are unmarked.
+
+    A gap is short up to 2/30 s, a run below 3/30 s.
+    """
     kept = np.ones(len(marked), bool)
     for start, stop in find_runs(~marked):
         is_inner = start > 0 and stop < len(marked)
@@ -215,7 +226,7 @@ def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
 
 
 def _extend_runs(marked: BoolArray, allowed: BoolArray) -> BoolArray:
-    """Extend runs of marked frames over adjacent allowed frames."""
+    """Return a mask in which each run of marked frames extends over adjacent allowed frames."""
     extended = marked.copy()
     for start, stop in find_runs(allowed | marked):
         if marked[start:stop].any():

@@ -50,7 +50,7 @@ class Fault:
     frames : tuple of int
         First and last frame, counted from 0.
     joint : int or None
-        The joint, or None for the whole body.
+        Index of the joint; None if the fault concerns the whole body.
     message : str
         Description with the measured value.
     """
@@ -72,7 +72,8 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     Returns
     -------
     tuple of Fault
-        Sorted by kind, then by frame.
+        The faults, in the order of the kinds below. A step is the mean displacement of the joints
+        from one frame to the next.
 
         ``frame_time``
             The frame time is below 1/2000 s or at least 1 s; the file may hold a rate or
@@ -85,14 +86,15 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
             heights per second, as at a cut or with lost markers. `frames` are those before and
             after the step.
         ``glitch``
-            A single frame that differs from both neighbours, in the body or in one joint.
+            The body or one joint jumps in a single frame and returns: the steps to and from the
+            frame are more than 3 times the difference between its neighbours.
         ``flip``
             A joint rotates by more than 150 degrees between consecutive frames.
         ``frozen``
             Nothing changes for at least a quarter of a second.
         ``wrap``
-            An angle of the file jumps by more than 180 degrees while the rotation does not. The
-            motion is unaffected, but curves drawn or filtered from the file are not.
+            An angle of the file jumps by more than 180 degrees, but the rotation itself does not.
+            The motion is unaffected, but the jump shows in plots and filters of the angles.
 
     Examples
     --------
@@ -127,7 +129,7 @@ def _frame_time(motion: Motion) -> Iterator[Fault]:
 
 
 def _implausible_steps(motion: Motion) -> Iterator[Fault]:
-    """Yield implausible steps of the whole body."""
+    """Yield the faults of the whole body: ``first_frame``, ``teleport`` and ``glitch``."""
     if motion.n_frames < 4:
         return
     moving = subtree_mask(motion.skeleton, [motion.locomotion_root()])
@@ -163,7 +165,7 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
 
 
 def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
-    """Yield implausible rotations of single joints."""
+    """Yield the faults of single joints: ``glitch`` and ``flip``."""
     if motion.n_frames < 2:
         return
     quats, names = motion.rotations, motion.skeleton.names
@@ -220,7 +222,7 @@ def _angle_wraps(motion: Motion) -> Iterator[Fault]:
 
 
 def _mean_lengths(vectors: FloatArray) -> FloatArray:
-    """Return the mean vector length over the joints."""
+    """Return the mean length of vectors, shape (..., n_joints, 3), over the joints."""
     lengths: FloatArray = np.sqrt(np.einsum("...i,...i->...", vectors, vectors)).mean(axis=-1)
     return lengths
 

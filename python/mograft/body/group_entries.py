@@ -50,18 +50,25 @@ Entry = str | int | Subtree
 
 
 def is_joint(entry: object) -> TypeGuard[str | int]:
-    """Return whether an entry is a name, a glob or an index."""
+    """Return whether an entry of a joint group is a name, a glob or an index."""
     return isinstance(entry, str | int) and not isinstance(entry, bool)
 
 
 def channels_of_joint(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
-    """Return (joint, axis) per rotation channel, or (joint, "") unless the joint has three."""
+    """Return a pair (joint, axis) for each rotation channel of a joint with three of them.
+
+    Other joints cannot be divided; they have the single pair (joint, "").
+    """
     order = skeleton.rotation_order(joint)
     return [(joint, axis) for axis in order] if len(order) == 3 else [(joint, "")]
 
 
 def channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple[int, str]]:
-    """Return the joints of a group entry, each with the axis of a single channel or with ""."""
+    """Return what a group entry selects: pairs (joint, axis), or (joint, "") for whole joints.
+
+    `group` is the name of the group in errors. Raise ValueError if a joint does not exist or cannot
+    be divided.
+    """
     found = re.fullmatch(r"(.+)\.([XYZ])rotation", entry) if isinstance(entry, str) else None
     if found is None or entry in skeleton.names:
         return {(joint, "") for joint in _joints_of_entry(entry, skeleton, group)}
@@ -88,7 +95,7 @@ def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
     if isinstance(entry, int):
         if not 0 <= entry < skeleton.n_joints:
             raise ValueError(
-                f"group {group!r}: index must be 0 to {skeleton.n_joints - 1}, got {entry}"
+                f"group {group!r}: joint index must be 0 to {skeleton.n_joints - 1}, got {entry}"
             )
         return {entry}
     names = skeleton.names
@@ -103,7 +110,10 @@ def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
 
 
 def joint_label(skeleton: Skeleton, joint: int, axis: str = "") -> str:
-    """Return the name of a joint or channel, with the joint's index if its name is not unique."""
+    """Return the name of a joint, or of its rotation channel about `axis`, for messages.
+
+    If several joints have the name, the index of the joint is added.
+    """
     name = skeleton.names[joint]
     label = name if skeleton.names.count(name) == 1 else f"{name} (index {joint})"
     return f"{label}.{axis}rotation" if axis else label

@@ -112,7 +112,7 @@ class JointGroups:
 
     @classmethod
     def preset(cls, name: str, skeleton: Skeleton) -> "JointGroups":
-        """Return the groups of a skeleton by body part.
+        """Return groups of the joints of a skeleton by body part.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class JointGroups:
         JointGroups
             With base ``"lower"``: the root, the legs and their ancestors. Arms begin at the
             clavicle. Without a group ``"head"`` the head belongs to the torso. A tail and
-            joints that are not a body part belong to the group of their parent.
+            joints without a body part belong to the group of their parent.
 
         Raises
         ------
@@ -214,7 +214,7 @@ class JointGroups:
         return found
 
     def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
-        """Return the contents of each group: (joint, "") for joints, (joint, axis) for channels."""
+        """Return the content of each group: pairs (joint, axis), where "" is a whole joint."""
         owner: dict[tuple[int, str], str] = {}
         shares: dict[str, set[tuple[int, str]]] = {}
         for name, entries in self.groups.items():
@@ -276,7 +276,7 @@ class JointGroups:
         Parameters
         ----------
         source : str or path
-            A file, or TOML text: a string of more than one line.
+            Path of a file, or TOML text: a string with a line break.
 
         Returns
         -------
@@ -286,7 +286,8 @@ class JointGroups:
         Raises
         ------
         ValueError
-            If the text is not valid TOML or has another form; the message names the file.
+            If the text is not valid TOML or lacks the form that `to_toml` writes; the message
+            names the file.
         OSError
             If the file cannot be read.
         """
@@ -304,7 +305,9 @@ class JointGroups:
         unknown = sorted(set(table) - {"base", "groups"})
         if unknown or not isinstance(table.get("groups"), dict):
             got = ", ".join(table) or "nothing"
-            raise ValueError(f"{place}: must contain base and a table [groups], got {got}")
+            raise ValueError(
+                f"{place}: must contain a table [groups] and optionally base, got {got}"
+            )
         groups = {}
         for name, entries in table["groups"].items():
             if not isinstance(entries, list):
@@ -317,7 +320,10 @@ class JointGroups:
 
 
 def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
-    """Return the group of each joint: by its body part, or else that of its parent."""
+    """Return the name of each joint's group, by its body part.
+
+    Tails and joints without a body part have the group of their parent.
+    """
     known = anatomy(skeleton)
     torso = "torso" if "torso" in group_names else "upper"
     head = "head" if "head" in group_names else torso
@@ -342,7 +348,10 @@ def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
 
 
 def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[Entry]]) -> None:
-    """Raise ValueError if the skeleton lacks a body part of the preset."""
+    """Raise ValueError if the skeleton lacks a body part of the preset.
+
+    `found` holds the joints of each group.
+    """
     known = anatomy(skeleton)
     missing = [] if known.joints("thigh", "shank", "foot") else ["legs"]
     label_of_group = {
@@ -370,7 +379,7 @@ def _is_encodable(name: str) -> bool:
 
 
 def _toml_value(value: Entry) -> str:
-    """Return a value as TOML: strings as in JSON, with DEL also escaped."""
+    """Return an entry in TOML syntax: strings are escaped as in JSON, and DEL in addition."""
     if isinstance(value, Subtree):
         return f"{{subtree = {_toml_value(value.joint)}}}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -64,9 +64,9 @@ _CAMEL = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
 def read_names(names: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return the words of `_VOCABULARY` in each joint name of a skeleton, and the side of each.
+    """Return the known words in each joint name, in lower case, and the side that it states.
 
-    Words are in lower case. A side is ``"left"``, ``"right"`` or ``""``.
+    `names` are all joint names of a skeleton. A side is ``"left"``, ``"right"`` or ``""``.
     """
     prefix = _common_prefix(names)
     read = []
@@ -89,7 +89,7 @@ def read_names(names: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]
 
 
 def _common_prefix(names: tuple[str, ...]) -> str:
-    """Return the prefix shared by at least 90 % of the names."""
+    """Return the longest prefix shared by at least 90 % of the names, in lower case."""
     folded = [name.casefold() for name in names]
     prefix = ""
     for length in range(1, min(map(len, folded))):
@@ -101,7 +101,7 @@ def _common_prefix(names: tuple[str, ...]) -> str:
 
 
 def _words(name: str) -> tuple[str, ...]:
-    """Return the known words of a name in lower case; `LThumb1` gives l, thumb."""
+    """Return the known words of a name in lower case; ``LThumb1`` gives ``("l", "thumb")``."""
     bare = re.split(r"[:|]", name)[-1]
     found: list[str] = []
     for run in re.findall(r"[^\W\d_]+", bare):
@@ -114,7 +114,10 @@ def _words(name: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=4096)
 def _split(run: str) -> tuple[str, ...]:
-    """Split letters into known words, with an optional side letter first or last."""
+    """Split a run of letters into known words; the first or last letter may be a side.
+
+    The result is empty if this is impossible.
+    """
     if run in _SIDE_OF_WORD:
         return (run,)
     none: tuple[str, ...] = ()
@@ -131,7 +134,7 @@ def _split(run: str) -> tuple[str, ...]:
 
 
 def _cover(text: str) -> tuple[str, ...] | None:
-    """Split text into words of the vocabulary, longest first; None if impossible."""
+    """Split text into known words, longer words first; None if this is impossible."""
     if not text:
         return ()
     for size in range(len(text), 1, -1):
@@ -154,7 +157,10 @@ def _vertebra(name: str) -> str:
 
 
 def part_of_words(words: tuple[str, ...]) -> str:
-    """Return the part that the words of a name mean, or "leg", "shoulder", "hip" or ""."""
+    """Return the body part that the words of a name mean, or "" if they mean none.
+
+    Ambiguous words give "leg", "shoulder" or "hip", which are not body parts.
+    """
     known = set(words)
     if known & _CONTROL_WORDS:
         return ""

@@ -14,7 +14,8 @@ from mograft.motion.skeleton import Skeleton
 def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     """Return the part and the side of every joint, from the rest pose alone.
 
-    An empty part means that of the parent. A side is ``"left"``, ``"right"`` or ``""``.
+    A joint with the part ``""`` has the part of its parent. A side is ``"left"``, ``"right"`` or
+    ``""``.
     """
     n_joints = skeleton.n_joints
     parts, sides = [""] * n_joints, [""] * n_joints
@@ -47,7 +48,7 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Rest positions and sizes of all subtrees of a skeleton, one entry per joint."""
+    """Rest positions and sizes of subtrees of a skeleton; entry i is the subtree of joint i."""
 
     skeleton: Skeleton
     positions: FloatArray  # rest pose
@@ -79,11 +80,11 @@ class _Shape:
         )
 
     def length(self, joint: int) -> float:
-        """Return the length of a limb, measured from its parent joint."""
+        """Return the length of the longest path from the parent of `joint` down through `joint`."""
         return float(np.linalg.norm(self.skeleton.offsets[joint]) + self.reach[joint])
 
     def chain(self, joint: int) -> list[int]:
-        """Return the joints of the longest path down the hierarchy, from `joint`."""
+        """Return the joints of the longest path down the hierarchy, starting with `joint`."""
         found = [joint]
         while self.skeleton.children[found[-1]]:
             found.append(max(self.skeleton.children[found[-1]], key=self.length))
@@ -91,7 +92,7 @@ class _Shape:
 
 
 def _mirrored_pairs(shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
-    """Return mirrored pairs of limbs, and the axial joints, which are in no pair."""
+    """Return the pairs of joints at which mirrored limbs begin, and the joints of the body axis."""
     pairs: list[tuple[int, int]] = []
     axis = [0]
     for joint in axis:  # the loop extends the list
@@ -110,7 +111,10 @@ def _mirrored_pairs(shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
 
 
 def _asymmetry(shape: _Shape, joint: int, a: int, b: int) -> float:
-    """Return a measure of asymmetry of two subtrees; 0 for mirror images."""
+    """Return how asymmetric the subtrees of two children of a joint are; 0 for mirror images.
+
+    `a` and `b` are the children of `joint`.
+    """
     sizes = len(shape.subtree[a]), len(shape.subtree[b])
     lengths = shape.length(a), shape.length(b)
     longer = max(lengths)
@@ -128,7 +132,11 @@ def _asymmetry(shape: _Shape, joint: int, a: int, b: int) -> float:
 def _limb(
     shape: _Shape, chain: list[int], roles: tuple[str, ...], connector: str
 ) -> list[tuple[int, str]]:
-    """Return the joints of a limb with their parts, from the position of its two long bones."""
+    """Return the joints of a limb with their parts, which follow from its two long bones.
+
+    `chain` holds the joints, `roles` the parts of the limb from the trunk outwards, and `connector`
+    the part of joints before the first role.
+    """
     start, upper, lower = _long_bones(shape, chain, roles)
     parts = [connector] * start + [roles[0]] * (upper + 1 - start) + [roles[1]] * (lower - upper)
     parts += [roles[2], *[roles[3]] * len(chain)]
@@ -136,7 +144,10 @@ def _limb(
 
 
 def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tuple[int, int, int]:
-    """Return the indices in a chain: the start of the upper part, the upper and the lower bone."""
+    """Return three indices in `chain`: the start of the upper part, and the two long bones.
+
+    `roles` is `LEG` or the parts of an arm; the two need different rules.
+    """
     # The bone of a joint ends at the next joint, the last one at an end site.
     lengths = [float(np.linalg.norm(shape.skeleton.offsets[joint])) for joint in chain[1:]]
     lengths.append(float(shape.tips[chain[-1]]))
@@ -158,7 +169,10 @@ def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tupl
 def _spine(
     shape: _Shape, axis: list[int], legs: tuple[int, int] | None, arms: tuple[int, int] | None
 ) -> list[tuple[int, str]]:
-    """Return the axial joints with their parts: trunk up to the arms, neck, head and tail."""
+    """Return the axial joints with their parts: trunk up to the arms, neck, head and tail.
+
+    `axis` holds the axial joints; `legs` and `arms` the first joints of each pair of limbs.
+    """
     skeleton = shape.skeleton
     hips = int(skeleton.parents[legs[0]]) if legs else 0
     between = [child for child in axis if skeleton.parents[child] == hips]
@@ -188,7 +202,10 @@ def _spine(
 
 
 def _leftward(shape: _Shape, legs: tuple[int, int] | None) -> FloatArray | None:
-    """Return the direction to the left of the body from its feet; None if undefined."""
+    """Return a vector to the left of the body, from legs and feet in the rest pose.
+
+    The result is None if the feet do not define it.
+    """
     up, forward = np.zeros(3), np.zeros(3)
     for first in legs or ():
         chain = shape.chain(first)

@@ -60,8 +60,8 @@ class MassModel:
     def inertia(self) -> FloatArray:
         """Transverse moment of inertia of each bone about its joint, shape (n_joints,).
 
-        It is ``m L² (c² + r²)``, with mass m, length L, centre of mass c and radius of gyration r,
-        in body masses times squared statures.
+        The moment is ``m L² (c² + r²)``, with mass m and length L of the bone; centre of mass c and
+        radius of gyration r are in bone lengths. The unit is body mass times squared stature.
         """
         lengths = np.linalg.norm(self.bone, axis=1) / self.height
         moments: FloatArray = self.mass * lengths**2 * (self.center**2 + self.gyration**2)
@@ -73,11 +73,11 @@ def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
     """Return the mass model, stature and feet of a skeleton.
 
     Humans with known joint names have the masses of de Leva, Journal of Biomechanics 29 (1996), for
-    the given sex: ``"female"``, ``"male"`` or their ``"mean"``. A part with several joints divides
-    its mass in proportion to bone length; each bone is a uniform rod. The mass of a part without
-    joints is added to the next part towards the trunk. Joints of the face, markers and ancestors of
-    the hips have mass 0. In other skeletons each bone is a uniform rod with mass proportional to
-    its length.
+    the given sex: ``"female"``, ``"male"`` or their ``"mean"``. If a body part has several joints,
+    its mass is divided in proportion to bone length, and each bone is a uniform rod. The mass of a
+    part without joints is added to the next part towards the trunk. Joints of the face, markers and
+    ancestors of the hips have mass 0. In other skeletons each bone is a uniform rod with mass
+    proportional to its length.
     """
     if sex not in COLUMNS_OF_SEX:
         raise ValueError(f"`sex` must be one of {', '.join(COLUMNS_OF_SEX)}, got {sex!r}")
@@ -86,7 +86,7 @@ def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
 
 @dataclass(frozen=True)
 class _SkeletonKey:
-    """Cache key: equal for skeletons of the same names, hierarchy, offsets and end sites."""
+    """Cache key: equal for skeletons with equal names, hierarchy, offsets and end sites."""
 
     content: tuple[object, ...]
     skeleton: Skeleton = field(compare=False)
@@ -135,10 +135,10 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
 def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -> FloatArray:
     """Return the moment of inertia about each joint, shape (n_joints,).
 
-    ``"own"`` is that of the joint's bone alone, for angular velocities relative to the world;
-    ``"subtree"`` that of all bones below the joint in the rest pose, for angular velocities
-    relative to the parent; ``"unit"`` is 1 for every bone of nonzero length. The first two are in
-    body masses times squared statures. The moment of ancestors of the hips is 0.
+    `kind` selects the bones. ``"own"`` counts only the bone of the joint, for angular velocities
+    relative to the world. ``"subtree"`` counts all bones from the joint downwards in the rest pose,
+    for angular velocities relative to the parent. Both are in body masses times squared statures.
+    ``"unit"`` is 1 for every bone of nonzero length. Ancestors of the hips have moment 0.
     """
     if kind not in ("own", "subtree", "unit"):
         raise ValueError(f"`kind` must be 'own', 'subtree' or 'unit', got {kind!r}")
@@ -179,9 +179,9 @@ def center_of_mass(motion: Motion) -> FloatArray:
 def up_axis(motion: Motion) -> int:
     """Return the vertical axis of the world, 0 to 2, from a motion that is mostly upright.
 
-    It is the axis of the largest mean distance between hips and feet. If that distance is below 0.1
-    statures (as in a split) or the feet are unknown, it is the axis of the largest distance between
-    head and feet or hips; 1 if neither is known.
+    It is the axis along which the mean positions of hips and feet differ most. If they differ by
+    less than 0.1 statures (as in a split), or the feet are unknown, the head is compared with the
+    feet, or with the hips. The result is 1 if the head is unknown, too.
     """
     found = mass_model(motion.skeleton)
     means = motion.world_positions().mean(axis=0)
@@ -195,10 +195,10 @@ def up_axis(motion: Motion) -> int:
 
 
 def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
-    """Return the vector from each joint to the end of its bone.
+    """Return the vector from each joint to the end of its bone, shape (n_joints, 3).
 
     A bone ends at the child with the largest subtree. In pelvis and trunk it ends at the mean of
-    all children, at a leaf joint at the end site.
+    all children. The bone of a leaf joint ends at its end site.
     """
     size = np.ones(skeleton.n_joints, dtype=int)
     for joint in range(skeleton.n_joints - 1, 0, -1):
@@ -220,7 +220,7 @@ def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
 
 
 def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
-    """Return the feet, left before right, each with its first joint and its first toe."""
+    """Return the feet, left before right, each with its ankle and the joint at its ball."""
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
     feet = []
     for ankle in known.joints("foot"):
@@ -241,10 +241,10 @@ def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
 def _height(
     skeleton: Skeleton, hips: int, head: int | None, feet: tuple[Foot, ...]
 ) -> tuple[float, str]:
-    """Return the stature and how it was measured, along the bones.
+    """Return the stature, measured along the bones, and the name of the measure.
 
-    It is (hips to ankles + hips to head joint) / 0.87. If only one of the two is known, it is hips
-    to ankles / 0.525 or hips to head / 0.345; else the longest path.
+    The stature is (hips to ankles + hips to head joint) / 0.87. If only one distance is known, it
+    is hips to ankles / 0.525 or hips to head / 0.345. If neither is known, it is the longest path.
     """
     leg = float(np.mean([_path(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
     upper = _path(skeleton, hips, head) if head is not None else 0.0
@@ -271,6 +271,6 @@ def _longest_path(skeleton: Skeleton) -> float:
 
 
 def _path(skeleton: Skeleton, a: int, b: int) -> float:
-    """Return the length of the path between two joints along the bones."""
+    """Return the length of the path between joints `a` and `b` along the bones."""
     between = {a, *skeleton.ancestors(a)} ^ {b, *skeleton.ancestors(b)}
     return float(np.linalg.norm(skeleton.offsets[sorted(between)], axis=1).sum())

@@ -20,11 +20,12 @@ _MAX_ASYMMETRY = 0.05
 
 
 def partners(skeleton: Skeleton) -> IntArray:
-    """Return the corresponding joint on the other side of the body, shape (n_joints,).
+    """Return for each joint its partner on the other side of the body, shape (n_joints,).
 
     Partners have the same body part on opposite sides, parents that are partners, and the same rank
     among siblings of that part: the partner of the first finger of one hand is the first finger of
-    the other. A joint in the middle is its own partner. Raises ValueError if one is missing.
+    the other. A joint in the middle is its own partner. Raises ValueError if a joint has no
+    partner.
     """
     known = anatomy(skeleton)
     found = np.zeros(skeleton.n_joints, np.int64)
@@ -73,10 +74,10 @@ def mirror(motion: Motion) -> Motion:
 
     Notes
     -----
-    The mirror plane is vertical. If the rest pose is symmetric, a rotation (x, y, z, w) becomes
-    (x, -y, -z, w) of the partner, where x is the axis normal to the mirror. Otherwise the local
-    axes differ by a constant rotation per joint, which is found from the offsets of the children
-    and the mean pose of the motion.
+    The mirror plane is vertical. If the rest pose is symmetric, the rotation (x, y, z, w) of a
+    joint becomes the rotation (x, -y, -z, w) of its partner, where x is the axis normal to the
+    mirror plane. Otherwise the local axes of partners also differ by a constant rotation, which is
+    found from the offsets of the children and the mean pose of the motion.
 
     Examples
     --------
@@ -140,7 +141,7 @@ class _Reflection:
         return cls(pair, axis, frame, parent_frame, is_symmetric)
 
     def mirror_rotations(self, quats: FloatArray) -> FloatArray:
-        """Return the local rotations of the partners."""
+        """Return the mirror images of local rotations: entry i is for the partner of joint i."""
         image = _reflect_rotations(quats, self.axis)
         if self.is_symmetric:
             return image
@@ -148,10 +149,10 @@ class _Reflection:
         return rotations.multiply(rotations.multiply(from_parent, image), self.frame)
 
     def mirror_vectors(self, vectors: FloatArray, frame: FloatArray) -> FloatArray:
-        """Return the reflected vectors in the local axes of the partners.
+        """Return the mirror images of vectors, in the local axes of the partner joints.
 
-        `frame` is the rotation to these axes: `parent_frame` for translations, the joint's `frame`
-        for an end site.
+        `frame` is the rotation to these axes: `parent_frame` for offsets and positions of joints,
+        the joint's `frame` for an end site.
         """
         image = _reflect(vectors, self.axis)
         if self.is_symmetric:
@@ -166,7 +167,10 @@ def _reflect(vectors: FloatArray, axis: int) -> FloatArray:
 
 
 def _asymmetry(offsets: FloatArray, pair: IntArray, axis: int) -> FloatArray:
-    """Return the distance of each offset from the mirror image of its partner; 0 at the root."""
+    """Return the distance of each joint's mirrored offset from its partner's; 0 at the root.
+
+    `pair` holds the partner of each joint, `axis` is the normal of the mirror plane.
+    """
     distance: FloatArray = np.linalg.norm(offsets[pair] - _reflect(offsets, axis), axis=1)
     distance[0] = 0.0
     return distance
@@ -179,11 +183,11 @@ def _reflect_rotations(quats: FloatArray, axis: int) -> FloatArray:
 
 
 def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float) -> FloatArray:
-    """Return the rotations from reflected local axes of joints to the axes of their partners.
+    """Return for each joint the rotation from its reflected local axes to its partner's axes.
 
-    Local axes lie along and across bones, so the candidates are the 24 rotations of a cube. Of
-    those that map the offsets of the partner's children to the reflected offsets, the one whose
-    mirrored mean pose is closest to the mean pose is returned.
+    Local axes lie along and across bones, so the candidates are the 24 rotations of a cube. A
+    candidate must map the offsets of the partner's children to the reflected offsets within
+    `tolerance`. Of these, the one whose mirrored mean pose is closest to the mean pose is returned.
     """
     skeleton = motion.skeleton
     reflected = _reflect(skeleton.offsets, axis)
@@ -227,7 +231,10 @@ _CUBE_ROTATIONS = _cube_rotations()
 
 
 def _mean_rotation(quats: FloatArray) -> FloatArray:
-    """Return the mean rotation of each joint: the largest eigenvector of Σ q qᵀ."""
+    """Return the mean rotation of each joint over the frames.
+
+    It is the eigenvector of Σ q qᵀ with the largest eigenvalue.
+    """
     sums = np.einsum("fji,fjk->jik", quats, quats)
     mean: FloatArray = np.linalg.eigh(sums)[1][:, :, -1]
     return mean

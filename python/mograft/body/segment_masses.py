@@ -45,9 +45,10 @@ COLUMNS_OF_SEX = {"male": [0], "female": [1], "mean": [0, 1]}
 def rod_masses(
     lengths: FloatArray, has_mass: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, centre of mass and radius of gyration of each joint's bone, a uniform rod.
+    """Return mass, centre of mass and radius of gyration of each bone as a uniform rod.
 
-    The masses sum to 1 and are proportional to the lengths; they are equal if all lengths are 0.
+    Masses are proportional to the lengths and sum to 1; if all lengths are 0, they are equal.
+    Joints without `has_mass` have mass 0. Centres, from the joint, and radii are in bone lengths.
     """
     weights = np.where(has_mass, lengths, 0.0)
     total = float(weights.sum())
@@ -58,9 +59,10 @@ def rod_masses(
 def de_leva_masses(
     known: Anatomy, lengths: FloatArray, has_mass: BoolArray, columns: list[int]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, centre of mass and radius of gyration of each joint's bone.
+    """Return mass, centre of mass and radius of gyration of each bone by de Leva's table.
 
-    `columns` selects the columns of the table that are averaged, those of `COLUMNS_OF_SEX`.
+    The result has the form of that of `rod_masses`. `columns` selects the columns of the table that
+    are averaged: a value of `COLUMNS_OF_SEX`.
     """
     n_joints = len(lengths)
     members: dict[tuple[str, str], list[int]] = {}

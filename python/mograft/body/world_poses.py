@@ -79,5 +79,5 @@ class Poses:
         return self.capsules.ends(self.rotations, self.positions)
 
     def joint_positions(self, joint: str) -> FloatArray:
-        """Return the world positions of a joint, shape (n, 3)."""
+        """Return the world positions of the joint with this name, shape (n, 3)."""
         return self.positions[:, self.skeleton.index(joint)]

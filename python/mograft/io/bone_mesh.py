@@ -22,7 +22,7 @@ class BoneMesh(NamedTuple):
 
 
 def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
-    """Return the mesh of the bones in the rest pose.
+    """Return the mesh of the bones in the rest pose, in metres with y up.
 
     If no bone is long enough to be visible, one bone is added at the root, because a skin needs a
     mesh.
@@ -50,7 +50,7 @@ def _is_visible(start: FloatArray, end: FloatArray, thickness: float) -> bool:
 def _octahedron(
     start: FloatArray, end: FloatArray, thickness: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the corners and the normals of a bone, (24, 3) each."""
+    """Return the corners and normals, (24, 3) each, of the octahedron of a bone."""
     along = end - start
     length = float(np.linalg.norm(along))
     along = along / length
@@ -70,10 +70,10 @@ def _octahedron(
 
 
 def joint_group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
-    """Return the index of the group of each joint, shape (n_joints,).
+    """Return for each joint the index of its group, shape (n_joints,).
 
-    `groups` may be the name of a preset. None means trunk, arms and legs, or a single group if the
-    skeleton lacks one of these.
+    `groups` may be the name of a preset. None means legs, torso and two arms as groups, or a single
+    group if the skeleton lacks one of these parts.
     """
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, skeleton)

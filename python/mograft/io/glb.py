@@ -35,7 +35,7 @@ def write_glb(
     scale: float | None = None,
     groups: JointGroups | str | None = None,
 ) -> float:
-    """Write motions of one skeleton as a skinned, animated figure.
+    """Write motions of one skeleton as a skinned, animated figure in binary glTF (GLB).
 
     Parameters
     ----------
@@ -60,14 +60,15 @@ def write_glb(
     SkeletonMismatchError
         If the hierarchies differ.
     ValueError
-        If there is no motion, the scale is not above 0, or the groups do not fit.
+        If there is no motion, the scale is not above 0, or the groups do not fit the skeleton.
 
     Notes
     -----
     Lengths are in metres and y is up, as glTF requires. Only the root is rotated from the up
     direction of the motion to y; other joints keep their local rotations, which are zero in the
     rest pose. Each bone is a slim octahedron bound to its joint, because engines import no
-    skeleton without a mesh. There is one key per frame, with spherical linear interpolation.
+    skeleton without a mesh. Constant curves have one key, others one per frame; rotations between
+    keys are interpolated on the sphere.
 
     Examples
     --------
@@ -94,7 +95,7 @@ def write_glb(
 
 @dataclass
 class _Buffer:
-    """The binary buffer of a GLB file, and the views and accessors of its arrays."""
+    """The binary buffer of a GLB file, and the buffer views and accessors of its arrays."""
 
     data: bytearray = field(default_factory=bytearray)
     views: list[dict[str, Any]] = field(default_factory=list)
@@ -108,7 +109,11 @@ class _Buffer:
         has_bounds: bool = False,
         is_vertex_data: bool = False,
     ) -> int:
-        """Append an array; return the index of its accessor."""
+        """Append an array and return the index of its accessor.
+
+        `element_type` is the glTF type of a row, such as ``"VEC3"``. `has_bounds` adds the minimum
+        and maximum; `is_vertex_data` marks vertex attributes.
+        """
         array = np.ascontiguousarray(array)
         view: dict[str, Any] = {
             "buffer": 0,
@@ -133,7 +138,7 @@ class _Buffer:
         return len(self.accessors) - 1
 
     def pack(self, document: dict[str, Any]) -> bytes:
-        """Return the file: its header, the JSON chunk and the binary chunk."""
+        """Return the bytes of the GLB file: header, JSON chunk of `document`, binary chunk."""
         document = document | {
             "buffers": [{"byteLength": len(self.data)}],
             "bufferViews": self.views,
@@ -216,7 +221,11 @@ def _build_nodes(
 def _build_animation(
     buffer: _Buffer, motion: Motion, transform: ExportTransform, offsets: FloatArray
 ) -> dict[str, Any]:
-    """Return a motion as keys; joints at their rest offset, (n_joints, 3), get no translation."""
+    """Return the glTF animation of a motion.
+
+    `offsets`, shape (n_joints, 3), are those of the nodes. A joint other than the root that stays
+    at its offset has no translation keys.
+    """
     quats, positions = transform.local_transforms(motion)
     offsets = transform.scale * offsets
     times = (np.arange(motion.n_frames) * motion.frame_time).astype("<f4")

@@ -28,15 +28,16 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
 
     Notes
     -----
-    The arrays, with lengths in the unit of the motion:
+    The arrays, for F frames and J joints, with lengths in the unit of the motion:
 
     - ``rotations`` (F, J, 4), local, xyzw; ``positions`` (F, J, 3), local; ``world_positions``
       (F, J, 3); all float32
     - ``offsets`` (J, 3) and ``frame_time``, float64
     - ``parents`` (J,), ``names`` (J,), ``channels`` (J,): the channels of each joint, separated
       by spaces
-    - ``end_parents``, ``end_offsets``, ``end_before`` and ``end_names`` of the end sites
-    - ``name`` and ``format``
+    - ``end_parents``, ``end_offsets``, ``end_before`` and ``end_names`` of the end sites, with the
+      meaning of the fields of `EndSite`
+    - ``name`` of the motion, and ``format``, which identifies this format
 
     No array is pickled.
 
@@ -132,5 +133,5 @@ def _to_motion(arrays: Mapping[str, npt.NDArray[Any]]) -> Motion:
 
 
 def _to_strings(values: Sequence[str]) -> npt.NDArray[np.str_]:
-    """Return a string array; lone surrogates, which UTF-8 cannot encode, become question marks."""
+    """Return an array of strings; lone surrogates, which UTF-8 cannot encode, become ``?``."""
     return np.array([v.encode("utf-8", "replace").decode() for v in values], dtype=np.str_)

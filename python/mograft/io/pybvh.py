@@ -76,8 +76,8 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     Returns
     -------
     pybvh.Bvh
-        The clip, with three rotation channels in every joint. Channels that the motion lacks are
-        added last, with angle 0.
+        The clip, with three rotation channels in every joint. Channels that a joint lacks follow
+        its others, with angle 0.
 
     Raises
     ------
@@ -100,8 +100,8 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     if is_translated.any():
         joint = int(is_translated.argmax()) + 1
         raise ValueError(
-            "only the root may be translated in pybvh, "
-            f"got a translated joint {skeleton.names[joint]}"
+            "pybvh can translate the root only, "
+            f"got a joint with changing local position, {skeleton.names[joint]}"
         )
     nodes, joints = _build_nodes(skeleton, motion.positions[0])
     numbers = np.radians(motion.channel_numbers())
@@ -121,10 +121,10 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
 
 
 def _build_nodes(skeleton: Skeleton, positions: FloatArray) -> tuple[list[Any], list[int]]:
-    """Return the nodes of pybvh in depth-first order, and the joint indices in this order.
+    """Return the nodes of pybvh in depth-first order, and the index of the joint of each.
 
-    The offsets of the nodes are `positions`, local positions of shape (n_joints, 3), except at the
-    root.
+    End sites are nodes without a joint index. `positions`, local positions of shape (n_joints, 3),
+    become the offsets of all joints but the root.
     """
     bvhnode = import_module("pybvh.bvhnode")
     nodes: list[Any] = []

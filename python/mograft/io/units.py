@@ -18,7 +18,7 @@ _HUMAN_HEIGHT = 1.7  # metres
 
 @dataclass(frozen=True, eq=False)
 class ExportTransform:
-    """The transform of a motion to metres and y up: a factor for lengths, a rotation of the root.
+    """The transform of a motion to metres and y up: a scale factor and a rotation of the root.
 
     The local rotations of the other joints do not change.
     """
@@ -30,9 +30,9 @@ class ExportTransform:
 
     @classmethod
     def of(cls, motion: Motion, scale: float | None) -> "ExportTransform":
-        """Return the transform of a motion; if `scale` is None, guess it by `guess_unit`.
+        """Return the transform of a motion; if `scale` is None, `guess_unit` determines it.
 
-        Raises ValueError if `scale` is not above 0.
+        Raises ValueError if `scale`, in metres per unit, is not above 0.
         """
         unit = "given" if scale is not None else guess_unit(motion.skeleton)
         if scale is None:
@@ -52,7 +52,7 @@ class ExportTransform:
         }
 
     def points(self, points: FloatArray) -> FloatArray:
-        """Transform points or vectors, shape (..., 3)."""
+        """Rotate and scale points or vectors, shape (..., 3)."""
         return self.scale * rotations.rotate(self.to_y_up, points)
 
     def local_transforms(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
@@ -77,7 +77,10 @@ def guess_unit(skeleton: Skeleton) -> str:
 
 
 def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
-    """Return the rotation of the up axis to y, or to -y if the head is below the feet on it."""
+    """Return the rotation, xyzw, that maps the up direction of a motion to y.
+
+    The up direction is the axis `up_axis`, or its opposite if the head is below the feet on it.
+    """
     model = mass_model(motion.skeleton)
     low = [foot.ankle for foot in model.feet] or [model.hips]
     high = model.head if model.head is not None else model.hips

@@ -33,7 +33,7 @@ def write_usd(
     scale: float | None = None,
     groups: JointGroups | str | None = None,
 ) -> float:
-    """Write a motion as a skinned, animated figure in USD; needs the extra ``usd``.
+    """Write a motion as a skinned, animated figure in USD; requires ``mograft[usd]``.
 
     Parameters
     ----------
@@ -54,7 +54,8 @@ def write_usd(
     ModuleNotFoundError
         If usd-core is not installed.
     ValueError
-        If the path has another suffix, the scale is not above 0, or the groups do not fit.
+        If the path has another suffix, the scale is not above 0, or the groups do not fit the
+        skeleton.
 
     Notes
     -----
@@ -205,5 +206,5 @@ def _joint_paths(skeleton: Skeleton) -> list[str]:
 
 
 def _to_usd_text(text: str) -> str:
-    """Replace lone surrogates and remove null characters, which USD cannot store."""
+    """Return text that USD can store: lone surrogates are replaced, null characters removed."""
     return text.encode("utf-8", "replace").decode("utf-8").replace("\0", "")

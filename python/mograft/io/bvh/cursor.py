@@ -43,9 +43,10 @@ _DECIMAL_COMMA = re.compile(rb"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 
 
 class Cursor:
-    """A position in the text of a file, of which one chunk at a time is in memory.
+    """A reading position in the text of a BVH file; memory holds one chunk of the text at a time.
 
-    If `strict`, `tolerate` raises an error. `label` names the file in errors.
+    If `strict`, deviations from the format raise an error; see `tolerate`. `label` names the file
+    in errors.
     """
 
     def __init__(self, stream: IO[Any], label: str, *, strict: bool) -> None:
@@ -111,7 +112,7 @@ class Cursor:
             self.fail(f"expected UTF-16 text, got invalid bytes: {error}")
 
     def skip_white_space(self) -> None:
-        """Move to the next word and ensure that the buffer holds all of it."""
+        """Move to the next word and ensure that the buffer holds the whole word."""
         while True:
             self.offset = match_end(_WHITE_SPACE, self.buffer, self.offset)
             if self.is_at_end or self.has_lookahead:
@@ -120,7 +121,10 @@ class Cursor:
             self.read_chunk()
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
-        """Return the group of a pattern and move after the match; None if it does not match."""
+        """Match a pattern at the cursor, move after the match and return the pattern's group.
+
+        Without a match, return None and do not move.
+        """
         self._ensure_lookahead()
         self._word_start = self.offset
         match = pattern.match(self.buffer, self.offset)
@@ -147,11 +151,11 @@ class Cursor:
         self.offset = self._word_start
 
     def take_word(self) -> bytes:
-        """Return the next word or brace; empty at the end of the file."""
+        """Return the next word or brace and move after it; empty at the end of the file."""
         return self.take(_WORD) or b""
 
     def take_keyword(self) -> bytes:
-        """Return the next word, in the standard spelling if it is a keyword."""
+        """Return the next word and move after it; keywords are returned in standard spelling."""
         self.skip_comments()
         word = self.take_word()
         keyword = _KEYWORDS.get(word.upper())
@@ -180,11 +184,11 @@ class Cursor:
             self.tolerate("comment", "a comment")
 
     def take_number(self, meaning: str) -> float:
-        """Return the next word as a finite number; `meaning` names it in the error."""
+        """Return the next word as a finite number; errors use `meaning` as its description."""
         return self._to_float(self.take_word(), meaning)
 
     def take_count(self, meaning: str) -> int:
-        """Return the next word as a non-negative integer; `meaning` names it in the error."""
+        """Return the next word as an integer from 0 up; errors use `meaning` as its description."""
         word = self.take_word()
         value = self._to_float(word, meaning)
         if not value.is_integer() or value < 0 or value >= 2**53:
@@ -210,7 +214,10 @@ class Cursor:
         raise BvhError(message, self.label, line, column)
 
     def tolerate(self, kind: str, message: str, position: Position | None = None) -> None:
-        """Record a deviation, or fail if strict; only the first message of a kind is kept."""
+        """Record a deviation from the format as a repair, or raise BvhError if strict.
+
+        For each `kind`, only the first message and the number of deviations are kept.
+        """
         found_at = position or self.position()
         if self.strict:
             self.fail(f"{message}: refused in strict mode", found_at)
@@ -229,7 +236,7 @@ class Cursor:
         self.offset = self._counted = end
 
     def repairs(self) -> tuple[str, ...]:
-        """Return the deviations that were tolerated, ordered by line."""
+        """Return one text for each kind of tolerated deviation, ordered by line."""
         texts = []
         for kind, (line, message) in sorted(self._repairs.items(), key=lambda item: item[1][0]):
             n_more = self._n_repairs[kind] - 1
@@ -252,7 +259,7 @@ class Cursor:
 
 @contextmanager
 def open_cursor(file: BvhFile, *, strict: bool) -> Iterator[Cursor]:
-    """Open a path, or use an open file, and yield a cursor at its first word."""
+    """Open a path, or use an open file, and yield a cursor at the first word of the file."""
     if isinstance(file, str | os.PathLike):
         with open(file, "rb", buffering=0) as stream:
             yield Cursor(stream, os.fspath(file), strict=strict)
@@ -271,13 +278,16 @@ def _file_bytes(stream: IO[Any]) -> int:
 
 
 def match_end(pattern: re.Pattern[bytes], buffer: bytes, start: int) -> int:
-    """Return the end of the match of a pattern at `start`; `start` if it does not match."""
+    """Return the offset in `buffer` at which a match of a pattern at `start` ends.
+
+    The offset is `start` if the pattern does not match.
+    """
     match = pattern.match(buffer, start)
     return start if match is None else match.end()
 
 
 def describe_word(word: bytes) -> str:
-    """Return a word for a message: printable, at most 40 characters."""
+    """Return a word as printable text for a message, cut after 40 characters."""
     if not word:
         return "the end of the file"
     text = word.decode("utf-8", "replace")
@@ -286,7 +296,7 @@ def describe_word(word: bytes) -> str:
 
 
 def describe_number(word: bytes) -> str:
-    """Return an invalid number for a message, with the reason why it is invalid."""
+    """Return the text of an invalid number for a message, with the reason why it is invalid."""
     text = describe_word(word)
     end = match_end(_NUMBER, word, 0)
     if _NAN.fullmatch(word) or _INFINITY.fullmatch(word):

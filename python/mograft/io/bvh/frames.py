@@ -36,7 +36,7 @@ def read_frames(cursor: Cursor, header: Header) -> FloatArray:
 
 
 def count_frames(cursor: Cursor, header: Header) -> int:
-    """Return the number of frames; check the numbers as `read_frames` does."""
+    """Return the number of frames, after the same check of the numbers as in `read_frames`."""
     lines, scratch = _LineCheck(cursor, header), np.empty(_BLOCK_LENGTH)
     while _read_numbers(cursor, lines, scratch):
         pass
@@ -66,7 +66,10 @@ def _read_numbers(cursor: Cursor, lines: "_LineCheck", out: FloatArray) -> int:
 
 
 def _check_padding(cursor: Cursor) -> None:
-    """Raise BvhError for a word that is not a number, unless it is padding at the end."""
+    """Raise BvhError for the word at the cursor, which is no number.
+
+    Padding (NUL or control bytes) at the end of the file is tolerated.
+    """
     word = cursor.take_word()
     if word[:1] in (b"\0", b"\x1a"):
         position = cursor.position()
@@ -84,14 +87,14 @@ def _check_padding(cursor: Cursor) -> None:
 
 
 class _LineCheck:
-    """Check that the line ends agree with the frames.
+    """Check that line ends and frames agree.
 
-    Three layouts are valid: a line holds one or more whole frames; a frame is wrapped over
-    several lines; all lines hold the same count of numbers. In any other layout a number is
-    missing or surplus, and all later numbers would be assigned to wrong channels. If a line is
-    not exactly one frame, the declared number of frames must be correct. If the number of lines
-    equals the declared number of frames and each line has the same number of surplus numbers at
-    its end, these are ignored.
+    Three layouts are valid: a line holds one or more whole frames; a frame is wrapped over several
+    lines; all lines hold the same count of numbers. In any other layout a number is missing or
+    surplus, and all later numbers would be assigned to wrong channels. If a line is not exactly one
+    frame, the declared number of frames must be correct. Surplus numbers at the end of lines are
+    ignored if every line has the same number of them, and there are as many lines as declared
+    frames.
     """
 
     def __init__(self, cursor: Cursor, header: Header) -> None:
@@ -111,7 +114,7 @@ class _LineCheck:
         self._first_count, self._is_uniform, self._has_short_line = 0, True, False
 
     def add(self, line_ends: IntArray, n_values: int) -> None:
-        """Add `n_values` numbers; `line_ends` holds how many of them precede each line end."""
+        """Add `n_values` numbers; `line_ends` holds how many of these precede each line end."""
         if not len(line_ends):
             self._n_on_line += n_values
             return
@@ -125,7 +128,7 @@ class _LineCheck:
             self._check_lines(lines, counts[not_blank])
 
     def finish(self) -> tuple[int, int]:
-        """Check all lines after the last number; return the counts of frames and numbers per frame.
+        """Check the lines after the last number; return the counts of frames and numbers per frame.
 
         There is one number per channel, or more if the lines have surplus numbers.
         """
@@ -209,5 +212,5 @@ class _LineCheck:
 
 
 def _first(lines: IntArray, selected: npt.NDArray[np.bool_]) -> int:
-    """Return the first selected line; 0 if none is selected."""
+    """Return the first of the `lines` that is selected; 0 if none is."""
     return int(lines[selected.argmax()]) if selected.any() else 0

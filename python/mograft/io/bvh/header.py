@@ -75,7 +75,7 @@ def read_header(cursor: Cursor) -> Header:
 
 
 def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
-    """Record a label with nonstandard spelling, or without white space after it."""
+    """Record as a repair a label that is misspelt or not followed by white space."""
     words = b" ".join(label.split())
     text = describe_word(words)
     if words != expected:
@@ -168,7 +168,7 @@ def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
 
 
 def _read_end_site(cursor: Cursor, parent: int, before: int) -> _Site:
-    """Read an end site; its keyword End has been read."""
+    """Read an end site after its keyword End; `before` is the number of joints that precede it."""
     position = cursor.position()
     keyword = cursor.take(_SITE)
     if keyword is None:
@@ -200,7 +200,7 @@ def _read_brace(cursor: Cursor, keyword: str, line: int) -> None:
 
 
 def _check_end_sites(cursor: Cursor, joint: _Joint) -> None:
-    """Record a branch without an end site, and end sites with siblings."""
+    """Record as repairs a leaf joint without end site, and an end site with siblings."""
     text = describe_word(joint.name)
     if not joint.n_children and not joint.n_end_sites:
         cursor.tolerate("no end", f"{text} has neither JOINT nor End Site", joint.position)
@@ -219,11 +219,11 @@ def _decode_names(cursor: Cursor, names: Sequence[tuple[bytes, Position]]) -> li
             position = next(position for name, position in names if not name.isascii())
             cursor.tolerate("encoding", f"names are not UTF-8; read as {encoding}", position)
         return decoded
-    raise AssertionError("any bytes are valid Latin-1")
+    raise AssertionError("unreachable: Latin-1 decodes any bytes")
 
 
 def _check_names(cursor: Cursor, names: Sequence[str], positions: Sequence[Position]) -> None:
-    """Record names with white space and repeated names."""
+    """Record as repairs names that contain white space and names that are repeated."""
     known: set[str] = set()
     for name, position in zip(names, positions, strict=True):
         if " " in name or "\t" in name:

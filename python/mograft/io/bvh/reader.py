@@ -55,7 +55,7 @@ class BvhSummary:
 
     @property
     def counts_agree(self) -> bool:
-        """Whether the number of frames found is the declared one."""
+        """Whether the number of frames found equals the number that the file declares."""
         return self.n_frames == self.declared_frames
 
 
@@ -126,7 +126,7 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
 
 
 def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
-    """Check a BVH file as `read_bvh` does, and return its summary, in constant memory.
+    """Check a BVH file as `read_bvh` does and return a summary; memory does not grow with frames.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def _format_blocks(motion: Motion) -> Iterator[bytes]:
     """Yield the text of a file: the header, then blocks of frames."""
     skeleton = motion.skeleton
     if not skeleton.n_channels:
-        raise ValueError("the skeleton must have a channel for a motion to be written")
+        raise ValueError("the skeleton must have at least one channel to be written, got none")
     _check_names(skeleton)
     header, joints = _format_hierarchy(skeleton)
     columns = np.concatenate([skeleton.channel_columns[joint] for joint in joints]).astype(int)
@@ -104,13 +104,13 @@ def _check_names(skeleton: Skeleton) -> None:
         # Lone surrogates (category Cs) cannot be encoded.
         if name.strip(" \t\v\f") != name or re.search("[\r\n{\ud800-\udfff]", name):
             raise ValueError(
-                f"the name of {owner} must be Unicode without line end, '{{' and white space at "
-                f"its ends to be written, got {name!r}"
+                f"the name of {owner} must not contain a line end, '{{' or a lone surrogate, or "
+                f"start or end with white space, to be written; got {name!r}"
             )
 
 
 def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
-    """Return the lines of the hierarchy, and the joints in the order of these lines."""
+    """Return the lines of the hierarchy, and the joint indices in the order of these lines."""
     lines, order = ["HIERARCHY"], list[int]()
     # An explicit stack of joints, end sites and closing lines still to be written: chains may be
     # deeper than Python's recursion limit.
