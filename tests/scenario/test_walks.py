@@ -110,7 +110,7 @@ def test_to_beats_segments_end_at_rest_on_every_beat(library, graph, seed, perio
 
 
 def test_to_beats_impossible_beat_raises_value_error_naming_it(library, graph):
-    with pytest.raises(ValueError, match=r"comes to rest at the beats from 1 s on"):
+    with pytest.raises(ValueError, match=r"no segment sequence from the beat at 1 s comes to rest"):
         to_beats(library, [0.0, 1.0, 1.034, 2.0], graph=graph)
 
 
@@ -141,7 +141,7 @@ def test_walk_seed_must_be_a_non_negative_integer(library):
 
 
 def test_fill_invalid_frames_raises_value_error(library):
-    too_many = r"`frames` must be at most \d+ with \d+ segments, got 1000000001"
+    too_many = r"a walk on a graph of \d+ segments must have at most \d+ frames, got 1000000001"
     with pytest.raises(ValueError, match=too_many):
         fill(library, 10**9 + 1)
     for frames in (1, 2.5, True):
@@ -150,9 +150,13 @@ def test_fill_invalid_frames_raises_value_error(library):
 
 
 def test_to_beats_invalid_beats_raises_value_error(library):
-    with pytest.raises(ValueError, match=r"`frames` must be at most \d+ with \d+ segments"):
+    with pytest.raises(
+        ValueError, match=r"a walk on a graph of \d+ segments must have at most \d+ frames"
+    ):
         to_beats(library, [0.0, 1.0, 1e9])
-    with pytest.raises(ValueError, match="`beats` must hold at least two times, in seconds, got 1"):
+    with pytest.raises(
+        ValueError, match="`beats` must contain at least two times in seconds, got 1"
+    ):
         to_beats(library, [0.0])
     with pytest.raises(ValueError, match="`beats` must ascend, got 1 after 1"):
         to_beats(library, [0.0, 1.0, 1.0])

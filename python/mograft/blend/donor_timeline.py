@@ -19,7 +19,7 @@ from mograft.motion import rotations
 
 @dataclass(frozen=True, eq=False)
 class SegmentTimes:
-    """n points in time, each inside a base segment."""
+    """n points in time, each given as a base segment and the time since its start."""
 
     segment: IntArray  # (n,): index of the segment
     frames: FloatArray  # (n,): frames since the segment's start; fractions are allowed
@@ -27,14 +27,17 @@ class SegmentTimes:
 
 @dataclass(frozen=True, eq=False)
 class RootAlignment:
-    """The alignment transform of every donor segment, and the columns of the root in the tracks."""
+    """The alignment transform of the root for every donor segment.
+
+    The columns are the indices of the root among the joints of rotation and translation tracks.
+    """
 
     transforms: AlignmentTransform
     rotation_column: int
     position_column: int
 
     def column(self, space: ValueSpace) -> int:
-        """Return the column of the root in the tracks of rotations or translations."""
+        """Return the index of the root among the joints of rotation or translation tracks."""
         return self.rotation_column if space is ROTATIONS else self.position_column
 
     def apply(
@@ -44,7 +47,11 @@ class RootAlignment:
         segment: IntArray,
         velocities: FloatArray | None = None,
     ) -> None:
-        """Transform the root's values and velocities in place; the identity preserves every bit."""
+        """Apply the alignment transforms to the root's values and velocities, in place.
+
+        `values`, shape (n, n_joints, 4 or 3), are rotations or translations, `segment`, shape (n,),
+        the segments they belong to. An identity transform changes no bit of them.
+        """
         transforms = self.transforms[segment]
         moves = (transforms.yaws != rotations.IDENTITY).any(axis=1)
         moves |= (transforms.translations != 0.0).any(axis=1)
@@ -62,7 +69,7 @@ class RootAlignment:
 
 @dataclass(frozen=True, eq=False)
 class DonorTimeline:
-    """One donor segment for every base segment, stretched to its length."""
+    """The donor of every base segment, stretched to the length of that base segment."""
 
     cut: Segments  # the base segments, in order of time
     donors: Segments  # the donor of each base segment
@@ -71,14 +78,17 @@ class DonorTimeline:
     alignment: RootAlignment | None = None  # None: values are used as captured
 
     def frame_times(self) -> SegmentTimes:
-        """Return the times of all frames; a frame that two segments share occurs twice."""
+        """Return the times of all frames; a frame shared by two base segments occurs twice."""
         counts = self.cut.lengths + 1
         segment = np.repeat(np.arange(len(counts)), counts)
         frames = np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]
         return SegmentTimes(segment, frames.astype(np.float64))
 
     def merge_frames(self, values: FloatArray) -> FloatArray:
-        """Merge rows at `frame_times` to one per frame; of a shared frame, keep the later row."""
+        """Return one value per frame, given `values` at the times of `frame_times`.
+
+        A frame that two segments share has two values; that of the later segment is returned.
+        """
         times = self.frame_times()
         frames = np.empty((self.cut.stop[-1] + 1, *values.shape[1:]))
         frames[self.cut.start[times.segment] + times.frames.astype(np.int64)] = values
@@ -87,10 +97,10 @@ class DonorTimeline:
     def sample(
         self, space: ValueSpace, tracks: Sequence[FloatArray], times: SegmentTimes
     ) -> FloatArray:
-        """Return the donors' values at n times, shape (n, n_joints, 4 or 3).
+        """Return the donors' values at n points in time, shape (n, n_joints, 4 or 3).
 
-        `tracks` are the values of each clip, shape (n_frames, n_joints, 4 or 3). A time that falls
-        on a frame of the donor gives that frame bit for bit. Between frames the values are
+        `tracks` are the values of each clip, shape (n_frames, n_joints, 4 or 3). At a frame of the
+        donor the result equals the value of that frame, bit for bit. Between frames the values are
         interpolated by cubics, which also depend on the clip's frames just outside the donor.
         """
         donors, segment = self.donors, times.segment
@@ -113,14 +123,21 @@ class DonorTimeline:
     def boundaries(
         self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
     ) -> SeamBoundaries:
-        """Return values and velocities on both sides of the ends of the segments `seams`."""
+        """Return the donors' values and velocities on both sides of seams.
+
+        `seams` are the indices of the segments that end with a seam.
+        """
         ending, starting = self.donors[seams], self.donors[seams + 1]
         speed = np.tile((self.rate * self.donors.lengths / self.cut.lengths)[:, None], (1, 2))
         if self.warp is not None:
             speed *= np.where(self.warp.is_warped[:, None], self.warp.slopes[:, [0, -1]], 1.0)
         speed = speed[..., None, None]
-        before, velocity_before = sample_states(space, tracks, ending.clip, ending.stop)
-        after, velocity_after = sample_states(space, tracks, starting.clip, starting.start)
+        before, velocity_before = sample_values_and_velocities(
+            space, tracks, ending.clip, ending.stop
+        )
+        after, velocity_after = sample_values_and_velocities(
+            space, tracks, starting.clip, starting.start
+        )
         if self.alignment is not None:
             self.alignment.apply(space, before, seams, velocity_before)
             self.alignment.apply(space, after, seams + 1, velocity_after)
@@ -131,9 +148,10 @@ class DonorTimeline:
     def seam_accelerations(
         self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
     ) -> FloatArray:
-        """Return the mean accelerations of both donors at seams, per frame².
+        """Return the mean acceleration of the two donors at each seam, per frame².
 
-        They are in the coordinates of the clips: the alignment transform is not applied.
+        `seams` are the indices of the segments that end with a seam. The result has shape (n_seams,
+        n_joints, 3). The alignment transform is not applied: the axes are those of the clips.
         """
         ending, starting = self.donors[seams], self.donors[seams + 1]
         speed = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
@@ -143,7 +161,11 @@ class DonorTimeline:
         return mean
 
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
-        """Return times relative to pieces; each of the segments `seams` is the last of a piece."""
+        """Convert times since the start of a segment to times since the start of a piece.
+
+        `seams` are the indices of the segments that end with a seam; `blend` is
+        `Config.seam_blend` in seconds.
+        """
         first = np.concatenate([[0], seams + 1])
         last = np.append(seams, len(self.cut) - 1)
         piece = np.searchsorted(seams, times.segment)
@@ -152,11 +174,11 @@ class DonorTimeline:
         return PieceTimes(piece, frames / self.rate, durations, blend)
 
     def find_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
-        """Return between which segments there is a seam, shape (n_segments - 1,).
+        """Return whether there is a seam after each segment but the last, shape (n_segments - 1,).
 
-        There is none if neither donor is stretched or warped, and the last frame of one donor and
-        its two neighbours in the clip equal, bit for bit, the first frame of the next donor and its
-        neighbours. The donors may therefore come from two copies of a clip.
+        Two donors continue each other without a seam if neither is stretched or warped, and the
+        last frame of the first donor and its two neighbours in the clip equal, bit for bit, the
+        first frame of the second donor and its neighbours. They may be in two copies of a clip.
         """
         donors = self.donors
         is_stretched = donors.lengths != self.cut.lengths
@@ -171,7 +193,7 @@ class DonorTimeline:
 
 @dataclass(frozen=True, eq=False)
 class DonorLayout:
-    """The donor tracks of a joint group, their timeline and their seams."""
+    """A joint group's motion in the donors' clips, the donor of each segment, and the seams."""
 
     timeline: DonorTimeline
     rotations: Sequence[FloatArray]  # of each clip, (n_frames, n_joints, 4)
@@ -180,7 +202,7 @@ class DonorLayout:
     config: Config  # gives `seam`, `seam_window` and `seam_blend`
 
     def close(self) -> tuple[FloatArray, FloatArray]:
-        """Return rotations and translations of all frames with the gaps at seams closed."""
+        """Return the rotations and translations in all frames, with the gaps at seams closed."""
         times = self.timeline.frame_times()
         quats, positions = (
             self._close(space, times, rows)
@@ -189,7 +211,7 @@ class DonorLayout:
         return self.timeline.merge_frames(quats), self.timeline.merge_frames(positions)
 
     def close_at(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
-        """Return rotations or translations at any times with the gaps at seams closed."""
+        """Return rotations or translations at n points in time, with the gaps at seams closed."""
         return self._close(space, times, self.timeline.sample(space, self._tracks(space), times))
 
     def _tracks(self, space: ValueSpace) -> Sequence[FloatArray]:
@@ -197,7 +219,7 @@ class DonorLayout:
 
     @cached_property
     def _rows(self) -> tuple[FloatArray, FloatArray]:
-        """Rotations and translations at `DonorTimeline.frame_times`, before gaps are closed."""
+        """Rotations and translations at the times of `frame_times`, before gaps are closed."""
         times = self.timeline.frame_times()
         return (
             self.timeline.sample(ROTATIONS, self.rotations, times),
@@ -226,7 +248,7 @@ class DonorLayout:
         return self.timeline.boundaries(TRANSLATIONS, self.positions, np.flatnonzero(self.seams))
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rotations and translations of all frames after `SeamTreatment.smooth`."""
+        """Apply `SeamTreatment.smooth` to the rotations and translations of all frames."""
         rotations = self._smooth(ROTATIONS, quats)
         return rotations, self._smooth(TRANSLATIONS, positions)
 
@@ -250,19 +272,23 @@ class DonorLayout:
         return SEAM_TREATMENTS.get(config.seam).smooth(closed)
 
     def seam_angles(self) -> FloatArray:
-        """Return the rotation gap of each joint at each seam in radians, (n_seams, n_joints)."""
+        """Return the angle between the two donors' rotations of each joint at each seam.
+
+        The angles are in radians, shape (n_seams, n_joints).
+        """
         angles: FloatArray = np.linalg.norm(self._rotation_boundaries.gaps(), axis=-1)
         return angles
 
 
-def sample_states(
+def sample_values_and_velocities(
     space: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return values and velocities in frames of clips; `clips` and `frames` have shape (n,).
+    """Return the values and velocities in n frames, given by clip and frame, both of shape (n,).
 
     Velocities, shape (n, n_joints, 3), are per frame; angular velocities are in the joint's local
-    axes. They are those of the parabola through the frame and its neighbours, or at a clip's end
-    through the three nearest frames, as `ValueSpace.interpolate` uses them.
+    axes. A velocity is the slope of the parabola through the frame and its two neighbours; in the
+    first or last frame of a clip, through the three nearest frames. `ValueSpace.interpolate` uses
+    the same velocities.
     """
     values = np.empty((len(frames), *tracks[0].shape[1:]))
     velocities = np.empty((*values.shape[:-1], 3))
@@ -285,10 +311,11 @@ def sample_states(
 def sample_accelerations(
     space: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
 ) -> FloatArray:
-    """Return accelerations per frame² in frames of clips, shape (n, n_joints, 3).
+    """Return the accelerations in n frames, given by clip and frame, both of shape (n,).
 
-    They are second differences. The first and last frame of a clip have that of the nearest other
-    frame; it is 0 in a clip of fewer than three frames.
+    Accelerations, shape (n, n_joints, 3), are second differences, per frame². The first and last
+    frame of a clip get the acceleration of the adjacent frame. In a clip of fewer than three frames
+    all accelerations are 0.
     """
     accelerations = np.zeros((len(frames), *tracks[0].shape[1:-1], 3))
     for clip in np.unique(clips):
@@ -301,12 +328,12 @@ def sample_accelerations(
 
 
 def _steps(space: ValueSpace, track: FloatArray, frames: IntArray) -> FloatArray:
-    """Return the delta from each frame to the next."""
+    """Return the delta from each of `frames` to the frame after it."""
     return space.delta(track[frames], track[frames + 1])
 
 
 def _three_frames(tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray) -> FloatArray:
-    """Return the values in the given frames and their neighbours; NaN outside the clip."""
+    """Return the values in each given frame and its two neighbours; NaN outside the clip."""
     near = np.empty((len(frames), 3, *tracks[0].shape[1:]))
     for clip in np.unique(clips):
         rows = np.flatnonzero(clips == clip)

@@ -14,9 +14,9 @@ from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.blend.foot_targets import (
     CLEARANCE,
-    contacts_at_rest,
     foot_displacements,
     lowest_heights,
+    remove_sliding_frames,
 )
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.root_shift import limit_descent, limit_floor_speed, shift_for_reach
@@ -30,14 +30,14 @@ _MAX_ERROR = 1e-4  # skeleton heights; farther from its plant, a foot counts as 
 
 @dataclass(frozen=True)
 class FeetReport:
-    """What `plant_feet` changed.
+    """The changes that `plant_feet` made to a motion.
 
     Attributes
     ----------
     plants : int
         Number of plants: intervals in which a heel or a toe stays in contact with the floor.
     skate_before, skate_after : float
-        Share of feet and frames that skate; see `foot_skate`.
+        Result of `foot_skate` for the motion before and after.
     moved_root : float
         Maximum shift of the root, in skeleton heights.
     unreached : float
@@ -68,16 +68,18 @@ def plant_feet(
     Parameters
     ----------
     motion : Motion
-        The motion.
+        The motion to correct.
     foot_contacts : ndarray of bool, shape (n_frames, n_legs, 2), optional
-        In which frames heels and toes are in contact. Default: `detect_contacts`.
+        Whether the heel and the toe of each leg are in contact with the floor. Default: the result
+        of `detect_contacts`.
     movable_legs : sequence of bool, optional
-        Which legs may be bent. Default: all.
+        Whether each leg may be bent. Default: all may.
     move_root : bool
-        Whether the root may be moved if a leg is too short.
+        Whether the root may be moved if a leg is too short to reach its target.
     floor_reference : Motion, optional
         A motion of the same skeleton on the same floor, from which the floor height and the maximum
-        depth of feet are estimated. A longer motion gives a better estimate. Default: `motion`.
+        depth of the feet below the floor are estimated. A longer motion gives a better estimate.
+        Default: `motion`.
     min_heights : ndarray, shape (n_frames, n_legs, 2), optional
         Minimum heights of heels and toes above the floor while they are not in contact, in
         skeleton heights. Values above 0.05 count as 0.05. Default: none.
@@ -85,10 +87,10 @@ def plant_feet(
     Returns
     -------
     motion : Motion
-        The motion with bent legs. The root is moved only if a leg does not reach. Frames that need
-        no change are returned bit for bit.
+        The motion with bent legs. The root is moved only if a leg cannot reach its target. Frames
+        that need no change are returned bit for bit.
     report : FeetReport
-        The changes, and the distances that remain.
+        The changes, and the remaining distances of feet from their targets.
 
     Raises
     ------
@@ -98,15 +100,17 @@ def plant_feet(
 
     Notes
     -----
-    During a contact, the heel or toe is held at its mean position, with the height clamped to 0.01
-    skeleton heights below the floor to 0.03 above it. Before and after, the displacement fades to
-    0 within 0.1 s. The leg is bent in its plane: the knee sets its length, the hip its direction.
-    The foot is rotated so that heel and toe reach their positions.
+    During a contact, the heel or toe stays at the mean of its positions, with the height clamped to
+    0.01 skeleton heights below the floor to 0.03 above it. Before and after the contact, the
+    displacement fades to 0 within 0.1 s. The leg is bent in its plane: the knee sets the distance
+    from hip to ankle, the hip sets the direction. The foot is rotated so that heel and toe reach
+    their targets.
 
-    No heel or toe is deeper below its floor than in the same frame of `motion`, by more than 0.001
-    heights. On `movable_legs` it is also no deeper than the lowest frame of `floor_reference`, by
-    more than 0.001 heights. A point that is deeper is raised, during a contact in all its frames.
-    The root is not lowered if this moves another leg below that limit.
+    The depth of a heel or toe below the floor exceeds its depth in the same frame of `motion` by at
+    most 0.001 skeleton heights. On `movable_legs` it also exceeds the maximum depth in
+    `floor_reference` by at most 0.001 heights. A heel or toe below this limit is raised; if it is
+    in contact, in all frames of the contact. The root is not lowered so far that the foot of
+    another leg falls below the limit.
 
     Examples
     --------
@@ -127,7 +131,7 @@ def plant_feet(
     if not has_task or not movable.any():
         return motion, _without_changes(skate_before)
     points = ground.points(motion)
-    planted = contacts_at_rest(contacts, points, ground, motion.rate)
+    planted = remove_sliding_frames(contacts, points, ground, motion.rate)
     heights = np.full(contacts.shape, -np.inf) if min_heights is None else min_heights
     heights = np.where(contacts & ~planted, CLEARANCE, heights)
     recorded = points if reference is motion else ground.points(reference)
@@ -175,10 +179,10 @@ def plant_feet(
 
 
 def _limit_shift(motion: Motion, shift: FloatArray, room: FloatArray, ground: Ground) -> FloatArray:
-    """Return a shift of the root within the captured speed and above the allowed depth.
+    """Limit the floor speed of a shifted root, and the descent of legs that do not bend.
 
-    `room`, shape (n_frames, n_fixed_legs, 2), is the height of heel and toe of the legs that do
-    not bend above their lowest allowed height.
+    The speed is limited to the captured maximum. `room`, shape (n_frames, n_fixed_legs, 2), is the
+    distance by which the heel and toe of each leg that does not bend may be lowered.
     """
     path = motion.world_positions()[:, motion.locomotion_root()]
     shift = limit_floor_speed(shift, path, ground.up)
@@ -187,7 +191,7 @@ def _limit_shift(motion: Motion, shift: FloatArray, room: FloatArray, ground: Gr
 
 
 def _without_changes(skate: float) -> FeetReport:
-    """Return the report of a motion that needs no change."""
+    """Return the report for a motion that `plant_feet` does not change."""
     return FeetReport(
         plants=0,
         skate_before=skate,
@@ -204,7 +208,7 @@ def _checked_arguments(
     foot_contacts: BoolArray | None,
     movable_legs: Sequence[bool] | None,
 ) -> tuple[BoolArray, BoolArray]:
-    """Return the contacts and which legs may be bent, after checks, with defaults filled in."""
+    """Check two arguments of `plant_feet` and return them, with None replaced by the default."""
     contacts = detect_contacts(motion) if foot_contacts is None else np.asarray(foot_contacts, bool)
     expected = (motion.n_frames, n_legs, 2)
     if contacts.shape != expected:
@@ -216,7 +220,7 @@ def _checked_arguments(
 
 
 def _shifted_root(motion: Motion, world_rotations: FloatArray, shift: FloatArray) -> Part:
-    """Return the root with its world position shifted."""
+    """Return the motion of the root with `shift`, in world axes, added to its position."""
     root = motion.locomotion_root()
     parent = int(motion.skeleton.parents[root])
     if parent >= 0:

@@ -21,20 +21,21 @@ _DEPTH_MARGIN = 0.001  # skeleton heights by which planting may lower a point in
 
 @dataclass(frozen=True, eq=False)
 class _Plant:
-    """First and last frame of a contact of a heel or toe, and the position at which it is held."""
+    """First and last frame of a contact, and the fixed position of the heel or toe during it."""
 
     first: int
     last: int
     position: FloatArray
 
 
-def contacts_at_rest(
+def remove_sliding_frames(
     contacts: BoolArray, points: FloatArray, ground: Ground, rate: float
 ) -> BoolArray:
-    """Return contacts; those that move far lose the frames in which the point is fast.
+    """Return `contacts` without the fast frames of each contact in which the point slides far.
 
-    If a foot stands before and after a seam, but at distant positions, the two contacts must not
-    become one plant, which would pull the root half way between them. The foot steps instead.
+    A foot can stand at two distant positions before and after a seam. One plant for both contacts
+    would be half way between these positions. Without the fast frames there are two plants, and
+    the foot steps from one to the other.
     """
     at_rest = contacts.copy()
     is_fast = point_speeds(points, rate) >= SLIDING_SPEED * ground.height
@@ -49,11 +50,11 @@ def contacts_at_rest(
 
 
 def lowest_heights(points: FloatArray, recorded: FloatArray, ground: Ground) -> FloatArray:
-    """Return the minimum heights along `up` of heels and toes, shape (n_frames, n_legs, 2).
+    """Return the lowest allowed heights of heels and toes, shape (n_frames, n_legs, 2).
 
-    A point may be as deep below its floor as in the same frame of `points` and as in the lowest
-    frame of `recorded`, whichever is higher, plus 0.001 heights. Both arrays have shape
-    (n_frames, n_legs, 2, 3).
+    The limit is the higher of two heights: that of the point in the same frame of `points`, and
+    that of its lowest frame in `recorded`. It is at most the floor, and is lowered by 0.001
+    skeleton heights. Both arrays are positions, shape (n_frames, n_legs, 2, 3).
     """
     deepest = (recorded @ ground.up).min(axis=0)
     lowest: FloatArray = np.minimum(np.maximum(points @ ground.up, deepest), ground.floors)
@@ -73,8 +74,9 @@ def foot_displacements(
 
     `points` are the positions of heel and toe, of the same shape. `contacts` marks the frames of
     their contacts; `min_heights` are their minimum heights in skeleton heights while neither is in
-    contact; both have shape (n_frames, 2). If only one of the two is planted, the other follows it.
-    The foot keeps its length. Both points stay above `lowest`; see `lowest_heights`.
+    contact; both have shape (n_frames, 2). If only one of the two is planted, the other is
+    displaced with it. The foot keeps its length. Both points stay above `lowest`; see
+    `lowest_heights`. `leg` is the index of the leg, `rate` the frame rate.
     """
     single, holds = np.zeros_like(points), np.zeros(contacts.shape)
     fade = max(round(_FADE_SECONDS * rate), 1)
@@ -114,11 +116,11 @@ def _raise_foot(
     heel_share: FloatArray,
     up: FloatArray,
 ) -> FloatArray:
-    """Return the positions of heels and toes, raised to heights `lowest` along `up`, (n, 2, 3).
+    """Return the positions of heel and toe, raised to at least the heights `lowest`, (n, 2, 3).
 
-    `foot` is the vector from heel to toe. A point is raised together with the other one unless it
-    is planted: `holds` are the weights of its plants. The foot keeps its length by horizontal
-    moves; the share of the heel is `heel_share`.
+    `foot` is the vector from heel to toe. A point that is not planted is raised together with the
+    other one; `holds`, from 0 to 1, are the weights of the plants. Horizontal displacements restore
+    the length of the foot; the heel takes the fraction `heel_share` of them, the toe the rest.
     """
     heights = np.stack([heels, heels + foot], axis=1) @ up
     deficits = np.maximum(lowest - heights, 0.0)
@@ -137,7 +139,7 @@ def _raise_foot(
 def _with_rise(
     foot: FloatArray, rise: FloatArray, length: FloatArray, up: FloatArray
 ) -> FloatArray:
-    """Return vectors with a length and height, and the horizontal direction of `foot`, (..., 3)."""
+    """Return vectors of length `length` and height `rise` in the horizontal direction of `foot`."""
     level = foot - (foot @ up)[..., None] * up
     size = np.linalg.norm(level, axis=-1, keepdims=True)
     any_level = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
@@ -155,7 +157,10 @@ def _lifts(
     leg: int,
     rate: float,
 ) -> FloatArray:
-    """Return the lifts of heel and toe in frames without contact, in the file's unit."""
+    """Return by how much heel and toe are raised in frames without contact, (n_frames, 2).
+
+    The result is in the file's unit, `min_heights` in skeleton heights.
+    """
     heights = points @ ground.up - ground.floors[leg]
     wanted = np.minimum(min_heights, CLEARANCE) * ground.height
     deficit: FloatArray = np.maximum(wanted - heights, 0.0)
@@ -181,10 +186,10 @@ def _lifts(
 def _plants(
     points: FloatArray, contacts: BoolArray, lowest: FloatArray, ground: Ground, leg: int
 ) -> tuple[list[_Plant], list[_Plant]]:
-    """Return the plants of a heel and of a toe, none of them below `lowest`.
+    """Return the plants of the heel and those of the toe; none is below `lowest`.
 
-    While both are in contact, they keep their mean distance: the later plant is moved
-    horizontally.
+    If a plant of the heel and one of the toe overlap in time, the later one is moved horizontally:
+    their distance becomes the mean distance of heel and toe in the shared frames.
     """
     plants: tuple[list[_Plant], list[_Plant]] = ([], [])
     intervals = [
@@ -221,8 +226,8 @@ def _fade(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the displacements of a heel or toe to its plants, and the weights of the plants.
 
-    The weight is 1 during a plant. Before and after, weight and displacement fade to 0 within
-    `width` frames, at most up to the next plant. The fade starts flat, so that the velocity is
+    The weight is 1 during a plant. Before and after it, weight and displacement fall to 0 within
+    `width` frames, or before the next plant. They start with slope 0, so that the velocity is
     continuous. A downward displacement fades faster, so that a lifted foot does not drag.
     """
     displacements, holds = np.zeros_like(track), np.zeros(len(track))

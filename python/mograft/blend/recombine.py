@@ -27,10 +27,10 @@ class Part:
 
 
 def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
-    """Replace the motion of joint groups; every other number of the base is kept (eq. 20).
+    """Replace the motion of joint groups in a base motion (paper, eq. 20).
 
-    The parts have different joints. The result has the base's channel values where neither rotation
-    nor translation changed.
+    No joint is in two parts. All other joints keep the motion of the base, bit for bit. The result
+    keeps each channel value whose rotation or translation equals that of the base.
     """
     skeleton = base.skeleton
     quats, positions = base.rotations.copy(), base.positions.copy()
@@ -71,7 +71,10 @@ def _replace_channels(
     quats: FloatArray,
     values: FloatArray | None,
 ) -> None:
-    """Set a joint's rotations and channel values, in place, from angles of single channels."""
+    """Replace single channels of a joint in `quats` and `values`, in place.
+
+    `single` has the new angles in radians, (n_frames,); NaN in frames that keep the base's.
+    """
     skeleton = base.skeleton
     order = skeleton.rotation_order(joint)
     given = euler_angles(base, joint)

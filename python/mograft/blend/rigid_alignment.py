@@ -34,14 +34,14 @@ class RootTransforms:
         return cls(quats, positions)
 
     def relative_to_parent(self, motion: Motion, frames: IntArray, joint: int) -> "RootTransforms":
-        """Return the local transforms of a joint, given its parent in frames of a motion."""
+        """Return the transforms of `joint` relative to its parent in frames of a motion."""
         parent = int(motion.skeleton.parents[joint])
         if parent < 0:
             return self
         return self.relative_to(RootTransforms.from_motion(motion, parent)[frames])
 
     def relative_to(self, parents: "RootTransforms") -> "RootTransforms":
-        """Return the local transforms of joints with the given parents."""
+        """Return the transforms relative to those of the parents."""
         inverse = rotations.inverse(parents.rotations)
         return RootTransforms(
             rotations.multiply(inverse, self.rotations),
@@ -63,11 +63,11 @@ class AlignmentTransform:
     def from_roots(
         cls, source: RootTransforms, target: RootTransforms, up: int
     ) -> "AlignmentTransform":
-        """Return the transforms from source roots to the floor position and heading of targets.
+        """Return transforms that move each source root to the floor position of its target.
 
-        They preserve the height and the lean of every source root, and are exactly the identity
-        if source and target are equal. The yaw is the twist about the axis `up` of the rotation
-        from source to target.
+        They also rotate it to the heading of the target: by the twist, about the axis `up`, of the
+        rotation from source to target. They preserve the height and the lean of the source. If
+        source and target are equal, the transform is exactly the identity.
 
         >>> source = RootTransforms(np.array([[0.0, 0, 0, 1]]), np.array([[1.0, 9, 2]]))
         >>> target = RootTransforms(np.array([[0.0, 1, 0, 0]]), np.array([[5.0, 8, 5]]))
@@ -87,14 +87,14 @@ class AlignmentTransform:
         return AlignmentTransform(self.yaws[index], self.translations[index])
 
     def apply(self, roots: RootTransforms) -> RootTransforms:
-        """Return n roots, each moved by its transform."""
+        """Return the world transforms of n roots after applying one alignment transform to each."""
         return RootTransforms(
             rotations.multiply(self.yaws, roots.rotations),
             rotations.rotate(self.yaws, roots.positions) + self.translations,
         )
 
     def apply_to_poses(self, poses: Poses) -> Poses:
-        """Return n poses of whole bodies, each moved by its transform."""
+        """Return n poses of whole bodies after applying one alignment transform to each."""
         # As matrices, for all joints at once.
         left = rotations.multiply(self.yaws[:, None], np.eye(4))
         axes = rotations.rotate(self.yaws[:, None], np.eye(3))

@@ -17,10 +17,10 @@ from mograft.motion import rotations
 def root_velocity_weights(
     frames: FloatArray, lengths: IntArray, config: Config, rate: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weights of the root velocity across a seam, before and after the seam.
+    """Return the weights of `SeamTreatment.root_velocity_weights`, before and after a seam.
 
-    `frames` are distances from the seam, `lengths` the lengths of the segment on the same side,
-    both in frames; the shapes broadcast. See `SeamTreatment.root_velocity_weights`.
+    `frames` are distances from the seam, `lengths` the lengths of the segments on that side of the
+    seam, both in frames; the shapes broadcast. `rate` is in frames per second.
     """
     remaining = np.maximum(1.0 - frames / np.minimum(config.seam_blend * rate, lengths), 0.0)
     return SEAM_TREATMENTS.get(config.seam).root_velocity_weights(remaining)
@@ -29,13 +29,13 @@ def root_velocity_weights(
 def blend_root_velocity(
     velocities: FloatArray, cut: Segments, seams: BoolArray, config: Config, rate: float
 ) -> FloatArray:
-    """Return velocities that are cross-faded at seams.
+    """Cross-fade the velocities of the root at seams.
 
-    `velocities`, shape (n, k), are per frame, from each frame to the next. `cut` covers the frames
-    in order of time; `seams`, shape (len(cut) - 1,), marks the segments that end with a seam. Each
-    result is a mean of given velocities with weights of sum 1, so none exceeds the maximum. A
-    velocity that is not blended is kept bit for bit. A seam changes only the two segments that meet
-    there.
+    `velocities`, shape (n, k), are the changes from each frame to the next. The segments `cut` are
+    in order of time and cover all frames; `seams`, shape (len(cut) - 1,), marks those that end with
+    a seam. Each result is a weighted mean of given velocities, so that none exceeds their maximum.
+    A velocity that is not blended is kept bit for bit. A seam changes only the two segments that
+    meet there.
     """
     segment = np.repeat(np.arange(len(cut)), cut.lengths)
     frames = np.arange(len(velocities), dtype=np.float64) + 0.5
@@ -52,7 +52,7 @@ def blend_root_velocity(
 
 
 def yaw_rates(quats: FloatArray, up: int) -> FloatArray:
-    """Return the rotation about the up axis from each frame to the next, in radians."""
+    """Return the angle in radians by which each frame is rotated to the next about the up axis."""
     steps = rotations.multiply(quats[1:], rotations.inverse(quats[:-1]))
     rates: FloatArray = rotations.log(rotations.twist(steps, up))[:, up]
     return rates
@@ -67,12 +67,13 @@ def integrate_root(
 ) -> RootTransforms:
     """Integrate root velocities and yaw rates to a path over the floor.
 
-    `source` is the root in n frames before seams are closed, `closed` after. `velocities` and
-    `captured`, shape (n - 1, 4), are per frame, from each frame to the next: the displacement over
-    the floor, in world axes at the heading of `source`, and the angle about the up axis. `captured`
-    are those of `source`. The result has the lean and height of `closed`, and its yaw rate never
-    exceeds the maximum of `captured`. Up to the first frame in which `velocities` and `captured`
-    differ, its floor positions equal those of `source` bit for bit.
+    `source` is the root in n frames before seams are closed, `closed` after that. `captured`, shape
+    (n - 1, 4), has the displacement of `source` over the floor from each frame to the next, in
+    world axes, and its rotation about the up axis in radians; `velocities` is `captured` with
+    blended seams. The displacements are rotated by the difference between the new heading and that
+    of `source`. The result has the lean and height of `closed`, and its yaw rate never exceeds the
+    maximum of `captured`. Its floor positions equal those of `source`, bit for bit, up to the first
+    frame in which `velocities` and `captured` differ.
     """
     leaning = closed.rotations
     change = rotations.multiply(leaning, rotations.inverse(source.rotations))

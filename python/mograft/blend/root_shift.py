@@ -23,11 +23,12 @@ def shift_for_reach(
     is_planted: BoolArray,
     rate: float,
 ) -> FloatArray:
-    """Return a smooth shift of the root, (n_frames, 3), that lets legs reach their plants.
+    """Return a smooth shift of the root, (n_frames, 3), with which planted feet are within reach.
 
-    `world_positions`, shape (n_frames, n_joints, 3), are those of the joints. `displacements`,
-    shape (n_frames, n_legs, 3), are those that the ankles need. `is_planted`, shape (n_frames,
-    n_legs), marks the legs that must reach. The shift is 0 if all of these reach without it.
+    `world_positions`, shape (n_frames, n_joints, 3), are the positions of the joints.
+    `displacements`, shape (n_frames, n_legs, 3), lead from the ankles to their targets.
+    `is_planted`, shape (n_frames, n_legs), marks the legs whose ankle must reach its target. The
+    shift is 0 if all of them do so without it. `rate` is in frames per second.
     """
     centers, radii = [], []
     for index, leg in enumerate(legs):
@@ -39,7 +40,7 @@ def shift_for_reach(
         radii.append(np.where(is_planted[:, index], reach, np.inf))
 
     def project(shift: FloatArray) -> FloatArray:
-        """Return a shift near `shift` with which all legs reach, by alternating projections."""
+        """Project `shift` alternately onto the shifts with which each leg reaches its target."""
         for _ in range(_N_PROJECTIONS):
             for center, radius in zip(centers, radii, strict=True):
                 offset = shift - center
@@ -64,18 +65,18 @@ def shift_for_reach(
 
 
 def limit_descent(shift: FloatArray, room: FloatArray, up: FloatArray) -> FloatArray:
-    """Return a shift, (n_frames, 3), that lowers each frame by at most `room`, (n_frames,)."""
+    """Raise a shift, (n_frames, 3), so that it lowers no frame by more than `room`, (n_frames,)."""
     excess: FloatArray = np.maximum(-(shift @ up) - room, 0.0)
     return shift + excess[:, None] * up
 
 
 def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
-    """Return a shift that does not raise the maximum speed of a path over the floor.
+    """Limit a shift so that the shifted path is nowhere faster than the maximum of the path.
 
-    `shift` is added to `path`; both have shape (n_frames, 3); `up` is a unit vector. A shift that
-    is slow enough is returned unchanged. Otherwise the floor positions of successive frames that
-    are too far apart are moved towards each other, repeatedly; if 1000 passes are not enough, the
-    shift over the floor is 0.
+    Only the speed over the floor counts. `shift` is added to `path`; both have shape (n_frames, 3);
+    `up` is a unit vector. A shift that is slow enough is returned unchanged. Otherwise successive
+    floor positions that are too far apart are moved towards each other, repeatedly. If 1000 passes
+    are not enough, the horizontal shift is 0.
     """
     level = np.eye(3) - np.outer(up, up)
     given, target = path @ level, (path + shift) @ level

@@ -16,7 +16,10 @@ from mograft.motion.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class GraftedRoot:
-    """A root joint that takes the motion of donors, and its columns in the tracks of a layout."""
+    """A root joint whose motion is replaced by that of donors.
+
+    The columns are its indices among the joints of the rotation and translation tracks of a layout.
+    """
 
     joint: int
     up: int
@@ -27,14 +30,14 @@ class GraftedRoot:
     def from_columns(
         cls, joint: int, up: int, joints: IntArray, moving: BoolArray
     ) -> "GraftedRoot":
-        """Return the root for a group's joints; `moving` marks those with translation tracks."""
+        """Find the columns of the root; `moving` marks the joints with translation tracks."""
         is_root = joints == joint
         return cls(joint, up, int(np.argmax(is_root)), int(np.argmax(is_root[moving])))
 
     def close(
         self, layout: DonorLayout, lean: TrunkLean, base: Motion, clips: Sequence[Motion]
     ) -> tuple[DonorLayout, FloatArray, FloatArray]:
-        """Return the aligned layout, and local rotations and translations, with seams closed."""
+        """Align donors and close seams; return the layout, local rotations and translations."""
         layout = lean.remove_from(self.align(layout, base, clips), clips)
         quats, positions = layout.close()
         self.integrate(layout, quats, positions)
@@ -43,7 +46,7 @@ class GraftedRoot:
         return layout, quats, positions
 
     def align(self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]) -> DonorLayout:
-        """Return the layout with world tracks of the root, donors aligned end to start.
+        """Return the layout with the root in world coordinates and each donor aligned to the last.
 
         At a seam the next donor is rotated about the up axis and moved over the floor, so that its
         root starts at the position and heading at which the previous donor ends. The first donor
@@ -53,7 +56,7 @@ class GraftedRoot:
         timeline, donors = layout.timeline, layout.timeline.donors
         positions = [track[:, self.position_column, None] for track in layout.positions]
         seams = layout.seams | timeline.find_seams(positions)
-        first, last = (self._states(layout, frames) for frames in (donors.start, donors.stop))
+        first, last = (self._donor_roots(layout, frames) for frames in (donors.start, donors.stop))
         quats, places = base.world_transforms()
         target = RootTransforms(quats[:1, self.joint], places[:1, self.joint])
         moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
@@ -67,7 +70,7 @@ class GraftedRoot:
         return replace(layout, timeline=replace(timeline, alignment=alignment), seams=seams)
 
     def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:
-        """Replace the root's rotations and positions, in place, by those of an integrated path."""
+        """Blend root velocities at seams and set the root, in place, to the integrated path."""
         timeline = layout.timeline
         times = timeline.frame_times()
         source = self._source(layout)
@@ -86,9 +89,9 @@ class GraftedRoot:
         self._set_root(quats, positions, root)
 
     def to_local(self, base: Motion, quats: FloatArray, positions: FloatArray) -> None:
-        """Replace the root's world rotations and positions, in place, by local ones.
+        """Convert the root's world rotations and positions to local ones, in place.
 
-        Frames in which they equal the base's world values get the base's local values.
+        Where they equal the world values of the base, the base's local values are used.
         """
         if base.skeleton.parents[self.joint] < 0:
             return
@@ -102,7 +105,7 @@ class GraftedRoot:
         self._set_root(quats, positions, local)
 
     def _root(self, quats: FloatArray, positions: FloatArray) -> RootTransforms:
-        """Return the columns of the root as transforms."""
+        """Return the rotations and positions of the root."""
         return RootTransforms(quats[:, self.rotation_column], positions[:, self.position_column])
 
     def _set_root(self, quats: FloatArray, positions: FloatArray, root: RootTransforms) -> None:
@@ -120,8 +123,8 @@ class GraftedRoot:
             self._set_root(rotation, position, world)
         return replace(layout, rotations=quats, positions=places)
 
-    def _states(self, layout: DonorLayout, frames: IntArray) -> RootTransforms:
-        """Return the root in one frame of the clip of each donor, shape (n_donors,)."""
+    def _donor_roots(self, layout: DonorLayout, frames: IntArray) -> RootTransforms:
+        """Return the root's transform in one frame of each donor's clip, shape (n_donors,)."""
         rows = list(zip(layout.timeline.donors.clip.tolist(), frames.tolist(), strict=True))
         return RootTransforms(
             np.array([layout.rotations[clip][row, self.rotation_column] for clip, row in rows]),
@@ -129,7 +132,7 @@ class GraftedRoot:
         )
 
     def _source(self, layout: DonorLayout) -> RootTransforms:
-        """Return the aligned root at `DonorTimeline.frame_times`, before seams are closed."""
+        """Return the aligned root at the times of `frame_times`, before seams are closed."""
         alignment = layout.timeline.alignment
         assert alignment is not None
         timeline: DonorTimeline = replace(

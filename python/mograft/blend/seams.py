@@ -18,7 +18,7 @@ from mograft.blend.value_spaces import ValueSpace
 
 @dataclass(frozen=True, eq=False)
 class PieceTimes:
-    """n points in time, each inside a piece; see `mograft.blend.seams`."""
+    """n points in time, each given as a piece (see `mograft.blend.seams`) and seconds."""
 
     piece: IntArray  # (n,): index of the piece
     seconds: FloatArray  # (n,): seconds since the start of that piece
@@ -32,7 +32,7 @@ class PieceTimes:
 
     @property
     def windows(self) -> FloatArray:
-        """Blend time of every piece: `blend`, at most the piece's duration, shape (n_pieces,)."""
+        """The smaller of `blend` and the piece's duration, in seconds, shape (n_pieces,)."""
         return np.minimum(self.blend, self.durations)
 
 
@@ -51,14 +51,14 @@ class SeamBoundaries:
     velocity_after: FloatArray
 
     def gaps(self) -> FloatArray:
-        """Return the delta across every seam; exactly 0 where both values are equal."""
+        """Return the delta from the value before each seam to that after it; 0 if equal."""
         gaps = self.space.delta(self.before, self.after)
         gaps[(self.before == self.after).all(axis=-1)] = 0.0
         return gaps
 
 
 class SeamTreatment(ABC):
-    """A method that changes the motion near a seam so that the two pieces join.
+    """A method that changes the motion near a seam so that two pieces meet without a gap.
 
     Implementations have no state. Each is the object `TREATMENT` of its own module in
     `mograft.blend.seam_treatments`.
@@ -87,16 +87,17 @@ class SeamTreatment(ABC):
 
     @abstractmethod
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the weights of the root velocity across a seam, before and after the seam.
+        """Return two weights of the other donor's root velocity: before a seam and after it.
 
-        The velocity across is that of the donor on the other side, at the seam. `remaining` is 1 at
-        the seam and falls to 0 at the end of the blend time. Both weights have its shape and are 0
-        where it is 0. Their sum is 1 at the seam if the velocity is blended, else 0. See
+        The root velocity near a seam is a weighted mean of the captured velocity and of the
+        velocity that the donor on the other side has at the seam. `remaining` is 1 at the seam and
+        falls to 0 at the end of the blend time. Both weights have its shape and are 0 where it is
+        0. Their sum at the seam is 1, or 0 if the treatment does not blend root velocities. See
         `crossfade_both_sides`, `crossfade_after` and `no_crossfade`.
         """
 
     def smooth(self, closed: "ClosedFrames") -> FloatArray:
-        """Return the closed values after a final pass over all frames; unchanged by default."""
+        """Return the values after a final pass over all frames; by default it changes nothing."""
         return closed.values
 
 
@@ -132,26 +133,26 @@ class ClosedFrames:
 
 
 def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return weights that rise to ½ at the seam on both sides, with a continuous slope."""
+    """Return root velocity weights that rise to ½ at the seam on both sides, with equal slope."""
     half = 0.25 * remaining * remaining * (3.0 - remaining)
     return half, half
 
 
 def crossfade_after(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return weights 0 before the seam, and after it a cubic from 1 to 0, flat at both ends."""
+    """Return root velocity weights: 0 before the seam, and after it a cubic from 1 to 0."""
     return np.zeros_like(remaining), remaining * remaining * (3.0 - 2.0 * remaining)
 
 
 def no_crossfade(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return weights 0: root velocities stay as captured and jump at the seam."""
+    """Return zero weights: root velocities stay as captured and jump at the seam."""
     return np.zeros_like(remaining), np.zeros_like(remaining)
 
 
 def at_piece_ends(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the entries of `per_seam` for the seams at the start and at the end of each piece.
+    """Return the entries of `per_seam` at the start and at the end of the given pieces.
 
-    `per_seam` has shape (n_pieces - 1, ...), both results (len(piece), ...). The results are 0 at
-    the start of the first piece and at the end of the last, which have no seam.
+    `per_seam` has shape (n_pieces - 1, ...); `piece` has n indices, and both results have shape (n,
+    ...). They are 0 at the start of the first piece and at the end of the last: there is no seam.
     """
     zero = np.zeros((1, *per_seam.shape[1:]))
     return np.concatenate([zero, per_seam])[piece], np.concatenate([per_seam, zero])[piece]

@@ -20,12 +20,12 @@ _STEPS = (2, 1, 3, 4)  # in half frames; ties go to the first, the constant rate
 
 
 def warping_path(distances: FloatArray) -> FloatArray:
-    """Return the column of `distances` for each of its rows, by dynamic time warping.
+    """Match each row of `distances` to a column by dynamic time warping; return the columns.
 
-    `distances`, shape (n + 1, 2 n + 1), are those from each frame of a first motion to each sample
-    of a second one, which has two samples per frame. The path has the smallest sum of distances
-    among those with steps of 1 to 4 columns (half to double speed) that differ from the constant
-    rate by at most a fifth of the length.
+    `distances`, shape (n + 1, 2 n + 1), are between the frames of a first motion (rows) and the
+    samples of a second one (columns), which has two samples per frame. The path has the smallest
+    sum of distances among the paths with steps of 1 to 4 columns (half to double speed) that differ
+    from the constant rate by at most a fifth of the length.
 
     Sakoe and Chiba, Dynamic programming algorithm optimization for spoken word recognition (1978),
     with slopes from ½ to 2 and a band.
@@ -54,14 +54,17 @@ def warping_path(distances: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class TimeWarp:
-    """For each segment, the elapsed share of its donor as a function of that of the segment."""
+    """For each base segment, a map from its elapsed fraction to that of its donor."""
 
     shares: FloatArray  # (n_segments, 5): after 0, ¼, ½, ¾ and all of the segment
     is_warped: BoolArray  # (n_segments,)
 
     @cached_property
     def slopes(self) -> FloatArray:
-        """Slopes at the knots of a monotone cubic (Fritsch and Carlson 1980); 1 if not warped."""
+        """Slopes of the map at its knots, shape (n_segments, 5); 1 if a donor is not warped.
+
+        The map is a monotone cubic (Fritsch and Carlson 1980).
+        """
         rises = np.diff(self.shares, axis=1) * (_N_KNOTS - 1)
         inner = 2.0 * rises[:, 1:] * rises[:, :-1] / (rises[:, 1:] + rises[:, :-1])
         first, last = (
@@ -79,9 +82,9 @@ class TimeWarp:
         clips: Sequence[Motion],
         joints: IntArray,
     ) -> "TimeWarp":
-        """Warp donors so that the poses of the given joints match those of the base in time.
+        """Warp donors in time so that their poses of the given joints best match those of the base.
 
-        Donors are warped only if this reduces the mean joint angle by more than 5 %.
+        A donor is warped only if this reduces its mean joint angle to the base by more than 5 %.
         """
         constant = np.linspace(0.0, 1.0, _N_KNOTS)
         shares = np.tile(constant, (len(cut), 1))
@@ -102,7 +105,7 @@ class TimeWarp:
         return cls(shares, is_warped)
 
     def donor_share(self, segment: IntArray, share: FloatArray) -> FloatArray:
-        """Return the elapsed shares of donors, given the elapsed shares of their segments."""
+        """Return the elapsed fractions of donors, given `share`, those of their base segments."""
         knot = np.minimum((share * (_N_KNOTS - 1)).astype(np.int64), _N_KNOTS - 2)
         width = 1.0 / (_N_KNOTS - 1)
         t = share / width - knot
@@ -126,7 +129,7 @@ ALIGNMENTS: Registry[Alignment | None] = CONFIG_OPTIONS["alignment"].implemented
 
 
 def _warped_knots(distances: FloatArray) -> FloatArray | None:
-    """Return the donor's shares at the knots, or None if the gain over a constant rate is small."""
+    """Return the donor's elapsed fractions at the knots, or None if warping gains too little."""
     n = len(distances) - 1
     rows = np.arange(n + 1)
     constant_sum = float(distances[rows, 2 * rows].sum())

@@ -20,10 +20,11 @@ from mograft.motion.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class GraftedGroup:
-    """A joint group that takes the motion of donors.
+    """A joint group whose motion is replaced by that of donors.
 
     If `root` is one of `joints`, every donor is aligned so that the root starts at the floor
-    position and heading at which the previous donor ends; the first, at those of the base.
+    position and heading at which the previous donor ends. The first donor starts at those of the
+    base.
     """
 
     joints: IntArray  # including joints of which the group holds only single channels
@@ -34,7 +35,7 @@ class GraftedGroup:
 
     @property
     def whole_joints(self) -> IntArray:
-        """The joints that the group holds with all channels, ascending."""
+        """The joints of which all channels belong to the group, ascending."""
         return np.setdiff1d(self.joints, list(self.held)).astype(np.int64)
 
 
@@ -48,14 +49,16 @@ def transplant(
 ) -> Part:
     """Return the motion of a joint group in which donor segments replace base segments.
 
-    `cut` holds the segments of the base in order of time, `donors` the donor of each, which may be
-    the segment itself. `donors.clip` indexes `clips`, which have the hierarchy of the base.
+    `cut` contains the segments of the base in order of time, `donors` the donor of each, which may
+    be the segment itself. `donors.clip` are indices into `clips`, which have the hierarchy of the
+    base.
 
     Every donor is resampled to the length of its base segment, by a curve that also depends on the
-    neighbouring frames of its clip. There is a seam between two donors that are stretched or not
-    consecutive in a clip; there the treatment of `Config.seam` closes the gap. Unstretched donors
-    that are consecutive in a clip give that clip bit for bit. A joint's translation is replaced
-    only if it varies in the clip of a donor; otherwise the base's bone length is kept.
+    neighbouring frames of its clip. There is a seam between two successive donors if either is
+    stretched or they are not consecutive in a clip; there the treatment of `Config.seam` closes the
+    gap. Unstretched donors that are consecutive in a clip give that clip bit for bit. A joint's
+    translation is replaced only if it varies in the clip of a donor; otherwise the base's bone
+    length is kept.
     """
     # Clips of a stored library are read on access, so only those of the donors are accessed.
     used, clip = np.unique(donors.clip, return_inverse=True)
@@ -91,9 +94,9 @@ def transplant(
 
 
 def seam_reach(config: Config) -> float:
-    """Return within how many seconds of a segment the choice of other donors changes its frames.
+    """Return the distance in seconds from a segment within which its donor affects the motion.
 
-    Donors farther away change them by at most 1/10,000 of a gap.
+    Frames farther away change by at most 1/10,000 of a gap if the donor changes.
     """
     reach = config.seam_blend + SEAM_TREATMENTS.get(config.seam).coupling
     return max(reach, 4.0 * HEADING_SMOOTHING) if config.torso == "world" else reach
@@ -106,7 +109,7 @@ def _lay_out(
     moving: BoolArray,
     config: Config,
 ) -> DonorLayout:
-    """Return the group's tracks in donor clips: whole joints, then single channels."""
+    """Return the layout of a group; its single channels follow its whole joints."""
     joints = group.whole_joints
     quats = [clip.rotations.take(joints, axis=1) for clip in clips]
     if group.held:
@@ -119,7 +122,7 @@ def _lay_out(
 def _channel_angles(
     base: Motion, held: Mapping[int, str], quats: FloatArray
 ) -> dict[ChannelKey, FloatArray]:
-    """Return the angle of each single channel; NaN in frames in which it equals the base's."""
+    """Return the angle of each single channel in radians; NaN in frames that keep the base's."""
     is_changed = (quats != split_axes(base, held)).any(axis=2)
     return {
         key: np.where(is_changed[:, column], angle, np.nan)

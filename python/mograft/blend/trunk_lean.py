@@ -22,10 +22,11 @@ Chosen from 0 to 0.4 s on the clips `dance_*`, `basket` and `bandai` by the dete
 
 @dataclass(frozen=True, eq=False)
 class TrunkLean:
-    """The trunk joints of a group whose lean in the world is kept.
+    """The trunk joints of a group that keep the lean that they have in the donor's clip.
 
-    The local rotation q_k in a donor's clip k becomes R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is
-    the world rotation of the trunk's parent joint and Y its heading. Y is smoothed over
+    The lean is relative to the vertical. The local rotation q_k in a donor's clip k becomes
+    R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world rotation of the parent joint, and Y the
+    part of R about the up axis, its heading. Y is smoothed over
     `HEADING_SMOOTHING` seconds, because the pelvis swings about the up axis with every step and the
     trunk compensates for that. `remove` applies Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar
     and Gleicher (2006).
@@ -39,7 +40,7 @@ class TrunkLean:
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
-        """Return the trunk joints with a parent in another group; none for ``torso="pelvis"``."""
+        """Find the trunk joints with a parent in another group; none if ``torso="pelvis"``."""
         parents, columns = base.skeleton.parents, []
         if config.torso == "world":
             parts = anatomy(base.skeleton).parts
@@ -61,7 +62,7 @@ class TrunkLean:
         return replace(layout, rotations=quats)
 
     def remove(self, clip: Motion, quats: FloatArray) -> FloatArray:
-        """Return rotations relative to a parent with the clip's heading, but without its lean."""
+        """Return `quats` with the trunk joints relative to the heading of their parents only."""
         if not self.columns:
             return quats
         upright = quats.copy()
@@ -69,7 +70,10 @@ class TrunkLean:
         return upright
 
     def restore(self, base: Motion, quats: FloatArray) -> FloatArray:
-        """Invert `remove` with the base's lean; rotations equal to the base's stay bit for bit."""
+        """Make the trunk joints relative to their parents in the base: the inverse of `remove`.
+
+        Rotations that equal those of the base are kept bit for bit.
+        """
         if not self.columns:
             return quats
         leans, upright = self.leans(base), quats[:, self.columns]
@@ -82,7 +86,7 @@ class TrunkLean:
         return local
 
     def leans(self, clip: Motion) -> FloatArray:
-        """Return the world rotations, without heading, of the parents of the trunk joints."""
+        """Return the parents' world rotations without their heading, (n_frames, n_columns, 4)."""
         if clip not in self._known:
             self._known[clip] = self._find_leans(clip)
         return self._known[clip]
@@ -107,10 +111,10 @@ def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:
 
 
 def _uprights(world: FloatArray, up: int) -> FloatArray:
-    """Return for each joint the rotation from the up axis to the most vertical local axis.
+    """Return for each joint the rotation from the up axis to its local axis that points up most.
 
-    `world`, shape (n_frames, n_joints, 4), are world rotations. Without this rotation, a lean would
-    change the heading of joints whose local up axis is not vertical at rest.
+    `world`, shape (n_frames, n_joints, 4), are world rotations, of which the mean is used. Without
+    the result, a lean would change the heading of joints with another vertical axis.
     """
     axis = np.eye(3)[up]
     local = rotations.rotate(rotations.inverse(world), np.broadcast_to(axis, (*world.shape[:2], 3)))

@@ -57,7 +57,7 @@ def bend_leg(
     points: FloatArray,
     displacements: FloatArray,
 ) -> Part | None:
-    """Return the rotations of hip, knee and ankle that displace the heel and toe of a leg.
+    """Return the rotations of hip, knee and ankle that displace heel and toe by `displacements`.
 
     The world transforms, shape (n_frames, n_joints, 4 or 3), and `points`, the positions of heel
     and toe, are those after the root has been moved. `points` and `displacements` have shape
@@ -90,8 +90,8 @@ def bend_leg(
 def _bend_axes(world_rotations: FloatArray, world_positions: FloatArray, leg: Leg) -> FloatArray:
     """Return the world axis about which the knee bends in each frame, shape (n_frames, 3).
 
-    It is the normal of the plane of the leg. The straighter the leg, the closer it is to the mean
-    axis of all frames in the local axes of the thigh.
+    The axis is the normal of the plane of the leg. In a nearly straight leg it approaches the mean
+    of this normal over all frames, taken in the local axes of the thigh.
     """
     thigh = world_positions[:, leg.hip] - world_positions[:, leg.knee]
     shank = world_positions[:, leg.ankle] - world_positions[:, leg.knee]

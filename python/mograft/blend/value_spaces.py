@@ -12,29 +12,29 @@ Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class ValueSpace(Protocol):
-    """The Lie group of rotations or of translations, and its tangent vectors.
+    """Operations on rotations or on translations, called values, and on their differences.
 
-    Values have shape (..., 4) or (..., 3). Deltas lead from one value to another; velocities are
-    their rates; both have shape (..., 3).
+    Values have shape (..., 4) or (..., 3). A delta is the difference from one value to another, a
+    velocity the rate of change of a value; both have shape (..., 3).
     """
 
     def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Return the shortest delta from one value to another."""
+        """Return the shortest delta from `start` to `end`."""
 
     def add(self, start: FloatArray, delta: FloatArray) -> FloatArray:
-        """Return the value that a delta leads to."""
+        """Return the value at difference `delta` from `start`."""
 
     def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return the velocity of a value plus a constant delta, given that of the value."""
+        """Return the velocity of ``add(value, delta)`` for a value with the given velocity."""
 
     def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return the rate of change of a delta from a fixed value to a moving one."""
+        """Return the rate of change of a delta whose end moves with a velocity."""
 
     def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
-        """Return values at fractional frames of a track; at whole frames, exactly the track's."""
+        """Interpolate `values`, one per frame, at `frames`; at whole frames the result is exact."""
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
-        """Return cubics at `t`, 0 to 1, given their end values and end velocities per unit of t."""
+        """Return cubics at `t`, 0 to 1, from values and velocities (per unit of t) at both ends."""
 
 
 class _Rotations:
@@ -106,7 +106,7 @@ TRANSLATIONS: ValueSpace = _Translations()
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the cross product, three times as fast as `np.cross` for a few vectors."""
+    """Return the cross product; faster than `np.cross` for a few vectors."""
     product: FloatArray = np.empty_like(b)
     for k, m, n in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         product[..., k] = a[..., m] * b[..., n] - a[..., n] * b[..., m]

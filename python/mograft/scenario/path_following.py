@@ -39,26 +39,28 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     Returns
     -------
     Scenario
-        It starts at the first corner, with the heading that suits the path best.
+        The segments, and the position and turn of the first one: at the first corner, with the
+        heading that gives the lowest cost.
 
     Raises
     ------
     ValueError
-        If the path has fewer than two different points, if the segments do not reach its end in
-        time, or if there is no transition graph.
+        If the path has fewer than two different points, if no segment sequence reaches its end
+        within the time limit, or if the library has no transition graph; see `transitions`.
 
     Notes
     -----
-    The time limit is ten times the duration of the path plus one height at the mean speed of the
-    segments that walk: at least a quarter of a height per second. Without such segments the speed
-    is a quarter of a height per second.
+    The time limit is ten times the time to walk the length of the path plus one skeleton height, at
+    the mean speed of the segments that walk. A segment walks if its root moves over the floor by at
+    least 0.25 heights per second; if no segment does, the speed is 0.25 heights per second.
 
-    A beam search of width 2048; of states with the same segment and heading (in 45° steps) only
-    the best is kept. The cost is the sum of the transition costs, plus for each segment its
-    displacement in skeleton heights times 3 rad per height between the root and the nearest point
-    of the path. The nearest point never moves back, and moves forward by at most twice the
-    displacement. States of equal numbers of segments are compared by cost plus 2 rad per remaining
-    height of path.
+    The method is a beam search of width 2048 over segment sequences. Of sequences that end with the
+    same segment and heading (in steps of 45°), only the best is kept. The cost of a sequence is the
+    sum of its transition costs, plus a term for each segment: 3 rad times its displacement times
+    the distance between the root at its end and the nearest point of the path, both in skeleton
+    heights. The nearest point never moves back along the path, and moves forward by at most twice
+    the displacement. Sequences of equal numbers of segments are compared by cost plus 2 rad per
+    skeleton height of remaining path.
 
     Examples
     --------
@@ -80,7 +82,7 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
 
 @dataclass(frozen=True, eq=False)
 class _Beam:
-    """States of the search, one per row; lengths are in skeleton heights."""
+    """Segment sequences of the search, one per row; lengths are in skeleton heights."""
 
     node: IntArray  # the segment
     previous: IntArray  # the segment before it; -1 at the start
@@ -90,11 +92,11 @@ class _Beam:
     progress: FloatArray  # arc length of the nearest point of the path
     cost: FloatArray
     seconds: FloatArray
-    parent: IntArray  # row of the preceding state in the preceding beam
+    parent: IntArray  # row, in the previous beam, of the sequence without this segment
 
     @classmethod
     def start(cls, n: int) -> "_Beam":
-        """Return the states before the first segment: every segment with every heading."""
+        """Return sequences of one segment: every segment with every heading."""
         turn = np.repeat(2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS), n)
         size = n * _N_HEADINGS
         return cls(
@@ -110,12 +112,15 @@ class _Beam:
         )
 
     def select(self, rows: IntArray) -> "_Beam":
-        """Return the states of the given rows."""
+        """Return the sequences of the given rows."""
         return _Beam(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
 
 class _PathSearch:
-    """A path and a transition graph in skeleton heights, floor positions as complex numbers."""
+    """A beam search for segments that follow a path.
+
+    Lengths are in skeleton heights, and floor positions are complex numbers.
+    """
 
     def __init__(self, library: Library, graph: Transitions, corners: FloatArray) -> None:
         """Convert the path, whose successive corners differ, and the graph."""
@@ -136,7 +141,7 @@ class _PathSearch:
         self.rotation_sense = -1.0 if library.up == 1 else 1.0
 
     def run(self) -> tuple[IntArray, float]:
-        """Return the nodes of the best walk to the end of the path, and its initial turn."""
+        """Return the nodes of the best sequence to the path's end, and its first turn."""
         total = self.arc_lengths[-1]
         speed = mean_walking_speed(np.abs(self.displacements), self.durations)
         max_seconds = _MAX_DURATION_FACTOR * float(total + 1.0) / speed
@@ -148,9 +153,10 @@ class _PathSearch:
             rows = self._best_rows(beam, max_seconds)
             if not len(rows):
                 raise ValueError(
-                    f"the segments follow {beam.progress.max() * self.height:.4g} of a path of "
-                    f"{total * self.height:.4g} in {max_seconds:.4g} s, ten times the duration "
-                    "at walking speed: add clips with walking"
+                    f"no segment sequence follows the whole path: at most "
+                    f"{beam.progress.max() * self.height:.4g} of {total * self.height:.4g} units "
+                    f"in {max_seconds:.4g} s, ten times the duration at walking speed; add clips "
+                    "with walking"
                 )
             beam = beam.select(rows)
             history.append(beam)
@@ -165,7 +171,7 @@ class _PathSearch:
         return rotated
 
     def _walk_segment(self, beam: _Beam) -> _Beam:
-        """Return the states at the end of their segments."""
+        """Add the last segment of each sequence to its position, progress, cost and duration."""
         step = self._rotate(self.displacements[beam.node], beam.turn)
         position = beam.position + step
         progress, distance = self._nearest_on_path(
@@ -180,7 +186,7 @@ class _PathSearch:
         )
 
     def _best_rows(self, beam: _Beam, max_seconds: float) -> IntArray:
-        """Return the rows to keep, best first: one for each segment and heading."""
+        """Return the rows to keep, best first: at most one for each last segment and heading."""
         remaining = self.arc_lengths[-1] - beam.progress
         order = np.argsort(beam.cost + _REMAINING_WEIGHT * remaining, kind="stable")
         order = order[beam.seconds[order] <= max_seconds]
@@ -191,9 +197,10 @@ class _PathSearch:
         return rows
 
     def _expand(self, beam: _Beam) -> _Beam:
-        """Return the states at the start of all next segments.
+        """Append every possible next segment to each sequence.
 
-        Transitions back to the previous segment are left out, unless all transitions lead back.
+        Transitions back to the segment before the last one are left out, unless all transitions of
+        all sequences lead back.
         """
         graph = self.graph
         counts = np.diff(graph.first_edge)[beam.node]
@@ -217,7 +224,10 @@ class _PathSearch:
     def _nearest_on_path(
         self, positions: ComplexArray, lower: FloatArray, upper: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return arc length and distance of the nearest path points between two arc lengths."""
+        """Return the arc length of the path point nearest to each position, and its distance.
+
+        Only points with arc lengths from `lower` to `upper` are compared.
+        """
         best, nearest = lower, np.full(len(positions), np.inf)
         for corner, leg, start, stop in zip(
             self.corners[:-1],
@@ -240,8 +250,8 @@ class _PathSearch:
 def mean_walking_speed(distances: FloatArray, durations: FloatArray) -> float:
     """Return the mean speed of the segments that walk, in heights per second.
 
-    `distances` over the floor are in heights, `durations` in seconds. The mean is over the segments
-    of at least 0.25 heights per second; it is 0.25 if there are none.
+    `distances` over the floor are in skeleton heights, `durations` in seconds. A segment walks at
+    0.25 heights per second or more. If no segment does, the result is 0.25.
     """
     walks = distances >= _MIN_WALKING_SPEED * durations
     if not walks.any():

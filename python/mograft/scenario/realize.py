@@ -20,7 +20,7 @@ from mograft.scenario.scenario import Scenario
 
 
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
-    """Return the motion of a scenario, and where each of its segments lies in the motion.
+    """Return the motion of a scenario, and the frames of its segments in this motion.
 
     Gaps at seams are closed. Feet are planted unless `Config.feet` is "never".
     """
@@ -47,9 +47,9 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
 
 
 def joints_of_donors(library: Library, joints: IntArray) -> IntArray:
-    """Return the joints of a group that move as in donors: all but those above the root.
+    """Return the joints whose motion is replaced by donors: all but the ancestors of the root.
 
-    Donors move the root in the world, relative to the joints above it in the base.
+    The ancestors keep the motion of the base. The root moves in the world as in the donors.
     """
     above = library.skeleton.ancestors(library.root)
     return np.setdiff1d(joints, above).astype(np.int64)
@@ -58,10 +58,10 @@ def joints_of_donors(library: Library, joints: IntArray) -> IntArray:
 def donor_contacts(
     library: Library, cut: Segments, leg_donors: Sequence[IntArray]
 ) -> tuple[BoolArray, FloatArray]:
-    """Return the foot contacts and foot heights of the segments from which legs come.
+    """Return the foot contacts and foot heights that each leg has in its donors.
 
-    `leg_donors` holds, for every leg, the donor at each segment of `cut`. Both results have shape
-    (n_frames, n_legs, 2); see `detect_contacts` and `foot_heights`.
+    `leg_donors` has, for every leg, the donor of each base segment in `cut`. Both results have
+    shape (n_frames, n_legs, 2); see `detect_contacts` and `foot_heights`.
     """
     n_frames = int(cut.stop[-1]) + 1
     contacts = np.empty((n_frames, len(leg_donors), 2), bool)
@@ -98,7 +98,7 @@ def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
 
 
 def _place_root(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
-    """Return a still figure with its root rotated about up and moved to the scenario's place."""
+    """Rotate a motionless figure by `scenario.turn` and move its root to `scenario.place`."""
     world_quats, world_positions = motion.world_transforms()
     position, parent = world_positions[0, root], int(motion.skeleton.parents[root])
     if scenario.place is not None:

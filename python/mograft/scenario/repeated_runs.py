@@ -11,7 +11,7 @@ from mograft.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class Repetition:
-    """How much of a scenario occurs more than once; see `repetition`.
+    """How much of a scenario is repeated; see `repetition`.
 
     Attributes
     ----------
@@ -19,7 +19,7 @@ class Repetition:
         Duration in seconds of the longest run of segments that occurs twice without overlap; 0 if
         all segments are different.
     distinct_share : float
-        Number of different segments, as a share of the number of segments.
+        Number of different segments, divided by the number of all segments.
     """
 
     longest_repeat: float
@@ -27,7 +27,7 @@ class Repetition:
 
 
 def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) -> Repetition:
-    """Measure how much of a scenario occurs more than once.
+    """Measure how much of a scenario is repeated.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) 
     Returns
     -------
     Repetition
-        The longest repeat in seconds, at captured speed, and the share of different segments.
+        The longest repeat in seconds, at captured speed, and the fraction of different segments.
 
     Raises
     ------
     ValueError
-        If there is no segment.
+        If the scenario has no segment.
 
     Examples
     --------
@@ -63,10 +63,10 @@ def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) 
 
 
 class RepeatedRuns:
-    """The runs at the end of a growing sequence that occurred in it before, without overlap.
+    """The runs of items at the end of a growing sequence that also occur earlier in it.
 
-    Only the latest `max_visits` occurrences of an item are compared, which bounds the time per
-    item. By default there is no limit.
+    The two occurrences do not overlap. Only the latest `max_visits` occurrences of an item are
+    compared, which bounds the time per item. By default all are compared.
     """
 
     def __init__(self, max_visits: int | None = None) -> None:
@@ -89,7 +89,7 @@ class RepeatedRuns:
         return max(self._runs.values(), default=0)
 
     def lengths_before(self) -> dict[int, int]:
-        """Return the items that would extend a repeated run, with the longest run's length."""
+        """Return each item that would extend a repeated run, and the longest such run's length."""
         lengths: dict[int, int] = {}
         for position, length in self._runs.items():
             item = self._items[position + 1]

@@ -7,14 +7,14 @@ from mograft._util.arrays import FloatArray, IntArray, as_floats, as_indices, ma
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A sequence of base segments, their lengths, and the place of the first.
+    """A sequence of base segments, their lengths, and the position and turn of the first.
 
     Parameters
     ----------
     segments : array_like of int, shape (n,)
         Segments of a library, in order.
     lengths : array_like of int, shape (n,), optional
-        Length of each in frame intervals. Default: the captured lengths.
+        Length of each segment in frame intervals. Default: the captured lengths.
     place : array_like, shape (3,), optional
         Position of the root over the floor in the first frame, in the file's unit; the component
         along the up axis is ignored. Default: the captured position.
@@ -41,7 +41,7 @@ class Scenario:
     def __post_init__(self) -> None:
         segments = as_indices("segments", self.segments, ("n",)).copy()
         if not len(segments):
-            raise ValueError("`segments` must hold at least one, got none")
+            raise ValueError("`segments` must contain at least one segment, got none")
         arrays: dict[str, FloatArray | IntArray] = {"segments": segments}
         turn = float(as_floats("turn", self.turn, ()))
         if self.lengths is not None:

@@ -7,7 +7,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy
-from mograft.blend.donor_timeline import sample_states
+from mograft.blend.donor_timeline import sample_values_and_velocities
 from mograft.blend.root_motion import root_velocity_weights, yaw_rates
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import feature_joints
@@ -25,10 +25,11 @@ _MAX_CHUNK = 1 << 22  # approximate number of values that are compared at a time
 
 @dataclass(frozen=True, eq=False)
 class SegmentEnds:
-    """The starts, or the ends, of n segments.
+    """Pose, velocity and foot contacts at the starts, or at the ends, of n segments.
 
-    Joints are the base group's feature joints without the root. If the base group does not hold the
-    root, all quantities of the root are 0 except `root_rotations` and `root_positions`.
+    The joints are the feature joints of the base group without the root. If the base group does not
+    contain the root, all quantities of the root except `root_rotations` and `root_positions` are 0
+    or the identity.
     """
 
     poses: FloatArray  # (n, n_joints, 4): local rotations
@@ -47,9 +48,10 @@ class SegmentEnds:
     faded_steps: FloatArray  # (n, 4): sum of this segment's steps times these weights
 
     def feature_points(self) -> FloatArray:
-        """Return points whose distance is the root mean square of the terms of the cost.
+        """Return one point per segment, shape (n, n_features), to find transitions of low cost.
 
-        This holds for small angles; the distance of large ones is smaller.
+        The distance between the points of an end and a start is the root of the sum of the squared
+        terms of the transition cost, joints averaged. For large angles it is smaller.
         """
         n, n_joints = self.poses.shape[:2]
         share = max(n_joints, 1) ** -0.5
@@ -70,7 +72,7 @@ class SegmentEnds:
 
 
 def segment_ends(library: Library, segments: IntArray) -> tuple[SegmentEnds, SegmentEnds]:
-    """Return the starts and the ends of segments; each clip is read once and not kept."""
+    """Read the starts and the ends of segments from the library; each clip is read once."""
     clip_of = library.segments.clip[segments]
     starts: list[SegmentEnds] = []
     ends: list[SegmentEnds] = []
@@ -117,10 +119,10 @@ class _ClipEnds:
         library, cut = self._library, self._library.segments
         frames = (cut.start if is_start else cut.stop)[segments]
         first = 0 * segments
-        poses, velocities = sample_states(
+        poses, velocities = sample_values_and_velocities(
             ROTATIONS, [self._clip.rotations[:, self._joints]], first, frames
         )
-        _, angular = sample_states(ROTATIONS, [self._quats[:, None]], first, frames)
+        _, angular = sample_values_and_velocities(ROTATIONS, [self._quats[:, None]], first, frames)
         inverse_yaws = rotations.inverse(rotations.twist(self._quats[frames], library.up))
         tilts = rotations.multiply(inverse_yaws, self._quats[frames])
         if not self._has_root:
@@ -151,7 +153,10 @@ class _ClipEnds:
     def _steps_inward(
         self, segments: IntArray, frames: IntArray, *, is_start: bool
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the root's steps from an end inward, and the weights of the other side's steps."""
+        """Return the root's steps per frame near segment ends, ordered from the end inward.
+
+        The second result is the weight, at each step, of the root velocity across the seam.
+        """
         library = self._library
         distances = np.arange(0.5, np.ceil(library.config.seam_blend * library.rate))
         count = np.arange(len(distances))
@@ -162,7 +167,7 @@ class _ClipEnds:
         return steps, after if is_start else before
 
     def _is_at_rest(self, segments: IntArray) -> BoolArray:
-        """Return whether segments end at a minimum of the smoothed kinetic energy."""
+        """Return whether each segment ends at a minimum of the smoothed kinetic energy."""
         cut, config, clip = self._library.segments, self._library.config, self._clip
         energy = kinetic_energy(clip, omega=config.omega, inertia=config.inertia)
         energy = gaussian_filter(energy, config.smoothing * clip.rate)
@@ -177,7 +182,10 @@ class _ClipEnds:
 def transition_costs(
     ends: SegmentEnds, starts: SegmentEnds, source: IntArray, target: IntArray
 ) -> FloatArray:
-    """Return the cost of each transition in radians; see `transitions`."""
+    """Return the cost in radians of each transition from an end to a start; see `transitions`.
+
+    `source` are indices into `ends`, `target` into `starts`, both of shape (n,).
+    """
     costs = np.zeros(len(source))
     n_joints = ends.poses.shape[1]
     step = max(_MAX_CHUNK // (8 * max(n_joints, 1)), 1)

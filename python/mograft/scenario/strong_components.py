@@ -10,7 +10,9 @@ from mograft._util.arrays import IntArray
 def largest_strong_component(n: int, sources: IntArray, targets: IntArray) -> IntArray:
     """Return the largest set of nodes of which every one is reachable from every other, ascending.
 
-    Edges are sorted by source. Of sets of the same size the one that is found first is returned.
+    The graph has the nodes 0 to `n` - 1. Its edges lead from `sources` to `targets` and are sorted
+    by source. Of sets of the same size, the one that is found first is returned.
+
     Tarjan, Depth-first search and linear graph algorithms (1972), without recursion.
     """
     bounds = np.searchsorted(sources, np.arange(n + 1)).tolist()
@@ -48,7 +50,7 @@ def largest_strong_component(n: int, sources: IntArray, targets: IntArray) -> In
 
 
 def _pop_component(path: list[int], is_on_path: list[bool], root: int) -> list[int]:
-    """Remove the component that starts at `root` from the end of the path, and return it."""
+    """Remove the nodes from `root` to the end of the path, one component, and return them."""
     component = [path.pop()]
     while component[-1] != root:
         component.append(path.pop())

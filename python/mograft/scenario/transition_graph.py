@@ -29,7 +29,7 @@ _MAX_CHUNK = 1 << 22
 
 @dataclass(frozen=True, eq=False)
 class Transitions:
-    """Which base segments may be consecutive; made by `transitions`.
+    """A graph of which base segments may be consecutive; made by `transitions`.
 
     A segment's *node* is its index in `segments`. *Edges* are sorted by source, then by target.
 
@@ -44,17 +44,18 @@ class Transitions:
     costs : ndarray, shape (m,)
         Cost of each edge in radians; 0 from a segment to its successor in the clip.
     limit : float
-        The greatest cost, except for transitions that end runs with only one transition each.
+        The greatest allowed cost in radians. Only the transitions that lead out of runs of segments
+        with one transition each may exceed it.
     displacements : ndarray, shape (n, 3)
-        Captured displacement of the root over the floor within each segment.
+        Captured displacement of the root over the floor within each segment, in the file's unit.
     yaw_changes : ndarray, shape (m,)
-        Angle by which the target segment is rotated more about the up axis than the source
-        segment, so that it continues with the heading at the seam.
+        Angle in radians by which the target segment must be rotated about the up axis to continue
+        the heading of the source segment, if the source segment is not rotated.
     seam_displacements : ndarray, shape (m, 3)
-        Displacement that blending root velocities at the seam adds to those of the two segments,
-        for the source segment as captured.
+        Displacement that blending root velocities at the seam adds to those of the two segments, in
+        the file's unit, if the source segment is not rotated.
     is_at_rest : ndarray of bool, shape (n,)
-        Whether a segment ends at a minimum of kinetic energy, where a beat may be.
+        Whether a segment ends at a minimum of kinetic energy. Only there can a beat be.
     """
 
     segments: IntArray
@@ -76,11 +77,11 @@ class Transitions:
         return np.repeat(np.arange(len(self.segments)), np.diff(self.first_edge))
 
     def edges_from(self, node: int) -> slice:
-        """Return the edges from a node, as a slice of `targets` and `costs`."""
+        """Return the slice of `targets` and `costs` with the edges from a node."""
         return slice(int(self.first_edge[node]), int(self.first_edge[node + 1]))
 
     def probabilities(self) -> FloatArray:
-        """Return the probability of each edge in a walk, in proportion to exp(-cost / 5°)."""
+        """Return the probability of each edge given its source, proportional to exp(-cost / 5°)."""
         weights = np.exp(-self.costs / _TRANSITION_TEMPERATURE)
         totals = np.add.reduceat(weights, self.first_edge[:-1])
         probabilities: FloatArray = weights / totals[self.sources]
@@ -100,34 +101,34 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     Returns
     -------
     Transitions
-        The largest set of segments of which every one is reachable from every other.
+        The graph of the largest set of segments of which every one is reachable from every other.
 
     Raises
     ------
     ValueError
-        If no clip has such a name, there are more than 100 000 segments, or fewer than four
-        segments are reachable from one another.
+        If a name or glob matches no clip, if there are more than 100 000 segments, or if fewer than
+        four segments are reachable from one another.
 
     Notes
     -----
     The cost of a transition is the mean joint angle between the last pose of the source and the
-    first pose of the target, plus the root's tilt between them, plus twice the difference in root
-    height (in skeleton heights), plus 0.1 s times the same sum over velocities: mean difference of
-    joint angular velocities, difference of root angular velocity, and twice that of root velocity
-    seen from the root's heading. The cheapest tenth of the transitions with equal foot contacts is
-    allowed, up to 25°. The limit grows, up to 45°, while less than half of the segments remain. A
-    segment's successor in the clip is always allowed. A segment is never followed by itself or by
-    its predecessor in the clip.
+    first pose of the target, plus the angle between the tilts of the root, plus twice the
+    difference in root height (in skeleton heights), plus 0.1 s times the same sum over velocities:
+    mean difference of joint angular velocities, difference of root angular velocity, and twice that
+    of root velocity relative to the root's heading. The cheapest tenth of the transitions with
+    equal foot contacts is allowed, up to 25°. If less than half of the segments would be reachable
+    from one another, the limit is raised, up to 45°. A segment's successor in the clip is always
+    allowed. A segment is never followed by itself or by its predecessor in the clip.
 
-    In a run of segments with only one transition each, the cheapest transition of every 2 s is
-    allowed too, up to 60°, except in the first 2 s. Otherwise walks would repeat such runs.
+    In a run of segments with only one transition each, after its first 2 s, the cheapest other
+    transition in every 2 s is allowed too, up to 60°. Otherwise walks would repeat such runs.
 
-    At a twentieth of all starts and ends of segments there are no transitions, because there the
-    root's acceleration over the floor, within 0.15 s inward, is greatest. A transition could
-    increase it beyond that of the recording.
+    The twentieth of all starts and ends with the greatest acceleration of the root over the floor,
+    within 0.15 s inward, has no transitions except the one within the clip: a transition could
+    increase the acceleration beyond that of the recording.
 
-    For each segment only the 64 nearest are considered, by the root mean square of the terms of
-    the cost.
+    From each segment, transitions to only the 64 nearest others are considered. The distance is the
+    root of the sum of the squared terms of the cost.
 
     Examples
     --------
@@ -177,7 +178,7 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
 
 
 def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntArray:
-    """Return the segments of some clips without the excluded donors, ascending."""
+    """Return the segments of the named clips, without excluded donors, ascending."""
     segments = np.flatnonzero(library.is_donor)
     if clips is not None:
         patterns = [clips] if isinstance(clips, str) else list(clips)
@@ -200,15 +201,15 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
 def _candidate_edges(
     starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return source, target and cost of the considered transitions, sorted.
+    """Return source, target and cost of all transitions to consider, sorted by source, then target.
 
-    They are those to the nearest segments and those to successors in clips, whose cost is 0.
+    They lead to the nearest segments, and to successors in the clips at cost 0.
     """
     sources, targets = _nearest_pairs(starts, ends, has_successor)
     if not len(sources):
         raise ValueError(
             "a transition graph needs transitions between segments that are not consecutive "
-            "in a clip, got none"
+            "in a clip, got none: no segment ends with the foot contacts of another's start"
         )
     costs = transition_costs(ends, starts, sources, targets)
     successor_of = np.flatnonzero(has_successor)
@@ -222,10 +223,10 @@ def _candidate_edges(
 def _exits(
     sources: IntArray, costs: FloatArray, is_edge: BoolArray, seconds: FloatArray
 ) -> BoolArray:
-    """Return which further transitions end runs of segments with only one transition each.
+    """Return which further transitions lead out of runs of segments with one transition each.
 
-    In such a run they are the cheapest of every 2 s, up to 60°, except in the first 2 s. `seconds`
-    are the durations of all segments.
+    After the first 2 s of such a run they are the cheapest in every 2 s, up to 60°. `is_edge` marks
+    the allowed transitions; `seconds` are the durations of all segments.
     """
     has_choice = np.bincount(sources[is_edge], minlength=len(seconds)) != 1
     stops = np.cumsum(seconds)
@@ -249,7 +250,7 @@ def _root_changes(
     has_successor: BoolArray,
     up: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the root's yaw change and added displacement at seams; see `Transitions`."""
+    """Return `yaw_changes` and `seam_displacements` of the edges; see `Transitions`."""
     difference = rotations.multiply(
         ends.root_rotations[sources], rotations.inverse(starts.root_rotations[targets])
     )
@@ -265,13 +266,13 @@ def _root_changes(
 
 
 def _is_successor(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
-    """Return whether each target follows its source in the clip."""
+    """Return whether each target is the successor of its source in the clip."""
     follows: BoolArray = (targets == sources + 1) & np.append(has_successor, False)[sources]
     return follows
 
 
 def _is_allowed(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
-    """Return whether pairs are neither equal nor neighbours in a clip."""
+    """Return whether source and target are neither equal nor neighbours in a clip."""
     are_neighbors = _is_successor(has_successor, sources, targets)
     are_neighbors |= _is_successor(has_successor, targets, sources)
     allowed: BoolArray = ~are_neighbors & (sources != targets)
@@ -279,7 +280,7 @@ def _is_allowed(has_successor: BoolArray, sources: IntArray, targets: IntArray) 
 
 
 def _steady(starts: SegmentEnds, ends: SegmentEnds) -> tuple[BoolArray, BoolArray]:
-    """Return which starts and which ends are among the 95 % with the least root acceleration."""
+    """Return whether each start, and each end, is among the 95 % with least root acceleration."""
     accelerations = [starts.root_accelerations, ends.root_accelerations]
     limit = np.quantile(np.concatenate(accelerations), _STEADY_SHARE)
     return accelerations[0] <= limit, accelerations[1] <= limit
@@ -288,7 +289,7 @@ def _steady(starts: SegmentEnds, ends: SegmentEnds) -> tuple[BoolArray, BoolArra
 def _nearest_pairs(
     starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
 ) -> tuple[IntArray, IntArray]:
-    """Return, for each segment, the nearest allowed segments with equal contacts after it."""
+    """Return pairs of each segment and the nearest allowed segments with equal foot contacts."""
     end_points, start_points = (side.feature_points().astype(np.float32) for side in (ends, starts))
     steady_starts, steady_ends = _steady(starts, ends)
     patterns = np.unique(np.concatenate([starts.contacts, ends.contacts]), axis=0)
@@ -313,7 +314,7 @@ def _nearest_pairs(
 
 
 def _cheap_cost(starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray) -> float:
-    """Return the cost within which the cheapest tenth of all allowed pairs lies."""
+    """Return the cost that the cheapest tenth of all allowed pairs does not exceed."""
     n = len(starts.poses)
     if n * n <= _MAX_SAMPLED_PAIRS:
         i, j = (indices.ravel() for indices in np.indices((n, n)))

@@ -28,21 +28,21 @@ def walk(
     graph: Transitions | None = None,
     repeat_penalty: float = 5.0,
 ) -> IntArray:
-    """Walk at random from base segment to base segment.
+    """Draw a random sequence of base segments of a minimum duration.
 
     Parameters
     ----------
     library : Library
         The library of the segments.
     duration : float
-        Minimum total duration in seconds; exceeded by less than one segment.
+        Minimum total duration in seconds. It is exceeded by less than one segment.
     seed : int
         Random seed.
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
     repeat_penalty : float
-        Logarithm of the factor by which a transition is less likely for each second of a repeated
-        run of segments that it extends.
+        Avoidance of repeated runs of segments: a transition that makes a repeated run t seconds
+        long is exp(repeat_penalty * t) times less likely.
 
     Returns
     -------
@@ -52,19 +52,20 @@ def walk(
     Raises
     ------
     ValueError
-        If the duration is not above 0, if the seed is not an integer of at least 0, or if there is
-        no transition graph; see `transitions`.
+        If the duration is not above 0, if the seed is not an integer of at least 0, or if the
+        library has no transition graph; see `transitions`.
 
     Notes
     -----
     A transition of cost c is drawn with probability proportional to
-    exp(-c / 5° - uses - repeat_penalty * run). `uses` counts the visits to its target so far;
-    without it, walks stay where someone stands still. `run` is the duration in seconds of the
-    longest repeated run of segments that the transition leads to, up to the next segment with
-    several transitions. A segment returns after two others at the earliest, if there is a choice.
+    exp(-c / 5° - uses - repeat_penalty * run). `uses` is the number of earlier visits to its
+    target; without this term, a walk would remain in segments in which the actor stands still.
+    `run` is the duration in seconds of the longest repeated run of segments that the transition
+    leads to, up to the next segment with several transitions. Between two visits to a segment there
+    are at least two other segments, unless there is no other transition.
 
-    Runs are compared with the latest 100 visits to each segment, so the time is proportional to the
-    duration.
+    Runs are compared with the latest 100 visits to each segment, so that the computing time is
+    proportional to the duration.
 
     Examples
     --------
@@ -91,7 +92,7 @@ def fill(
     graph: Transitions | None = None,
     repeat_penalty: float = 5.0,
 ) -> IntArray:
-    """Walk at random for an exact number of frames.
+    """Draw a random sequence of base segments with an exact number of frames.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def fill(
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
     repeat_penalty : float
-        The penalty of repeated runs, as in `walk`.
+        Penalty of repeated runs of segments, as in `walk`.
 
     Returns
     -------
@@ -114,15 +115,15 @@ def fill(
     Raises
     ------
     ValueError
-        If no segment sequence has so many frames; the message names the nearest number that one
-        has. If `frames` is not an integer of at least 2 or is too large, if the seed is not an
-        integer of at least 0, or if there is no transition graph.
+        If no segment sequence has `frames` frames; the message gives the nearest possible number.
+        If `frames` is not an integer of at least 2 or is too large, if the seed is not an integer
+        of at least 0, or if the library has no transition graph; see `transitions`.
 
     Notes
     -----
-    The walk of `walk`, conditioned on a segment ending with the last frame. The probability of
-    that, for every segment and number of remaining frames, is computed backwards; the walk is then
-    drawn forwards with these probabilities.
+    Segments are drawn as in `walk`, on the condition that a segment ends with the last frame. The
+    probability of this is computed backwards for every segment and number of remaining frames.
+    Each transition is then weighted by the probability at its target.
 
     Examples
     --------
@@ -150,9 +151,10 @@ def fill(
 
 
 def _end_probabilities(path: "_WalkPath", total: int) -> Weights:
-    """Return, by remaining frames and first segment, how likely a walk ends with the last frame.
+    """Return the probability that a segment ends with the last frame of a walk.
 
-    If `total` remaining frames cannot be filled, further rows show which numbers can.
+    Rows are numbers of remaining frame intervals, columns the first segment of the remaining walk.
+    If no walk has `total` intervals, the rows after it show which greater numbers are possible.
     """
     lengths = path.lengths
     n_rows = total + int(lengths.max()) + 1
@@ -176,15 +178,15 @@ def to_beats(
     graph: Transitions | None = None,
     repeat_penalty: float = 5.0,
 ) -> Scenario:
-    """Walk at random so that the body comes to rest on every beat.
+    """Draw a random sequence of base segments in which the body comes to rest on every beat.
 
     Parameters
     ----------
     library : Library
         The library of the segments.
     beats : array_like, shape (n_beats,)
-        Times of the beats in seconds, ascending. The motion starts with the first and ends with
-        the last. ``np.arange(0.0, 60.0, 0.5)`` is a minute at 120 beats per minute.
+        Times of the beats in seconds, ascending. The motion starts with the first beat and ends
+        with the last. ``np.arange(0.0, 60.0, 0.5)`` is a minute at 120 beats per minute.
     seed : int
         Random seed.
     graph : Transitions, optional
@@ -202,14 +204,14 @@ def to_beats(
     ------
     ValueError
         If no segment sequence can be stretched to the beats; the message gives the time of the
-        beat. If there are fewer than two beats or they do not ascend, if the seed is not an integer
-        of at least 0, or if there is no transition graph.
+        beat from which there is none. If there are fewer than two beats or they do not ascend, if
+        the seed is not an integer of at least 0, or if the library has no transition graph.
 
     Notes
     -----
     At each beat, a segment ends at a minimum of kinetic energy, because dancers come to rest on
     beats (Kim, Park and Shin, Rhythmic-motion synthesis based on motion-beat analysis, SIGGRAPH
-    2003). The walk is drawn as in `fill`.
+    2003). Segments are drawn as in `fill`, on the condition that this holds for all beats.
 
     Examples
     --------
@@ -220,7 +222,7 @@ def to_beats(
     """
     times = as_floats("beats", beats, ("n_beats",))
     if len(times) < 2:
-        raise ValueError(f"`beats` must hold at least two times, in seconds, got {len(times)}")
+        raise ValueError(f"`beats` must contain at least two times in seconds, got {len(times)}")
     if (steps := np.diff(times)).min() <= 0:
         first = int(np.argmax(steps <= 0))
         raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")
@@ -252,11 +254,12 @@ def to_beats(
 def _plan_beats(
     path: "_WalkPath", spans: IntArray, times: FloatArray
 ) -> tuple[Weights, list[Weights]]:
-    """Return how likely walks meet all later beats, computed backwards from the last.
+    """Return the probabilities that a walk meets all later beats, computed from the last beat back.
 
-    The first result, shape (n_beats, n_segments), is by beat and by the segment that starts there,
-    scaled so that the greatest is 1. The second, for every beat but the last, shape (n_frames,
-    n_segments), is by frames since the beat and by the segment that starts there.
+    The first result, shape (n_beats, n_segments), is for walks of which the segment starts at the
+    beat; each row is scaled to a maximum of 1. The second has an array for every beat but the last,
+    shape (n_frames, n_segments): for walks of which the segment starts that many frames after the
+    beat.
     """
     lengths = path.lengths
     meets = np.ones((len(spans) + 1, len(lengths)), np.float32)
@@ -276,8 +279,8 @@ def _plan_beats(
             after[done] = path.expect(starting[done])
         if not starting[0].any():
             raise ValueError(
-                f"no segment sequence comes to rest at the beats from {times[beat]:.4g} s on "
-                f"if it is stretched by up to {_MAX_BEAT_STRETCH:.0%}"
+                f"no segment sequence from the beat at {times[beat]:.4g} s comes to rest on all "
+                f"later beats if it is stretched by at most {_MAX_BEAT_STRETCH:.0%}"
             )
         # Only ratios matter: the probability of many beats would underflow.
         meets[beat] = starting[0] / starting[0].max()
@@ -287,7 +290,7 @@ def _plan_beats(
 
 
 class _WalkPath:
-    """A random walk so far: its nodes, and how often it visited each node of the graph."""
+    """The nodes of a growing random walk, and the number of visits to each node of the graph."""
 
     def __init__(
         self, library: Library, seed: int, graph: Transitions | None, repeat_penalty: float
@@ -314,7 +317,7 @@ class _WalkPath:
         return self.graph.segments[self.nodes]
 
     def expect(self, values: Weights) -> FloatArray:
-        """Return the expectation of a function of the next node, for each node."""
+        """Return, for each node, the expectation of `values`, given by node, at the next node."""
         products = self._probabilities * values[self.graph.targets]
         mean: FloatArray = np.add.reduceat(products, self.graph.first_edge[:-1])
         return mean
@@ -339,7 +342,7 @@ class _WalkPath:
     def advance(self, targets: IntArray, weights: FloatArray) -> int:
         """Draw and visit the next node, one of `targets`; return the length of its segment.
 
-        A recent node is drawn only if all others have weight 0.
+        One of the latest three nodes is drawn only if all other targets have weight 0.
         """
         is_possible = weights > 0
         is_new = is_possible & ~np.isin(targets, self.nodes[-_MIN_RETURN - 1 :])
@@ -352,7 +355,7 @@ class _WalkPath:
         return self.visit(int(self.rng.choice(targets, p=shares)))
 
     def _repeated_lengths(self, targets: IntArray) -> FloatArray:
-        """Return the length in frames of the repeated run that each target leads to."""
+        """Return the length in frames of the repeated run to which a visit to each target leads."""
         before = self._runs.lengths_before()
         lengths = []
         for target in targets.tolist():
@@ -365,9 +368,10 @@ class _WalkPath:
 
 
 def _lengths_to_choice(only_next: IntArray, lengths: IntArray) -> IntArray:
-    """Return the total length from each node to the next one with several transitions, included.
+    """Return the total length of the segments from each node to the next with a choice, inclusive.
 
-    `only_next` is the target of the only transition from a node, -1 if there are several.
+    A node has a choice if it has several transitions: `only_next` is then -1, otherwise the target
+    of the only transition.
     """
     has_choice = only_next < 0
     node = np.where(has_choice, np.arange(len(lengths)), only_next)
@@ -380,13 +384,13 @@ def _lengths_to_choice(only_next: IntArray, lengths: IntArray) -> IntArray:
 
 
 def _check_table_size(n_intervals: int, graph: Transitions) -> None:
-    """Refuse walks whose probabilities, by frame and segment, would not fit in memory."""
+    """Raise ValueError if the probabilities by frame and segment would not fit in memory."""
     n = len(graph.segments)
     limit = _MAX_TABLE // n
     if n_intervals > limit:
         raise ValueError(
-            f"`frames` must be at most {limit + 1} with {n} segments, got {n_intervals + 1}: use "
-            "the segments of fewer clips"
+            f"a walk on a graph of {n} segments must have at most {limit + 1} frames, got "
+            f"{n_intervals + 1}: use a graph of fewer clips"
         )
 
 
@@ -397,5 +401,5 @@ def _normalize(weights: npt.NDArray[np.floating]) -> FloatArray:
 
 
 def _stretchable_lengths(span: int) -> tuple[int, int]:
-    """Return the least and the greatest length that can be stretched to `span`, in intervals."""
+    """Return the least and greatest total length that can be stretched to `span` frames."""
     return ceil(span / (1.0 + _MAX_BEAT_STRETCH)), floor(span / (1.0 - _MAX_BEAT_STRETCH))

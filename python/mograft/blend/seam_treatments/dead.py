@@ -9,11 +9,11 @@ _MIN_HALF_LIFE, _MAX_HALF_LIFE = 0.05, 1.0  # of the extrapolated velocity, in s
 
 
 class _Dead(SeamTreatment):
-    """Extrapolate the motion before a seam with decaying velocity, and cross-fade to the next.
+    """After a seam, cross-fade from the extrapolated previous motion to the next motion.
 
-    Dead blending (Holden 2023). The half-life of each velocity component is the time in which the
-    velocity would cover the gap, clipped to 0.05 to 1 s; it is 0.05 s if the joint moves away from
-    its target.
+    Dead blending (Holden 2023). The velocity of the extrapolation decays. The half-life of each
+    velocity component is the time in which the velocity would cover the gap, clipped to 0.05 to
+    1 s; it is 0.05 s if the joint moves away from its target.
     """
 
     is_causal = True

@@ -14,7 +14,8 @@ from mograft.blend.seams import (
 class Displacement(SeamTreatment):
     """Move both sides of a seam by half of the gap; the displacement falls to 0 over the segment.
 
-    Displacement mapping, linear in the logarithm (paper, 4.5). Velocities jump at the seam.
+    Displacement mapping (paper, 4.5): a translation or a rotation vector, linear in time.
+    Velocities jump at the seam.
     """
 
     is_causal = False
@@ -31,7 +32,7 @@ class Displacement(SeamTreatment):
         return add_deltas(boundaries.space, values, share * end - (1.0 - share) * start)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return weights 0: root velocities jump at the seam."""
+        """Return zero weights: root velocities are not blended and jump at the seam."""
         return no_crossfade(remaining)
 
 

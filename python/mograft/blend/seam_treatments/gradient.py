@@ -16,16 +16,16 @@ Of 2 to 8 frames, 4 to 6 made seams least detectable in the clips `dance_*`, `ba
 
 
 class _Gradient(Offset):
-    """Find the frames whose accelerations, velocities and values are nearest to the donors'.
+    """Fit the accelerations, velocities and values near seams to those of the donors.
 
     Minimises Σ τ⁴ |ẍ - a|² + τ² |ẋ - v|² + |x - d|² per joint, where d, v and a are the value,
     velocity and acceleration of the donors, and τ is `_TIME`. At a seam, d and a are the means of
-    both donors. Frames more than `Config.seam_blend` away from a seam, and both ends of the motion,
-    are fixed. Seams that are closer together are solved together. The solution is one Gauss-Newton
-    step from the result of `Offset`; for translations it is exact.
+    both donors. Frames more than `Config.seam_blend` seconds from all seams, and the first and last
+    frame of the motion, are fixed. The solution for all other frames is one Gauss-Newton step from
+    the result of `Offset`; for translations it is exact.
 
     Derivatives are finite differences of frames. The method is gradient-domain compositing after
-    Pérez, Gangnet and Blake (Poisson image editing, 2003); the last term is the screening of Bhat
+    Pérez, Gangnet and Blake (Poisson image editing, 2003); |x - d|² is the screening term of Bhat
     et al. (2008).
     """
 
@@ -45,7 +45,7 @@ class _Gradient(Offset):
         moving, tau = values.take(columns, axis=1), _TIME * closed.rate
         weights = np.array([1.0, tau**2, tau**4])
         is_step = _donor_steps(closed.cut)
-        slopes = _slopes(closed, moving, donors.take(columns), is_step, weights)
+        slopes = _half_gradient(closed, moving, donors.take(columns), is_step, weights)
         slopes[~is_free] = 0.0
         bands = _normal_matrix(is_step, weights, is_free)
         change = _core.solve_pentadiagonal(bands, -slopes.reshape(len(values), -1))
@@ -55,24 +55,24 @@ class _Gradient(Offset):
 
 
 def _donor_steps(cut: Segments) -> BoolArray:
-    """Return whether each frame and the next belong to one donor, shape (n_frames - 1,).
+    """Return whether each frame and the next are in one segment, shape (n_frames - 1,).
 
-    They do not if one segment ends and the next starts without a shared frame, as in concatenated
-    motions.
+    They are not if a segment ends with the first of them and the next segment starts with the
+    second, as in concatenated motions.
     """
     is_step = np.ones(cut.stop[-1], bool)
     is_step[cut.stop[:-1][cut.stop[:-1] < cut.start[1:]]] = False
     return is_step
 
 
-def _slopes(
+def _half_gradient(
     closed: ClosedFrames,
     values: FloatArray,
     donors: DonorFrames,
     is_step: BoolArray,
     weights: FloatArray,
 ) -> FloatArray:
-    """Return half of the gradient of the minimised sum at `values`, (n_frames, n_joints, 3)."""
+    """Return half of the gradient, at `values`, of the sum that `_Gradient` minimises."""
     space, rows, cut = closed.space, donors.rows, closed.cut
     last_rows = np.cumsum(cut.lengths + 1) - 1
     shares = cut.stop[:-1] == cut.start[1:]
@@ -115,9 +115,10 @@ def _free_frames(closed: ClosedFrames) -> BoolArray:
 
 
 def _normal_matrix(is_step: BoolArray, weights: FloatArray, is_free: BoolArray) -> FloatArray:
-    """Return the matrix of the normal equations for `solve_pentadiagonal`, (n_frames, 3).
+    """Return the main diagonal and two upper diagonals of the normal equations, (n_frames, 3).
 
-    `is_step` is that of `_donor_steps`. Rows and columns of fixed frames are those of the identity.
+    `is_step` is the result of `_donor_steps`. Rows and columns of fixed frames are those of the
+    identity matrix.
     """
     bands = np.zeros((len(is_free), 3))
     bands[:, 0] = weights[0]

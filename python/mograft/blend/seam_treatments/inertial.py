@@ -16,10 +16,10 @@ from mograft.blend.seams import (
 class _Inertial(SeamTreatment):
     """Add a decaying offset to the motion after a seam; the motion before it is unchanged.
 
-    Inertialisation (Bollo, GDC 2018). The offset closes the gap in value and velocity at the seam,
-    with acceleration 0 there. It is a quintic whose value, velocity and acceleration are 0 at the
-    end of the window. The window is shortened if the offset would overshoot. All three
-    components of a joint share one window, so that they end together.
+    Inertialisation (Bollo, GDC 2018). The offset is a quintic in time. At the seam it closes the
+    gap in value and velocity, and its acceleration is 0. After a window of `Config.seam_blend`
+    seconds, at most the piece's duration, its value, velocity and acceleration are 0. The window is
+    shortened if the offset would overshoot 0. All three components of a joint share one window.
     """
 
     is_causal = True
@@ -43,9 +43,10 @@ class _Inertial(SeamTreatment):
 
 
 def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArray) -> FloatArray:
-    """Return `window`, in seconds, shortened for offsets that would overshoot 0.
+    """Return `window`, in seconds, shortened where the offset would overshoot 0.
 
-    It is at least a third of `window`, even for a small gap and a large velocity difference.
+    The result is at least a third of `window`, even for a small gap and a large velocity
+    difference.
     """
     towards_zero = -(value * velocity).sum(axis=-1)
     squared = (value * value).sum(axis=-1)
@@ -57,9 +58,9 @@ def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArr
 def _decay(
     value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
 ) -> FloatArray:
-    """Return the quintic from a value and velocity to 0 and 0, with acceleration 0 at both ends.
+    """Return offsets, `seconds` after a seam, that decay from a value and velocity to 0.
 
-    `window` has one entry per joint, shape (n, n_joints).
+    They are quintics with acceleration 0 at both ends of `window`, in seconds, (n, n_joints).
     """
     u = np.minimum(seconds[:, None] / window, 1.0)[..., None]
     scaled = velocity * window[..., None]

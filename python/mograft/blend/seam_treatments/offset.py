@@ -16,9 +16,9 @@ from mograft.blend.seams import (
 class Offset(SeamTreatment):
     """Move both sides of a seam to the mean value and the mean velocity.
 
-    The offset is a cubic in the logarithm. At the seam it has the required value and velocity; at
-    the end of the blend time both are 0. In a piece shorter than the blend time, the offsets of
-    both seams add up; each is 0 with velocity 0 at the other seam.
+    An offset is added on each side: a translation or a rotation vector, cubic in time. Its value
+    and velocity fall to 0 at the end of the blend time, at the latest at the other end of the
+    piece. Where the offsets of both seams of a short piece overlap, they are added.
     """
 
     is_causal = False
@@ -27,7 +27,7 @@ class Offset(SeamTreatment):
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        """Return the values with half of each gap closed on either side of the seam."""
+        """Return the values with an offset on each side of a seam; each closes half of the gap."""
         space, gaps = boundaries.space, boundaries.gaps()
         velocity_before = space.transport(0.5 * gaps, boundaries.velocity_before)
         velocity_after = space.transport(-0.5 * gaps, boundaries.velocity_after)
@@ -44,14 +44,14 @@ class Offset(SeamTreatment):
         return add_deltas(space, values, offsets)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As `SeamTreatment.root_velocity_weights`: both rise to ½ at the seam."""
+        """Return weights that rise to ½ at the seam on both sides."""
         return crossfade_both_sides(remaining)
 
 
 def _decay(
     value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
 ) -> FloatArray:
-    """Return the cubic from a value and velocity at the seam to 0 and 0 at the window's end."""
+    """Return offsets, `seconds` from a seam: cubics from a value and velocity to 0."""
     u = np.minimum(seconds / window, 1.0)[:, None, None]
     offset: FloatArray = velocity * window[:, None, None]
     offset *= u

@@ -9,11 +9,11 @@ from mograft.blend.seams import ClosedFrames
 
 
 class _Paper(Displacement):
-    """Displace the segments, then replace the frames near the seam by a cubic.
+    """Displace segments as `Displacement` does, then replace the frames near seams by a cubic.
 
-    The paper's window is 5 frames on each side of a seam. Here it is `Config.seam_window`, but at
-    most one frame less than half of the shorter segment, so that two windows never overlap. Seams
-    next to a segment of one interval are not smoothed.
+    The paper replaces 5 frames on each side of a seam. Here their number is `Config.seam_window`,
+    but at most one frame less than half of the shorter segment, so that two windows never overlap.
+    Seams next to a segment of one frame interval are not smoothed.
     """
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
@@ -41,10 +41,10 @@ class _Paper(Displacement):
 
 
 def smoothing_windows(cut: Segments, seams: IntArray, window: int) -> tuple[IntArray, IntArray]:
-    """Return the last kept frame before and the first after each seam's replaced frames.
+    """Return the frames between which frames are replaced, one before and one after each seam.
 
-    `window` is the maximum number of replaced frames on each side. Seams next to a segment of
-    one interval have no entry.
+    `window` is the maximum number of replaced frames on each side of a seam. Seams next to a
+    segment of one frame interval have no entry.
     """
     reach = np.minimum(np.minimum(cut.lengths[seams], cut.lengths[seams + 1]) // 2 - 1, window)
     frames = cut.stop[seams][reach >= 0]
