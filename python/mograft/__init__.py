@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from mograft.errors import LibraryError as LibraryError
     from mograft.errors import MograftError as MograftError
     from mograft.errors import SkeletonMismatchError as SkeletonMismatchError
-    from mograft.io.bvh import BvhSummary as BvhSummary
-    from mograft.io.bvh import read_bvh as read_bvh
-    from mograft.io.bvh import scan_bvh as scan_bvh
-    from mograft.io.bvh import write_bvh as write_bvh
+    from mograft.io.bvh.reader import BvhSummary as BvhSummary
+    from mograft.io.bvh.reader import read_bvh as read_bvh
+    from mograft.io.bvh.reader import scan_bvh as scan_bvh
+    from mograft.io.bvh.writer import write_bvh as write_bvh
     from mograft.io.csv import write_csv as write_csv
     from mograft.io.glb import write_glb as write_glb
     from mograft.io.npz import read_npz as read_npz
@@ -94,7 +94,8 @@ if TYPE_CHECKING:
 __version__ = _core.VERSION
 
 _HOMES = {
-    "io.bvh": "BvhSummary read_bvh scan_bvh write_bvh",
+    "io.bvh.reader": "BvhSummary read_bvh scan_bvh",
+    "io.bvh.writer": "write_bvh",
     "analysis.clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
     "config": "Config",
     "search.constraints": "Constraint Violation",

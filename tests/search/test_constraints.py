@@ -13,6 +13,7 @@ from mograft.body.capsules import capsules
 from mograft.dancer import dance
 from mograft.search.constraints import find_violations, overlaps
 from mograft.search.donor_choice import cost_model
+from mograft.search.donor_constraints import limit_config
 from mograft.synthesis.assembly import assemble, donor_excess, donor_excesses
 from mograft.synthesis.donor_poses import candidate_poses
 from mograft.synthesis.donor_repair import repair_donors
@@ -727,3 +728,9 @@ def test_constraint_invalid_arguments_raise(make, message):
 def test_constraint_unknown_names_raise_before_search(library, constraint, error, message):
     with pytest.raises(error, match=message):
         mg.graft(library, constraints=[constraint])
+
+
+def test_limit_config_takes_the_smallest_angle():
+    angles = [mg.MaxAngle(0.4), mg.MaxAngle(0.2), mg.Reach("a", (0, 0, 0), 0)]
+    assert limit_config(mg.Config(), angles) == mg.Config(max_angle=0.2)
+    assert limit_config(mg.Config(), [mg.MaxAngle(3.0)]) == mg.Config()

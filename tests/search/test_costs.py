@@ -1,14 +1,12 @@
 """Properties of the cost model: lengths, seams, similarity and constraints."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mograft import Config, MaxAngle, Reach
+from mograft import Config, Reach
 from mograft.search.costs import (
     INFEASIBLE_PENALTY,
     ConstraintViolations,
@@ -17,7 +15,6 @@ from mograft.search.costs import (
     SimilarityCostModel,
     infeasible_costs,
     length_fits,
-    limit_config,
 )
 
 ROBUST, PAPER = Config(), Config.paper()
@@ -96,12 +93,6 @@ def test_seam_scales_are_twice_the_typical_gaps_up_to_the_configured_scales(angl
 def test_seam_scales_without_typical_gaps_are_the_configured_ones(gap):
     scales = SeamScales.from_typical_gaps(gap, gap, ROBUST)
     assert scales == SeamScales(ROBUST.angle_scale, ROBUST.velocity_scale)
-
-
-def test_limit_config_takes_the_smallest_angle():
-    limited = limit_config(ROBUST, [MaxAngle(0.4), MaxAngle(0.2), Reach("a", (0, 0, 0), 0)])
-    assert limited == replace(ROBUST, max_angle=0.2)
-    assert limit_config(ROBUST, [MaxAngle(3.0)]) == ROBUST
 
 
 def test_infeasible_costs_start_above_one_tolerance():

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import overload
 
 import numpy as np
@@ -192,6 +193,7 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
     skeleton = motion.skeleton
     reflected = _reflect(skeleton.offsets, axis)
     frame = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
+    turns = _cube_rotations()
     hub = anatomy(skeleton).hips
     world_rotations = motion.world_transforms()[0][:: max(motion.n_frames // 200, 1)]
     to_hub = rotations.inverse(world_rotations[:, hub, None])
@@ -199,7 +201,7 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
     image = rotations.inverse(_reflect_rotations(mean, axis))
     for joint in range(hub, skeleton.n_joints):
         children = list(skeleton.children[joint])
-        rotated = rotations.rotate(_CUBE_ROTATIONS[:, None], skeleton.offsets[pair[children]][None])
+        rotated = rotations.rotate(turns[:, None], skeleton.offsets[pair[children]][None])
         distance = np.linalg.norm(rotated - reflected[children], axis=2)
         fits = (distance <= tolerance).all(axis=1)
         if not fits.any():
@@ -212,11 +214,12 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
         expected = rotations.multiply(to_partner, mean[pair[joint]])
         # The hips have no reference pose: the first candidate of smallest distance is taken.
         at_hub = joint == hub
-        cost = distance.sum(axis=1) if at_hub else rotations.angle(_CUBE_ROTATIONS, expected)
-        frame[joint] = _CUBE_ROTATIONS[int(np.where(fits, cost, np.inf).argmin())]
+        cost = distance.sum(axis=1) if at_hub else rotations.angle(turns, expected)
+        frame[joint] = turns[int(np.where(fits, cost, np.inf).argmin())]
     return frame
 
 
+@cache  # takes 10 ms, and few skeletons need it
 def _cube_rotations() -> FloatArray:
     """Return the 24 rotations of a cube, the identity first."""
     axes = rotations.from_euler(np.indices((4, 4, 4)).reshape(3, -1).T * (np.pi / 2), "ZYX")
@@ -225,9 +228,6 @@ def _cube_rotations() -> FloatArray:
         if all(rotations.angle(quat, other) > 1.0 for other in found):
             found.append(quat)
     return np.array(found)
-
-
-_CUBE_ROTATIONS = _cube_rotations()
 
 
 def _mean_rotation(quats: FloatArray) -> FloatArray:

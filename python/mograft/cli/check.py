@@ -7,7 +7,7 @@ from mograft.body.faults import find_faults
 from mograft.cli.files import expand_folders
 from mograft.cli.output import print_remark, print_result
 from mograft.errors import BvhError
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
 
 
 def run(options: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.options import PRESETS
 from mograft.cli.output import show_progress
 from mograft.config import Config, variety_fields
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 
 _CONFIG_OPTIONS = (

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from mograft.cli.values import SHAPE_NUMBERS
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
 from mograft.search import donor_constraints, pose_constraints
 from mograft.search.constraints import Constraint
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere

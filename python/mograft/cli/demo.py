@@ -7,7 +7,7 @@ from mograft.cli.files import check_writable
 from mograft.cli.output import print_result, show_progress
 from mograft.cli.results import GRAFT_ENDINGS, open_page, write_graft, write_report
 from mograft.dancer import dance
-from mograft.io.bvh import write_bvh
+from mograft.io.bvh.writer import write_bvh
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 from mograft.synthesis.graft import graft_many

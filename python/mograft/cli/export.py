@@ -8,7 +8,8 @@ from typing import Any
 from mograft.cli.configuration import refuse_useless_options, selected_groups
 from mograft.cli.files import check_writable, expand_folders, select_frames
 from mograft.cli.output import print_remark, print_result, show_progress
-from mograft.io.bvh import read_bvh, write_bvh
+from mograft.io.bvh.reader import read_bvh
+from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.npz import write_npz

@@ -15,7 +15,7 @@ from mograft.cli.output import print_remark, print_result
 from mograft.cli.results import GRAFT_ENDINGS, write_graft, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Constraint

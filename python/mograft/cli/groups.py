@@ -7,7 +7,7 @@ from mograft._util.atomic import write_text
 from mograft.body.groups import JointGroups
 from mograft.cli.files import check_writable
 from mograft.cli.output import print_result
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
 
 
 def run(options: argparse.Namespace) -> int:

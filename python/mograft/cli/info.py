@@ -8,7 +8,7 @@ from mograft.body.faults import find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders
 from mograft.cli.output import print_result
-from mograft.io.bvh import BvhSummary, read_bvh, scan_bvh
+from mograft.io.bvh.reader import BvhSummary, read_bvh, scan_bvh
 from mograft.motion.motion import Motion
 
 MAX_BYTES_IN_MEMORY = 1 << 28

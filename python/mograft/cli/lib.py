@@ -8,8 +8,8 @@ from mograft.cli.files import check_writable
 from mograft.cli.output import describe_excluded_file, print_remark, print_result
 from mograft.library import storage
 from mograft.library.clip_table import ClipInfo
+from mograft.library.discover import SourceFile
 from mograft.library.export import export_tables
-from mograft.library.ingest import SourceFile
 from mograft.library.library import Library
 
 

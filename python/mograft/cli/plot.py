@@ -21,7 +21,7 @@ from mograft.cli.files import (
     select_frames,
 )
 from mograft.cli.output import print_result
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.viewing.scene import Scene

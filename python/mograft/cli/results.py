@@ -9,7 +9,7 @@ from typing import Any
 from mograft import __version__
 from mograft._util.atomic import write_text
 from mograft.cli.output import print_remark
-from mograft.io.bvh import write_bvh
+from mograft.io.bvh.writer import write_bvh
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page

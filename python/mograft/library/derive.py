@@ -10,7 +10,6 @@ from mograft._util.validate import check_type
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
 from mograft.analysis.segmentation import Segments, segment
-from mograft.body.mirroring import MirroredClips
 from mograft.config import Config
 from mograft.errors import join_names
 from mograft.library.clip_table import ClipInfo
@@ -22,7 +21,6 @@ from mograft.library.clusters import (
 )
 from mograft.library.data import LibraryData
 from mograft.library.discover import unique_names
-from mograft.library.ingest import boundary_states, sample_segments
 from mograft.library.spec import ClipProperties, rates_match
 from mograft.library.stored_clips import ExtendedClips
 from mograft.motion.motion import Motion
@@ -92,6 +90,10 @@ class DerivableLibrary(LibraryData):
         ValueError
             If the skeleton's joints have no partners; see `mograft.mirror`.
         """
+        # Opening a library must not import the readers of files.
+        from mograft.body.mirroring import MirroredClips
+        from mograft.library.ingest import boundary_states, sample_segments
+
         n = len(self.entries)
         names = [info.name for info in self.entries]
         names = unique_names([*names, *(f"{name}_mirrored" for name in names)])
@@ -181,6 +183,8 @@ class DerivableLibrary(LibraryData):
         SkeletonMismatchError
             If the hierarchy differs.
         """
+        from mograft.library.ingest import boundary_states, sample_segments
+
         name = motion.name or "the base"
         self.skeleton.check_same_hierarchy(motion.skeleton, name)
         if not rates_match(motion.rate, self.rate):

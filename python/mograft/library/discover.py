@@ -2,6 +2,7 @@
 
 import csv
 import glob
+import hashlib
 import json
 import os
 import warnings
@@ -17,6 +18,24 @@ from mograft.motion.motion import Motion
 
 ClipSource = Motion | str | PathLike[str]
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """The state of a file when a clip was read from it."""
+
+    path: str
+    size: int  # bytes
+    mtime_ns: int  # time of the last modification
+    sha256: str
+
+    @classmethod
+    def from_path(cls, path: str) -> "SourceFile":
+        """Return the present state of a file."""
+        with open(path, "rb") as stream:
+            status = os.fstat(stream.fileno())
+            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        return cls(path, status.st_size, status.st_mtime_ns, sha256)
 
 
 @dataclass(frozen=True, eq=False)

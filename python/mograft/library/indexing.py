@@ -18,13 +18,15 @@ from mograft.library.data import LibraryData
 from mograft.library.discover import (
     ClipSource,
     FoundClip,
+    SourceFile,
     matching_values,
     relative_path,
 )
-from mograft.library.folder import BoundaryParts, commit_library, load_library
 from mograft.library.generation import GenerationWriter, write_generation
-from mograft.library.ingest import IngestedClip, IngestTask, SourceFile
+from mograft.library.ingest import IngestedClip, IngestTask
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
+from mograft.library.loading import load_library
+from mograft.library.saving import BoundaryParts, commit_library
 from mograft.library.spec import LibrarySpec, has_same_hierarchy
 from mograft.library.storage import StoredLibrary
 from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges

@@ -4,8 +4,6 @@ The result for a clip depends on the clip, the library specification and the con
 Clips can therefore be ingested in any order, in any process, on any machine.
 """
 
-import hashlib
-import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
@@ -21,7 +19,8 @@ from mograft.body.faults import find_faults
 from mograft.body.mass import mass_model
 from mograft.config import Config
 from mograft.errors import MograftError
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
+from mograft.library.discover import SourceFile
 from mograft.library.packing import PackedMotion, pack
 from mograft.library.spec import ClipProperties, LibrarySpec, rates_match
 from mograft.motion import rotations
@@ -38,24 +37,6 @@ _BATCH_CLIPS = 8
 
 _MAX_PENDING_BATCHES = 16
 """Batches that are submitted and not yet consumed; bounds memory."""
-
-
-@dataclass(frozen=True)
-class SourceFile:
-    """The state of a file when a clip was read from it."""
-
-    path: str
-    size: int  # bytes
-    mtime_ns: int  # time of the last modification
-    sha256: str
-
-    @classmethod
-    def from_path(cls, path: str) -> "SourceFile":
-        """Return the present state of a file."""
-        with open(path, "rb") as stream:
-            status = os.fstat(stream.fileno())
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-        return cls(path, status.st_size, status.st_mtime_ns, sha256)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,17 +10,15 @@ from mograft._util.validate import is_integer
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library import storage
-from mograft.library.build import build_library
 from mograft.library.derive import DerivableLibrary
 from mograft.library.discover import ClipSource
-from mograft.library.folder import load_library, save_library
-from mograft.library.indexing import add_to_folder, index_folder
-from mograft.library.ingest_run import AddOptions, IngestOptions, IngestRun
+from mograft.library.loading import load_library
 from mograft.search.candidates import Candidates, list_candidates
-from mograft.search.costs import limit_config
 from mograft.search.donor_choice import cost_model
 
+# Imported where they are used: opening a library needs neither readers nor writers.
 if TYPE_CHECKING:
+    from mograft.library.ingest_run import AddOptions, IngestOptions
     from mograft.search.constraints import Constraint
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
@@ -74,7 +72,7 @@ class Library(DerivableLibrary):
         config: Config | None = None,
         *,
         mirrored: bool = False,
-        **options: Unpack[IngestOptions],
+        **options: "Unpack[IngestOptions]",
     ) -> "Library":
         """Build a library in memory.
 
@@ -129,6 +127,9 @@ class Library(DerivableLibrary):
         >>> sorted(library.labels)
         ['lower', 'upper']
         """
+        from mograft.library.build import build_library
+        from mograft.library.ingest_run import IngestRun
+
         run = IngestRun(config=config or Config(), strict=True, is_packed=False, **options)
         library = build_library(cls, sources, groups, run)
         return library.mirrored() if mirrored else library
@@ -143,7 +144,7 @@ class Library(DerivableLibrary):
         *,
         strict: bool = False,
         force: bool = False,
-        **options: Unpack[IngestOptions],
+        **options: "Unpack[IngestOptions]",
     ) -> "Library":
         """Build a library in a folder; the memory used does not grow with the number of clips.
 
@@ -189,6 +190,9 @@ class Library(DerivableLibrary):
         ...     library.entries[0].name, len(library.clips)
         ('dance', 1)
         """
+        from mograft.library.indexing import index_folder
+        from mograft.library.ingest_run import IngestRun
+
         run = IngestRun(config=config or Config(), strict=strict, is_packed=True, **options)
         index_folder(Path(path), sources, groups, run, force=force)
         return cls.open(path)
@@ -198,7 +202,7 @@ class Library(DerivableLibrary):
         sources: Paths,
         *,
         strict: bool = False,
-        **options: Unpack[AddOptions],
+        **options: "Unpack[AddOptions]",
     ) -> "Library":
         """Add clips to a library in a folder.
 
@@ -230,6 +234,9 @@ class Library(DerivableLibrary):
         A file is unchanged if its size and modification time, or else its SHA-256, are the
         same. Clips whose files were removed stay in the library.
         """
+        from mograft.library.indexing import add_to_folder
+        from mograft.library.ingest_run import IngestRun
+
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it from all clips")
         if "rate" in options:
@@ -262,6 +269,8 @@ class Library(DerivableLibrary):
         The library that `open` returns has the same numbers, bit for bit. Clips are written at
         the library's rate.
         """
+        from mograft.library.saving import save_library
+
         save_library(self, Path(path), force=force)
 
     @classmethod
@@ -318,6 +327,7 @@ class Library(DerivableLibrary):
             raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
         pool, config, verdicts = self.pool(group), self.config, None
         if constraints:
+            from mograft.search.donor_constraints import limit_config
             from mograft.synthesis import candidate_verdicts  # layer exception: a convenience
 
             verdicts = candidate_verdicts.judge_candidates(self, segment, group, constraints)

@@ -107,14 +107,13 @@ class RowRange(NamedTuple):
 
 def merge_ranges(ranges: Iterable[RowRange]) -> tuple[RowRange, ...]:
     """Join ranges of rows that follow one another in the same shard."""
-    merged: list[RowRange] = []
-    for item in ranges:
-        last = merged[-1] if merged else None
-        if last is not None and (last.shard, last.first + last.n) == (item.shard, item.first):
-            merged[-1] = RowRange(last.shard, last.first, last.n + item.n)
+    merged: list[list[int]] = []
+    for shard, first, n in ranges:
+        if merged and merged[-1][0] == shard and sum(merged[-1][1:]) == first:
+            merged[-1][2] += n
         else:
-            merged.append(item)
-    return tuple(merged)
+            merged.append([shard, first, n])
+    return tuple(RowRange(*item) for item in merged)
 
 
 @dataclass(frozen=True)

@@ -202,8 +202,9 @@ class SegmentPool:
         labels = self.labels[order]
         sizes = np.zeros(len(self.labels), np.int64)
         firsts, ranks = np.zeros_like(sizes), np.zeros_like(sizes)
-        firsts[order] = np.searchsorted(labels, labels, side="left")
-        sizes[order] = np.searchsorted(labels, labels, side="right") - firsts[order]
+        counts = np.bincount(labels)
+        firsts[order] = (np.cumsum(counts) - counts)[labels]
+        sizes[order] = counts[labels]
         ranks[order] = np.arange(len(order)) - firsts[order]
 
         def shift(members: IntArray, steps: IntArray) -> IntArray:

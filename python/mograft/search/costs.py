@@ -6,7 +6,7 @@ if it is satisfied.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
 from mograft.search.constraints import Clip, Constraint, overlaps
-from mograft.search.donor_constraints import MaxAngle
 
 _ROUNDED_GAP = 1e-9  # radians or radians per second, of equal poses or velocities
 INFEASIBLE_PENALTY = 1e3  # more than a sequence within the limits costs at any seam
@@ -36,12 +35,6 @@ def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) ->
     if config.length_slack > 0:
         fits = gap <= np.maximum(limit, config.length_slack * rate) + tolerance
     return fits
-
-
-def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
-    """Return the configuration with `max_angle` at most the limit of every `MaxAngle`."""
-    angles = [constraint.limit for constraint in constraints if isinstance(constraint, MaxAngle)]
-    return replace(config, max_angle=min([config.max_angle, *angles]))
 
 
 @dataclass(frozen=True)

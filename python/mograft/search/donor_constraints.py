@@ -2,13 +2,14 @@
 
 import fnmatch
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.validate import as_integer, check_not_negative, check_positive, is_integer
 from mograft.analysis.segmentation import Segments
+from mograft.config import Config
 from mograft.errors import join_names
 from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
 
@@ -363,6 +364,12 @@ class MaxAngle(Constraint):
             joint="",
             message=message,
         )
+
+
+def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
+    """Return the configuration with `max_angle` at most the limit of every `MaxAngle`."""
+    angles = [constraint.limit for constraint in constraints if isinstance(constraint, MaxAngle)]
+    return replace(config, max_angle=min([config.max_angle, *angles]))
 
 
 def find_seam_violations(

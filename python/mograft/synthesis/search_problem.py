@@ -18,8 +18,9 @@ from mograft.motion.skeleton import Skeleton
 from mograft.scenario.realize import joints_of_donors
 from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Constraint
-from mograft.search.costs import ConstraintViolations, CostModel, limit_config, origin_violations
+from mograft.search.costs import ConstraintViolations, CostModel, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
+from mograft.search.donor_constraints import limit_config
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.trellis import DonorSequences
 from mograft.synthesis.segment_references import add_used_donors, resolve_segments

@@ -10,8 +10,9 @@ from mograft.config import Config
 from mograft.library.library import Library
 from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Clip, Constraint
-from mograft.search.costs import CostModel, limit_config
+from mograft.search.costs import CostModel
 from mograft.search.donor_choice import cost_model
+from mograft.search.donor_constraints import limit_config
 from mograft.synthesis.placed_donors import frames_with_neighbours
 
 _MAX_CACHED_DONORS = 4096

@@ -16,7 +16,7 @@ from typing import Any
 
 from mograft._util.atomic import write_text
 from mograft.body.groups import JointGroups
-from mograft.io.bvh import read_bvh
+from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft

@@ -147,7 +147,7 @@ def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
     --------
     >>> import io
     >>> from mograft.dancer import dance
-    >>> from mograft.io.bvh import write_bvh
+    >>> from mograft.io.bvh.writer import write_bvh
     >>> file = io.BytesIO()
     >>> write_bvh(dance(strides=1).motion[:90], file)
     >>> _ = file.seek(0)

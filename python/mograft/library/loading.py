@@ -1,0 +1,61 @@
+"""Open the library of a folder."""
+
+from typing import TypeVar
+
+import numpy as np
+
+from mograft.analysis.embedding import Embedding
+from mograft.analysis.segmentation import Segments
+from mograft.body.groups import JointGroups
+from mograft.config import Config
+from mograft.library.clip_table import skeleton_from_json
+from mograft.library.data import LibraryData
+from mograft.library.spec import LibrarySpec
+from mograft.library.storage import StoredLibrary
+from mograft.library.stored_clips import StoredClips
+
+L = TypeVar("L", bound=LibraryData)
+
+EMBEDDING_ARRAYS = ("points", "reference", "mean", "scale", "components", "variances")
+"""Fields of `Embedding` that are stored as arrays of floats."""
+
+
+def load_library(library_type: type[L], stored: StoredLibrary) -> L:
+    """Return the library that a folder holds; its arrays are mapped."""
+    manifest, arrays = stored.manifest, stored.arrays
+    embedding: dict[str, Embedding | None] = {}
+    labels, states = {}, {}
+    for group, about in manifest["group"].items():
+        prefix = about["folder"] + "/"
+        own = {key.removeprefix(prefix): arrays[key] for key in arrays if key.startswith(prefix)}
+        labels[group] = own.pop("labels")
+        embedding[group] = None
+        if about["compared"]:
+            embedding[group] = Embedding(
+                joints=np.array(own.pop("joints")),
+                has_root=about["has_root"],
+                **{name: own.pop(name) for name in EMBEDDING_ARRAYS},
+            )
+        states[group] = own
+    frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
+    return library_type(
+        clips=StoredClips(stored.table, frames, manifest["rate"]),
+        entries=stored.table.entries,
+        segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
+        is_donor=arrays["donors"],
+        groups=JointGroups.from_toml(manifest["groups"]),
+        config=Config.from_dict(manifest["config"]),
+        spec=LibrarySpec(
+            skeleton=skeleton_from_json(manifest["skeleton"]),
+            rate=manifest["rate"],
+            root=manifest["root"],
+            up=manifest["up"],
+        ),
+        embedding=embedding,
+        labels=labels,
+        sigma={group: about["sigma"] for group, about in manifest["group"].items()},
+        boundary_states=states,
+        samples=stored.samples(),
+        refused=stored.table.refused,
+        folder=stored.folder,
+    )
