@@ -184,10 +184,10 @@ class SegmentPool:
         left, right = self.typical_seams()
         if not len(left):
             return np.inf, np.inf
-        ending, starting = self.boundary[left], self.boundary[right]
-        turns = rotations.multiply(rotations.inverse(ending.last), starting.first)
+        boundary = self.boundary
+        turns = rotations.multiply(rotations.inverse(boundary.last[left]), boundary.first[right])
         angle = float(np.linalg.norm(rotations.log(turns), axis=-1).mean())
-        velocities = ending.last_velocity - starting.first_velocity
+        velocities = boundary.last_velocity[left] - boundary.first_velocity[right]
         return angle, float(np.linalg.norm(velocities, axis=-1).mean())
 
     def typical_seams(self) -> tuple[IntArray, IntArray]:
