@@ -67,7 +67,7 @@ def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
     """Return metadata with unique names, made from the names in the sources."""
     names = unique_names([info.source_name for info in entries])
     return tuple(
-        info if info.name == name else replace(info, name=name)
+        info if info.name == name else info._replace(name=name)
         for info, name in zip(entries, names, strict=True)
     )
 

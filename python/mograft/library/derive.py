@@ -112,7 +112,7 @@ class DerivableLibrary(LibraryData):
         return replace(
             self,
             clips=clips,
-            entries=tuple(replace(info, name=name) for info, name in infos),
+            entries=tuple(info._replace(name=name) for info, name in infos),
             segments=Segments.concatenate([self.segments, images]),
             is_donor=np.concatenate([self.is_donor, self.is_donor]),
             embedding=embedding,

@@ -12,7 +12,7 @@ from fnmatch import fnmatchcase
 from functools import cache
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from mograft.motion.motion import Motion
 
@@ -20,8 +20,7 @@ ClipSource = Motion | str | PathLike[str]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class SourceFile:
+class SourceFile(NamedTuple):
     """The state of a file when a clip was read from it."""
 
     path: str

@@ -169,7 +169,7 @@ def _kept_clips(
             order = ClipOrder(0, relative_path(path, stored.folder).parts)
             tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(path))))
             if len(tags) > len(info.tags):
-                info = replace(info, tags=tuple(tags))
+                info = info._replace(tags=tuple(tags))
         if order in replaced:
             continue
         rows = slice(bounds[index], bounds[index + 1])

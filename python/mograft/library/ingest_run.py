@@ -4,7 +4,7 @@ import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import NamedTuple, Protocol, TypedDict
 
@@ -86,7 +86,7 @@ class PendingClip:
     ) -> ClipInfo:
         """Return the metadata of the ingested clip; its name is not yet unique."""
         if self.info is not None:
-            return replace(self.info, n_frames=clip.n_frames, faults=clip.faults)
+            return self.info._replace(n_frames=clip.n_frames, faults=clip.faults)
         words: list[str] = []
         if self.found is not None:
             words += self.found.folders

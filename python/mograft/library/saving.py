@@ -47,7 +47,8 @@ def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
         return info, library.clips.original(index, as_read=True)
     clip = library.clips[index]
     n_frames = clip.n_frames
-    return replace(info, source_rate=clip.rate, rate_override=None, source_frames=n_frames), clip
+    info = info._replace(source_rate=clip.rate, rate_override=None, source_frames=n_frames)
+    return info, clip
 
 
 def commit_library(
