@@ -205,7 +205,7 @@ def test_listed_cost_is_that_of_the_trellis_beside_the_base_neighbours(
     lists = pool.candidate_lists(scenario, config)
     model = cost_model(config, pool)
     trellis = DonorTrellis.build(pool, scenario, lists, model)
-    beside = trellis.costs.costs_beside(trellis.path(scenario))
+    beside = trellis.costs.conditional_costs(trellis.path(scenario))
     for segment in scenario.tolist():
         found = list_segment(pool, segment, config)
         costs = {c.segment: c.cost for c in (*found.allowed, *found.refused)}
@@ -251,7 +251,7 @@ def test_listed_cost_with_constraints_is_that_of_the_search(library, choice, kin
         library, library.clips[0], scenario, base_segments, ["upper"], constraints
     )
     trellis = build_trellis(problem, "upper", {})
-    beside = trellis.costs.costs_beside(trellis.path(scenario))
+    beside = trellis.costs.conditional_costs(trellis.path(scenario))
     n_compared = 0
     for position, segment in list(enumerate(scenario.tolist()))[::7]:
         found = library.candidates(segment, "upper", constraints)

@@ -447,10 +447,16 @@ def test_use_in_repair_changes_segment(library):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: mg.Use(donor=3), "give either `segment` or `frames`, got both or neither"),
-        (lambda: mg.Ban(3, frames=(0, 9)), "give either `segment` or `frames`"),
-        (lambda: mg.Use(3), r"`donor` must be a segment or \(clip, first frame, last frame\), got"),
-        (lambda: mg.Use(3, "second"), "`donor` must be a segment or .*, got 'second'"),
+        (
+            lambda: mg.Use(donor=3),
+            "one of `segment` and `frames` must be given, got both or neither",
+        ),
+        (lambda: mg.Ban(3, frames=(0, 9)), "one of `segment` and `frames` must"),
+        (
+            lambda: mg.Use(3),
+            r"`donor` must be a segment index or \(clip, first frame, last frame\), got",
+        ),
+        (lambda: mg.Use(3, "second"), "`donor` must be a segment index or .*, got 'second'"),
         (lambda: mg.Ban(3, ("second", 9, 3)), "`donor` must be a first and a last frame"),
         (lambda: mg.Use(99999, 3), "`segment` of Use must be 0 to .*, got 99999"),
         (lambda: mg.Ban(3, 99999), "`donor` of Ban must be 0 to .*, got 99999"),
@@ -702,7 +708,7 @@ def test_report_lists_every_substitution(library):
         (lambda: mg.Avoid(mg.Sphere((0, 0, 0), 1), tolerance=0), "`tolerance` must be above 0"),
         (lambda: mg.Reach(HAND, (0, 0, 0), -1), "`frame` must be a whole number from 0, got -1"),
         (lambda: mg.NotFrom("a", weight=-1), "`weight` must not be negative, got -1"),
-        (lambda: mg.NotFrom(), "clips or tags must select clips, got neither"),
+        (lambda: mg.NotFrom(), "`clips` or `tags` must be given, got neither"),
         (
             lambda: mg.KeepOriginal(frames=(5, 2)),
             "`frames` must be a first and a last frame, ascending",
@@ -722,7 +728,11 @@ def test_constraint_invalid_arguments_raise(make, message):
         (mg.Reach("Wing", (0, 0, 0), 5), ValueError, "no joint is named 'Wing'"),
         (mg.Reach(HAND, (0, 0, 0), 99_999), ValueError, "frames of Reach must be within 0 to"),
         (mg.NotFrom("waltz*"), ValueError, r"`clips` must match .*; got 'waltz\*'"),
-        (mg.OnlyFrom(tags="happy"), ValueError, "tags exist on no clip; got 'happy'"),
+        (
+            mg.OnlyFrom(tags="happy"),
+            ValueError,
+            "tags must be empty: no clip has a tag; got 'happy'",
+        ),
     ],
 )
 def test_constraint_unknown_names_raise_before_search(library, constraint, error, message):

@@ -190,10 +190,10 @@ def test_slice_within_costs_differ_from_the_whole_path_by_a_constant(seed, data)
 
 
 @given(SEEDS)
-def test_costs_beside_change_as_the_path_cost_does(seed):
+def test_conditional_costs_differ_by_change_of_path_cost(seed):
     trellis = make_trellis(seed)
     path = viterbi(trellis)
-    for position, costs in enumerate(trellis.costs_beside(path)):
+    for position, costs in enumerate(trellis.conditional_costs(path)):
         for index, cost in enumerate(costs):
             changed = path.copy()
             changed[position] = index

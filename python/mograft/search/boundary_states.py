@@ -13,7 +13,8 @@ def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
     """Return the mean joint angle between every end pose and every start pose.
 
     `ends` and `starts` are local rotations, xyzw, of shapes (n_ends, n_joints, 4) and (n_starts,
-    n_joints, 4). The result, shape (n_ends, n_starts), is in radians, 0 to π.
+    n_joints, 4). A joint angle is the angle of the rotation between two poses of a joint. The
+    result, shape (n_ends, n_starts), is in radians, 0 to π.
     """
     return _core.pose_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
 
@@ -22,8 +23,8 @@ def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
     """Return the mean difference of joint velocities between every end and every start.
 
     `ends` and `starts` are angular velocities, each in its joint's local frame, of shapes (n_ends,
-    n_joints, 3) and (n_starts, n_joints, 3). The result, shape (n_ends, n_starts), is the mean norm
-    of the differences, in the unit of the velocities.
+    n_joints, 3) and (n_starts, n_joints, 3). The result, shape (n_ends, n_starts), is the norm of
+    the difference, averaged over the joints, in the unit of the velocities.
     """
     return _core.velocity_gaps(np.ascontiguousarray(ends), np.ascontiguousarray(starts))
 
@@ -31,11 +32,12 @@ def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray:
 def pose_gaps_along(
     ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray
 ) -> FloatArray:
-    """Return the gaps of `pose_gaps` between the candidates of consecutive positions.
+    """Return the `pose_gaps` from the candidates of each position to those of the next.
 
-    `ends` and `starts` are those of all segments, `candidates` the segments at every position, one
-    position after the other, and `counts` their numbers. The result is flat: for each position but
-    the last one row per candidate, with one gap per candidate of the next position.
+    `ends` and `starts` hold the poses of all segments. `candidates` holds the candidate segments of
+    all positions, one position after the other, and `counts` their number at each position. The
+    result is flat: for each position but the last, a matrix with one row per candidate and one
+    column per candidate of the next position, row by row.
     """
     return _core.pose_gaps_along(
         np.ascontiguousarray(ends), np.ascontiguousarray(starts), candidates, counts
@@ -45,7 +47,10 @@ def pose_gaps_along(
 def velocity_gaps_along(
     ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray
 ) -> FloatArray:
-    """Return the gaps of `velocity_gaps` in the form of `pose_gaps_along`."""
+    """Return the `velocity_gaps` from the candidates of each position to those of the next.
+
+    Arguments and result have the form of those of `pose_gaps_along`.
+    """
     return _core.velocity_gaps_along(
         np.ascontiguousarray(ends), np.ascontiguousarray(starts), candidates, counts
     )
@@ -77,7 +82,7 @@ class BoundaryStates:
 
     @staticmethod
     def concatenate(parts: "Sequence[BoundaryStates]") -> "BoundaryStates":
-        """Return the states of several sets of segments, in order."""
+        """Join the boundary states of several sets of segments, in order."""
         return BoundaryStates(
             first=np.concatenate([part.first for part in parts]),
             last=np.concatenate([part.last for part in parts]),

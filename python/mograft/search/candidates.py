@@ -30,7 +30,7 @@ _QUASI_RANDOM_STEPS = (0.7548776662466927, 0.5698402909980532)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A member of a base segment's neighbourhood, and the cost of using it as the donor.
+    """A segment in the neighbourhood of a base segment, and its cost as the donor.
 
     Attributes
     ----------
@@ -42,13 +42,12 @@ class Candidate:
         Mean joint angle, in radians, at the seams with the base segment's neighbours; 0 if
         there is no neighbour.
     distance : float
-        Distance from the base part of the base segment in the embedding; NaN without embedding.
+        Distance from the base segment in the embedding of the base group; NaN without embedding.
     refused : str
-        Reasons why the segment cannot be the donor, each with the limit and the value; empty if
-        it can.
+        Reasons why the segment cannot be the donor, with value and limit; empty if it can.
     cost : float
-        The cost between the base segment's neighbours: the unary cost, the costs of both seams
-        and the constraint costs. See `Config` for the terms.
+        The cost if only this base segment is replaced: the unary cost, the costs of the seams
+        with both neighbours and the constraint costs. See `Config` for the terms.
     """
 
     segment: int
@@ -73,7 +72,7 @@ class Candidates:
         The donors within all limits, nearest first; the base segment itself comes first unless
         it violates a constraint.
     refused : tuple of Candidate
-        The other members of its neighbourhood, nearest first.
+        The other segments in the neighbourhood of the base segment, nearest first.
     elsewhere : int
         Number of segments outside the neighbourhood of the base segment.
     """
@@ -92,7 +91,7 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class SegmentPool:
-    """All segments of a library, with the data that the search for one group's donors needs."""
+    """All segments of a library, with the data for the search for donors of one joint group."""
 
     segments: Segments
     labels: IntArray  # clusters of the base parts, shape (n_segments,)
@@ -103,15 +102,15 @@ class SegmentPool:
     sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
-        """Return the members of each base segment's neighbourhood, ascending, itself included."""
+        """Return the neighbourhood of each base segment: ascending segments, including it."""
         neighbourhood = NEIGHBOURHOODS.get(config.neighbourhood)
         return neighbourhood.find_members(self.labels, self.points, self.sigma, base)
 
     def candidate_lists(self, scenario: IntArray, config: Config) -> list[IntArray]:
-        """Return the segments that can replace each base segment by neighbourhood and length.
+        """Return the candidates of each base segment: similar donors whose length fits.
 
-        `scenario` holds the base segments, in any order. There is one ascending list per position;
-        it always includes the base segment.
+        `scenario` holds the base segments, in any order. The result has one ascending list of
+        segments per position. A list always contains the base segment.
         """
         lengths = self.segments.lengths
         lists: list[IntArray] = []
@@ -127,22 +126,24 @@ class SegmentPool:
         return lists
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
-        """Return the mean joint angles, in radians, at the seams between segments.
+        """Return the mean joint angle, in radians, at the seam between each left and right segment.
 
-        Shape (len(left), len(right)); segments in `left` end at the seam, those in `right` start at
-        it. The angle is 0 if the right segment is the successor of the left one in its clip.
+        The result has shape (len(left), len(right)). The seam is the last frame of the left segment
+        and the first frame of the right segment. The angle is 0 if the right segment follows the
+        left one in its clip.
         """
         return pose_gaps(self.boundary.last[left], self.boundary.first[right])
 
     def seam_angles_along(self, donors: IntArray) -> FloatArray:
-        """Return the mean joint angle at each seam of a donor sequence, shape (n - 1,)."""
+        """Return the mean joint angle, in radians, at each seam of n donors, shape (n - 1,)."""
         boundary = self.boundary
         return pose_gaps_along(boundary.last, boundary.first, donors, np.ones_like(donors))
 
     def distances(self, base: IntArray, donors: IntArray) -> FloatArray:
-        """Return the distance between the base parts of segments and donors, in units of `sigma`.
+        """Return the distance of each donor from its base segment in the base group's embedding.
 
-        Both arguments and the result have shape (n,). All are 0 if there is no embedding.
+        Both arguments and the result have shape (n,). Distances are in units of `sigma`; they are 0
+        if there is no embedding.
         """
         if self.points is None or not self.sigma > 0:
             return np.zeros(len(base))
@@ -150,20 +151,23 @@ class SegmentPool:
         return distances / self.sigma
 
     def unary_costs(self, base: IntArray, donors: IntArray, model: CostModel) -> FloatArray:
-        """Return the cost of each donor for its base segment, without seams and constraints."""
+        """Return the unary cost of each donor for its base segment, shape (n,).
+
+        Costs of seams and constraints are not included.
+        """
         lengths = self.segments.lengths
         distances = self.distances(base, donors)
         return model.unary(lengths[base], lengths[donors], distances, donors == base)
 
     def pairwise_costs(self, left: IntArray, right: IntArray, model: CostModel) -> FloatArray:
-        """Return the costs of the seams between segments, shape (len(left), len(right))."""
+        """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
         ends, starts = self.boundary.last_velocity[left], self.boundary.first_velocity[right]
         return model.pairwise(self.seam_angles(left, right), velocity_gaps(ends, starts))
 
     def pairwise_costs_along(
         self, candidates: Sequence[IntArray], model: CostModel
     ) -> list[FloatArray]:
-        """Return the `pairwise_costs` of the candidates of each position and the next."""
+        """Return the `pairwise_costs` from the candidates of each position to those of the next."""
         counts, boundary = np.array([len(own) for own in candidates]), self.boundary
         along = np.concatenate(candidates), counts
         angles = pose_gaps_along(boundary.last, boundary.first, *along)
@@ -191,11 +195,12 @@ class SegmentPool:
         return angle, float(np.linalg.norm(velocities, axis=-1).mean())
 
     def typical_seams(self) -> tuple[IntArray, IntArray]:
-        """Return the segments on the left and on the right of 512 seams that grafts can have.
+        """Return the left and the right segments of 512 seams that are typical of grafts.
 
-        They are evenly spaced boundaries in clips, with the segment on each side replaced by
-        another donor of its cluster if there is one. The two segments of a seam are never
-        consecutive in a clip. Both arrays are empty if no segment can be replaced in this way.
+        The seams are made from evenly spaced boundaries between segments of a clip. On each side,
+        the segment is replaced by another donor of its cluster if there is one. The two segments of
+        a seam are never consecutive in a clip. Both arrays are empty if no segment can be replaced
+        in this way.
         """
         donors = np.flatnonzero(self.is_donor)
         order = donors[np.argsort(self.labels[donors], kind="stable")]
@@ -228,13 +233,13 @@ class SegmentPool:
         return left, np.where(is_captured, shift(right, np.ones_like(right)), right)
 
     def seam_scales(self, config: Config) -> SeamScales:
-        """Return the gaps at a seam that cost 1: twice the typical ones, within `config`."""
+        """Return the gaps that cost 1 at a seam: twice the typical gaps, limited by `config`."""
         return SeamScales.from_typical_gaps(*self.typical_gaps, config)
 
 
 @dataclass(frozen=True, eq=False)
 class ConstraintVerdicts:
-    """Constraint costs and violated hard constraints of the members of a neighbourhood."""
+    """Constraint costs of the members of a neighbourhood, and the constraints that they violate."""
 
     costs: FloatArray  # shape (n_members,)
     reasons: Sequence[Sequence[str]]  # for each member the violated hard constraints
@@ -245,8 +250,8 @@ def list_candidates(
 ) -> Candidates:
     """Return all members of a segment's neighbourhood with costs and reasons for refusal.
 
-    Seams are those with the base segment's neighbours in its clip. `verdicts` are for the members
-    of the neighbourhood, ascending.
+    Gaps and seam costs are those with the segments before and after the base segment in its clip.
+    `verdicts` has one entry per member, in ascending order of the segments.
     """
     segments, config = pool.segments, model.config
     members = pool.neighbours(np.array([segment]), config)[0]
@@ -302,8 +307,9 @@ def _refusals(
 ) -> list[str]:
     """Return the limits that a candidate exceeds, each with the value and the limit.
 
-    `missed_slack` is the length slack as a fraction of the base segment's length, if the
-    candidate's length does not fit.
+    `missed_slack` is None if the candidate's length fits; otherwise it is `Config.length_slack` as
+    a fraction of the base segment's length. `has_fault` is true if a recording fault overlaps the
+    segment.
     """
     reasons = []
     if has_fault:
@@ -320,10 +326,10 @@ def _refusals(
 
 
 def count_combinations(labels: IntArray, n_groups: int) -> int:
-    """Count the segments that can be made if only the clusters limit the choice of donors.
+    """Count the segments that grafting can make if only clusters limit the choice of donors.
 
-    Σ |c|^n_groups over the clusters c, the captured segments included; the base group counts as a
-    group (paper, tables 1 and 2).
+    The count is Σ |c|^n_groups over the clusters c of the base group, given by `labels`. It
+    includes the captured segments, and `n_groups` includes the base group (paper, tables 1 and 2).
 
     Examples
     --------

@@ -45,8 +45,8 @@ class Constraint:
     Parameters
     ----------
     weight : float, optional
-        Cost of an error of one tolerance; the cost grows with the square. Default: a hard
-        constraint.
+        Makes the constraint soft: an error of e tolerances costs ``weight · e²``. Default: the
+        constraint is hard.
     frames : tuple of int, optional
         First and last frame of the base motion in which the constraint applies. Default: all
         frames.
@@ -67,19 +67,19 @@ class Constraint:
         return self.weight is None
 
     def applies(self, frames: IntArray) -> BoolArray:
-        """Return whether the constraint applies in each frame."""
+        """Return whether the constraint applies in each frame of the base motion."""
         if self.frames is None:
             return np.ones(len(frames), bool)
         return (frames >= self.frames[0]) & (frames <= self.frames[1])
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """Return the error of each pose, in tolerances.
+        """Return the error of each pose, as a multiple of the tolerance.
 
         Parameters
         ----------
         poses : Poses
             The poses.
-        joints : ndarray of bool, shape (J,), optional
+        joints : ndarray of bool, shape (n_joints,), optional
             The joints whose errors count. Default: all.
 
         Returns
@@ -87,19 +87,20 @@ class Constraint:
         error : ndarray, shape (n,)
             At most 1 if the pose satisfies the constraint; 0 if the constraint does not apply.
         joint : ndarray of int, shape (n,)
-            The joint of the error, or -1.
+            Index of the joint with the error; -1 if no joint is responsible.
         """
         return no_errors(poses)
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
-        """Return the error of donors that does not depend on their poses.
+        """Return the error of each donor that follows from its clip, frames and length.
 
         Parameters
         ----------
         base, donors : Segments
-            Base segments and their donors, one for each.
+            n base segments and one donor for each.
         clips : sequence
-            Name and tags of the clips that `donors.clip` indexes, such as `Library.entries`.
+            Objects with the name and the tags of each clip, such as `Library.entries`;
+            `donors.clip` holds indices into it.
 
         Returns
         -------
@@ -109,13 +110,16 @@ class Constraint:
         return np.zeros(len(base) if len(base) == len(donors) else 0)
 
     def describe_error(self, error: float, height: float) -> str:
-        """Return a description of an error, for messages."""
+        """Return a text for messages that describes an error, given in tolerances.
+
+        `height` is the skeleton height in the unit of the file.
+        """
         return f"{error:.3g} tolerances"
 
 
 @dataclass(frozen=True)
 class Violation:
-    """Frames in which a hard constraint is violated.
+    """A run of frames in which a hard constraint is violated.
 
     Attributes
     ----------
@@ -144,10 +148,11 @@ class Violation:
 def find_violations(
     constraints: Sequence[Constraint], poses: Poses, joints: BoolArray | None = None
 ) -> list[Violation]:
-    """Return the violations of hard constraints in successive frames.
+    """Return the violations of hard constraints by poses in successive frames.
 
-    There is one violation per run of frames, sorted by constraint and frame. `joints`, a mask of
-    shape (J,), selects the joints whose errors count; by default all do.
+    Successive frames that violate a constraint are one violation. Violations are sorted by
+    constraint, then by frame. `joints`, a mask of shape (n_joints,), selects the joints whose
+    errors count; by default all do.
     """
     found = []
     for constraint in constraints:
@@ -184,8 +189,9 @@ def find_violations(
 def overlaps(segments: Segments, frames: Span | None) -> BoolArray:
     """Return which segments a range of frames selects, shape (n_segments,); None selects all.
 
-    Neighbours share a frame, so the range must contain an interval of the segment: the first and
-    last frame of a segment select it alone. A single frame selects the segments that contain it.
+    Neighbouring segments share a frame. The range therefore selects a segment if they have two
+    successive frames in common: the first and last frame of a segment select only this segment. A
+    range of a single frame selects all segments that contain the frame.
     """
     if frames is None:
         return np.ones(len(segments), bool)
@@ -198,7 +204,10 @@ def overlaps(segments: Segments, frames: Span | None) -> BoolArray:
 
 
 def as_span(name: str, span: object) -> Span:
-    """Return a pair of ascending frame numbers; raise ValueError for anything else."""
+    """Return `span` as a pair of ascending frame numbers; raise ValueError for anything else.
+
+    `name` is the name of the argument in the error.
+    """
     ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()
     try:
         first, last = (as_integer(name, end) for end in ends)
@@ -210,5 +219,5 @@ def as_span(name: str, span: object) -> Span:
 
 
 def no_errors(poses: Poses) -> Errors:
-    """Return error 0 and no joint for every pose."""
+    """Return error 0 and joint -1, which means no joint, for every pose."""
     return np.zeros(len(poses)), np.full(len(poses), -1)

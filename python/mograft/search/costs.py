@@ -23,10 +23,10 @@ INFEASIBLE_PENALTY = 1e3  # more than a sequence within the limits costs at any 
 def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) -> BoolArray:
     """Return whether the lengths of donors are close enough to those of base segments (eq. 19).
 
-    Lengths are in intervals, `rate` in frames per second; the shapes broadcast. The rule is
-    ``|base - donor| < max_stretch · base``, as in the paper. With a length slack it is
-    ``|base - donor| <= max(max_stretch · base, length_slack · rate)``. The rule is relative to the
-    base segment, so it is not symmetric.
+    Lengths are in intervals between frames, `rate` in frames per second; the shapes broadcast. The
+    rule is ``|base - donor| < max_stretch · base``, as in the paper. If `length_slack` is above 0,
+    it is ``|base - donor| <= max(max_stretch · base, length_slack · rate)``. The rule is relative
+    to the base segment, so it is not symmetric.
     """
     gap = np.abs(base - donor)
     limit = config.max_stretch * base
@@ -39,7 +39,7 @@ def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) ->
 
 @dataclass(frozen=True)
 class SeamScales:
-    """The angle and the velocity difference at a seam that each cost 1."""
+    """The angle at a seam that costs 1, and the velocity difference that costs 1."""
 
     angle: float  # mean joint angle in radians
     velocity: float  # mean difference of joint velocities in radians per second
@@ -48,8 +48,10 @@ class SeamScales:
     def from_typical_gaps(cls, angle: float, velocity: float, config: Config) -> "SeamScales":
         """Return twice the typical gaps, but at most the scales of the configuration.
 
-        Low-amplitude libraries have small typical gaps: their scales shrink accordingly.
-        Typical gaps of 0, up to rounding, or infinity leave the configured scales.
+        `angle` is the typical pose gap in radians, `velocity` the typical velocity gap in radians
+        per second. A library with small movements has small typical gaps and therefore small
+        scales. For a typical gap that is infinite, or 0 up to rounding, the scale of the
+        configuration is returned.
         """
         angle, velocity = (2.0 * gap if gap > _ROUNDED_GAP else np.inf for gap in (angle, velocity))
         return cls(min(config.angle_scale, angle), min(config.velocity_scale, velocity))
@@ -59,10 +61,10 @@ class SeamScales:
 class CostModel:
     """Unary and pairwise costs: the weighted sum of all terms.
 
-    A donor k of segment i costs
-    ``length_weight · (1 - shorter / longer) + distance_weight · d(i, k) / sigma``, minus `novelty`
-    if k is not i. Here d is the distance of the base parts, sigma the cluster diameter threshold. A
-    seam costs ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus
+    A donor k of segment i costs ``length_weight · (1 - shorter / longer) + distance_weight · d(i,
+    k) / sigma``, minus `novelty` if k is not i. Here shorter and longer are the lengths of the two
+    segments, d is their distance in the embedding of the base group, and sigma the cluster diameter
+    threshold. A seam costs ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus
     `INFEASIBLE_PENALTY` if the angle exceeds `max_angle`.
     """
 
@@ -72,11 +74,11 @@ class CostModel:
     def unary(
         self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
     ) -> FloatArray:
-        """Return the costs of donors by themselves, without seams and constraints.
+        """Return the unary costs of donors, without those of seams and constraints.
 
-        All arrays have shape (n,). `base` and `donors` are lengths in intervals. `distances` are
-        the distances between the base parts of base segment and donor, divided by the cluster
-        diameter threshold. `is_base` is true where the donor is the base segment.
+        All arrays have shape (n,). `base` and `donors` are lengths in intervals between frames.
+        `distances` are those of donor and base segment in the embedding of the base group, divided
+        by the cluster diameter threshold. `is_base` is true where the donor is the base segment.
         """
         ratio = np.minimum(base, donors) / np.maximum(base, donors)
         costs = self.config.length_weight * (1.0 - ratio)
@@ -93,15 +95,15 @@ class CostModel:
         return self._angle_penalties(angles) + gaps
 
     def seam_costs(self, left: BoundaryStates, right: BoundaryStates) -> FloatArray:
-        """Return the costs of the seams from every segment of `left` to every one of `right`."""
+        """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
         velocities = velocity_gaps(left.last_velocity, right.first_velocity)
         return self.pairwise(pose_gaps(left.last, right.first), velocities)
 
     def keep_cheapest(self, costs: FloatArray, is_base: BoolArray) -> IntArray:
         """Return the indices of the `max_candidates` cheapest donors, ascending.
 
-        The base segment is always kept, so that one sequence without seams remains. Ties go to
-        the lowest index.
+        The base segment is always kept, so that the sequence of base segments, which has no seams,
+        remains possible. Ties go to the lowest index.
         """
         order = np.lexsort((costs, ~is_base))[: self.config.max_candidates]
         order.sort()
@@ -113,10 +115,11 @@ class CostModel:
 
 @dataclass(frozen=True)
 class SimilarityCostModel(CostModel):
-    """Unary and pairwise costs: the similarity of the base parts alone.
+    """Unary and pairwise costs: the similarity of the segments in the base group alone.
 
-    A donor k of segment i costs d(i, k) / sigma, the base segment itself `INFEASIBLE_PENALTY`. A
-    seam costs 0 within the limit and `INFEASIBLE_PENALTY` above it.
+    A donor k of segment i costs d(i, k) / sigma, as in `CostModel`; the base segment itself costs
+    `INFEASIBLE_PENALTY`. A seam costs 0 if its angle is at most `max_angle`, and otherwise
+    `INFEASIBLE_PENALTY`.
     """
 
     def unary(
@@ -131,16 +134,16 @@ class SimilarityCostModel(CostModel):
 
 
 def infeasible_costs(amounts: FloatArray) -> FloatArray:
-    """Return the costs of violating hard constraints by some amounts, in tolerances.
+    """Return the costs of violating hard constraints, given violation amounts in tolerances.
 
-    ``INFEASIBLE_PENALTY · (1 + amount)`` for amounts above 1, else 0.
+    The cost is ``INFEASIBLE_PENALTY · (1 + amount)`` for amounts above 1, and 0 for others.
     """
     return np.where(amounts > 1.0, INFEASIBLE_PENALTY * (1.0 + amounts), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class ConstraintViolations:
-    """How far each of n candidates violates constraints."""
+    """Violation amounts of n candidates, combined over the hard and over the soft constraints."""
 
     hard: FloatArray  # greatest violation amount of a hard constraint; at most 1 if all hold
     soft: FloatArray  # sum of weight · amount² over the soft constraints
@@ -159,7 +162,7 @@ class ConstraintViolations:
         return cls(hard, soft)
 
     def split(self, counts: Sequence[int]) -> "list[ConstraintViolations]":
-        """Return the violations of consecutive sets of candidates, given their sizes."""
+        """Return the violations of consecutive sets of candidates; `counts` holds their sizes."""
         parts = (split_by_counts(own, np.array(counts)) for own in (self.hard, self.soft))
         sets = zip(*parts, strict=True)
         return [ConstraintViolations(hard, soft) for hard, soft in sets]
@@ -171,7 +174,7 @@ class ConstraintViolations:
         return feasible
 
     def costs(self) -> FloatArray:
-        """Return the costs of all constraints, shape (n,)."""
+        """Return the sum of all constraint costs of each candidate, shape (n,)."""
         return infeasible_costs(self.hard) + self.soft
 
 
@@ -185,8 +188,8 @@ def origin_violations(
     """Return how far donors violate each constraint on their clips, frames and lengths.
 
     `base` and `donors` are n base segments and one donor for each, in frames of the clips that
-    `clips` lists; `frames` are the base segments in frames of the base motion. There is one array
-    of n violation amounts per constraint; amounts are 0 outside the constraint's frames.
+    `clips` lists; `frames` are the same base segments in frames of the base motion. There is one
+    array of n violation amounts per constraint; amounts are 0 outside the constraint's frames.
     """
     amounts = []
     for constraint in constraints:

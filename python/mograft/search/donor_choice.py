@@ -19,7 +19,7 @@ _MAX_REPEATED_DRAWS = 100  # drawing ends after this many draws in a row without
 
 
 class DonorSource(Protocol):
-    """Candidates and costs of several grafted groups; strategies draw from it."""
+    """Candidates and costs for each grafted group, from which a strategy chooses donors."""
 
     @property
     def config(self) -> Config:
@@ -28,7 +28,7 @@ class DonorSource(Protocol):
 
     @property
     def pools(self) -> Mapping[str, SegmentPool]:
-        """The segments of each grafted group, with the data for its search."""
+        """The segments of the library for each grafted group, with the data for the search."""
         ...
 
     @property
@@ -37,7 +37,7 @@ class DonorSource(Protocol):
         ...
 
     def feasible_candidates(self, group: str) -> list[IntArray]:
-        """Return the candidates at each position that satisfy the hard constraints."""
+        """Return the candidates of a group at each position that satisfy the hard constraints."""
         ...
 
 
@@ -52,15 +52,21 @@ class DonorChoice(ABC):
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator
     ) -> list[DonorSequences]:
-        """Return different donor sequences for `count` motions; fewer if there are no more."""
+        """Return different donor sequences for `count` motions; fewer if no others exist."""
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
-        """Return one path through a trellis; `Stream` commits its first donor."""
+        """Return one path through a trellis.
+
+        A `Stream` uses only the first donor of the path and then searches again.
+        """
         return viterbi(trellis)
 
 
 class Viterbi(DonorChoice):
-    """Cheapest sequences; donors of earlier motions become more expensive in later ones."""
+    """Strategy that returns the cheapest sequence for each motion.
+
+    After each motion its donors become more expensive, so that later motions differ.
+    """
 
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator
@@ -76,7 +82,7 @@ class Viterbi(DonorChoice):
 
 
 class Best(DonorChoice):
-    """The sequences with the lowest total costs."""
+    """Strategy that returns the sequences with the lowest total costs."""
 
     # Neighbours in rank differ by few donors; repair would make them equal.
     allows_self_repair = False
@@ -94,9 +100,9 @@ class Best(DonorChoice):
 
 
 class Sample(DonorChoice):
-    """Sequences drawn with probability exp(-cost / temperature).
+    """Strategy that draws sequences with probability proportional to exp(-cost / temperature).
 
-    Donors of earlier motions cost more in later ones, as for `Viterbi`.
+    After each motion its donors become more expensive, as for `Viterbi`.
     """
 
     def draw(
@@ -125,13 +131,16 @@ class Sample(DonorChoice):
 
 
 class Nearest(Viterbi):
-    """The donors with the most similar base parts; seams only have to satisfy the limit."""
+    """Strategy that returns the donors most similar to the base segments in the base group.
+
+    Seams cost nothing if their angles are at most `max_angle`.
+    """
 
     cost_model = SimilarityCostModel
 
 
 class Random(DonorChoice):
-    """Uniform draws among the donors within the limits (paper, 4.4)."""
+    """Strategy that draws uniformly from the donors within the limits (paper, 4.4)."""
 
     is_limited = False
     allows_self_repair = False  # a repaired draw is not uniform
@@ -152,7 +161,7 @@ class Random(DonorChoice):
         return _draw_different(draw_once, count)
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
-        """As `DonorChoice.choose_path`; all paths without penalties are equally likely."""
+        """As `DonorChoice.choose_path`; all paths without infeasible penalty are equally likely."""
         unary = tuple(np.where(own >= INFEASIBLE_PENALTY, own, 0.0) for own in trellis.unary)
         pairwise = tuple(
             np.where(own >= INFEASIBLE_PENALTY, INFEASIBLE_PENALTY, 0.0) for own in trellis.pairwise
@@ -173,7 +182,7 @@ DONOR_CHOICES: Registry[DonorChoice] = CONFIG_OPTIONS["choice"].implemented_by(
 
 
 def cost_model(config: Config, pool: SegmentPool) -> CostModel:
-    """Return the cost model of the configured strategy, with the seam scales of a pool."""
+    """Return the cost model of the strategy `Config.choice`, with the seam scales of a pool."""
     return DONOR_CHOICES.get(config.choice).cost_model(config, pool.seam_scales(config))
 
 
@@ -182,9 +191,10 @@ def prune_dead_ends(
 ) -> tuple[list[IntArray], list[FloatArray]]:
     """Keep the candidates from which the last position can be reached within `max_angle`.
 
-    The first result has for each position the candidates with at least one kept successor at a seam
-    of at most `max_angle`, or all candidates if none has one. The second has for each position but
-    the last the seam angles between its kept candidates and those of the next, in radians.
+    The first result holds the kept candidates of each position: those with a seam of at most
+    `max_angle` to a kept candidate of the next position, or all if there is no such seam. The
+    second holds, for each position but the last, the seam angles in radians between kept candidates
+    of the position (rows) and of the next (columns).
     """
     kept = [candidates[-1]] if len(candidates) else []
     kept_angles: list[FloatArray] = []
@@ -206,8 +216,8 @@ def draw_uniform(
 ) -> IntArray:
     """Draw a donor at every position; the arguments are those that `prune_dead_ends` returns.
 
-    Each donor is drawn uniformly from the candidates whose seam with its predecessor is within
-    `max_angle`; if there are none it is the candidate with the smallest seam angle.
+    Each donor is drawn uniformly from the candidates whose seam with the previous donor is within
+    `max_angle`. If there are none, the candidate with the smallest seam angle is taken.
     """
     sequence: list[int] = []
     index = 0
@@ -225,8 +235,8 @@ def draw_uniform(
 def cheapest_combinations(costs: Sequence[Sequence[float]], count: int) -> list[tuple[int, ...]]:
     """Return the `count` combinations of one item per list with the lowest total costs.
 
-    Each list of costs is ascending. A combination is the index in each list. They are in ascending
-    order of total cost; ties are in order of the indices.
+    Each list of costs is ascending. A combination is a tuple with one index per list. Combinations
+    are sorted by total cost, and by their indices if the costs are equal.
     """
     sums: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
     for own in costs:
@@ -240,10 +250,11 @@ def cheapest_combinations(costs: Sequence[Sequence[float]], count: int) -> list[
 
 
 def interleaved_combinations(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
-    """Return different combinations of one item per list that advance all lists together.
+    """Return up to `count` different combinations of one item per list.
 
-    A combination is the index in each list. First come those with equal indices, modulo the
-    lengths, then the others in lexicographic order.
+    A combination is a tuple with one index per list, whose length is in `lengths`. First, all
+    indices advance together: (0, 0), (1, 1), ...; an index at the end of its list restarts at 0.
+    All other combinations follow in lexicographic order.
     """
     together = [tuple(i % length for length in lengths) for i in range(max(lengths))]
     others = product(*(range(length) for length in lengths))
@@ -260,7 +271,10 @@ def _sequences(
     paths: Mapping[str, Sequence[IntArray]],
     combinations: Sequence[tuple[int, ...]],
 ) -> list[DonorSequences]:
-    """Return the donor sequences of combinations, each with one path index per group."""
+    """Return the donor sequences of some combinations of paths.
+
+    A combination holds one index into the `paths` of each group.
+    """
     return [
         {
             group: source.trellises[group].donor_sequence(own[index])
@@ -275,9 +289,10 @@ def _draw_different(
     count: int,
     use: Callable[[DonorSequences], None] | None = None,
 ) -> list[DonorSequences]:
-    """Draw until `count` results differ, or `_MAX_REPEATED_DRAWS` draws in a row repeat.
+    """Call `draw` until `count` different results exist, and return these.
 
-    `use` is called with each new result before the next draw.
+    Drawing ends early after `_MAX_REPEATED_DRAWS` draws in a row without a new result. `use` is
+    called with each new result before the next draw.
     """
     results: dict[bytes, DonorSequences] = {}
     while len(results) < count:

@@ -16,9 +16,10 @@ from mograft.search.constraints import Clip, Constraint, Span, Violation, as_spa
 
 @dataclass(frozen=True)
 class KeepOriginal(Constraint):
-    """Keep the captured parts of every segment with an interval in `frames`.
+    """Keep the captured motion of every segment that shares two successive frames with `frames`.
 
-    The first and last frame of a segment select it alone, although its neighbours share them.
+    The first and last frame of a segment thus select this segment alone, although its neighbours
+    share these frames.
 
     Examples
     --------
@@ -49,14 +50,17 @@ class _ClipConstraint(Constraint):
             if not isinstance(words, Collection) or not all(
                 isinstance(word, str) for word in words
             ):
-                raise TypeError(f"`{name}` must be one or more names, got {words!r}")
+                raise TypeError(f"`{name}` must be a name or several names, got {words!r}")
         if not self.clips and not self.tags:
-            raise ValueError("clips or tags must select clips, got neither")
+            raise ValueError("`clips` or `tags` must be given, got neither")
         if self.clip_frames is not None:
             object.__setattr__(self, "clip_frames", as_span("clip_frames", self.clip_frames))
 
     def _is_selected(self, donors: Segments, clips: Sequence[Clip], *, whole: bool) -> BoolArray:
-        """Return which donors lie within the selected frames or, if not `whole`, overlap them."""
+        """Return which donors are from the selected clips and lie within the selected frames.
+
+        If not `whole`, a donor that overlaps the selected frames is selected, too.
+        """
         names = [clip.name for clip in clips]
         selected = np.zeros(len(clips), bool)
         for pattern in _as_names(self.clips):
@@ -70,8 +74,8 @@ class _ClipConstraint(Constraint):
             tagged = [tag in clip.tags for clip in clips]
             if not any(tagged):
                 known = sorted({name for clip in clips for name in clip.tags})
-                expected = f"must be among {join_names(known)}" if known else "exist on no clip"
-                raise ValueError(f"tags {expected}; got {tag!r}")
+                expected = f"among {join_names(known)}" if known else "empty: no clip has a tag"
+                raise ValueError(f"tags must be {expected}; got {tag!r}")
             selected |= tagged
         inside: BoolArray = selected[donors.clip]
         if self.clip_frames is not None:
@@ -92,10 +96,10 @@ class _ClipConstraint(Constraint):
 
 @dataclass(frozen=True)
 class OnlyFrom(_ClipConstraint):
-    """Accept donors from some clips only; captured parts may be kept.
+    """Accept donors from some clips only; segments may also stay as captured.
 
-    A graft violates it if no segment in its `frames` has a candidate from these clips. `Use` forces
-    a donor.
+    It is violated if no segment in its `frames` has a candidate from these clips. To require a
+    donor at a segment, see `Use`.
 
     Parameters
     ----------
@@ -117,7 +121,7 @@ class OnlyFrom(_ClipConstraint):
         return np.where(self.selects(donors, clips) | _is_same(base, donors), 0.0, 2.0)
 
     def selects(self, donors: Segments, clips: Sequence[Clip]) -> BoolArray:
-        """Return which donors are from the selected clips and frames, shape (n,)."""
+        """Return which donors lie in the selected clips and frames, shape (n,)."""
         return self._is_selected(donors, clips, whole=True)
 
     def describe_error(self, error: float, height: float) -> str:
@@ -127,7 +131,7 @@ class OnlyFrom(_ClipConstraint):
 
 @dataclass(frozen=True)
 class NotFrom(_ClipConstraint):
-    """Accept no donors from some clips; captured parts may be kept.
+    """Accept no donors from some clips; segments of these clips may stay as captured.
 
     Parameters
     ----------
@@ -136,8 +140,8 @@ class NotFrom(_ClipConstraint):
     tags : str or collection of str
         Tags of clips; a clip with one of them is selected, in addition to `clips`.
     clip_frames : tuple of int, optional
-        First and last frame in these clips; donors must not have an interval in this range, or
-        contain it if it is a single frame. Default: all frames.
+        First and last frame in these clips; donors that share two successive frames with this
+        range are excluded, or donors that contain it if it is one frame. Default: all frames.
 
     Examples
     --------
@@ -161,7 +165,7 @@ DonorReference = int | str | tuple[str, int, int]
 
 @dataclass(frozen=True)
 class _SegmentConstraint(Constraint):
-    """Base class of constraints between base segments and a donor that is given by name."""
+    """Base class of constraints on the use of one donor, or a range of donors, at base segments."""
 
     segment: int | None = None
     donor: DonorReference | None = None
@@ -169,7 +173,7 @@ class _SegmentConstraint(Constraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.segment is None) == (self.frames is None):
-            raise ValueError("give either `segment` or `frames`, got both or neither")
+            raise ValueError("one of `segment` and `frames` must be given, got both or neither")
         if self.segment is not None:
             object.__setattr__(self, "segment", as_integer("segment", self.segment))
         if is_integer(self.donor):
@@ -178,7 +182,7 @@ class _SegmentConstraint(Constraint):
             object.__setattr__(self, "donor", _as_clip_span(self.donor))
 
     def _is_donor(self, donors: Segments, clips: Sequence[Clip]) -> BoolArray:
-        """Return which segments contain an interval of the donor's frames."""
+        """Return which of `donors` are in the clip of `self.donor` and overlap its frames."""
         if isinstance(self.donor, int):
             raise ValueError(
                 "`donor` can be a segment index only in `graft`; "
@@ -203,7 +207,7 @@ class Use(_SegmentConstraint):
     """Use one donor for a base segment, in all exchanged groups.
 
     The donor may be any segment of the library: a hard `Use` ignores its cluster, its length and
-    its recording faults. Its seams are treated like all others; `MaxAngle` can report them.
+    its recording faults. `MaxAngle` can still report its seams.
 
     Parameters
     ----------
@@ -231,7 +235,8 @@ class Use(_SegmentConstraint):
         super().__post_init__()
         if self.donor is None or isinstance(self.donor, str):
             raise ValueError(
-                f"`donor` must be a segment or (clip, first frame, last frame), got {self.donor!r}"
+                "`donor` must be a segment index or (clip, first frame, last frame), "
+                f"got {self.donor!r}"
             )
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
@@ -245,9 +250,9 @@ class Use(_SegmentConstraint):
 
 @dataclass(frozen=True)
 class Ban(_SegmentConstraint):
-    """Forbid a donor, or the captured part, for base segments.
+    """Forbid a donor, or the captured motion, for base segments.
 
-    Unlike `NotFrom`, it also excludes captured parts.
+    Unlike `NotFrom`, it also excludes a base segment as its own donor.
 
     Parameters
     ----------
@@ -255,8 +260,8 @@ class Ban(_SegmentConstraint):
         Number of the base segment in the base motion, from 0.
     donor : int, str or tuple of (str, int, int), optional
         Index of a segment in the library, a clip, or a clip with the first and last frame of a
-        range: all segments with an interval in it are excluded. Default: the captured part, so
-        that the segment is exchanged.
+        range: all segments that share two successive frames with it are excluded. Default: the
+        captured motion, so that the segment is exchanged.
     frames : tuple of int, optional
         First and last frame of a range of base segments, instead of `segment`.
 
@@ -289,7 +294,7 @@ def _as_clip_span(donor: object) -> tuple[str, int, int]:
     parts = tuple(donor) if isinstance(donor, Sequence) else ()
     if len(parts) != 3 or not isinstance(parts[0], str):
         raise ValueError(
-            f"`donor` must be a segment or (clip, first frame, last frame), got {donor!r}"
+            f"`donor` must be a segment index or (clip, first frame, last frame), got {donor!r}"
         )
     return (parts[0], *as_span("donor", parts[1:]))
 
@@ -301,7 +306,7 @@ class MaxStretch(Constraint):
     Parameters
     ----------
     limit : float
-        Maximum length difference, as a share of the length of the base segment.
+        Maximum length difference, as a fraction of the length of the base segment.
 
     Examples
     --------
@@ -351,7 +356,7 @@ class MaxAngle(Constraint):
             raise ValueError("MaxAngle accepts neither weight nor frames: it applies to every seam")
 
     def violation(self, group: str, frame: int, angle: float) -> Violation:
-        """Return the violation of a seam of a group at a frame."""
+        """Return the violation by a seam of a group; `angle` is in radians."""
         message = (
             f"MaxAngle is violated at frame {frame}: seam angle of {group} "
             f"{np.degrees(angle):.1f}°, limit {np.degrees(self.limit):.1f}°"
@@ -377,7 +382,8 @@ def find_seam_violations(
 ) -> list[Violation]:
     """Return the violations of `MaxAngle` at the seams of a group, by constraint and frame.
 
-    `frames` are those of the base motion, `angles` the mean joint angles there in radians.
+    `frames` are the frames of the seams in the base motion, `angles` their mean joint angles in
+    radians.
     """
     return [
         constraint.violation(group, frame, angle)

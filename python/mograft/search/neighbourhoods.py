@@ -19,7 +19,7 @@ The radius at which balls and clusters have equally many members on average, at 
 
 @dataclass(frozen=True, eq=False)
 class ClusterMembers:
-    """Segments sorted by cluster, to find the neighbourhood of a new segment."""
+    """Segments sorted by cluster, from which the neighbourhood of a new segment is found."""
 
     order: IntArray  # the segments, cluster by cluster, ascending within each
     starts: IntArray  # position in `order` at which each cluster begins
@@ -34,8 +34,9 @@ class ClusterMembers:
     def find_nearest_cluster(self, point: FloatArray, sigma: float) -> tuple[IntArray, FloatArray]:
         """Return the members of the cluster that a new point joins, and their distances from it.
 
-        A cluster fits if all its members are within `sigma` of the point. Of several, the one with
-        the nearest member is taken; ties go to the first. If none fits, both arrays are empty.
+        The point can join a cluster if all members are within `sigma` of the point. Of several such
+        clusters, it joins the one with the nearest member; ties go to the first. If there is none,
+        both arrays are empty.
         """
         # Most clusters are ruled out by their first member.
         first = np.linalg.norm(self.points[self.starts] - point, axis=1)
@@ -59,7 +60,7 @@ class ClusterMembers:
 
 
 class Neighbourhood(ABC):
-    """The rule that decides which base parts are similar enough to exchange the other parts."""
+    """Rule that decides which segments are similar enough in the base group to be candidates."""
 
     outside: ClassVar[str]  # completes "12 segments are ..." for the other segments
 
@@ -67,7 +68,7 @@ class Neighbourhood(ABC):
     def find_members(
         self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
     ) -> list[IntArray]:
-        """Return the members of the neighbourhood of each base segment, ascending, itself included.
+        """Return the segments in the neighbourhood of each base segment, ascending, with its own.
 
         `labels` and `points` have the cluster and the point of every segment; `points` is None if
         there is no embedding. `sigma` is the cluster diameter threshold.
@@ -77,11 +78,14 @@ class Neighbourhood(ABC):
     def find_near(
         self, members: ClusterMembers, point: FloatArray, sigma: float
     ) -> tuple[IntArray, FloatArray]:
-        """Return the segments near a new point, ascending, and their distances."""
+        """Return the segments in the neighbourhood of a new point, ascending, and their distances.
+
+        `sigma` is the cluster diameter threshold.
+        """
 
 
 class _Cluster(Neighbourhood):
-    """The cluster of the base segment (paper, 4.3)."""
+    """Neighbourhood that consists of the cluster of the base segment (paper, 4.3)."""
 
     outside = "in other clusters"
 
@@ -103,7 +107,10 @@ class _Cluster(Neighbourhood):
 
 
 class _Ball(Neighbourhood):
-    """The segments within `BALL_RADIUS` cluster diameter thresholds of the base segment."""
+    """Neighbourhood of all segments within a radius of the base segment in the embedding.
+
+    The radius is `BALL_RADIUS` cluster diameter thresholds.
+    """
 
     outside = "outside the ball"
 

@@ -21,13 +21,14 @@ Vector = tuple[float, float, float]
 
 
 class Obstacle(Protocol):
-    """An object to which the distance of a body can be computed."""
+    """An object whose distance from a body can be computed."""
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-        """Return the distance of the nearest of some capsules in each pose, and its index.
+        """Return for each pose the distance to the nearest of some capsules, and its index.
 
-        Distances, shape (n,), are in the unit of the file; a penetration depth counts as negative.
-        Ties go to the first capsule. Without capsules the distance is infinite and the index -1.
+        `capsule_indices` selects the capsules. Distances, shape (n,), are in the unit of the file;
+        they are minus the penetration depth if the capsule penetrates the object. Ties go to the
+        first capsule. Without capsules the distance is infinite and the index -1.
         """
         ...
 
@@ -180,8 +181,8 @@ class Character:
     Parameters
     ----------
     motion : Motion
-        Motion of the character, on any skeleton. Before its first and after its last frame the
-        character keeps that pose.
+        Motion of the character, on any skeleton. Before the first frame the character holds the
+        pose of that frame, after the last frame the last pose.
     offset : tuple of float
         Translation, in the unit of the file.
     yaw : float
@@ -189,7 +190,7 @@ class Character:
     delay : float
         Seconds after the start of the base motion at which the character starts.
     radius : float
-        Factor on the capsule radii of the character.
+        Factor by which the capsule radii of the character are multiplied.
 
     Examples
     --------
@@ -243,7 +244,10 @@ def _nearest(
 
 
 def _minimum(distances: FloatArray, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the smallest distance of each row and the index of its capsule."""
+    """Return the smallest distance in each pose and the index of its capsule.
+
+    `distances` has shape (n_poses, n_capsules); `capsule_indices` are the indices of its columns.
+    """
     if not len(capsule_indices):
         return np.full(len(distances), np.inf), np.full(len(distances), -1)
     nearest = distances.argmin(axis=1)

@@ -35,7 +35,7 @@ class PoseConstraint(Constraint):
         return error, joint
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        """Return the errors of poses in frames in which the constraint applies."""
+        """Return the errors of poses; the constraint applies in the frames of all of them."""
         raise NotImplementedError
 
 
@@ -94,10 +94,10 @@ class AvoidSelf(PoseConstraint):
     Parameters
     ----------
     tolerance : float
-        Allowed depth beyond `captured`, in skeleton heights.
+        Allowed penetration depth in addition to `captured`, in skeleton heights.
     captured : float
         Largest depth of self-collision in the captured motion, in skeleton heights: capsules
-        overlap when a hand rests on a hip. `mograft.graft` computes it if it is 0.
+        overlap if, for example, a hand touches a hip. If it is 0, `mograft.graft` computes it.
 
     Examples
     --------
@@ -125,7 +125,7 @@ class AvoidSelf(PoseConstraint):
         return error, np.where(which[:, 0] >= 0, capsules.joints[which[:, 0]], -1)
 
     def self_collision_depth(self, poses: Poses) -> float:
-        """Return the largest depth of self-collision in some poses, in skeleton heights."""
+        """Return the largest depth of self-collision over all poses, in skeleton heights."""
         error, _ = AvoidSelf(tolerance=1.0).errors(poses)
         return float(error.max(initial=0.0))
 
@@ -189,7 +189,7 @@ class Reach(PoseConstraint):
 
 @dataclass(frozen=True)
 class Face(PoseConstraint):
-    """Turn a joint towards a position.
+    """Turn the view direction of a joint, which is forward in the rest pose, to a position.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ class KeepOut(PoseConstraint):
     inside : bool
         If True, the joint must be inside the region.
     tolerance : float
-        Allowed distance beyond the surface of the region, in skeleton heights.
+        Allowed distance from the surface on the wrong side, in skeleton heights.
 
     Examples
     --------
@@ -300,12 +300,12 @@ class Custom(PoseConstraint):
     Parameters
     ----------
     function : callable
-        Takes `Poses` of n frames and returns n errors in tolerances: at most 1 for an accepted
-        pose, and increasing with the violation.
+        Takes `Poses` of n frames and returns n errors: at most 1 for an accepted pose, and
+        increasing with the violation.
     name : str
         Name in messages.
     joint : str, optional
-        The joint of the error; only its group is searched. Default: all groups.
+        The joint that causes the error; only its group is searched. Default: all groups.
 
     Examples
     --------
@@ -332,10 +332,10 @@ class Custom(PoseConstraint):
 
 
 def with_captured_depth(constraints: Sequence[Constraint], captured: Poses) -> list[Constraint]:
-    """Return the constraints with `AvoidSelf.captured` measured where it is 0.
+    """Return the constraints; every `AvoidSelf.captured` that is 0 is replaced by a measured depth.
 
-    `captured` holds the captured poses of all frames that are decided together: the whole base
-    motion in a graft, one base segment in a stream.
+    The depth is the largest one in `captured`, the captured poses of all frames whose donors are
+    chosen together: the whole base motion in a graft, one base segment in a stream.
     """
     return [
         replace(constraint, captured=constraint.self_collision_depth(captured))
@@ -353,7 +353,7 @@ def _capsules_of(capsules: Capsules, joints: BoolArray | None) -> IntArray:
 
 
 def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
-    """Return the direction that the body faces in the rest pose."""
+    """Return the unit vector in which the body faces in the rest pose; `up` is vertical."""
     known, rest = anatomy(skeleton), skeleton.rest_positions()
     left, right = (known.joints("thigh", "upper_arm", side=side) for side in ("left", "right"))
     if not left or not right:

@@ -16,7 +16,7 @@ DonorSequences = dict[str, IntArray]
 
 @dataclass(frozen=True, eq=False)
 class DonorTrellis:
-    """The candidates at each position of a base segment sequence, and their costs."""
+    """The candidates at each position of a sequence of base segments, and their costs."""
 
     scenario: IntArray  # the base segments, shape (n_positions,)
     candidates: tuple[IntArray, ...]  # at each position, ascending
@@ -33,8 +33,9 @@ class DonorTrellis:
     ) -> "DonorTrellis":
         """Return the trellis of the cheapest candidates at each position.
 
-        `candidates` holds the allowed segments at each position, ascending. The cheapest
-        `max_candidates` are kept, the base segment always; ties go to the lowest index.
+        `scenario` holds the base segments and `candidates` the allowed segments at each position,
+        ascending. At most `max_candidates` are kept at a position, among them always the base
+        segment; ties go to the lowest index.
         """
         counts = np.array([len(segments) for segments in candidates])
         costs = pool.unary_costs(np.repeat(scenario, counts), np.concatenate(candidates), model)
@@ -54,11 +55,11 @@ class DonorTrellis:
         return cls(scenario, tuple(kept), Trellis(tuple(unary), tuple(seams)))
 
     def donor_sequence(self, path: IntArray) -> IntArray:
-        """Return the segments of a path, shape (n_positions,)."""
+        """Return the donor segment at each position of a path, shape (n_positions,)."""
         pairs = zip(self.candidates, path.tolist(), strict=True)
         return np.array([segments[index] for segments, index in pairs], np.int64)
 
     def path(self, donors: IntArray) -> IntArray:
-        """Return the path of a donor sequence; each donor must be among the candidates."""
+        """Return the path that visits a donor sequence; each donor must be among the candidates."""
         pairs = zip(self.candidates, donors.tolist(), strict=True)
         return np.array([np.searchsorted(segments, donor) for segments, donor in pairs], np.int64)

@@ -16,7 +16,7 @@ from mograft._util.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Trellis:
-    """Costs of the candidates at every position and of every pair of neighbours."""
+    """Unary costs of the candidates at each position, and pairwise costs to the next position."""
 
     unary: tuple[FloatArray, ...]  # for each position shape (n_candidates,); infinite if forbidden
     pairwise: tuple[FloatArray, ...]  # for each position but the last shape (n, n of the next)
@@ -25,32 +25,33 @@ class Trellis:
         return len(self.unary)
 
     def cost(self, path: IntArray) -> float:
-        """Return the cost of a path, the candidate index at each position."""
+        """Return the total cost of a path, which holds the candidate index at each position."""
         indices = path.tolist()
         unary = sum(float(costs[i]) for costs, i in zip(self.unary, indices, strict=True))
         pairs = zip(self.pairwise, indices[:-1], indices[1:], strict=True)
         return unary + sum(float(costs[i, j]) for costs, i, j in pairs)
 
     def add_unary(self, costs: Sequence[FloatArray]) -> "Trellis":
-        """Return the trellis with further unary costs, one array per position."""
+        """Return the trellis with `costs`, one array per position, added to the unary costs."""
         summed = (unary + further for unary, further in zip(self.unary, costs, strict=True))
         return replace(self, unary=tuple(summed))
 
     def charge(self, path: IntArray, cost: float) -> "Trellis":
-        """Return the trellis in which every candidate on a path costs `cost` more."""
+        """Return the trellis with `cost` added to the unary cost of each candidate on a path."""
         unary = [costs.copy() for costs in self.unary]
         for costs, index in zip(unary, path.tolist(), strict=True):
             costs[index] += cost
         return replace(self, unary=tuple(unary))
 
     def slice(self, start: int, stop: int) -> "Trellis":
-        """Return the positions from `start` to before `stop` by themselves."""
+        """Return the trellis of the positions from `start` up to, not including, `stop`."""
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
 
     def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
-        """Return positions from `start` to before `stop`, with the others fixed as in a path.
+        """Return the trellis of positions `start` to `stop - 1`; the others are fixed as in `path`.
 
-        The unary costs at both ends include the pairwise costs to the path's neighbours.
+        The unary costs of the first and last position include the pairwise costs to the fixed
+        candidates beside them.
         """
         unary = list(self.unary[start:stop])
         if start > 0:
@@ -59,8 +60,12 @@ class Trellis:
             unary[-1] = unary[-1] + self.pairwise[stop - 1][:, path[stop]]
         return Trellis(tuple(unary), self.pairwise[start : stop - 1])
 
-    def costs_beside(self, path: IntArray) -> list[FloatArray]:
-        """Return the costs of candidates at each position if all others are as in a path."""
+    def conditional_costs(self, path: IntArray) -> list[FloatArray]:
+        """Return the cost of each candidate at each position with all other positions as in `path`.
+
+        The cost is the candidate's unary cost plus the pairwise costs with both neighbours on the
+        path.
+        """
         costs = list(self.unary)
         for position, pairwise in enumerate(self.pairwise):
             costs[position] = costs[position] + pairwise[:, path[position + 1]]
@@ -72,7 +77,8 @@ def viterbi(trellis: Trellis) -> IntArray:
     """Return the cheapest path.
 
     Ties go to the path with the lowest first index, then the lowest second, and so on. Time is
-    O(Σ n_p n_{p+1}). Viterbi, IEEE Trans. Information Theory 13 (1967), run backwards.
+    O(Σ n_p n_{p+1}) for n_p candidates at position p. The algorithm is that of Viterbi, IEEE Trans.
+    Information Theory 13 (1967), run from the last position to the first.
 
     Examples
     --------
@@ -93,10 +99,11 @@ def viterbi(trellis: Trellis) -> IntArray:
 
 
 def k_best(trellis: Trellis, count: int) -> list[IntArray]:
-    """Return the cheapest paths, in ascending order of cost; ties as in `viterbi`.
+    """Return the `count` cheapest paths, in ascending order of cost; ties as in `viterbi`.
 
-    Fewer than `count` if fewer have a finite cost. List Viterbi: every candidate keeps its `count`
-    cheapest continuations (Seshadri and Sundberg, IEEE Trans. Communications 42, 1994).
+    There are fewer if fewer paths have a finite cost. The algorithm is the list Viterbi algorithm,
+    in which every candidate keeps its `count` cheapest continuations (Seshadri and Sundberg, IEEE
+    Trans. Communications 42, 1994).
 
     Examples
     --------
@@ -129,10 +136,10 @@ def k_best(trellis: Trellis, count: int) -> list[IntArray]:
 
 
 def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> IntArray:
-    """Draw a path with probability proportional to exp(-cost / temperature), exactly.
+    """Draw a path with probability proportional to exp(-cost / temperature).
 
-    One number is drawn per position. Forward filtering, backward sampling (Carter and Kohn,
-    Biometrika 81, 1994), here with the directions exchanged, in logarithms.
+    One random number is drawn per position. The method is forward filtering, backward sampling
+    (Carter and Kohn, Biometrika 81, 1994) with both directions reversed, and with logarithms.
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
@@ -143,11 +150,11 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
 
 
 def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
-    """Return different paths, each the cheapest after `penalty` is added for every earlier use.
+    """Return different paths; each is the cheapest when earlier use of candidates is penalised.
 
-    The penalty is added to a candidate for each earlier path through it. The first path is that of
-    `viterbi`. If the penalised search repeats a path, the cheapest new path takes its place; there
-    are fewer than `count` if none is left.
+    `penalty` is added to the cost of a candidate for each earlier path through it. The first path
+    is that of `viterbi`. If the cheapest path is an earlier one, the cheapest new path is returned
+    instead. There are fewer than `count` paths if no new one exists.
 
     Examples
     --------

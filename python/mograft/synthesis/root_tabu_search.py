@@ -167,7 +167,7 @@ def _feasible_changes(
     trellis: DonorTrellis, path: IntArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return positions, other candidates that add no infeasible penalty, and the added costs."""
-    costs = trellis.costs.costs_beside(path)
+    costs = trellis.costs.conditional_costs(path)
     added = [own - own[index] for own, index in zip(costs, path.tolist(), strict=True)]
     positions = np.repeat(np.arange(len(added)), [len(own) for own in added])
     indices = np.concatenate([np.arange(len(own)) for own in added])
