@@ -8,6 +8,7 @@ from mograft._util.arrays import FloatArray, IntArray, Packed
 __all__ = [
     "BUILD_PROFILE",
     "VERSION",
+    "add_offsets",
     "angle",
     "box_clearance",
     "capsule_ends",
@@ -35,6 +36,7 @@ __all__ = [
     "segments",
     "segments_positions",
     "slerp",
+    "smooth_gradient",
     "solve_pentadiagonal",
     "to_euler",
     "velocity_gaps",
@@ -125,6 +127,19 @@ def sample(
     temperature: float,
     draws: FloatArray,
 ) -> IntArray: ...
+def add_offsets(
+    values: FloatArray,
+    times: tuple[IntArray, FloatArray, FloatArray, FloatArray],
+    before: tuple[FloatArray, FloatArray],
+    after: tuple[FloatArray, FloatArray],
+) -> FloatArray: ...
+def smooth_gradient(
+    values: FloatArray,
+    donors: tuple[IntArray, IntArray, FloatArray, IntArray, FloatArray],
+    fixed: IntArray,
+    weights: Sequence[float],
+    reach: float,
+) -> FloatArray: ...
 def solve_pentadiagonal(bands: FloatArray, rhs: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,

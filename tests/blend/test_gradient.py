@@ -8,9 +8,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mograft import Config, _core  # noqa: TID251 - the kernel by itself
+from mograft.analysis.segmentation import Segments
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import ClosedFrames, DonorFrames
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
+from tests.oracles import seams as oracle
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, smooth_rotations, tile_segments
 
 RATE = 30.0
@@ -119,6 +123,39 @@ def test_gradient_changes_only_moving_joints_near_seams(lengths, seed, blend):
     far[[0, -1]] = True
     np.testing.assert_array_equal(solved[far], closed[far])
     np.testing.assert_array_equal(solved[:, 2], closed[:, 2])
+
+
+@few_examples(40)
+@given(SEGMENT_LENGTHS, SEEDS, st.floats(0.05, 1.0), st.booleans())
+def test_smooth_gradient_agrees_with_numpy(lengths, seed, blend, is_concatenated):
+    """Also for motions in which some segments do not share a frame with the next."""
+    layout = random_layout(lengths, seed, seam_blend=blend)
+    timeline, seams = layout.timeline, np.flatnonzero(layout.seams)
+    cut = timeline.cut
+    if is_concatenated:
+        shifts = np.cumsum(np.arange(len(cut)) % 3 == 2)
+        cut = Segments(cut.start + shifts, cut.stop + shifts)
+        timeline = replace(timeline, cut=cut)
+    times, rng = timeline.frame_times(), np.random.default_rng(seed)
+    for space, tracks in ((ROTATIONS, layout.rotations), (TRANSLATIONS, layout.positions)):
+        rows = timeline.sample(space, tracks, times)
+        closed = ClosedFrames(
+            space=space,
+            values=timeline.merge_frames(
+                space.add(rows, 0.1 * rng.normal(size=(*rows.shape[:2], 3)))
+            ),
+            cut=cut,
+            seams=seams,
+            window=5,
+            blend=blend * RATE,
+            rate=RATE,
+            donors=lambda: DonorFrames(rows, timeline.seam_accelerations(space, tracks, seams)),  # noqa: B023
+            integrated=(1,),
+        )
+        found = SEAM_TREATMENTS.get("gradient").smooth(closed)
+        wanted = oracle.smooth_gradient(closed, (1.0, TAU**2, TAU**4))
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11)
+        np.testing.assert_array_equal(found[:, 1:], closed.values[:, 1:])
 
 
 def test_gradient_of_smooth_donors_keeps_their_acceleration_at_the_seam():

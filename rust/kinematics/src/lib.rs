@@ -15,6 +15,9 @@
 //! | [`sample`] | feature vectors of sampled segments |
 //! | [`pose`] | distances between poses |
 //! | [`capsule`] | distances between capsules, and from boxes |
+//! | [`value`] | differences of rotations and of translations |
+//! | [`offset`] | decaying offsets at seams |
+//! | [`gradient`] | smoothing of seams that keeps derivatives |
 //! | [`banded`] | linear systems of five diagonals |
 
 pub mod banded;
@@ -22,9 +25,12 @@ pub mod capsule;
 pub mod energy;
 mod error;
 pub mod forward;
+pub mod gradient;
+pub mod offset;
 pub mod pose;
 pub mod resample;
 pub mod rotation;
 pub mod sample;
+pub mod value;
 
 pub use error::Error;

@@ -9,31 +9,22 @@ use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
 use crate::rotation::{self, exp, log};
+use crate::value::Value;
 
-/// A frame of one joint: a type that has a cubic between two values.
-trait Knot: Copy {
-    /// The difference to the next frame, as a vector.
-    fn difference_to(self, next: Self) -> DVec3;
+/// A frame of one joint: a value that has a cubic to another one.
+trait Knot: Value {
     /// The cubic at `t` that starts at `self` with velocity `start_velocity` and ends at `next`
     /// with `end_velocity`.
     fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self;
 }
 
 impl Knot for DQuat {
-    fn difference_to(self, next: Self) -> DVec3 {
-        log(self.inverse() * next)
-    }
-
     fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self {
         hermite(self, next, start_velocity, end_velocity, t)
     }
 }
 
 impl Knot for DVec3 {
-    fn difference_to(self, next: Self) -> DVec3 {
-        next - self
-    }
-
     fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self {
         let s = 1.0 - t;
         // The Hermite basis in a form that is exact at t = 0 and t = 1.
@@ -188,7 +179,7 @@ impl<'a, K: Knot, G: Fn(usize) -> f64> Span<'a, K, G> {
     /// Each is that of the parabola through three frames: the frame and both neighbours, or at
     /// an end the three nearest. With only two frames the velocity is constant.
     fn tangents(&self, f: usize, joint: usize) -> (DVec3, DVec3) {
-        let difference = |f: usize| self.knot(f, joint).difference_to(self.knot(f + 1, joint));
+        let difference = |f: usize| self.knot(f, joint).delta_to(self.knot(f + 1, joint));
         let interval = (self.interval)(f);
         let speed = difference(f) / interval;
         let chord = |f: usize| (difference(f) / (self.interval)(f), (self.interval)(f));

@@ -15,6 +15,7 @@
 mod convert;
 mod kinematics;
 mod linkage;
+mod seams;
 mod text;
 mod trellis;
 
@@ -38,6 +39,9 @@ mod _core {
 
     #[pymodule_export]
     use crate::linkage::{cut, linkage, linkage_condensed};
+
+    #[pymodule_export]
+    use crate::seams::{add_offsets, smooth_gradient};
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};

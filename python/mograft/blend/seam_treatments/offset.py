@@ -1,14 +1,11 @@
 """Seam treatment "offset": a decaying offset on both sides of the seam."""
 
-import numpy as np
-
+from mograft import _core
 from mograft._util.arrays import FloatArray
 from mograft.blend.seams import (
     PieceTimes,
     SeamBoundaries,
     SeamTreatment,
-    add_deltas,
-    at_piece_ends,
     crossfade_both_sides,
 )
 
@@ -34,31 +31,17 @@ class Offset(SeamTreatment):
         mean = 0.5 * (velocity_before + velocity_after)
         rate_before = space.delta_rate(0.5 * gaps, mean - velocity_before)
         rate_after = space.delta_rate(-0.5 * gaps, mean - velocity_after)
-        start_gap, end_gap = at_piece_ends(gaps, times.piece)
-        start_rate = at_piece_ends(rate_after, times.piece)[0]
-        end_rate = at_piece_ends(rate_before, times.piece)[1]
-        window = times.windows[times.piece]
         # At the end of a piece, time is measured backwards, from the seam into the piece.
-        offsets = _decay(-0.5 * start_gap, start_rate, times.seconds, window)
-        offsets += _decay(0.5 * end_gap, -end_rate, times.seconds_left, window)
-        return add_deltas(space, values, offsets)
+        return _core.add_offsets(
+            values,
+            (times.piece, times.seconds, times.seconds_left, times.windows),
+            (0.5 * gaps, -rate_before),
+            (-0.5 * gaps, rate_after),
+        )
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return weights that rise to ½ at the seam on both sides."""
         return crossfade_both_sides(remaining)
-
-
-def _decay(
-    value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
-) -> FloatArray:
-    """Return offsets, `seconds` from a seam: cubics from a value and velocity to 0."""
-    u = np.minimum(seconds / window, 1.0)[:, None, None]
-    offset: FloatArray = velocity * window[:, None, None]
-    offset *= u
-    offset += value * (1.0 + 2.0 * u)
-    # This factor makes it exactly 0 at the end.
-    offset *= (1.0 - u) ** 2
-    return offset
 
 
 TREATMENT = Offset()

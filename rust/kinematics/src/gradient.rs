@@ -1,0 +1,338 @@
+//! Gradient-domain smoothing of seams: the frames that best keep the derivatives of the donors.
+
+use glam::DVec3;
+
+use crate::banded::solve_pentadiagonal;
+use crate::error::{Error, check_len};
+use crate::value::{Value, add};
+
+/// Donors that replace consecutive segments, and the seams between them.
+#[derive(Clone, Copy, Debug)]
+pub struct Donors<'a, V> {
+    /// First frame of each segment: the last frame of the previous one, or the frame after it.
+    pub starts: &'a [usize],
+    /// Last frame of each segment.
+    pub stops: &'a [usize],
+    /// Values of the donors, segment after segment, both ends included, frame-major.
+    pub rows: &'a [V],
+    /// Segments that end with a seam, ascending.
+    pub seams: &'a [usize],
+    /// Acceleration at each seam, per frame², joint by joint.
+    pub accelerations: &'a [DVec3],
+}
+
+/// What [`smooth_gradient`] minimises, and where.
+#[derive(Clone, Copy, Debug)]
+pub struct Objective {
+    /// Weights of the squared errors of values, velocities and accelerations.
+    pub weights: [f64; 3],
+    /// Greatest distance in frames from a seam at which a frame may change.
+    pub reach: f64,
+}
+
+/// The frames whose values, velocities and accelerations are nearest to those of donors.
+///
+/// `values` are all frames of `n_joints`, the first of them the first of segment 0. Minimises the
+/// weighted sum of squared errors by one Gauss-Newton step from `values`; for translations it is
+/// exact. Derivatives are finite differences. A frame that two donors share has the mean of the
+/// errors from both; at a seam `Donors::accelerations` replaces the acceleration of a donor. The
+/// first and the last frame, frames away from seams, the joints `fixed` and joints whose donors are
+/// constant up to 1e-12 keep their values bit for bit. Takes O(frames × joints) time.
+///
+/// # Errors
+///
+/// If the lengths disagree or segments do not follow each other.
+pub fn smooth_gradient<V: Value>(
+    values: &[V],
+    n_joints: usize,
+    donors: Donors<V>,
+    fixed: &[usize],
+    objective: Objective,
+) -> Result<Vec<V>, Error> {
+    let frames = Frame::list(&donors)?;
+    check_len(values.len(), frames.len() * n_joints)?;
+    check_len(donors.rows.len(), n_joints * row_count(&donors))?;
+    check_len(donors.accelerations.len(), n_joints * donors.seams.len())?;
+    let is_free = free_frames(&donors, frames.len(), objective.reach);
+    let joints = moving_joints(donors.rows, n_joints, fixed);
+    let mut smooth = values.to_vec();
+    if joints.is_empty() || !is_free.contains(&true) {
+        return Ok(smooth);
+    }
+    let system = System { values, n_joints, donors, frames: &frames, is_free: &is_free };
+    let slopes = system.slopes(&joints, objective.weights);
+    let bands = normal_matrix(&frames, &is_free, objective.weights);
+    let change = solve_pentadiagonal(&bands, &slopes, 3 * joints.len())?;
+    for (frame, change) in change.chunks_exact(3 * joints.len()).enumerate() {
+        for (&joint, delta) in joints.iter().zip(change.chunks_exact(3)) {
+            let value = &mut smooth[frame * n_joints + joint];
+            *value = add(*value, -DVec3::from_slice(delta));
+        }
+    }
+    Ok(smooth)
+}
+
+/// A frame and the rows of its donors.
+#[derive(Clone, Copy)]
+struct Frame {
+    /// The row; of two donors that share the frame, that of the later one.
+    row: usize,
+    /// The row of the earlier donor at a seam, and the index of the seam.
+    seam: Option<(usize, usize)>,
+    /// Whether this frame and the next belong to one donor.
+    is_step: bool,
+}
+
+impl Frame {
+    fn list<V>(donors: &Donors<V>) -> Result<Vec<Self>, Error> {
+        check_len(donors.stops.len(), donors.starts.len())?;
+        let mut frames: Vec<Self> = Vec::new();
+        let (mut row, mut seams) = (0, donors.seams.iter().enumerate().peekable());
+        let first = donors.starts.first().copied().unwrap_or(0);
+        for (segment, (&start, &stop)) in donors.starts.iter().zip(donors.stops).enumerate() {
+            let is_shared = start + 1 == first + frames.len();
+            if start >= stop || !(is_shared || start == first + frames.len()) {
+                return Err(Error::InvalidSegment { segment });
+            }
+            let seam = seams.next_if(|&(_, &own)| own + 1 == segment);
+            let seam = seam.filter(|_| is_shared).map(|(seam, _)| (row - 1, seam));
+            if is_shared {
+                frames.pop();
+            }
+            let last = row + stop - start;
+            frames.extend((row..=last).map(|row| Self { row, seam: None, is_step: row < last }));
+            let at = frames.len() - (stop - start) - 1;
+            frames[at].seam = seam;
+            row = last + 1;
+        }
+        Ok(frames)
+    }
+}
+
+fn row_count<V>(donors: &Donors<V>) -> usize {
+    donors
+        .starts
+        .iter()
+        .zip(donors.stops)
+        .map(|(start, stop)| stop - start + 1)
+        .sum()
+}
+
+/// Whether each frame is within reach of a seam and not an end of the motion.
+fn free_frames<V>(donors: &Donors<V>, n_frames: usize, reach: f64) -> Vec<bool> {
+    let mut is_free = vec![false; n_frames];
+    let first = donors.starts.first().copied().unwrap_or(0);
+    for &seam in donors.seams {
+        let Some(&stop) = donors.stops.get(seam) else { continue };
+        let (seam, reach) = (stop - first, reach.max(0.0) as usize);
+        let range = seam.saturating_sub(reach)..=(seam.saturating_add(reach)).min(n_frames - 1);
+        is_free[range].fill(true);
+    }
+    if let [first, .., last] = &mut is_free[..] {
+        (*first, *last) = (false, false);
+    }
+    is_free
+}
+
+/// The joints whose donors are not constant, without `fixed`.
+fn moving_joints<V: Value>(rows: &[V], n_joints: usize, fixed: &[usize]) -> Vec<usize> {
+    let mut joints: Vec<_> = (0..n_joints)
+        .filter(|joint| !fixed.contains(joint))
+        .collect();
+    // A constant track differs in its last bits after resampling.
+    let moves = |&joint: &usize| {
+        let mut track = rows.iter().skip(joint).step_by(n_joints);
+        let first = track.next();
+        track.any(|own| first.is_some_and(|first| own.difference(*first) > 1e-12))
+    };
+    joints.retain(moves);
+    joints
+}
+
+/// The least-squares problem of all joints.
+struct System<'a, V> {
+    values: &'a [V],
+    n_joints: usize,
+    donors: Donors<'a, V>,
+    frames: &'a [Frame],
+    is_free: &'a [bool],
+}
+
+impl<V: Value> System<'_, V> {
+    /// Half of the gradient of the sum at `values`: three components per joint, frame by frame.
+    ///
+    /// It is 0 in frames that are not free.
+    fn slopes(&self, joints: &[usize], weights: [f64; 3]) -> Vec<f64> {
+        let (steps, targets) = self.steps(joints);
+        let (n, width) = (self.frames.len(), joints.len());
+        let is_step = |f: usize| self.frames[f].is_step;
+        let velocity_error = |f: usize, column: usize| {
+            let at = f * width + column;
+            if is_step(f) { weights[1] * (steps[at] - targets[at]) } else { DVec3::ZERO }
+        };
+        // At the frame after `f`.
+        let acceleration_error = |f: usize, column: usize| {
+            if !(is_step(f) && is_step(f + 1)) {
+                return DVec3::ZERO;
+            }
+            let at = f * width + column;
+            let target = match self.frames[f + 1].seam {
+                Some((_, seam)) => self.donors.accelerations[seam * self.n_joints + joints[column]],
+                None => targets[at + width] - targets[at],
+            };
+            weights[2] * (steps[at + width] - steps[at] - target)
+        };
+        let mut slopes = vec![0.0; 3 * n * width];
+        let rows = slopes.chunks_exact_mut(3 * width).enumerate();
+        for (f, slopes) in rows.filter(|&(f, _)| self.is_free[f]) {
+            for (column, (&joint, out)) in joints.iter().zip(slopes.chunks_exact_mut(3)).enumerate()
+            {
+                let mut slope = self.value_error(f, joint);
+                // A free frame is neither the first nor the last.
+                slope -= velocity_error(f, column);
+                slope += velocity_error(f - 1, column);
+                if f + 2 < n {
+                    slope += acceleration_error(f, column);
+                }
+                slope -= 2.0 * acceleration_error(f - 1, column);
+                if f >= 2 {
+                    slope += acceleration_error(f - 2, column);
+                }
+                slope.write_to_slice(out);
+            }
+        }
+        slopes
+    }
+
+    /// The steps to the next frame of `values` and of the donors; 0 where they are not needed.
+    fn steps(&self, joints: &[usize]) -> (Vec<DVec3>, Vec<DVec3>) {
+        let size = self.frames.len() * joints.len();
+        let (mut steps, mut targets) = (vec![DVec3::ZERO; size], vec![DVec3::ZERO; size]);
+        for (f, frame) in self.frames.iter().enumerate() {
+            let near = f.saturating_sub(1)..(f + 3).min(self.frames.len());
+            if !frame.is_step || !self.is_free[near].contains(&true) {
+                continue;
+            }
+            for (column, &joint) in joints.iter().enumerate() {
+                let at = |values: &[V], row: usize| values[row * self.n_joints + joint];
+                let (row, index) = (frame.row, f * joints.len() + column);
+                steps[index] = at(self.values, f).delta_to(at(self.values, f + 1));
+                targets[index] = at(self.donors.rows, row).delta_to(at(self.donors.rows, row + 1));
+            }
+        }
+        (steps, targets)
+    }
+
+    fn value_error(&self, f: usize, joint: usize) -> DVec3 {
+        let error = |row: usize| {
+            let target = self.donors.rows[row * self.n_joints + joint];
+            target.delta_to(self.values[f * self.n_joints + joint])
+        };
+        let Frame { row, seam, .. } = self.frames[f];
+        match seam {
+            Some((earlier, _)) => 0.5 * (error(row) + error(earlier)),
+            None => error(row),
+        }
+    }
+}
+
+/// The matrix of the normal equations for [`solve_pentadiagonal`].
+///
+/// Rows and columns of fixed frames are those of the identity.
+fn normal_matrix(frames: &[Frame], is_free: &[bool], weights: [f64; 3]) -> Vec<[f64; 3]> {
+    let mut bands = vec![[weights[0], 0.0, 0.0]; frames.len()];
+    let mut add = |first: usize, stencil: &[f64], weight: f64| {
+        for (i, a) in stencil.iter().enumerate() {
+            for (j, b) in stencil[i..].iter().enumerate() {
+                bands[first + i][j] += weight * a * b;
+            }
+        }
+    };
+    for (f, pair) in frames
+        .windows(2)
+        .enumerate()
+        .filter(|(_, pair)| pair[0].is_step)
+    {
+        add(f, &[-1.0, 1.0], weights[1]);
+        if pair[1].is_step {
+            add(f, &[1.0, -2.0, 1.0], weights[2]);
+        }
+    }
+    let is_fixed = |f: usize| is_free.get(f) == Some(&false);
+    for (f, band) in bands.iter_mut().enumerate() {
+        if is_fixed(f) {
+            *band = [1.0, 0.0, 0.0];
+        }
+        for (ahead, entry) in band.iter_mut().enumerate().skip(1) {
+            if is_fixed(f + ahead) {
+                *entry = 0.0;
+            }
+        }
+    }
+    bands
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OBJECTIVE: Objective = Objective { weights: [1.0, 4.0, 16.0], reach: 3.0 };
+
+    fn ramp(first: f64, slope: f64) -> impl Iterator<Item = DVec3> {
+        (0..=5).map(move |n| DVec3::new(first + slope * f64::from(n), 0.0, 0.0))
+    }
+
+    #[test]
+    fn seam_without_gap_is_unchanged_and_gap_is_spread_over_reach() {
+        for gap in [0.0, 1.0] {
+            let rows: Vec<_> = ramp(0.0, 1.0).chain(ramp(5.0 + gap, 1.0)).collect();
+            let mut values = rows.clone();
+            values.remove(5);
+            values[5].x = 5.0 + 0.5 * gap;
+            let donors = Donors {
+                starts: &[0, 5],
+                stops: &[5, 10],
+                rows: &rows,
+                seams: &[0],
+                accelerations: &[DVec3::ZERO],
+            };
+            let smooth = smooth_gradient(&values, 1, donors, &[], OBJECTIVE).unwrap();
+            let is_changed: Vec<_> = (0..11).filter(|&f| smooth[f] != values[f]).collect();
+            assert!((smooth[5].x - values[5].x).abs() < 1e-12, "by symmetry");
+            if gap == 0.0 {
+                assert!(
+                    smooth
+                        .iter()
+                        .zip(&values)
+                        .all(|(a, b)| (a.x - b.x).abs() < 1e-12)
+                );
+            } else {
+                assert!(is_changed.iter().all(|f| (2..=8).contains(f)));
+                assert!(smooth[4].x > values[4].x + 0.1 && smooth[6].x < values[6].x - 0.1);
+            }
+            let kept = smooth_gradient(&values, 1, donors, &[0], OBJECTIVE).unwrap();
+            assert_eq!(kept, values);
+        }
+    }
+
+    #[test]
+    fn segments_that_do_not_follow_each_other_return_error() {
+        let donors = |starts: &'static [usize], stops: &'static [usize]| Donors {
+            starts,
+            stops,
+            rows: &[DVec3::ZERO; 6],
+            seams: &[],
+            accelerations: &[],
+        };
+        let refused = |starts, stops| {
+            smooth_gradient(&[DVec3::ZERO; 6], 1, donors(starts, stops), &[], OBJECTIVE).err()
+        };
+        assert_eq!(refused(&[0, 3], &[2, 5]), None);
+        assert_eq!(refused(&[0, 4], &[2, 5]), Some(Error::InvalidSegment { segment: 1 }));
+        assert_eq!(refused(&[0, 1], &[2, 5]), Some(Error::InvalidSegment { segment: 1 }));
+        assert_eq!(
+            refused(&[0, 2], &[2, 5]),
+            Some(Error::LengthMismatch { expected: 7, given: 6 })
+        );
+    }
+}

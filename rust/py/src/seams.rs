@@ -1,0 +1,70 @@
+//! Bindings of the seam kernels; see `mograft_kinematics`.
+//!
+//! Values are rotations if their last axis has four components, else translations.
+
+use mograft_kinematics::gradient::{self, Donors, Objective};
+use mograft_kinematics::offset::{self, Offsets, PieceTimes};
+use numpy::PyUntypedArrayMethods as _;
+use pyo3::prelude::*;
+
+use crate::convert::{
+    Array, Floats, Indices, as_quats, as_usizes, as_vecs, from_quats, from_vecs, value_error,
+};
+
+/// See [`offset::add_offsets`].
+#[pyfunction]
+pub fn add_offsets<'py>(
+    py: Python<'py>,
+    values: Floats<'py>,
+    times: (Indices<'py>, Floats<'py>, Floats<'py>, Floats<'py>),
+    before: (Floats<'py>, Floats<'py>),
+    after: (Floats<'py>, Floats<'py>),
+) -> Array<'py> {
+    let [n, n_joints] = [values.shape()[0], values.shape()[1]];
+    let piece = as_usizes(&times.0)?;
+    let times = PieceTimes {
+        piece: &piece,
+        elapsed: times.1.as_slice()?,
+        left: times.2.as_slice()?,
+        windows: times.3.as_slice()?,
+    };
+    let before = Offsets { values: as_vecs(&before.0)?, rates: as_vecs(&before.1)? };
+    let after = Offsets { values: as_vecs(&after.0)?, rates: as_vecs(&after.1)? };
+    if values.shape().last() == Some(&4) {
+        let quats = as_quats(&values)?;
+        let sums = py.detach(|| offset::add_offsets(quats, n_joints, times, before, after));
+        return from_quats(py, sums.map_err(value_error)?, &[n, n_joints]);
+    }
+    let vecs = as_vecs(&values)?;
+    let sums = py.detach(|| offset::add_offsets(vecs, n_joints, times, before, after));
+    from_vecs(py, sums.map_err(value_error)?, &[n, n_joints])
+}
+
+/// See [`gradient::smooth_gradient`].
+#[pyfunction]
+pub fn smooth_gradient<'py>(
+    py: Python<'py>,
+    values: Floats<'py>,
+    donors: (Indices<'py>, Indices<'py>, Floats<'py>, Indices<'py>, Floats<'py>),
+    fixed: Indices<'py>,
+    weights: [f64; 3],
+    reach: f64,
+) -> Array<'py> {
+    let [n, n_joints] = [values.shape()[0], values.shape()[1]];
+    let (starts, stops, rows, seams, accelerations) = &donors;
+    let [starts, stops, seams] = [as_usizes(starts)?, as_usizes(stops)?, as_usizes(seams)?];
+    let (accelerations, fixed) = (as_vecs(accelerations)?, as_usizes(&fixed)?);
+    let objective = Objective { weights, reach };
+    let (starts, stops, seams) = (&starts[..], &stops[..], &seams[..]);
+    if values.shape().last() == Some(&4) {
+        let (quats, rows) = (as_quats(&values)?, as_quats(rows)?);
+        let donors = Donors { starts, stops, rows, seams, accelerations };
+        let smooth =
+            py.detach(|| gradient::smooth_gradient(quats, n_joints, donors, &fixed, objective));
+        return from_quats(py, smooth.map_err(value_error)?, &[n, n_joints]);
+    }
+    let (vecs, rows) = (as_vecs(&values)?, as_vecs(rows)?);
+    let donors = Donors { starts, stops, rows, seams, accelerations };
+    let smooth = py.detach(|| gradient::smooth_gradient(vecs, n_joints, donors, &fixed, objective));
+    from_vecs(py, smooth.map_err(value_error)?, &[n, n_joints])
+}
