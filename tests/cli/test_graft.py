@@ -23,7 +23,7 @@ def test_demo_writes_sample_grafts_and_provenance(run, tmp_path):
         assert (tmp_path / "demo" / f"dance_graft{index}.json").exists()
     code, _, err = run("demo", "-o", tmp_path / "demo")
     assert code == 1
-    assert "exist; --force overwrites" in err
+    assert "exist; use --force to overwrite" in err
 
 
 def test_graft_count_three_writes_different_motions_with_base_legs(run, folder, tmp_path):
@@ -67,7 +67,7 @@ def test_graft_single_file_with_base_groups_and_json(run, folder, tmp_path):
     before = target.read_bytes()
     code, _, err = run("graft", folder, *options, "-o", target)
     assert code == 1
-    assert "new.bvh and 1 other file exist; --force overwrites" in err
+    assert "new.bvh and 1 other file exist; use --force to overwrite" in err
     assert target.read_bytes() == before
     assert run("graft", folder, *options, "-o", target, "--force", "--seed", 5)[0] == 0
     assert target.read_bytes() == before

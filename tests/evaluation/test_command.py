@@ -34,7 +34,7 @@ def test_command_with_output_writes_document_and_page(files, tmp_path, capsys):
     assert "balance" not in document
     counts = ["evaluate", *files, "enrichment"]
     assert main([*counts, "-o", str(out)]) == 1
-    assert "--force overwrites" in capsys.readouterr().err
+    assert "use --force to overwrite" in capsys.readouterr().err
     assert json.loads((out / "evaluation.json").read_text()) == document
     written = []
     for _ in range(2):

@@ -148,7 +148,7 @@ def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reachin
         (lambda: rotations.from_euler([1.0, 2.0], "X"), r"`angles` must have shape \(..., 1\)"),
         (
             lambda: rotations.to_euler([[0, 0, 0, 1.0]], "ZXZ"),
-            "`order` must consist of different letters",
+            "`order` must be different letters",
         ),
     ],
 )

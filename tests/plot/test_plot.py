@@ -179,9 +179,9 @@ def test_plots_invalid_arguments_raise_value_error(motion, library):
         plot.strip(motion, 0)
     with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'wings'"):
         plot.pca(library, "wings")
-    with pytest.raises(ValueError, match="`components` must be 1 to 10, got 11"):
+    with pytest.raises(ValueError, match="`components` must be numbers from 1 to 10, got 11"):
         plot.pca(library, components=(1, 11))
-    with pytest.raises(ValueError, match="`frames` must be ascending"):
+    with pytest.raises(ValueError, match="`frames` must be two ascending numbers"):
         plot.timeline(motion, frames=(5, 5))
     with pytest.raises(ValueError, match="at least 2 frames"):
         plot.energy(motion[:1])

@@ -52,7 +52,7 @@ def test_report_columns_are_appended_to_motion_table(grafts):
     assert [row[:-1] for row in rows] == plain
     assert [row[-1] for row in rows] == ["1 &lt; 2", "3"]
     assert "jerk &lt;head&gt;" in page.html
-    with pytest.raises(ValueError, match="`columns` must be given for 2 grafts, got 1"):
+    with pytest.raises(ValueError, match="`columns` must have 2 entries, one per graft, got 1"):
         report_page(grafts, columns=columns[:1])
 
 
@@ -125,7 +125,7 @@ def test_report_hostile_names_remain_text(name):
 def test_report_wrong_number_of_grafts_or_files_raises_value_error(grafts):
     with pytest.raises(ValueError, match="`grafts` must contain at least one"):
         report_page([])
-    with pytest.raises(ValueError, match="`files` must be given for 2 grafts, got 1"):
+    with pytest.raises(ValueError, match="`files` must have 2 entries, one per graft, got 1"):
         report_page(grafts, [None])
 
 
@@ -148,7 +148,7 @@ def test_graft_and_demo_commands_write_reports(tmp_path, capsys, monkeypatch):
     single.unlink()
     (tmp_path / "new.json").unlink()
     assert main(arguments) == 1
-    assert "new.html exists; --force overwrites" in capsys.readouterr().err
+    assert "new.html exists; use --force to overwrite" in capsys.readouterr().err
     assert not opened_pages
     assert main(["demo", "-o", str(tmp_path / "demo"), "--open"]) == 0
     assert opened_pages == [(tmp_path / "demo" / "index.html").as_uri()]

@@ -288,7 +288,7 @@ def test_view_command_writes_and_opens_page(motion, tmp_path, monkeypatch, capsy
     assert "<title>two</title>" in page.read_text()
     assert not opened
     assert main(["view", str(tmp_path), "-o", str(page)]) == 1
-    assert "exists; --force overwrites" in capsys.readouterr().err
+    assert "exists; use --force to overwrite" in capsys.readouterr().err
     groups = tmp_path / "g.toml"
     groups.write_text(JointGroups.preset("lower_upper", motion.skeleton).to_toml())
     options = ["--force", "--open", "--json", "--groups", str(groups)]

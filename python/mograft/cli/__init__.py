@@ -20,7 +20,7 @@ __all__ = ["COMMANDS", "main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line (default: the arguments of the process); return the exit code."""
+    """Run the command in `arguments` (default: ``sys.argv[1:]``) and return the exit code."""
     options = parse(COMMANDS, arguments)
     # NumPy reads these when it is imported. The matrices are small, so BLAS threads of this
     # process and of its workers would mostly wait for each other.

@@ -20,12 +20,12 @@ class Argument:
 
     @property
     def name(self) -> str:
-        """Name of the setting: the longest flag without dashes, ``"sigma-scale"``."""
+        """Name of the argument: its longest flag without the dashes, such as ``"sigma-scale"``."""
         return self.flags[-1].lstrip("-")
 
     @property
     def dest(self) -> str:
-        """Name of the attribute that holds the value, ``"sigma_scale"``."""
+        """Attribute of the parsed options that holds the value, such as ``"sigma_scale"``."""
         return self.name.replace("-", "_")
 
     @property
@@ -41,9 +41,10 @@ class Argument:
 
 @dataclass(frozen=True)
 class ArgumentGroup:
-    """Options that belong together.
+    """A group of command-line options.
 
-    With a title, ``--help`` lists them under it; without, exactly one of them is required.
+    ``--help`` shows a group with a title as a section of its own. If a group has no title, the
+    user must give exactly one of its options.
     """
 
     arguments: tuple[Argument, ...]
@@ -53,10 +54,10 @@ class ArgumentGroup:
 
 @dataclass(frozen=True)
 class Command:
-    """One command, or one action of a command.
+    """A command such as ``mograft graft``, or a subcommand such as ``mograft lib verify``.
 
-    Function ``run`` of module ``mograft.cli.NAME`` takes the parsed options and returns the exit
-    code; for an action it is ``run_ACTION`` of the module of its command.
+    ``mograft NAME`` calls ``run(options)`` in the module ``mograft.cli.NAME``. ``mograft NAME
+    ACTION`` calls ``run_ACTION(options)`` in the same module. Both return the exit code.
     """
 
     name: str
@@ -67,7 +68,7 @@ class Command:
     has_settings: bool = True  # Whether the settings are read before it runs.
 
     def settings(self) -> Iterator[Argument]:
-        """Iterate over the options that the configuration file may set."""
+        """Iterate over the options that the configuration file and the environment may set."""
         for item in self.arguments:
             members = (item,) if isinstance(item, Argument) else item.arguments
             yield from (argument for argument in members if argument.is_setting)
@@ -79,17 +80,21 @@ def command(
     *arguments: Argument | ArgumentGroup,
     **fields: Any,  # noqa: ANN401 - those of `Command`
 ) -> Command:
-    """Return a command; `fields` are the other fields of `Command`."""
+    """Return a `Command` with these arguments; `fields` sets its remaining fields."""
     return Command(name, help, arguments, **fields)
 
 
 def exclusive(*arguments: Argument) -> ArgumentGroup:
-    """Return options of which exactly one is required."""
+    """Return a group of options of which the user must give exactly one."""
     return ArgumentGroup(arguments)
 
 
 def positional(name: str, help: str, *, is_path: bool = False, **keywords: Any) -> Argument:  # noqa: A002, ANN401 - as add_argument
-    """Return a positional argument; `keywords` are those of `add_argument`."""
+    """Return the declaration of a positional argument.
+
+    `is_path` makes the shell complete the value as a file name. `keywords` are passed to
+    `argparse.ArgumentParser.add_argument`.
+    """
     return Argument(flags=(name,), keywords={"help": help, **keywords}, is_path=is_path)
 
 
@@ -102,10 +107,11 @@ def option(
     is_path: bool = False,
     **keywords: Any,  # noqa: ANN401 - as add_argument
 ) -> Argument:
-    """Return an option that takes one value; `keywords` are those of `add_argument`.
+    """Return the declaration of an option that takes one value.
 
-    `usage` holds the flags, and the placeholder of the value in ``--help`` if it is not the name
-    of the option: ``"-j --jobs N"``. `convert` is the ``type`` of `add_argument`.
+    `usage` holds the flags and may end with the placeholder that ``--help`` shows for the value,
+    as in ``"-j --jobs N"``. `convert` parses the text of the value. `is_path` makes the shell
+    complete it as a file name. `keywords` are passed to `argparse.ArgumentParser.add_argument`.
     """
     words = usage.split()
     flags = tuple(word for word in words if word.startswith("-"))
@@ -116,20 +122,29 @@ def option(
 
 
 def setting(*values: Any, **keywords: Any) -> Argument:  # noqa: ANN401 - those of `option`
-    """Return an `option` that the configuration file and the environment may also set."""
+    """Return an option that the configuration file and the environment may also set.
+
+    The arguments are those of `option`.
+    """
     return replace(option(*values, **keywords), is_setting=True)
 
 
 def switch(flag: str, help: str) -> Argument:  # noqa: A002 - as add_argument
-    """Return an option that takes no value."""
+    """Return the declaration of an option that takes no value."""
     return Argument(flags=(flag,), keywords={"action": "store_true", "help": help})
 
 
 def setting_switch(flag: str, help: str) -> Argument:  # noqa: A002 - as add_argument
-    """Return a `switch` that the configuration file and the environment may also set."""
+    """Return the declaration of an option that takes no value.
+
+    The configuration file and the environment may also set it.
+    """
     return replace(switch(flag, help), is_setting=True)
 
 
 def repeated_option(usage: str, help: str, convert: Callable[[str], Any] = str) -> Argument:  # noqa: A002
-    """Return an option that may be given several times; its value is a list."""
+    """Return an option that may be given several times; its value is the list of all values.
+
+    The arguments are those of `option`.
+    """
     return option(usage, help, convert, [], action="append")

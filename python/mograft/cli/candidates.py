@@ -39,7 +39,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, int, int]:
-    """Return the clip, the segment's number in the clip, and its index in the library."""
+    """Return the segment that ``--clip``, ``--segment`` and ``--frame`` select.
+
+    The result holds the index of the clip, the index of the segment within the clip, and the
+    index of the segment in the library. Raise ValueError if there is no such segment.
+    """
     names = [entry.name for entry in library.entries]
     if options.clip is not None and options.clip not in names:
         raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}")
@@ -49,15 +53,19 @@ def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, i
     if number is None:
         stops = library.segments.stop[segments]
         if options.frame > stops[-1]:
-            raise ValueError(f"--frame must be 0 to {stops[-1]}, got {options.frame}")
+            raise ValueError(
+                f"--frame must be 0 to {stops[-1]} in clip {names[clip]}, got {options.frame}"
+            )
         number = int((stops < options.frame).sum())
     if number >= len(segments):
-        raise ValueError(f"--segment must be 0 to {len(segments) - 1}, got {number}")
+        raise ValueError(
+            f"--segment must be 0 to {len(segments) - 1} in clip {names[clip]}, got {number}"
+        )
     return clip, number, int(segments[number])
 
 
 def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
-    """Return a candidate as a dict for JSON; NaN becomes None."""
+    """Return the fields of a candidate as a dict for JSON; NaN becomes None."""
     values = asdict(candidate) | {"clip": library.entries[candidate.clip].name}
     return {
         name: None if isinstance(value, float) and math.isnan(value) else value

@@ -11,7 +11,7 @@ from mograft.io.bvh.reader import read_bvh
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the command on every file; the exit code is 3 if one of them is not valid BVH."""
+    """Check every file; return exit code 3 if one of them is not valid BVH, else 0."""
     documents = []
     for name in expand_folders(options.files):
         document = _check_file(name, strict=options.strict)

@@ -78,19 +78,22 @@ _LIB = command(
             "verify",
             "compare each file of the library with its checksum",
             _LIBRARY,
-            setting_switch("--sources", "also compare the source files with their checksums"),
+            setting_switch(
+                "--sources",
+                "also compare the BVH files from which the library was built with their checksums",
+            ),
             JSON,
         ),
         command(
             "export",
-            "write the tables for DuckDB, Spark or pandas",
+            "write the library as tables, for programs such as DuckDB, Spark or pandas",
             _LIBRARY,
             exclusive(
-                _table_format("parquet", "Parquet files, with the extra parquet"),
-                _table_format("csv", "CSV files"),
-                _table_format("npz", "one NumPy archive"),
+                _table_format("parquet", "write Parquet files (needs mograft[parquet])"),
+                _table_format("csv", "write CSV files"),
+                _table_format("npz", "write one NumPy archive"),
             ),
-            output_option("folder for the tables; with --npz a file", required=True),
+            output_option("folder for the tables; with --npz the file to write", required=True),
             FORCE,
             JSON,
         ),
@@ -98,25 +101,28 @@ _LIB = command(
 )
 _CANDIDATES = command(
     "candidates",
-    "list the donors of a segment, and why other segments are refused",
+    "list the segments that may replace a segment, and why others are refused",
     FILES_OR_LIBRARY,
     INCLUDE_GRAFTS,
-    option("--clip NAME", "clip of the segment (default: the first)"),
+    option("--clip NAME", "clip that contains the segment (default: the first clip)"),
     exclusive(
-        option("--segment N", "number of the segment in the clip, from 0", non_negative_integer),
+        option("--segment N", "index of the segment in the clip, from 0", non_negative_integer),
         option(
-            "--frame N", "frame of the clip that the segment contains, from 0", non_negative_integer
+            "--frame N", "a frame of the segment, counted from 0 in the clip", non_negative_integer
         ),
     ),
     GROUPS,
-    option("--group GROUP", "group to exchange (default: the first except the base group)"),
+    option(
+        "--group GROUP",
+        "joint group to exchange (default: the first group that is not the base group)",
+    ),
     NEIGHBOURHOOD,
     switch("--json", "print all candidates as one JSON document"),
     constraint_options(),
 )
 _GRAFT = command(
     "graft",
-    "create motions on the base group of a captured one",
+    "create motions by exchanging joint groups of a captured motion",
     files_argument("one library, or BVH files", "LIB|FILE"),
     INCLUDE_GRAFTS,
     option(
@@ -125,77 +131,82 @@ _GRAFT = command(
         is_path=True,
     ),
     GROUPS,
-    setting("--swap GROUP,...", "groups to exchange (default: all except the base group)"),
+    setting("--swap GROUP,...", "joint groups to exchange (default: all except the base group)"),
     option("-n --count", "number of motions (default: 1)", positive_integer, 1),
-    output_option("folder for the motions, or for one motion a .bvh file", required=True),
+    output_option("folder for the motions; for a single motion also a .bvh file", required=True),
     PRESET,
     setting_switch("--mirror", "use the mirror images of all clips as additional donors"),
     VARIETY,
     setting(
         "--sigma-scale X",
-        "cluster diameter threshold, as a multiple of sigma; a larger value gives more "
-        "variety, a smaller one more similarity (default: that of the configuration, usually "
-        "0.75; if fewer than COUNT different motions exist, it is multiplied by 4/3 "
-        "repeatedly, up to 4)",
+        "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger "
+        "values give more variety, smaller values more similarity (default: the value of the "
+        "configuration, usually 0.75; if it allows fewer than COUNT different motions, it is "
+        "multiplied by 4/3 until it allows enough or would exceed 4)",
         positive_number,
     ),
     NEIGHBOURHOOD,
-    config_option("choice", "selection of donors", "sample, with --preset paper random"),
+    config_option("choice", "selection of donors", "sample", paper="random"),
     setting(
         "--temperature X",
-        "cost difference that makes a draw of --choice sample less likely by the factor e "
-        "(default: 1)",
+        "cost difference between two donor sequences at which --choice sample draws the more "
+        "expensive one with a probability smaller by the factor e (default: 1)",
         positive_number,
     ),
     *SCENARIO_OPTIONS,
-    config_option("seam", "seam treatment", "gradient, with --preset paper paper"),
+    config_option("seam", "seam treatment", "gradient", paper="paper"),
     config_option("alignment", "time alignment of donors", "uniform"),
-    config_option(
-        "torso", "orientation that an exchanged trunk keeps", "world, with --preset paper pelvis"
-    ),
-    config_option("feet", "foot planting", "auto, with --preset paper never"),
+    config_option("torso", "orientation of an exchanged trunk", "world", paper="pelvis"),
+    config_option("feet", "foot planting", "auto", paper="never"),
     setting_switch("--report", "also write an HTML page that describes the motions"),
     setting_switch(
         "--measure",
-        "also measure jerk, feet and balance of each motion, for its .json file and the page; "
-        "needs the extra evaluate",
+        "also measure jerk, foot contacts and balance of each motion, and add the values to its "
+        ".json file and to the page of --report (needs mograft[evaluate])",
     ),
-    switch("--json", "print the provenance as one JSON document"),
+    switch("--json", "print the provenance of the motions as one JSON document"),
     SEED,
     FORCE,
     constraint_options(
         switch("--repair", "exchange only the segments that violate the constraints"),
         setting_switch(
             "--best-effort",
-            "write the motions with the smallest violation and return exit code 0 even if no "
-            "donor sequence satisfies the constraints",
+            "if no donor sequence satisfies the constraints, write the motions with the smallest "
+            "violation and return exit code 0 instead of 4",
         ),
     ),
-    description="Create motions that keep the base group of a captured motion, by default legs and "
-    "root, and exchange the other joint groups for those of similar segments.",
+    description="Create motions from a captured motion. The base group, by default the legs and "
+    "the root, keeps its motion. The other joint groups are taken from segments in which the base "
+    "group moves similarly.",
 )
 _PLOT = command(
     "plot",
     "draw motions, or the clusters of their segments",
     positional(
         "kind",
-        "poses of one motion, segments along time, kinetic energy, principal components, "
-        "linkage tree, or cluster sizes",
+        "what to draw: strip (poses of one motion), timeline (segments along time), energy "
+        "(kinetic energy), pca (segments in principal components), dendrogram (linkage tree) or "
+        "clusters (cluster sizes)",
         choices=PLOT_KINDS,
     ),
     FILES_OR_LIBRARY,
     repeated_option(
         "--clip NAME",
-        "clips of a library for strip, energy or timeline, globs such as walk* (default: all); "
-        "may be repeated",
+        "clips of a library to draw with strip, energy or timeline; NAME may be a glob such as "
+        "walk*; may be repeated (default: all clips)",
     ),
     output_option(".png, .svg or .pdf file to write", required=True),
     groups_option(default="lower_upper; for strip trunk, arms and legs"),
     INCLUDE_GRAFTS,
-    option("--group NAME", "joint group of pca, dendrogram or clusters (default: the base group)"),
-    setting("--poses", "number of poses of strip (default: 12)", positive_integer, 12),
     option(
-        "--frames FIRST-LAST", "frames of strip, timeline or energy (default: all)", frame_range
+        "--group NAME",
+        "joint group that pca, dendrogram or clusters draws (default: the base group)",
+    ),
+    setting("--poses", "number of poses that strip draws (default: 12)", positive_integer, 12),
+    option(
+        "--frames FIRST-LAST",
+        "range of frames that strip, timeline or energy draws (default: all frames)",
+        frame_range,
     ),
     setting_switch("--dark", "draw in light colours on a dark background"),
     setting("--dpi", "resolution of a .png in dots per inch (default: 150)", positive_integer, 150),
@@ -204,14 +215,17 @@ _PLOT = command(
 )
 _EXPORT = command(
     "export",
-    "write motions for other programs",
-    files_argument("BVH file; for a .glb also several of one skeleton, for a film also several"),
+    "write motions in other file formats",
+    files_argument(
+        "BVH file; several files are allowed for a film, and for a .glb if they have the same "
+        "skeleton"
+    ),
     output_option("file to write", required=True, metavar="FILE"),
     option("--frames FIRST-LAST", "frames to write (default: all)", frame_range),
     setting(
         "--rate FPS",
-        "frame rate to resample to, in frames per second (default: that of the file, of a film "
-        "at most 60, of a GIF 20)",
+        "frame rate of the output in frames per second (default: the rate of the input; for an "
+        ".mp4 at most 60, for a .gif at most 20)",
         positive_number,
     ),
     setting(
@@ -230,14 +244,16 @@ _EXPORT = command(
     setting_switch("--dark", "draw a film in light colours on a dark background"),
     JSON,
     FORCE,
-    description="Write motions in the format that the ending of the output file selects: an "
-    "animated figure (.glb; .usd, .usda or .usdc with the extra usd), a film (.mp4 or .gif, with "
-    "the extra video), or channel values (.npz, .csv, .bvh).",
+    description="Write motions to a file, whose suffix selects the format: an animated figure "
+    "(.glb; .usd, .usda or .usdc, which need mograft[usd]), a film (.mp4 or .gif, which need "
+    "mograft[video]), or tables of channel values (.npz, .csv, .bvh).",
 )
 _EVALUATE = command(
     "evaluate",
     "measure enrichment, balance, naturalness, quality and detectability of grafts",
-    files_argument("one library, or BVH files; and words that select what to measure", "LIB|FILE"),
+    files_argument(
+        "one library, or BVH files; words such as balance select what to measure", "LIB|FILE"
+    ),
     INCLUDE_GRAFTS,
     output_option(
         f"folder for evaluation.json and index.html; with {LABEL} the .html file to write "
@@ -249,14 +265,17 @@ _EVALUATE = command(
     SIGMA_SCALE,
     setting(
         "--rate FPS",
-        "frame rate to which all files are resampled, in frames per second (default: that of "
-        "the files)",
+        "frame rate to which all files are resampled, in frames per second (default: the rate "
+        "that most frames of the files have)",
         positive_number,
     ),
     setting(
-        "--runs", "number of motions for each base and method (default: 10)", positive_integer, 10
+        "--runs",
+        "number of motions created from each base with each method of donor choice (default: 10)",
+        positive_integer,
+        10,
     ),
-    setting("--bases", "number of clips that serve as base (default: 4)", positive_integer, 4),
+    setting("--bases", "number of clips that are used as base (default: 4)", positive_integer, 4),
     setting(
         "--labels CSV",
         f"labels that a person gave on the page that {LABEL} writes (default: none)",
@@ -280,7 +299,7 @@ _EVALUATE = command(
 COMMANDS = (
     command(
         "demo",
-        "run all stages on the built-in dancer",
+        "run all stages on a generated sample dance",
         output_option("folder for the files (default: demo)", default=Path("demo")),
         switch("--open", "open the page in the browser"),
         JSON,
@@ -297,14 +316,12 @@ COMMANDS = (
         "check",
         "check the syntax of BVH files, and list faults of the recordings",
         BVH_FILES,
-        setting_switch(
-            "--strict", "refuse deviations from the format that are tolerated otherwise"
-        ),
+        setting_switch("--strict", "treat every deviation from the BVH format as an error"),
         JSON,
     ),
     command(
         "groups",
-        "print the joint groups of a file as TOML, to edit and to pass to --groups",
+        "print the joint groups of a file as TOML, which can be edited and passed to --groups",
         positional("file", "BVH file", is_path=True, metavar="FILE"),
         setting(
             "--preset",
@@ -318,28 +335,31 @@ COMMANDS = (
     ),
     command(
         "index",
-        "create a library of many files, or add files to one",
+        "create a library from BVH files, or add files to a library",
         files_argument("BVH files, or folders of them", "FILE|DIR"),
         INCLUDE_GRAFTS,
         output_option("folder of the library", required=True, metavar="LIB"),
         switch("--add", "add to an existing library; only new and changed files are read"),
-        setting("-j --jobs N", "number of processes (default: 1)", positive_integer, 1),
+        setting(
+            "-j --jobs N", "number of processes that read files (default: 1)", positive_integer, 1
+        ),
         GROUPS,
         PRESET,
         SIGMA_SCALE,
         setting(
             "--rate FPS",
-            "frame rate of the library in frames per second (default: the rate of most frames)",
+            "frame rate of the library in frames per second (default: the rate that most frames "
+            "of the files have)",
             positive_number,
         ),
         repeated_option(
             "--true-rate CLIP=FPS",
-            "frame rate of clips whose files state a wrong one; CLIP may be a glob; may be "
-            "repeated",
+            "correct frame rate of a clip whose file contains a wrong one; CLIP may be a glob; may "
+            "be repeated",
         ),
         option(
             "--tags CSV",
-            "table of clips and their tags; names of folders are tags as well",
+            "table of clips and their tags; the folders of a clip also become its tags",
             Path,
             is_path=True,
         ),
@@ -355,19 +375,21 @@ COMMANDS = (
         "show motions side by side in the browser",
         FILES_OR_LIBRARY,
         repeated_option(
-            "--clip NAME", "clips of a library, globs such as walk* (default: all); may be repeated"
+            "--clip NAME",
+            "clips of a library to show; NAME may be a glob such as walk*; may be repeated "
+            "(default: all clips)",
         ),
         groups_option(FIGURE_COLOURS, "trunk, arms and legs"),
-        option("--title", "title of the page (default: the names of the motions)"),
+        option("--title", "title of the page (default: the names of the first three motions)"),
         output_option("HTML file to write (default: a temporary file, opened in the browser)"),
-        switch("--open", "open the written page in the browser"),
+        switch("--open", "open the page in the browser, even if -o is given"),
         JSON,
         FORCE,
     ),
     _PLOT,
     _EXPORT,
     _EVALUATE,
-    command("doctor", "check the installation, and list absent extras", JSON),
+    command("doctor", "check the installation, and list missing optional packages", JSON),
     command(
         "config",
         "print the settings of the configuration file and the environment",
@@ -382,14 +404,15 @@ COMMANDS = (
                     nargs="?",
                     metavar="COMMAND",
                 ),
-                setting_switch("--origin", "also print the source of each value"),
+                setting_switch("--origin", "also print the file or variable that sets each value"),
                 JSON,
-                description="Print the settings of the commands as a mograft.toml with the same "
-                "values. Settings come from mograft.toml in the working folder or the nearest "
-                "folder above it; a table such as [graft] applies to one command, keys before all "
-                "tables to every command. Environment variables override the file: MOGRAFT_SEED, "
-                "for example, applies to every command and MOGRAFT_GRAFT_SEED, which overrides it, "
-                "to graft. The command line overrides both.",
+                description="Print the current settings of the commands in the format of "
+                "mograft.toml. mograft reads this file from the working folder or the nearest "
+                "folder above it. A table such as [graft] applies to one command; keys before all "
+                "tables apply to every command. Environment variables override the file. For "
+                "example, MOGRAFT_SEED applies to every command, and MOGRAFT_GRAFT_SEED applies to "
+                "graft and overrides MOGRAFT_SEED. The command line overrides the file and the "
+                "environment.",
             ),
         ),
     ),
@@ -403,7 +426,7 @@ COMMANDS = (
         ),
         description='Print a completion script for a shell. bash: eval "$(mograft completion '
         'bash)" in ~/.bashrc; zsh: save it as _mograft in a folder of $fpath; fish: save it as '
-        "~/.config/fish/completions/mograft.fish. Needs the extra completion.",
+        "~/.config/fish/completions/mograft.fish. This command needs mograft[completion].",
     ),
 )
 """All commands, in the order of ``mograft --help``."""

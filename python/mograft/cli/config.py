@@ -28,7 +28,10 @@ def run_show(options: argparse.Namespace) -> int:
 
 
 def _collect(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return the settings of all commands, or of the one that the options name."""
+    """Return one dict per setting: its command, name, value and origin.
+
+    `options.only` limits the settings to those of one command.
+    """
     names = [command.name for command in options.commands]
     if options.only is not None and options.only not in names:
         options.usage_error(f"COMMAND must be one of {', '.join(names)}; got {options.only}")
@@ -46,5 +49,8 @@ def _collect(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _as_toml(value: object) -> str:
-    """Return a value as TOML: its strings are those of JSON, and DEL is escaped as well."""
+    """Return a string, number or boolean in the syntax of TOML.
+
+    This is the syntax of JSON, except that TOML also requires an escape for the character DEL.
+    """
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

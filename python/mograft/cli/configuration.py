@@ -27,9 +27,9 @@ _CONFIG_OPTIONS = (
 
 
 def options_given(options: argparse.Namespace, *names: str) -> list[str]:
-    """Return the names of the options that the command line gives.
+    """Return those of `names` that are options given on the command line.
 
-    Options that a setting or a default provides are not among them.
+    Values from the configuration file, the environment or a default do not count.
     """
     given = [name for name in names if name not in options.origins]
     return [name for name in given if getattr(options, name, None) not in (None, False)]
@@ -38,9 +38,10 @@ def options_given(options: argparse.Namespace, *names: str) -> list[str]:
 def refuse_useless_options(
     options: argparse.Namespace, uses: Mapping[str, Sequence[str]], value: str, shown: str
 ) -> None:
-    """End with a usage error if an option is given whose `uses` do not include `value`.
+    """End with a usage error if an option that is given has no effect for `value`.
 
-    `shown` is how the message names `value`.
+    `uses` maps the name of each option to the values for which it has an effect. The message
+    shows `shown` instead of `value`.
     """
     for name in options_given(options, *uses):
         if value not in uses[name]:
@@ -48,21 +49,28 @@ def refuse_useless_options(
 
 
 def refuse_fixed_options(options: argparse.Namespace, *names: str) -> None:
-    """End with a usage error if an option is given that is fixed when a library is created."""
+    """End with a usage error if the command line sets one of the options `names`.
+
+    These options can only be set when a library is created.
+    """
     for name in options_given(options, *names):
-        options.usage_error(f"--{name} is fixed when a library is created: mograft index --{name}")
+        options.usage_error(
+            f"--{name} is fixed when a library is created: use it with mograft index"
+        )
 
 
 def load_library(options: argparse.Namespace) -> Library:
-    """Open the library that the files of a command name, or build one from BVH files.
+    """Open the library that is given to a command, or build a library from the given BVH files.
 
-    ``--rate``, if the command has it, resamples the files of a new library.
+    If the command has the option ``--rate``, the motions of the BVH files are resampled to it.
     """
     rate = getattr(options, "rate", None)
     folder = library_folder(options)
     if folder is not None:
         if rate is not None:
-            options.usage_error("--rate is fixed when a library is created: mograft index --rate")
+            options.usage_error(
+                "--rate is fixed when a library is created: use it with mograft index"
+            )
         refuse_fixed_options(options, "groups", "preset")
         library = Library.open(folder)
         config = _with_options(library.config, options)
@@ -75,7 +83,7 @@ def load_library(options: argparse.Namespace) -> Library:
 
 
 def selected_groups(options: argparse.Namespace) -> JointGroups | str:
-    """Return the joint groups of ``--groups``: a preset's name, or the groups of a TOML file."""
+    """Return what ``--groups`` selects: the name of a preset, or the groups of a TOML file."""
     name: str = options.groups or "lower_upper"
     if name in PRESETS:
         return name
@@ -87,7 +95,7 @@ def selected_groups(options: argparse.Namespace) -> JointGroups | str:
 
 
 def selected_config(options: argparse.Namespace) -> Config:
-    """Return the configuration of ``--preset`` with the fields that other options set."""
+    """Return the configuration that ``--preset`` selects, changed by the other options."""
     is_paper = getattr(options, "preset", None) == "paper"
     return _with_options(Config.paper() if is_paper else Config(), options)
 

@@ -43,7 +43,11 @@ def read_constraints(options: argparse.Namespace) -> list[Constraint]:
 
 
 def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace) -> Obstacle:
-    """Return the shape of a kind, or the character of a file of that name."""
+    """Return the obstacle that a value of ``--avoid`` describes.
+
+    `kind` is the name of a shape, such as ``"sphere"``, or the path of a character's BVH file.
+    `numbers` are the dimensions of the shape, or the character's position and yaw in degrees.
+    """
     x, y, z, *rest = numbers
     if kind not in SHAPE_NUMBERS:
         yaw = float(np.radians(rest[0]))

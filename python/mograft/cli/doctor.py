@@ -28,7 +28,7 @@ _USES_OF_PACKAGES = {
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the command; the exit code is 1 if a requirement does not work."""
+    """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
     checks = [
         *_check_packages(),
         _check_graft(),
@@ -87,7 +87,7 @@ def _check_browser() -> dict[str, str]:
     try:
         browser = webbrowser.get()
     except webbrowser.Error:
-        return _result("browser", "absent", "none found: pages are written, but not opened")
+        return _result("browser", "absent", "mograft writes pages, but cannot open them")
     name = getattr(browser, "name", browser.__class__.__name__)
     is_headless = sys.platform.startswith("linux") and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

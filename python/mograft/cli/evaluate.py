@@ -27,7 +27,9 @@ def run(options: argparse.Namespace) -> int:
     paths = [] if folder is None else [folder / "evaluation.json", folder / "index.html"]
     check_writable(paths, force=options.force)
     if folder is not None and find_spec("matplotlib") is None:
-        raise ValueError("the page needs matplotlib: pip install 'mograft[evaluate]'")
+        raise ValueError(
+            "-o writes a page, which needs matplotlib: pip install 'mograft[evaluate]'"
+        )
     library = load_library(options)
     labels = None if options.labels is None else read_labels(options.labels, library)
     with show_progress() as progress:
@@ -50,13 +52,13 @@ def run(options: argparse.Namespace) -> int:
         for sentence in summarize(found):
             print_remark(sentence)
         if folder is None:
-            print_remark("-o DIR writes all numbers and a page")
+            print_remark("use -o DIR to write all numbers and a page to a folder")
     print_result(options, "evaluation", document, paths)
     return 0
 
 
 def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
-    """Remove from the files the words that select what to measure; return these words."""
+    """Remove the words that select what to measure from ``options.files``, and return them."""
     names: list[str] = options.files
     words = [name for name in names if name in _WORDS and not Path(name).exists()]
     options.files = [name for name in names if name not in words]

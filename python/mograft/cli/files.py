@@ -14,7 +14,10 @@ _MAX_SHOWN_CLIPS = 12
 
 
 def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list[str]:
-    """Replace each folder by the BVH files below it, sorted by name, grafts only on request."""
+    """Replace each folder by the BVH files in it and in its subfolders, sorted by name.
+
+    If `include_grafts` is false, a motion in a folder is left out if ``mograft graft`` wrote it.
+    """
     clips: list[FoundClip] = []
     for name in names:
         if not Path(name).is_dir():
@@ -28,7 +31,10 @@ def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list
 
 
 def library_folder(options: argparse.Namespace) -> Path | None:
-    """Return the folder of the library among the command's files, None if there is none."""
+    """Return the library folder among the files of a command, or None if there is none.
+
+    End with a usage error if there is a library and any other file.
+    """
     if not any(_is_library(name) for name in options.files):
         return None
     if len(options.files) > 1:
@@ -44,36 +50,47 @@ def _is_library(name: str) -> bool:
 
 
 def select_clips(library: Library, patterns: Sequence[str]) -> list[int]:
-    """Return the indices of the clips that match ``--clip``; all if there is no pattern."""
+    """Return the indices of the clips whose names match one of `patterns`.
+
+    Without patterns, all clips match. Raise ValueError if a pattern matches no clip, or if more
+    clips match than can be shown at once.
+    """
     names = [entry.name for entry in library.entries]
     selected = set() if patterns else set(range(len(names)))
     for pattern in patterns:
         matches = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}
         if not matches:
-            raise ValueError(f"--clip must match a clip of {join_names(names)}; got {pattern!r}")
+            raise ValueError(f"--clip must match one of {join_names(names)}; got {pattern!r}")
         selected |= matches
     if len(selected) > _MAX_SHOWN_CLIPS:
         raise ValueError(
-            f"at most {_MAX_SHOWN_CLIPS} clips can be shown at once, got {len(selected)}: select "
-            f"some by --clip NAME, of {join_names([names[index] for index in sorted(selected)])}"
+            f"at most {_MAX_SHOWN_CLIPS} clips can be shown at once, got {len(selected)}; use "
+            f"--clip to select from {join_names([names[index] for index in sorted(selected)])}"
         )
     return sorted(selected)
 
 
 def select_frames(motion: Motion, frames: tuple[int, int] | None) -> Motion:
-    """Return the frames of ``--frames``; all if the option is not given."""
+    """Return the part of a motion from the first to the last of `frames`, both inclusive.
+
+    If `frames` is None, return the whole motion. Raise ValueError if the motion ends earlier.
+    """
     if frames is None:
         return motion
     first, last = frames
     if last >= motion.n_frames:
         raise ValueError(
-            f"--frames must be within 0-{motion.n_frames - 1} of {motion.name}, got {first}-{last}"
+            f"--frames must be within 0-{motion.n_frames - 1}, the frames of {motion.name}, "
+            f"got {first}-{last}"
         )
     return motion[first : last + 1]
 
 
 def check_writable(paths: Sequence[Path], *, force: bool) -> None:
-    """Raise an OSError if a file exists, unless `force`, or if its folder is a file."""
+    """Raise an OSError if one of the files `paths` exists, unless `force`, or cannot be created.
+
+    A file cannot be created if a folder in its path is a file.
+    """
     for path in paths:
         nearest = next((above for above in path.parents if above.exists()), path)
         if not nearest.is_dir():
@@ -83,4 +100,4 @@ def check_writable(paths: Sequence[Path], *, force: bool) -> None:
         verb = "exists"
         if len(existing) > 1:
             verb = f"and {len(existing) - 1} other file{'s'[: len(existing) - 2]} exist"
-        raise FileExistsError(f"{existing[0]} {verb}; --force overwrites")
+        raise FileExistsError(f"{existing[0]} {verb}; use --force to overwrite")

@@ -77,7 +77,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
-    """Return the name of the clip that ``--base`` selects, or the motion of its file."""
+    """Return the base motion that ``--base`` selects.
+
+    The result is the name of a clip of the library, a motion read from the file `name`, or None
+    if `name` is None. `folder` is that of a stored library, or None.
+    """
     if name is None:
         return None
     names = [entry.name for entry in library.entries]
@@ -106,7 +110,11 @@ def _make_grafts(
     constraints: Sequence[Constraint],
     options: argparse.Namespace,
 ) -> Sequence[Graft]:
-    """Return the grafts; larger clusters are used if the donors allow fewer than requested."""
+    """Return the requested grafts.
+
+    If the donors allow fewer different motions than requested, the clusters are enlarged, unless
+    an option sets their diameter.
+    """
     swap = None if options.swap is None else options.swap.split(",")
     scenario = read_scenario(library, options)
     if options.repair:
@@ -130,7 +138,10 @@ def _make_grafts(
 
 
 def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
-    """Print the violations of the constraints; return whether there are any."""
+    """Print the constraints that each graft violates; return whether there are any.
+
+    The last line states whether the grafts are written, which is so if `best_effort` is true.
+    """
     violating = [graft for graft in grafts if graft.violations]
     for graft in violating:
         for violation in graft.violations:
@@ -149,9 +160,10 @@ def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
 def _write_grafts(
     grafts: Sequence[Graft], paths: Sequence[Path], options: argparse.Namespace
 ) -> tuple[list[dict[str, Any]], list[dict[str, str]]]:
-    """Write grafts, and print their paths.
+    """Write each graft to its path, and print the paths.
 
-    Return what ``--json`` prints of each, and with ``--measure`` the measures of each as text.
+    Return two lists with one dict per graft: the values that ``--json`` prints, and the measures
+    as text by name. The second list is empty without ``--measure``.
     """
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     documents, columns = [], []

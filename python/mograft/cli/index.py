@@ -59,7 +59,7 @@ def _true_rates(options: argparse.Namespace) -> dict[str, float]:
 def _warn_of_unused(
     files: Sequence[str], rates: Mapping[str, float], tags: Mapping[str, object]
 ) -> None:
-    """Print the patterns of ``--true-rate`` and ``--tags`` that match no clip."""
+    """Print a warning that lists the names of ``--true-rate`` and ``--tags`` that match no clip."""
     if not rates and not tags:
         return
     table = {key: key for key in (*rates, *tags)}
@@ -77,7 +77,10 @@ def _index(
     rates: Mapping[str, float],
     tags: Mapping[str, Sequence[str]] | None,
 ) -> tuple[Library, dict[str, str]]:
-    """Create the library or add to it; return it and the files that this run refused."""
+    """Create a library, or add files to one; return the library and the newly excluded files.
+
+    The excluded files are a dict from path to reason.
+    """
     with show_progress() as progress, _workers(options.jobs) as executor:
         keywords: dict[str, Any] = {
             "frame_rates": rates,
@@ -101,7 +104,7 @@ def _index(
 
 @contextmanager
 def _workers(jobs: int) -> Iterator[Executor | None]:
-    """Yield a pool of processes; None for one job."""
+    """Yield a pool of `jobs` processes, or None if `jobs` is 1."""
     if jobs == 1:
         yield None
         return
@@ -114,7 +117,7 @@ def _workers(jobs: int) -> Iterator[Executor | None]:
 
 
 class _Pool(ProcessPoolExecutor):
-    """Worker processes that ignore Ctrl-C; the process that started them ends them."""
+    """A pool of worker processes that ignore Ctrl-C; only the main process reacts to it."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Call a function in one of the processes."""

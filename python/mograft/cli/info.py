@@ -64,7 +64,7 @@ def _describe(document: dict[str, Any]) -> str:
     groups = document["groups"]
     lines += [f"  {group}: {' '.join(names)}" for group, names in groups.items()]
     if not groups:
-        lines.append("  no groups recognized: see mograft groups and --groups FILE")
+        lines.append("  no joint groups recognized: pass your own as a TOML file with --groups")
     lines += [f"  repaired: {repair}" for repair in document["repairs"]]
     faults = document["faults"]
     if faults is None:

@@ -40,7 +40,7 @@ def run_info(options: argparse.Namespace) -> int:
 
 
 def describe_library(library: Library) -> dict[str, Any]:
-    """Return the contents of a library as a dict for JSON."""
+    """Return a summary of a library as a dict for JSON: its size, clusters and configuration."""
     return {
         "library": str(library.folder),
         "clips": len(library.entries),
@@ -88,7 +88,10 @@ def run_verify(options: argparse.Namespace) -> int:
 
 
 def _verify_sources(folder: Path) -> list[str]:
-    """Return which source files of a library are missing or differ from the ones it read."""
+    """Return one message for each source file that is missing or has changed.
+
+    Source files are the BVH files from which the library in `folder` was built.
+    """
     differences = []
     for entry in Library.open(folder).entries:
         source = entry.source_file

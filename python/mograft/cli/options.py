@@ -23,12 +23,12 @@ DEFAULT_DURATION = 60.0
 
 
 def files_argument(help: str, metavar: str = "FILE") -> Argument:  # noqa: A002 - as add_argument
-    """Return the positional argument for one or more files."""
+    """Return the positional argument for one or more files, shown as `metavar` in ``--help``."""
     return positional("files", help, is_path=True, nargs="+", metavar=metavar)
 
 
 def groups_option(subject: str = "joint groups", default: str = "lower_upper") -> Argument:
-    """Return ``--groups``; its help describes the groups as `subject`."""
+    """Return the option ``--groups``, whose help text contains `subject` and `default`."""
     return setting(
         "--groups NAME|FILE",
         f"{subject}: the name of a preset, or a TOML file (default: {default})",
@@ -37,19 +37,23 @@ def groups_option(subject: str = "joint groups", default: str = "lower_upper") -
 
 
 def output_option(help: str, **keywords: Any) -> Argument:  # noqa: A002, ANN401 - as add_argument
-    """Return ``-o``; `keywords` are those of `add_argument`."""
+    """Return the option ``-o``; `keywords` are passed to `option`."""
     return option("-o --output", help, Path, is_path=True, **keywords)
 
 
-def config_option(field: str, subject: str, default: str) -> Argument:
-    """Return the option that selects one of the values that `CONFIG_OPTIONS` lists for a field.
+def config_option(field: str, subject: str, default: str, paper: str | None = None) -> Argument:
+    """Return the option ``--field``, which sets the field of `Config` with this name.
 
-    `subject` is what the option sets, `default` the value if it is not given.
+    `subject` describes the field in the help text. `default` is the value if the option is not
+    given, `paper` the one with ``--preset paper`` if it differs.
     """
     registry = CONFIG_OPTIONS[field]
     described = "; ".join(f"{name} - {text}" for name, text in registry.entries.items())
+    of_paper = "" if paper is None else f"; with --preset paper: {paper}"
     return setting(
-        f"--{field}", f"{subject} (default: {default}): {described}", choices=registry.names
+        f"--{field}",
+        f"{subject} (default: {default}{of_paper}): {described}",
+        choices=registry.names,
     )
 
 
@@ -59,20 +63,20 @@ GROUPS = groups_option()
 FIGURE_COLOURS = "joint groups that set the colours"
 PRESET = setting(
     "--preset",
-    "configuration that the other options change: default, or paper for the parameters of the "
-    "paper (default: default)",
+    "configuration before other options change it: default, or paper, which has the parameters "
+    "of the paper (default: default)",
     choices=("default", "paper"),
 )
 SIGMA_SCALE = setting(
     "--sigma-scale X",
-    "cluster diameter threshold, as a multiple of sigma; larger gives more variety, smaller more "
-    "similarity (default: 0.75, with --preset paper 1)",
+    "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger values "
+    "give more variety, smaller values more similarity (default: 0.75; with --preset paper: 1)",
     positive_number,
 )
 VARIETY = setting(
     "--variety X",
-    "variety from 0, few and similar donors, to 1, many and less similar ones; sets --sigma-scale "
-    "(default: 0.5)",
+    "variety of the motions, from 0 (few, similar donors) to 1 (many, less similar donors); sets "
+    "--sigma-scale (default: 0.5)",
     share,
 )
 NEIGHBOURHOOD = config_option("neighbourhood", "segments that can be donors", "cluster")
@@ -81,7 +85,8 @@ SEED = setting(
 )
 INCLUDE_GRAFTS = setting_switch(
     "--include-grafts",
-    "also take the grafts in a folder, files beside which mograft graft wrote a .json, as donors",
+    "also read grafts in folders, which are motions beside which mograft graft wrote a .json file "
+    "(default: skip them)",
 )
 FORCE = switch("--force", "overwrite existing files")
 JSON = switch("--json", "print the results as one JSON document")
@@ -89,9 +94,9 @@ JSON = switch("--json", "print the results as one JSON document")
 SCENARIO_OPTIONS = (
     option(
         "--scenario original|graph|N,...",
-        "motion of the base group: original (a captured clip), graph (a random walk through the "
-        "transition graph of the segments), or the numbers of segments that follow each other "
-        "(default: original)",
+        "motion of the base group: original (a captured clip), graph (a random sequence of "
+        "segments in which each may follow the one before), or the indices in the library of "
+        "segments that are joined in this order (default: original)",
         default="original",
     ),
     option(
@@ -101,49 +106,52 @@ SCENARIO_OPTIONS = (
     ),
     option(
         "--frames N",
-        "exact length of --scenario graph, in frames (default: set by --duration)",
+        "exact number of frames of --scenario graph (default: --duration sets the length)",
         int,
     ),
     setting(
         "--path X,Z:X,Z:...",
-        "corners of the path of --scenario graph on the floor, in the unit of the file (X,Y if z "
-        "points up); the length of the path sets the duration (default: no path)",
+        "corners of a path on the floor that --scenario graph follows, in the unit of the file "
+        "(X,Y if z points up); the length of the path determines the duration (default: no path)",
         values.corners,
     ),
     setting(
         "--beats BPM",
-        "tempo of --scenario graph in beats per minute: each beat falls on a seam (default: no "
+        "tempo of --scenario graph in beats per minute: a segment ends on each beat (default: no "
         "tempo)",
         positive_number,
     ),
     setting(
-        "--among CLIP,...", "clips that --scenario graph uses, globs such as waltz* (default: all)"
+        "--among CLIP,...",
+        "clips whose segments --scenario graph uses; CLIP may be a glob such as waltz* (default: "
+        "all clips)",
     ),
 )
 
 
 def constraint_options(*more: Argument) -> ArgumentGroup:
-    """Return the options of the constraints, followed by `more`."""
+    """Return the group of all options that set constraints, with the options `more` at its end."""
     return ArgumentGroup(
         (*_POSE_OPTIONS, *_SEGMENT_OPTIONS, *_DONOR_OPTIONS, *more),
         "constraints",
-        "Positions are in the unit of the file, frames are those of the base. If no donor "
-        "sequence satisfies the constraints, the exit code is 4 and stderr lists the smallest "
-        "violation.",
+        "Positions are in the unit of the file. Frames are counted from 0 in the base motion. If "
+        "no donor sequence satisfies all constraints, mograft graft prints the remaining "
+        "violations to stderr and returns exit code 4.",
     )
 
 
 _POSE_OPTIONS = (
     repeated_option(
         "--avoid WHAT",
-        "obstacle that the body must not touch: FILE.bvh[@X,Y,Z[,YAW]] (another character, moved "
-        "to a position and turned by YAW degrees), sphere:X,Y,Z,R, capsule:X,Y,Z,X,Y,Z,R, "
-        "box:X,Y,Z,HALF,HALF,HALF or wall:X,Y,Z,NX,NY,NZ; may be repeated",
+        "obstacle that the body must not touch: FILE.bvh[@X,Y,Z[,YAW]] (another character, turned "
+        "by YAW degrees, then moved by X,Y,Z), sphere:X,Y,Z,RADIUS, capsule:X,Y,Z,X,Y,Z,RADIUS "
+        "(its two ends), box:X,Y,Z,HX,HY,HZ (its centre and half of its sizes) or "
+        "wall:X,Y,Z,NX,NY,NZ (a point and the normal); may be repeated",
         values.obstacle,
     ),
     setting(
         "--radius X",
-        "factor on the capsule radii of the characters of --avoid (default: 1)",
+        "factor on the thickness of the bodies of the characters of --avoid (default: 1)",
         positive_number,
         1.0,
     ),
@@ -159,43 +167,47 @@ _POSE_OPTIONS = (
     ),
     repeated_option(
         "--face X,Y,Z[@FIRST-LAST]",
-        "position that the head faces, within 20 degrees, in all frames or a range; may be "
-        "repeated",
+        "position that the head must face within 20 degrees, in all frames or from FIRST to LAST; "
+        "may be repeated",
         values.face,
     ),
     repeated_option(
-        "--keep FIRST-LAST", "frames that keep the captured motion; may be repeated", values.frames
+        "--keep FIRST-LAST",
+        "range of frames whose segments are not exchanged; may be repeated",
+        values.frames,
     ),
 )
 _SEGMENT_OPTIONS = (
     repeated_option(
         "--take SEGMENT=CLIP:FIRST-LAST",
-        "donor of a base segment, from any cluster and of any length; SEGMENT is its number, from "
-        "0, or its frames FIRST-LAST; may be repeated",
+        "donor that a base segment must have: frames FIRST-LAST of CLIP, from any cluster and of "
+        "any duration; SEGMENT is the index of the base segment, from 0, or its frames "
+        "FIRST-LAST; may be repeated",
         values.take,
     ),
     repeated_option(
         "--ban SEGMENT[=CLIP[:FIRST-LAST]]",
-        "donors that a base segment must not have: the segments of a clip, or those in a range of "
-        "its frames (default: the captured part, so that it is exchanged); SEGMENT is as for "
-        "--take; may be repeated",
+        "donors that a base segment must not have: all segments of CLIP, or those that overlap "
+        "its frames FIRST-LAST; without CLIP, the base segment itself, so that it is exchanged; "
+        "SEGMENT is as for --take; may be repeated",
         values.ban,
     ),
 )
 _DONOR_OPTIONS = (
     setting(
-        "--only-from CLIP,...", "clips that may provide donors, globs such as waltz* (default: all)"
+        "--only-from CLIP,...",
+        "clips that may provide donors; CLIP may be a glob such as waltz* (default: all clips)",
     ),
     setting(
         "--not-from CLIP,...",
-        "clips that are excluded as donors, globs such as waltz* (default: none)",
+        "clips that must not provide donors; CLIP may be a glob such as waltz* (default: none)",
     ),
     setting("--only-tagged TAG,...", "tags of the clips that may provide donors (default: all)"),
-    setting("--not-tagged TAG,...", "tags of the clips that provide no donors (default: none)"),
+    setting("--not-tagged TAG,...", "tags of clips that must not provide donors (default: none)"),
     setting(
         "--max-stretch X",
         "maximum difference between the durations of donor and base segment, as a fraction of the "
-        "latter (default: 0.15)",
+        "duration of the base segment (default: 0.15)",
         non_negative_number,
     ),
     setting("--max-angle DEGREES", "maximum seam angle in degrees (default: 45)", positive_number),

@@ -11,7 +11,10 @@ from typing import Any
 def print_result(
     options: argparse.Namespace, schema: str, document: dict[str, Any], lines: Iterable[object]
 ) -> None:
-    """With ``--json`` print a document with the name of its schema (``"view"``), else the lines."""
+    """Print the result of a command: `document` if ``--json`` is given, otherwise `lines`.
+
+    The printed document has the additional entry ``"schema": "mograft.SCHEMA/1"``.
+    """
     if options.json:
         print(json.dumps({"schema": f"mograft.{schema}/1", **document}, indent=1))
     else:
@@ -26,7 +29,7 @@ def print_remark(text: str) -> None:
 
 @contextmanager
 def show_progress() -> Iterator[Callable[[str, int, int], None] | None]:
-    """Yield a progress callback if stderr is a terminal, else None."""
+    """Yield a callback that prints progress if stderr is a terminal, otherwise None."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -41,5 +44,5 @@ def show_progress() -> Iterator[Callable[[str, int, int], None] | None]:
 
 
 def describe_excluded_file(path: str, reason: str) -> str:
-    """Return the line for an excluded file; add the path unless the reason starts with it."""
+    """Return the line that reports an excluded file; `reason` may begin with the path."""
     return f"excluded: {reason}" if reason.startswith(path) else f"excluded: {path}: {reason}"

@@ -12,11 +12,11 @@ from mograft.cli.settings import find_settings
 def build_parsers(
     commands: Sequence[Command], path_completion: object = None
 ) -> dict[tuple[str, ...], argparse.ArgumentParser]:
-    """Return the parsers of the program, its commands and their actions.
+    """Return the argparse parsers of the program, of its commands and of their subcommands.
 
-    The keys are the words that select a command, as ``("lib", "verify")``; ``()`` is the program.
-    `path_completion` becomes the attribute ``complete`` of arguments that are paths, which shtab
-    reads.
+    The keys are the words of a command, such as ``("lib", "verify")``, and ``()`` for the program.
+    `path_completion` is assigned to the attribute ``complete`` of all arguments that are paths;
+    shtab reads this attribute.
     """
     root = argparse.ArgumentParser(
         prog="mograft",
@@ -64,11 +64,12 @@ def _add_parser(
 def parse(
     commands: Sequence[Command], arguments: Sequence[str] | None = None
 ) -> argparse.Namespace:
-    """Parse a command line (default: the arguments of the process).
+    """Parse the words `arguments` of a command line (default: ``sys.argv[1:]``).
 
-    Options that it omits come from the environment, then from the configuration file. The
-    namespace also holds ``commands``, and ``origins``: for each option that was set outside the
-    command line, the file or variable that set it.
+    Options that are not given take their values from environment variables, otherwise from the
+    configuration file, otherwise from their defaults. The result has the additional attributes
+    ``commands``, which is the argument, and ``origins``, which maps each option that the file or
+    a variable set to the name of this file or variable.
     """
     parsers = build_parsers(commands)
     options = parsers[()].parse_args(arguments)

@@ -71,7 +71,7 @@ def _draw(options: argparse.Namespace) -> "Axes":
     if folder is not None:
         refuse_fixed_options(options, "groups")
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
-        options.usage_error("--clip requires a library, and strip, timeline or energy")
+        options.usage_error("--clip can be used only with a library and strip, timeline or energy")
     refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups = _single_motion(options, folder)
@@ -91,7 +91,11 @@ def _draw(options: argparse.Namespace) -> "Axes":
 def _single_motion(
     options: argparse.Namespace, folder: Path | None
 ) -> tuple[Motion, JointGroups | str | None]:
-    """Return the one motion that the options select, and the groups that set its colours."""
+    """Return the only motion that the options select, and the joint groups for its colours.
+
+    `folder` is that of a library, or None for BVH files. Raise ValueError if the options select
+    several motions.
+    """
     groups: JointGroups | str | None
     if folder is not None:
         library = Library.open(folder)
@@ -101,5 +105,5 @@ def _single_motion(
         groups = None if options.groups is None else selected_groups(options)
         motions = [read_bvh(file) for file in expand_folders(options.files)]
     if len(motions) != 1:
-        raise ValueError(f"{options.kind} shows one motion, got {len(motions)}")
+        raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
     return select_frames(motions[0], options.frames), groups

@@ -19,7 +19,10 @@ GRAFT_ENDINGS = (".bvh", ".json")
 
 
 def write_graft(graft: Graft, path: Path, more: Mapping[str, Any] | None = None) -> None:
-    """Write the motion of a graft, and beside it its provenance with the sections of `more`."""
+    """Write the motion of a graft to `path`, and its provenance to a .json file beside it.
+
+    `more` holds additional entries of the .json file.
+    """
     document = {"mograft": __version__, **graft.as_dict(), **(more or {})}
     # The provenance comes first: an interruption then leaves no motion without it.
     write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
@@ -32,12 +35,15 @@ def write_report(
     target: Path,
     columns: Sequence[Mapping[str, str]] = (),
 ) -> None:
-    """Write the report page of grafts, with links to their files; see `report_page`."""
+    """Write the report page of grafts to `target`, with links to the files `paths` of the grafts.
+
+    `columns` is passed to `report_page`.
+    """
     links = [Path(os.path.relpath(path, target.parent)) for path in paths]
     report_page(grafts, links, columns=columns).save(target, force=True)
 
 
 def open_page(path: Path) -> None:
-    """Open a page in the browser, or print that there is none."""
+    """Open a page in the browser, or print that no browser was found."""
     if not open_file(path):
         print_remark(f"no browser found: open {path} yourself")

@@ -38,7 +38,7 @@ def check_scenario(options: argparse.Namespace) -> None:
 def read_scenario(
     library: Library, options: argparse.Namespace
 ) -> Sequence[int] | IntArray | Scenario | None:
-    """Return the base segments that the options select; None for a captured clip."""
+    """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
     if options.scenario == "original":
         return None
     if options.scenario != "graph":

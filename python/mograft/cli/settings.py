@@ -19,7 +19,7 @@ _VARIABLE_PREFIX = "MOGRAFT_"
 
 @dataclass(frozen=True)
 class Setting:
-    """Value of an option that the command line does not give."""
+    """Value of an option that the configuration file or the environment sets, or its default."""
 
     value: Any  # Converted as argparse converts it.
     origin: str  # The file or the environment variable that set it, or ``"default"``.
@@ -32,12 +32,12 @@ class Setting:
 
 
 def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Setting]:
-    """Return the settings of a command, keyed by the option's name in the argparse namespace.
+    """Return the settings of a command, by the `Argument.dest` of the options that they set.
 
-    They come from environment variables and from the configuration file, which is searched in the
-    working folder and the folders above it, and may have a table for each of `commands`. Raise a
-    ValueError that names the file or the variable if the file is not TOML, or if a setting is
-    unknown or has an invalid value.
+    Environment variables override the configuration file. The file is searched for in the working
+    folder and the folders above it; it may have a table for each of `commands`. Raise a ValueError
+    that names the file or the variable if the file is not TOML, or if a setting is unknown or
+    invalid.
     """
     path = find_config_file(Path.cwd())
     table = {} if path is None else _read_file(path, command, commands)
@@ -56,14 +56,21 @@ def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Se
 
 
 def find_config_file(folder: Path) -> Path | None:
-    """Return the configuration file of a folder or of the nearest folder above it."""
+    """Return the path of ``mograft.toml`` in a folder or in the nearest folder above that has one.
+
+    Return None if there is no such file.
+    """
     start = folder.resolve()
     candidates = (parent / CONFIG_FILE for parent in (start, *start.parents))
     return next((path for path in candidates if path.is_file()), None)
 
 
 def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dict[str, Any]:
-    """Return the settings of a file for a command; the command's table overrides shared keys."""
+    """Return the settings that a configuration file contains for a command, not yet converted.
+
+    Keys before all tables apply to every command; the table of the command overrides them.
+    `commands` are all commands, whose names are the allowed names of tables.
+    """
     import tomllib
 
     try:
@@ -74,7 +81,9 @@ def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dic
     known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
     for name in tables:
         if name not in known:
-            raise ValueError(f"{path}: table must be one of {', '.join(known)}; got [{name}]")
+            raise ValueError(
+                f"{path}: the name of a table must be one of {', '.join(known)}; got [{name}]"
+            )
     merged = {}
     for name in [name for name in document if name not in tables]:
         if not any(_dest(name) in dests for dests in known.values()):
@@ -112,7 +121,7 @@ def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: AN
     if argument.is_switch:
         words = {"1": True, "true": True, "0": False, "false": False, "": False}
         if text.lower() not in words:
-            raise ValueError(f"{place} must be 1 or 0, got {text!r}")
+            raise ValueError(f"{place} must be 1, true, 0 or false, got {text!r}")
         return words[text.lower()]
     convert: Any = argument.keywords.get("type", str)
     try:

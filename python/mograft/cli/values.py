@@ -53,7 +53,7 @@ def _number(kind: Callable[[str], N], text: str, is_valid: Callable[[N], bool], 
 
 
 def unit(text: str) -> float | str:
-    """Read the name of a unit, or its length in metres."""
+    """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
     try:
         return text if text in UNITS else positive_number(text)
     except ArgumentTypeError:
@@ -63,7 +63,7 @@ def unit(text: str) -> float | str:
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Read ``WIDTHxHEIGHT``."""
+    """Parse ``WIDTHxHEIGHT``, a size in pixels."""
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal()):
         raise ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 720x480, got {text}")
@@ -71,7 +71,7 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def frame_range(text: str) -> tuple[int, int]:
-    """Read the first and last frame of a range of at least two frames."""
+    """Parse ``FIRST-LAST``, a range of at least two frames, into its first and last frame."""
     first, dash, last = text.partition("-")
     if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
         raise ArgumentTypeError(f"must be FIRST-LAST, such as 100-400, got {text}")
@@ -79,10 +79,12 @@ def frame_range(text: str) -> tuple[int, int]:
 
 
 def frames(text: str) -> tuple[int, int]:
-    """Read the first and last frame of a range of at least one frame."""
+    """Parse ``FIRST-LAST``, a range of at least one frame, into its first and last frame."""
     first, dash, last = text.partition("-")
     if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
-        raise ArgumentTypeError(f"expected FIRST-LAST, ascending frames, got {text!r}")
+        raise ArgumentTypeError(
+            f"expected FIRST-LAST with FIRST not above LAST, such as 100-400, got {text!r}"
+        )
     return int(first), int(last)
 
 
@@ -91,7 +93,11 @@ BaseSegment = tuple[int | None, tuple[int, int] | None]
 
 
 def take(text: str) -> tuple[int | None, tuple[int, int] | None, tuple[str, int, int]]:
-    """Read a base segment, and the clip, first and last frame of its donor."""
+    """Parse a value of ``--take``, such as ``24=walk:242-275``.
+
+    Return the index of the base segment or None, its first and last frame or None, and the clip,
+    first frame and last frame of the donor.
+    """
     segment, _, donor = text.partition("=")
     clip, colon, span = donor.rpartition(":")  # The name of a clip may contain colons.
     try:
@@ -99,13 +105,19 @@ def take(text: str) -> tuple[int | None, tuple[int, int] | None, tuple[str, int,
             return (*_base_segment(segment), (clip, *frames(span)))
     except ArgumentTypeError:
         pass
-    raise ArgumentTypeError(f"expected SEGMENT=CLIP:FIRST-LAST, as 24=walk:242-275, got {text!r}")
+    raise ArgumentTypeError(
+        f"expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275, got {text!r}"
+    )
 
 
 def ban(
     text: str,
 ) -> tuple[int | None, tuple[int, int] | None, str | tuple[str, int, int] | None]:
-    """Read a base segment, and optionally a clip, or a clip with the first and last frame."""
+    """Parse a value of ``--ban``: ``24``, ``24=walk`` or ``24=walk:242-275``.
+
+    Return the index of the base segment or None, its first and last frame or None, and the
+    donors: None, a clip, or a clip with its first and last frame.
+    """
     segment, equals, clip = text.partition("=")
     try:
         if equals and clip:
@@ -119,12 +131,12 @@ def ban(
     except ArgumentTypeError:
         pass
     raise ArgumentTypeError(
-        f"expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, as 24=walk, got {text!r}"
+        f"expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk, got {text!r}"
     )
 
 
 def _base_segment(text: str) -> BaseSegment:
-    """Read the number of a segment, or its first and last frame."""
+    """Parse a base segment: return its index and None, or None and its first and last frame."""
     return (int(text), None) if text.isdecimal() else (None, frames(text))
 
 
@@ -140,7 +152,7 @@ def _numbers(text: str, *counts: int) -> list[float]:
 
 
 def corners(text: str) -> list[list[float]]:
-    """Read at least two positions on the floor, separated by colons."""
+    """Parse ``X,Z:X,Z:...``, at least two positions on the floor, into pairs of numbers."""
     try:
         found = [_numbers(pair, 2) for pair in text.split(":")]
     except ArgumentTypeError:
@@ -151,12 +163,17 @@ def corners(text: str) -> list[list[float]]:
 
 
 def obstacle(text: str) -> tuple[str, list[float]]:
-    """Read a shape with its numbers, or a file with its position and heading in degrees."""
+    """Parse a value of ``--avoid``: ``SHAPE:NUMBERS`` or ``FILE[@X,Y,Z[,YAW]]``.
+
+    Return the name of the shape with its numbers, or the file with x, y, z and yaw in degrees.
+    """
     kind, colon, rest = text.partition(":")
     if colon and kind in SHAPE_NUMBERS:
         return kind, _numbers(rest, SHAPE_NUMBERS[kind])
     if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
-        raise ArgumentTypeError(f"expected a file or one of {', '.join(SHAPE_NUMBERS)}, got {kind}")
+        raise ArgumentTypeError(
+            f"expected a file or one of the shapes {', '.join(SHAPE_NUMBERS)}, got {kind}"
+        )
     name, separator, place = text.rpartition("@")
     if not separator or Path(text).exists():
         return text, [0.0] * 4
@@ -164,7 +181,7 @@ def obstacle(text: str) -> tuple[str, list[float]]:
 
 
 def reach(text: str) -> tuple[int, str, tuple[float, ...], float]:
-    """Read a frame, a joint, a position and a tolerance in skeleton heights."""
+    """Parse ``FRAME:JOINT:X,Y,Z[~TOL]``; the tolerance TOL is in skeleton heights."""
     frame, _, rest = text.partition(":")
     joint, colon, place = rest.rpartition(":")  # The name of a joint may contain colons.
     if not colon or not frame.isdigit():
@@ -175,6 +192,6 @@ def reach(text: str) -> tuple[int, str, tuple[float, ...], float]:
 
 
 def face(text: str) -> tuple[tuple[float, ...], tuple[int, int] | None]:
-    """Read a position and the frames."""
+    """Parse ``X,Y,Z[@FIRST-LAST]`` into a position, and a range of frames or None."""
     place, separator, range_text = text.partition("@")
     return tuple(_numbers(place, 3)), frames(range_text) if separator else None

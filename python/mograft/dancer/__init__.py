@@ -36,13 +36,13 @@ class Dance:
     Parameters
     ----------
     motion : Motion
-        18 joints, 57 channels, in cm.
+        The motion, with 18 joints and 57 channels; lengths in cm.
     legs, arms : ndarray of str, shape (n_frames,)
         Style of the legs and pattern of the arms: keys of `LEG_STYLES` and `ARM_PATTERNS`.
     phase : ndarray, shape (n_frames,)
         Fraction of the stride that has passed, from 0 to 1.
     stance : ndarray of bool, shape (n_frames, 2)
-        Whether the left and the right foot stand flat and still.
+        Whether the left foot (column 0) and the right foot (column 1) stand flat and still.
     """
 
     motion: Motion
@@ -62,7 +62,7 @@ class Dance:
         return self.motion.n_frames
 
     def __getitem__(self, frames: slice) -> "Dance":
-        """Return a range of frames, as `Motion` does."""
+        """Return the dance of a slice of frames: a slice of its motion and of its labels."""
         return Dance(**{field.name: getattr(self, field.name)[frames] for field in fields(self)})
 
     def takes(self, n: int) -> tuple["Dance", ...]:
@@ -94,15 +94,15 @@ class Dance:
 
 
 def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: int = 4) -> Dance:
-    """Generate a dance.
+    """Generate a dance that combines each leg style with each arm pattern.
 
     Parameters
     ----------
     seed : int or numpy.random.Generator
         Determines the order of the 42 combinations and the variation between strides. The same
-        seed gives the same bytes.
+        integer gives exactly the same dance.
     rate : float
-        Frames per second; it affects only the sampling.
+        Frames per second. Another rate samples the same continuous motion.
     strides : int
         Number of strides of each combination.
 

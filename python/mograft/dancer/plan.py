@@ -32,10 +32,10 @@ _FADE = 0.8  # duration of the transition from one stride's values to the next, 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Styles and parameters of each stride, in arrays of shape (n_strides,).
+    """The leg style, arm pattern and parameters of each stride, in arrays of shape (n_strides,).
 
-    The values are the parameters of `LegStyle` by name, with random variation, and ``arms``, the
-    amplitude of the arm patterns.
+    `legs` and `arms` hold the names of the styles and patterns. `values` holds the randomly varied
+    parameters: each field of `LegStyle` by name, and ``"arms"``, the amplitude of the arm pattern.
     """
 
     legs: StrArray
@@ -48,13 +48,14 @@ class Plan:
         return len(self.legs)
 
     def stride(self, clock: FloatArray) -> IntArray:
-        """Return the stride at each time of the clock."""
+        """Return the index of the stride at each value of the clock, which counts strides."""
         return np.clip(np.floor(clock), 0, self.n_strides - 1).astype(np.int64)
 
     def interpolate(self, name: str, clock: FloatArray, outside: float | None = None) -> FloatArray:
-        """Return a parameter at each time of the clock, with smooth transitions between strides.
+        """Return the parameter `name` at each value of the clock, with smooth transitions.
 
-        Before the first stride and after the last it is `outside`; by default, it is constant.
+        Before the first and after the last stride the parameter has the value `outside`; by
+        default it keeps the value of the nearest stride.
         """
         values = self.values[name]
         ends = (values[0], values[-1]) if outside is None else (outside, outside)
@@ -64,7 +65,10 @@ class Plan:
 
 
 def make_plan(generator: np.random.Generator, strides: int) -> Plan:
-    """Shuffle the combinations and vary the parameters of their strides."""
+    """Return a plan with all combinations of leg style and arm pattern in random order.
+
+    Each combination lasts for `strides` strides, whose parameters vary randomly.
+    """
     combinations = [(legs, arms) for legs in LEG_STYLES for arms in ARM_PATTERNS]
     order = generator.permutation(len(combinations)).repeat(strides)
     legs = np.array([combinations[i][0] for i in order])
@@ -86,7 +90,10 @@ def make_plan(generator: np.random.Generator, strides: int) -> Plan:
 
 
 def _limit_heading(turns: FloatArray, signs: FloatArray) -> FloatArray:
-    """Return signed turns; the sign is reversed if the heading would exceed its limit."""
+    """Return the products of `turns` and `signs`, in degrees, shape (n_strides,).
+
+    The sign of a turn is reversed where the heading would exceed 62 degrees to either side.
+    """
     signed = turns * signs
     heading = 0.0
     direction = 1.0
@@ -101,7 +108,10 @@ def _limit_heading(turns: FloatArray, signs: FloatArray) -> FloatArray:
 
 
 def make_clock(plan: Plan, rate: float) -> FloatArray:
-    """Return the clock: the strides that have passed at each frame, shape (n_frames,)."""
+    """Return the clock: how many strides have passed at each frame, shape (n_frames,).
+
+    It includes the fraction of the current stride. `rate` is in frames per second.
+    """
     grid = _grid(plan)
     seconds = _integral(plan.interpolate("period", grid))
     n_frames = int(seconds[-1] * rate * (1 + 1e-12)) + 1
@@ -110,7 +120,10 @@ def make_clock(plan: Plan, rate: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """The path of the pelvis on the floor: radians and cm on a fine grid of the clock."""
+    """The path of the pelvis on the floor: headings in radians and positions in cm.
+
+    All arrays have shape (n_nodes,). `grid` holds the values of the clock at the nodes.
+    """
 
     grid: FloatArray
     headings: FloatArray
@@ -118,18 +131,25 @@ class Route:
     z: FloatArray
 
     def heading(self, clock: FloatArray) -> FloatArray:
-        """Return headings in radians, 0 along z, with the shape of `clock`."""
+        """Return the heading at each value of the clock, in radians; 0 is along z."""
         return np.interp(clock, self.grid, self.headings)
 
     def position(self, clock: FloatArray, offsets: FloatArray) -> FloatArray:
-        """Return positions on the floor plus `offsets` rotated to the heading, shape (n, 3)."""
+        """Return the position on the floor at each value of the clock, moved by an offset.
+
+        `offsets` and the result have shape (n, 3). Offsets are relative to the heading: x points
+        left, z forward.
+        """
         x, z = (np.interp(clock, self.grid, values) for values in (self.x, self.z))
         heading = rotations.from_axis_angle(Y, self.heading(clock))
         return np.stack([x, np.zeros_like(x), z], axis=-1) + rotations.rotate(heading, offsets)
 
 
 def make_route(plan: Plan) -> Route:
-    """Integrate turns and steps; the speed is 0 at both ends."""
+    """Return the path that results from the turns and steps of all strides.
+
+    The speed is 0 at its start and at its end.
+    """
     grid = _grid(plan)
     headings = _integral(np.radians(plan.interpolate("turn", grid, outside=0.0)))
     surge = 1 - plan.interpolate("surge", grid) * np.cos(4 * np.pi * grid)
@@ -182,9 +202,10 @@ def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:
 
 
 def _footholds(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatArray]:
-    """Return positions and yaws of a foot before and after each stride.
+    """Return the positions and yaws at which a foot stands, in the order of time.
 
-    The shapes are (n_strides + 1, 3) and (n_strides + 1,).
+    The shapes are (n_strides + 1, 3) and (n_strides + 1,); stride i leads from row i to row i + 1.
+    `side` is as for `make_foot`.
     """
     out = 1 - 2 * side
     middles = np.arange(0.0, plan.n_strides + 1) - 0.25 * out
@@ -205,7 +226,7 @@ def make_pelvis(
 ) -> tuple[FloatArray, FloatArray]:
     """Return rotations and positions of the pelvis, shapes (n_frames, 4) and (n_frames, 3).
 
-    Its height follows the style and is limited by the reach of the legs.
+    The leg style sets the height of the pelvis; it is lowered where a leg would be too short.
     """
     beat = 2 * np.pi * clock
     twist, roll, lean = (
@@ -232,7 +253,10 @@ def make_pelvis(
 
 
 def _ease(t: FloatArray) -> FloatArray:
-    """Return the quintic smoothstep: 0 to 1, with zero speed and acceleration at the ends."""
+    """Return the quintic smoothstep function of `t`: 0 for t ≤ 0, 1 for t ≥ 1.
+
+    Its first and second derivatives are 0 at both ends.
+    """
     t = t.clip(0, 1)
     eased: FloatArray = t**3 * (10 + t * (6 * t - 15))
     return eased
@@ -246,13 +270,20 @@ def _bump(t: FloatArray) -> FloatArray:
 
 
 def stride_transition(clock: FloatArray, n_strides: int) -> tuple[IntArray, FloatArray]:
-    """Return the nearest stride boundary, 0 to n_strides, and the weight of the stride after it."""
+    """Return the nearest stride boundary of each value of the clock, 0 to n_strides, and a weight.
+
+    The weight is that of the stride after the boundary; the stride before it has the rest to 1.
+    """
     boundary = np.clip(np.round(clock), 0, n_strides).astype(np.int64)
     return boundary, _ease((clock - boundary) / _FADE + 0.5)
 
 
 def soft_minimum(values: FloatArray, softness: float) -> FloatArray:
-    """Return a smooth lower bound of n curves, shape (n, n_frames) to (n_frames,)."""
+    """Return a smooth approximation of the minimum of n curves that never exceeds the minimum.
+
+    `values` has shape (n, n_frames), the result (n_frames,). The approximation is exact as
+    `softness`, in the unit of the values, approaches 0.
+    """
     least = values.min(axis=0)
     soft: FloatArray = least - softness * np.log(np.exp((least - values) / softness).sum(axis=0))
     return soft
@@ -263,6 +294,9 @@ def _grid(plan: Plan) -> FloatArray:
 
 
 def _integral(rates: FloatArray) -> FloatArray:
-    """Integrate rates per stride over the grid by the trapezoidal rule, starting at 0."""
+    """Return the integral of `rates` up to each node of the grid, by the trapezoidal rule.
+
+    The rates are per stride.
+    """
     areas = 0.5 * (rates[1:] + rates[:-1]) / _GRID
     return np.concatenate([[0.0], np.cumsum(areas)])

@@ -25,7 +25,8 @@ def leg_pose(
 ) -> FloatArray:
     """Return local rotations of thigh, shank and foot, shape (n_frames, 3, 4).
 
-    `pelvis` holds the rotations of the pelvis, `hip` the offset of the hip joint.
+    `pelvis` and `pelvis_positions` hold world rotations and positions of the pelvis. `hip` is the
+    offset of the hip joint from the pelvis.
     """
     reach = foot.ankle - pelvis_positions - rotations.rotate(pelvis, hip)
     # The knee points to the mean of the forward directions of pelvis and foot.
@@ -51,12 +52,13 @@ def _two_bone_ik(
     rest: FloatArray,
     hinge: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rotations (n, 4) of a limb's first bone and the angles (n,) of its second.
+    """Solve the inverse kinematics of a limb of two bones with the given lengths.
 
-    `reach`, shape (n, 3), leads from the start of the limb to its end and is shorter than both
-    bones together. `pole` is the direction of the middle joint. In the rest pose the limb points
-    along `rest` and bends about `hinge`. Angles are about the hinge in radians, 0 if the limb is
-    straight.
+    `reach`, shape (n, 3), is the vector from the start to the end of the limb, which is shorter
+    than both bones together. `pole` is the direction to which the middle joint points. In the rest
+    pose the limb has direction `rest`; the middle joint rotates about the axis `hinge`. Return the
+    rotations of the first bone, shape (n, 4), and the angles of the middle joint in radians, shape
+    (n,), which are 0 if the limb is straight.
     """
     upper, lower = lengths
     distance = np.linalg.norm(reach, axis=-1)
@@ -74,8 +76,8 @@ def _two_bone_ik(
 def trunk_pose(plan: Plan, route: Route, clock: FloatArray, pelvis: FloatArray) -> FloatArray:
     """Return local rotations of spine, neck and head, shape (n_frames, 3, 4).
 
-    The chest rotates opposite to the pelvis. The head faces the direction of travel and stays
-    level.
+    `pelvis` holds world rotations. The chest rotates opposite to the pelvis. The head faces the
+    direction of travel and stays nearly level.
     """
     beat = 2 * np.pi * clock
     twist, roll, lean = (
@@ -101,7 +103,8 @@ _ARM_HOME = rotations.from_euler(np.radians([-30.0, -35.0, 0.0]), "ZYX")
 def arm_pose(plan: Plan, clock: FloatArray, spine: FloatArray, side: int) -> FloatArray:
     """Return local rotations of shoulder, arm, forearm and hand, shape (n_frames, 4, 4).
 
-    `side` is 0 for the left arm and 1 for the right arm, which is computed as a mirrored left arm.
+    `spine` holds the local rotations of the spine. `side` is 0 for the left arm and 1 for the right
+    arm, which is computed as a mirrored left arm.
     """
     names = list(ARM_PATTERNS)
     size = plan.interpolate("arms", clock)
@@ -131,10 +134,11 @@ def arm_pose(plan: Plan, clock: FloatArray, spine: FloatArray, side: int) -> Flo
 def _pattern_pose(
     pattern: ArmPattern, clock: FloatArray, size: FloatArray, spine: FloatArray
 ) -> FloatArray:
-    """Return a pattern of the left arm as numbers that can be interpolated, shape (n_frames, 8).
+    """Return the poses of the left arm in a pattern, as numbers that can be interpolated.
 
-    They are the angle of the shoulder, the rotation vector of the arm relative to `_ARM_HOME`,
-    the angle of the elbow, and the rotation vector of the hand.
+    The shape is (n_frames, 8). The columns hold the angle of the shoulder (1), the rotation vector
+    of the arm relative to `_ARM_HOME` (3), the angle of the elbow (1) and the rotation vector of
+    the hand (3), in radians. `size` is the amplitude in each frame, 1 for the original pattern.
     """
     wave = np.cos(2 * np.pi * (pattern.beats * clock + pattern.start))
     if pattern.snap:
@@ -166,6 +170,6 @@ def _pattern_pose(
 
 
 def _mirror(quats: FloatArray) -> FloatArray:
-    """Return rotations mirrored at the plane between left and right."""
+    """Return rotations mirrored at the plane x = 0, which separates left from right."""
     mirrored: FloatArray = quats * np.array([1.0, -1.0, -1.0, 1.0])
     return mirrored

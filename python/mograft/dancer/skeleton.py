@@ -55,7 +55,7 @@ ARM_REACH = 0.985 * (UPPER_ARM + FOREARM)
 
 
 def make_skeleton() -> Skeleton:
-    """Return the skeleton: 18 joints, 57 channels, rotations in the order ZYX."""
+    """Return the skeleton of the dancer: 18 joints, 57 channels, rotations in the order ZYX."""
     rotations = ("Zrotation", "Yrotation", "Xrotation")
     root = ("Xposition", "Yposition", "Zposition", *rotations)
     return Skeleton(

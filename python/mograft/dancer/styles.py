@@ -50,10 +50,11 @@ ARM_JITTER = 0.06
 
 @dataclass(frozen=True)
 class ArmPattern:
-    """An arm pattern of the left arm, mirrored for the right; lengths in cm, angles in degrees.
+    """A periodic movement of the left arm; lengths in cm, angles in degrees.
 
-    The wrist is at ``wrist + sway * s + arc * s**2``, where s oscillates between 1 and -1. The
-    coefficients point outward, up and forward from the lower end of the trunk.
+    The wrist moves on the curve ``wrist + sway * s + arc * s**2``, where s oscillates between 1 and
+    -1. Each coefficient has three components, to the left, up and forward; positions are relative
+    to the lower end of the trunk. The right arm performs the mirrored movement.
     """
 
     wrist: Vector
@@ -82,7 +83,7 @@ _WAVE = ArmPattern((36, 66, 8), sway=(11, -2, 0), elbow=(1, -1, -0.2), hand=(0.1
 
 
 def _alternate(pattern: ArmPattern) -> tuple[ArmPattern, ArmPattern]:
-    """Return the pattern for the left arm, and the same half a period later for the right arm."""
+    """Return the patterns of the left and the right arm, which differ by half a period."""
     return pattern, replace(pattern, start=pattern.start + 0.5)
 
 

@@ -30,14 +30,14 @@ class Motion:
     Parameters
     ----------
     skeleton : Skeleton
-        The skeleton.
+        Joints, their hierarchy and channels.
     frame_time : float
         Seconds from one frame to the next.
     rotations : array_like, shape (n_frames, n_joints, 4)
         Local rotations: unit quaternions, xyzw.
     positions : array_like, shape (n_frames, n_joints, 3)
-        Local translations in the unit of the file. Those of joints without position channels are
-        the rest offsets.
+        Local translations in the unit of the file. The translation of a joint without position
+        channels is its rest offset.
     channel_values : array_like, shape (n_frames, n_channels), optional
         The channel values of the file, in its order and units (degrees). NaN marks a value that
         the writer derives from the rotation or translation. Default: NaN everywhere.
@@ -46,7 +46,7 @@ class Motion:
     path : Path, optional
         The file from which the motion was read.
     repairs : tuple of str
-        Deviations from the format that the reader tolerated, each with its line.
+        Deviations from the format that the reader tolerated, each with its line number.
 
     Raises
     ------
@@ -109,15 +109,17 @@ class Motion:
         return notebook_view(self)
 
     def __getitem__(self, frames: slice) -> "Motion":
-        """Return the motion of a slice of frames; its step multiplies the frame time."""
+        """Return the motion of a slice of frames; a step of k multiplies the frame time by k."""
         if not isinstance(frames, slice):
             raise TypeError(f"`frames` must be a slice such as motion[100:400], got {frames!r}")
         step = 1 if frames.step is None else frames.step
         if step < 1:
-            raise ValueError(f"the step must be 1 or more, got {step}")
+            raise ValueError(f"the step of the slice must be 1 or more, got {step}")
         chosen = range(*frames.indices(self.n_frames))
         if not chosen:
-            raise ValueError(f"motion[{frames.start}:{frames.stop}] selects no frame")
+            raise ValueError(
+                f"motion[{frames.start}:{frames.stop}] selects no frame of {self.n_frames}"
+            )
         values = self.channel_values
         return replace(
             self,
@@ -149,7 +151,7 @@ class Motion:
 
     @cached_property
     def travels(self) -> BoolArray:
-        """Whether the translation of each joint varies, shape (n_joints,)."""
+        """Whether the local translation of each joint varies over time, shape (n_joints,)."""
         varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
         return varies
 
@@ -175,8 +177,8 @@ class Motion:
         Returns
         -------
         Motion
-            Motion of exactly the same duration. Its frame time is the duration divided by the
-            nearest whole number of intervals, so its rate may differ slightly from `rate`.
+            Motion of exactly the same duration. It has a whole number of frames, so its rate is
+            the possible rate nearest to `rate`.
 
         Raises
         ------
@@ -201,10 +203,10 @@ class Motion:
         )
 
     def locomotion_root(self) -> int:
-        """Return the joint that moves the body: the first whose translation varies.
+        """Return the index of the joint that moves the body through the world.
 
-        In some files the root of the hierarchy is a helper joint that never moves. If no
-        translation varies, the root of the hierarchy is returned.
+        This is the first joint whose translation varies: in some files the root of the hierarchy
+        is a helper joint that never moves. If no translation varies, the root is returned.
         """
         moving = np.flatnonzero(self.travels)
         return int(moving[0]) if len(moving) else 0
@@ -212,9 +214,9 @@ class Motion:
     def channel_numbers(self) -> FloatArray:
         """Return the channel values as a file stores them, shape (n_frames, n_channels).
 
-        Order and units (degrees) are those of the file. Known values are returned as read. Missing
-        ones are derived from rotations and translations. Of equivalent angles, the nearest to those
-        of the previous frame are returned.
+        Order and units are those of the file; angles are in degrees. Numbers in `channel_values`
+        are returned unchanged. Values that are NaN or absent there are derived from the rotations
+        and translations. Of equivalent angles, those nearest to the previous frame are returned.
         """
         n_frames, skeleton = self.n_frames, self.skeleton
         known = self.channel_values
@@ -243,8 +245,8 @@ def world_transforms(
 ) -> tuple[FloatArray, FloatArray]:
     """Return world rotations and positions from local ones, by forward kinematics.
 
-    Rotations have shape (n, n_joints, 4), one pose per row, and are not checked; positions have
-    shape (n, n_joints, 3). The results have the same shapes.
+    For n poses, rotations have shape (n, n_joints, 4) and positions (n, n_joints, 3), as have the
+    results. The values are not checked.
     """
     return _core.world(
         skeleton.parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions)
@@ -252,7 +254,10 @@ def world_transforms(
 
 
 def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:
-    """Replace NaN by Euler angles in degrees, nearest to those of the previous frame."""
+    """Return `angles`, in degrees, with all rows that contain NaN computed from `quats`.
+
+    The Euler angles nearest to the previous frame are chosen. `order` is that of the columns.
+    """
     filled = angles.copy()
     unknown = np.asarray(np.isnan(angles).any(axis=1))
     for start, stop in find_runs(unknown):

@@ -128,7 +128,10 @@ def resample_segments(
 def resample_segment_positions(
     positions: npt.ArrayLike, starts: npt.ArrayLike, stops: npt.ArrayLike, counts: npt.ArrayLike
 ) -> FloatArray:
-    """Resample positions, shape (n_frames, n_joints, 3), of segments; see `resample_segments`."""
+    """Resample the positions in each segment, as `resample_segments` resamples rotations.
+
+    `positions` has shape (n_frames, n_joints, 3).
+    """
     vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))
     return _core.segments_positions(vectors, *_bounds(starts, stops, counts))
 

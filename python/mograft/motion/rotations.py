@@ -49,7 +49,7 @@ def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def inverse(q: FloatArray) -> FloatArray:
-    """Return the inverses of unit quaternions, shape (..., 4): the conjugates."""
+    """Return the inverses of unit quaternions, shape (..., 4), which are their conjugates."""
     conjugate: FloatArray = np.negative(q)
     conjugate[..., 3] = q[..., 3]
     return conjugate
@@ -61,7 +61,7 @@ def rotate(q: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def _broadcast(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return both arrays broadcast to one shape, except for the axis of components."""
+    """Return both arrays broadcast to the same shape on all axes but the last."""
     if a.shape[:-1] != b.shape[:-1]:
         shape = np.broadcast_shapes(a.shape[:-1], b.shape[:-1])
         a, b = (np.broadcast_to(array, (*shape, array.shape[-1])) for array in (a, b))
@@ -69,7 +69,7 @@ def _broadcast(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
-    """Return rotations about a fixed axis, shape (..., 4).
+    """Return the rotations by given angles about one axis, shape (..., 4).
 
     The axis, shape (3,), has any length above 0; the angles, shape (...), are in radians.
     """
@@ -107,7 +107,7 @@ def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def exp(vectors: npt.ArrayLike) -> FloatArray:
-    """Return the unit quaternions of rotation vectors (exponential map).
+    """Return the unit quaternions, shape (..., 4), of rotation vectors (exponential map).
 
     A rotation vector, shape (..., 3), is the axis times the angle in radians. Raises ValueError if
     the shape is wrong or a value is not finite.
@@ -133,8 +133,8 @@ def log(rotations: npt.ArrayLike) -> FloatArray:
 def angle(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
     """Return the angles between rotations in radians, 0 to π; accurate near 0.
 
-    The unit quaternions, shape (..., 4), broadcast. Raises ValueError if a shape is wrong or a
-    quaternion does not have unit norm.
+    The unit quaternions `a` and `b`, shape (..., 4), broadcast. Raises ValueError if a shape is
+    wrong or a quaternion does not have unit norm.
     """
     first, second = np.broadcast_arrays(as_quaternions("a", a), as_quaternions("b", b))
     return _core.angle(np.ascontiguousarray(first), np.ascontiguousarray(second))
@@ -156,7 +156,7 @@ def hermite(
 
     Notes
     -----
-    The cumulative cubic Bézier curve of Kim, Kim and Shin (SIGGRAPH 1995).
+    The curves are the cumulative cubic Bézier curves of Kim, Kim and Shin (SIGGRAPH 1995).
     """
     at = as_floats("t", t, ("n",))
     n = len(at)
@@ -170,10 +170,10 @@ def hermite(
 
 
 def continuous_signs(rotations: FloatArray) -> FloatArray:
-    """Return quaternions with signs chosen so that those of consecutive frames are close.
+    """Return the same rotations with quaternion signs that do not jump between frames.
 
-    The shape is (n_frames, ..., 4). In the first frame w ≥ 0; the dot product of consecutive
-    quaternions is not negative.
+    The shape is (n_frames, ..., 4). In the first frame w ≥ 0. The dot product of the quaternions
+    of consecutive frames is not negative.
     """
     if not len(rotations):
         return rotations
@@ -186,9 +186,9 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
 def twist(rotations: FloatArray, axis: int) -> FloatArray:
     """Return the twist of rotations, shape (..., 4), about the coordinate axis 0, 1 or 2.
 
-    This is the swing-twist decomposition: the swing, `multiply(inverse(twist), rotation)`, is about
-    a perpendicular axis. The twist of a half turn about a perpendicular axis is undefined; the
-    identity is returned.
+    In the swing-twist decomposition, the rotation is the product of its twist and a swing about an
+    axis perpendicular to that of the twist: the swing is `multiply(inverse(twist), rotation)`. The
+    twist of a half turn about a perpendicular axis is undefined; the identity is returned for it.
     """
     twists = np.zeros_like(rotations)
     twists[..., axis] = rotations[..., axis]
@@ -200,10 +200,10 @@ def twist(rotations: FloatArray, axis: int) -> FloatArray:
 def from_euler(angles: npt.ArrayLike, order: str) -> FloatArray:
     """Return rotations, shape (..., 4), from intrinsic Euler angles in radians.
 
-    BVH uses this convention: `order`, such as ``"ZXY"``, is the order of the rotation channels in
-    the file. It has one of the letters X, Y and Z for each angle along the last axis; an empty
-    order gives the identity. Raises ValueError if `order` has other letters, the shape is
-    wrong or a value is not finite.
+    `angles` has shape (..., k). `order` names the rotation axes of the k angles by the letters X, Y
+    and Z, such as ``"ZXY"`` for the order of the rotation channels in many BVH files; an empty
+    order gives the identity. Raises ValueError if `order` has other letters, the shape is wrong or
+    a value is not finite.
 
     Examples
     --------
@@ -226,9 +226,9 @@ def to_euler(
     The rotations are unit quaternions, shape (n_frames, 4); the angles are in radians, shape
     (n_frames, len(order)). `order` has one to three different letters of X, Y and Z, as for
     `from_euler`. Of all angles that give a rotation, those nearest to the previous frame are
-    returned; in the first frame, those nearest to `near`, shape (3,), whose angles are in the order
-    of the axes. In gimbal lock the first angle keeps its value. With fewer than three axes the
-    remaining part of the rotation is dropped. Raises ValueError if an argument is invalid.
+    returned; in the first frame, those nearest to `near`, shape (3,), angles about the axes of
+    `order`. In gimbal lock the first angle keeps its value. If `order` has fewer than three axes,
+    the rotation about the others is dropped. Raises ValueError if an argument is invalid.
 
     Examples
     --------
@@ -239,7 +239,7 @@ def to_euler(
     """
     quats = as_quaternions("rotations", rotations, ("n_frames",))
     if not set(order) <= set(_AXES) or len(set(order)) != len(order):
-        raise ValueError(f"`order` must consist of different letters of X, Y and Z, got {order!r}")
+        raise ValueError(f"`order` must be different letters among X, Y and Z, got {order!r}")
     axes = [_AXES[letter] for letter in order]
     axes += [axis for axis in range(3) if axis not in axes]
     start = as_floats("near", near, (3,))

@@ -23,7 +23,7 @@ CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zr
 
 @dataclass(frozen=True, eq=False)
 class EndSite:
-    """The end of a bone at which there is no joint.
+    """The end of a bone without a joint there, such as a fingertip: an ``End Site`` of BVH.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class EndSite:
     offset : array_like, shape (3,)
         Position relative to the parent joint, in the unit of the file.
     before : int
-        Number of child joints of the parent that precede it in the file.
+        Number of child joints of the parent that precede the end site in the file.
     name : str
         The name after ``End Site``, if the file has one.
     """
@@ -65,11 +65,11 @@ class Skeleton:
     offsets : array_like, shape (n_joints, 3)
         Rest position of each joint relative to its parent, in the unit of the file.
     channels : sequence of sequence of str, optional
-        The channels of each joint in the order of the file, from ``Xposition`` to
-        ``Zrotation``. Default: positions, then Z, X and Y rotation at the root; Z, X and Y
-        rotation elsewhere.
+        The channels of each joint in the order of the file, with names such as ``Xposition`` and
+        ``Zrotation``. Default: positions, then Z, X and Y rotation for the root; Z, X and Y
+        rotation for the other joints.
     end_sites : sequence of EndSite, optional
-        Tips of bones.
+        Ends of bones without a joint.
 
     Raises
     ------
@@ -98,7 +98,7 @@ class Skeleton:
         invalid = np.flatnonzero(parents >= np.arange(n_joints))
         if len(invalid):
             raise ValueError(
-                f"the parent of joint {invalid[0]} ({names[invalid[0]]}) must precede it"
+                f"the parent of joint {invalid[0]} ({names[invalid[0]]}) must have a smaller index"
             )
         if parents[0] != -1 or (parents[1:] < 0).any():
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
@@ -114,12 +114,14 @@ class Skeleton:
             distinct = set(joint_channels)
             if not distinct <= set(CHANNELS) or len(distinct) != len(joint_channels):
                 raise ValueError(
-                    f"channels of {name} must be distinct names of {CHANNELS}, got {joint_channels}"
+                    f"the channels of {name} must be different names among {', '.join(CHANNELS)}, "
+                    f"got {joint_channels}"
                 )
         for site in self.end_sites:
             if not 0 <= site.parent < n_joints:
                 raise ValueError(
-                    f"end site parent must be a joint, 0 to {n_joints - 1}, got {site.parent}"
+                    f"the parent of an end site must be the index of a joint, 0 to {n_joints - 1}, "
+                    f"got {site.parent}"
                 )
         checked = {"names": names, "parents": parents, "offsets": offsets, "channels": channels}
         set_fields(self, checked | {"end_sites": tuple(self.end_sites)})
@@ -163,7 +165,7 @@ class Skeleton:
 
     @cached_property
     def channel_columns(self) -> tuple[range, ...]:
-        """Columns of each joint's channels in `Motion.channel_values`."""
+        """Range of the columns of each joint's channels in `Motion.channel_values`."""
         counts = [len(channels) for channels in self.channels]
         ends = np.cumsum(counts).tolist()
         return tuple(range(end - count, end) for end, count in zip(ends, counts, strict=True))
@@ -173,7 +175,7 @@ class Skeleton:
         return "".join(name[0] for name in self.channels[joint] if name.endswith("rotation"))
 
     def ancestors(self, joint: int) -> list[int]:
-        """Return the joints above a joint, nearest first."""
+        """Return the indices of the ancestors of a joint, from its parent to the root."""
         found = []
         parent = int(self.parents[joint])
         while parent >= 0:
@@ -182,7 +184,10 @@ class Skeleton:
         return found
 
     def common_ancestor(self, joints: Sequence[int]) -> int:
-        """Return the lowest common ancestor of `joints`, itself included; 0 if there are none."""
+        """Return the index of the lowest common ancestor of `joints`; 0 if there are no joints.
+
+        Each joint counts as an ancestor of itself.
+        """
         if not joints:
             return 0
         common = [joints[0], *self.ancestors(joints[0])]
@@ -203,7 +208,7 @@ class Skeleton:
         return found[0]
 
     def rest_positions(self) -> FloatArray:
-        """Return world positions with all rotations zero, shape (n_joints, 3)."""
+        """Return the world positions of the joints if no joint is rotated, shape (n_joints, 3)."""
         positions = self.offsets.copy()
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
@@ -211,7 +216,7 @@ class Skeleton:
         return positions
 
     def with_offsets(self, offsets: npt.ArrayLike) -> "Skeleton":
-        """Return the skeleton with other rest offsets, shape (n_joints, 3)."""
+        """Return the skeleton with the given rest offsets, shape (n_joints, 3)."""
         return replace(self, offsets=as_vectors("offsets", offsets))
 
     def check_same_hierarchy(self, other: "Skeleton", name: str = "the other skeleton") -> None:
@@ -241,5 +246,5 @@ class Skeleton:
         joint = int(np.flatnonzero(self.parents != other.parents)[0])
         above = [skeleton.names[skeleton.parents[joint]] for skeleton in (self, other)]
         raise SkeletonMismatchError(
-            f"{name} must have {self.names[joint]} below {above[0]}, got it below {above[1]}"
+            f"the parent of {self.names[joint]} in {name} must be {above[0]}, got {above[1]}"
         )

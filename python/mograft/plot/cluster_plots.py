@@ -30,7 +30,7 @@ def pca(
     Parameters
     ----------
     library : Library
-        The segments.
+        The library whose segments are drawn.
     group : str, optional
         The joint group. Default: the base group.
     components : tuple of int
@@ -41,7 +41,8 @@ def pca(
     Returns
     -------
     matplotlib Axes
-        With equal scales. Clusters of one segment are grey; the twelve largest are numbered.
+        The axes, with equal scales. Segments that are alone in their cluster are grey. The numbers
+        of the twelve largest clusters are shown.
 
     Raises
     ------
@@ -52,7 +53,9 @@ def pca(
     points = embedding.points
     for component in components:
         if not 1 <= component <= points.shape[1]:
-            raise ValueError(f"`components` must be 1 to {points.shape[1]}, got {component}")
+            raise ValueError(
+                f"`components` must be numbers from 1 to {points.shape[1]}, got {component}"
+            )
     axes = ensure_axes(ax, (6, 5))
     x, y = (points[:, component - 1] for component in components)
     sizes = np.bincount(labels)
@@ -76,12 +79,12 @@ def pca(
 
 
 def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" = None) -> "Axes":
-    """Draw the tree of complete linkage and the threshold of the clusters.
+    """Draw the complete-linkage tree of the segments and the cluster diameter threshold.
 
     Parameters
     ----------
     library : Library
-        The segments.
+        The library whose segments are drawn.
     group : str, optional
         The joint group. Default: the base group.
     ax : matplotlib Axes, optional
@@ -90,9 +93,9 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
     Returns
     -------
     matplotlib Axes
-        Segments on the horizontal axis, the diameter at which clusters merge on the vertical
-        axis, the threshold as a dashed line. Branches below it have the colours of their
-        clusters.
+        The axes. The segments are on the horizontal axis, and the diameter at which clusters merge
+        is on the vertical axis. The threshold is a dashed line. Branches below it have the colours
+        of their clusters.
 
     Raises
     ------
@@ -121,7 +124,7 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
 
 
 def _branches(tree: FloatArray, labels: IntArray, threshold: float) -> dict[str, list[FloatArray]]:
-    """Return the branches of a linkage tree as polylines of four points, by colour."""
+    """Return the branches of a linkage tree by colour; each is a polyline, shape (4, 2)."""
     n = len(labels)
     x = np.zeros(2 * n - 1)
     x[_leaf_order(tree, n)] = np.arange(n)
@@ -140,7 +143,7 @@ def _branches(tree: FloatArray, labels: IntArray, threshold: float) -> dict[str,
 
 
 def _leaf_order(tree: FloatArray, n: int) -> list[int]:
-    """Return the leaves from left to right, in an order without crossing branches."""
+    """Return the n leaves of a linkage tree from left to right, so that no branches cross."""
     order: list[int] = []
     stack = [2 * n - 2]
     while stack:
@@ -154,12 +157,12 @@ def _leaf_order(tree: FloatArray, n: int) -> list[int]:
 
 
 def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = None) -> "Axes":
-    """Draw the sizes of the clusters.
+    """Draw the sizes of the clusters as bars.
 
     Parameters
     ----------
     library : Library
-        The segments.
+        The library whose clusters are drawn.
     group : str, optional
         The joint group. Default: the base group.
     ax : matplotlib Axes, optional
@@ -168,8 +171,8 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
     Returns
     -------
     matplotlib Axes
-        Number of segments per cluster, in descending order. A segment alone in its cluster has
-        no other donor.
+        The axes. The height of a bar is the number of segments in a cluster; the largest cluster
+        is first. No other segment can replace a segment that is alone in its cluster.
 
     Raises
     ------
@@ -200,12 +203,15 @@ def _labels(library: Library, group: str | None) -> tuple[str, IntArray]:
 
 
 def _embedding(library: Library, group: str | None) -> tuple[str, Embedding, IntArray]:
-    """Return a group with its embedding, and the clusters of the points of the embedding."""
+    """Return the name of a group, its embedding, and the cluster of each point in the embedding.
+
+    The default group is the base group.
+    """
     name, labels = _labels(library, group)
     embedding = library.embedding[name]
     if embedding is None or len(embedding.points) < 2:
         raise ValueError(
-            f"group {name!r} has no embedding: this requires at least three segments that differ"
+            f"group {name!r} has no embedding, which requires at least three different segments"
         )
     # The segments of a base that was added for a graft have labels, but no points.
     return name, embedding, labels[: len(embedding.points)]

@@ -10,7 +10,7 @@ _GOLDEN_ANGLE_DEGREES = 137.508
 
 
 def ensure_axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
-    """Return the given axes, or the axes of a new figure of a size in inches."""
+    """Return `ax`, or if it is None the axes of a new figure with a given size in inches."""
     if ax is not None:
         return ax
     try:

@@ -27,7 +27,7 @@ def strip(
     groups: JointGroups | str | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Draw poses of a motion beside each other, at equal time intervals.
+    """Draw poses of a motion at equal time intervals, side by side.
 
     Parameters
     ----------
@@ -44,8 +44,9 @@ def strip(
     Returns
     -------
     matplotlib Axes
-        With one unit per body height, and the frame below each pose. The camera direction is
-        that of the first pose.
+        The axes, whose unit is the body height. The number of the frame is below each pose. All
+        poses are seen from the same direction, from the front of the first pose and 35 degrees
+        to its side.
 
     Raises
     ------
@@ -98,9 +99,9 @@ def strip(
 
 
 def _bones(motion: Motion) -> list[tuple[int, int]]:
-    """Return the nodes with their parents, without nodes above the locomotion root.
+    """Return the bones as pairs of a node and its parent, without bones above the locomotion root.
 
-    A joint above that root stays at the origin of the world, however far away the body is.
+    Joints above this root stay at the origin of the world, however far away the body is.
     """
     parents = node_parents(motion)
     above, joint = set(), motion.locomotion_root()
@@ -111,9 +112,9 @@ def _bones(motion: Motion) -> list[tuple[int, int]]:
 
 
 def _project(motion: Motion, frames: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return horizontal and vertical node coordinates per frame, in body heights.
+    """Return horizontal and vertical picture coordinates of all nodes, in body heights.
 
-    The camera is 35 degrees beside the direction in which the first pose faces.
+    Both have shape (n_poses, n_nodes). `strip` describes the direction of the view.
     """
     skeleton = motion.skeleton
     nodes = node_positions(motion[int(frames[0]) : int(frames[-1]) + 1])[frames - frames[0]]

@@ -33,8 +33,9 @@ def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = 
     Returns
     -------
     matplotlib Axes
-        Time in seconds; the energy before (grey) and after smoothing; a point at each segment
-        boundary; every second segment shaded.
+        The axes, with time in seconds on the horizontal axis. The energy before smoothing is grey,
+        after smoothing coloured. A point marks each segment boundary, and every second segment is
+        shaded.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def timeline(
     Parameters
     ----------
     *items : Motion, Graft, Library or Scene
-        What to draw; each graft after its base.
+        What to draw. The base of a graft is drawn above the graft.
     frames : tuple of int, optional
         First and last frame. Default: all.
     ax : matplotlib Axes, optional
@@ -82,20 +83,20 @@ def timeline(
     Returns
     -------
     matplotlib Axes
-        One row of bars per motion and joint group. Exchanged segments are hatched. Segments
-        show their cluster number if there is room for it.
+        The axes, with one row of bars per motion and joint group. Exchanged segments are hatched.
+        Bars that are long enough show the number of their cluster.
 
     Raises
     ------
     TypeError, ValueError
-        As for `mograft.view`, and if `frames` is empty.
+        As for `mograft.view`, and if the first of `frames` is not before the last.
     """
     figures = Scene.of(items).figures
     lines = [(figure, row) for figure in figures for row in figure.rows]
     longest = max(figure.motion.n_frames for figure in figures) - 1
     first, last = (0, longest) if frames is None else frames
     if not first < last:
-        raise ValueError(f"`frames` must be ascending, got {frames}")
+        raise ValueError(f"`frames` must be two ascending numbers, got {frames}")
     axes = ensure_axes(ax, (10, 0.5 + 0.32 * max(len(lines), 1)))
     canvas = axes.get_figure(root=True)
     if canvas is None:

@@ -23,10 +23,10 @@ _CURVE_SMOOTHING_SECONDS = 0.07
 
 
 def encode_scene(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> dict[str, Any]:
-    """Return a scene as the page's script reads it: values that JSON can represent.
+    """Return a scene as a dict for JSON, which the script of the page reads.
 
-    Positions have y up. If there are more than `max_positions` node positions, only every n-th
-    frame is stored.
+    The y axis of positions points up. If all frames together have more than `max_positions` node
+    positions, only every n-th frame is stored, with the smallest n that suffices.
     """
     skeletons = [DrawnSkeleton.of(figure.motion) for figure in scene.figures]
     total = sum(each.positions.shape[0] * each.positions.shape[1] for each in skeletons)
@@ -54,7 +54,10 @@ def encode_scene(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> dict[
 def _encode_figure(
     figure: Figure, skeleton: DrawnSkeleton, step: int, donors: dict[str, int]
 ) -> dict[str, Any]:
-    """Return a figure with every `step`-th frame; `donors` collects the names of donor clips."""
+    """Return a figure as a dict for JSON, with every `step`-th frame.
+
+    The names of its donor clips that `donors` lacks are added there, with consecutive numbers.
+    """
     stored = skeleton.positions[::step]
     unit, path, pose = quantize(stored, skeleton.root, skeleton.height)
     return {
@@ -78,13 +81,14 @@ def _encode_figure(
 
 
 def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, FloatArray, bytes]:
-    """Return the quantization step, the root path (n_frames, 3) in float32, and the other nodes.
+    """Encode world positions, shape (n_frames, n_nodes, 3), in few bytes.
 
-    World positions (n_frames, n_nodes, 3) relative to node `root` become 16-bit multiples of the
-    step, which is at least a ten-thousandth of the body height; the error is at most half a step.
-    The bytes are the second differences in time of these multiples, track by track, as unsigned
-    integers, even for positive and odd for negative ones; all low bytes precede all high bytes, as
-    zlib compresses this order best.
+    Return the quantization step, the path of the node `root`, shape (n_frames, 3), rounded to
+    float32, and the encoded positions of all nodes relative to this path. These are rounded to
+    16-bit multiples of the step, which is at least a ten-thousandth of the body height `height`.
+    Each coordinate of each node is replaced by its second differences in time. These become
+    unsigned integers: d ≥ 0 becomes 2d, d < 0 becomes -2d - 1. All low bytes precede all high
+    bytes, because zlib compresses this order best.
     """
     path = positions[:, root].astype(np.float32).astype(np.float64)
     relative = positions - path[:, None]
@@ -129,7 +133,7 @@ def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
 
 
 def _energy_curve(motion: Motion) -> list[int]:
-    """Return the smoothed kinetic energy, 0 to 255, at equally spaced frames."""
+    """Return the smoothed kinetic energy at equally spaced frames, scaled to 0 to 255."""
     if motion.n_frames < 2:
         return []
     energy = gaussian_filter(kinetic_energy(motion), _CURVE_SMOOTHING_SECONDS * motion.rate)

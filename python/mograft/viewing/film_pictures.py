@@ -51,10 +51,11 @@ def draw_pictures(
     *,
     dark: bool,
 ) -> "Iterator[Image]":
-    """Draw motions side by side, one picture per frame; shorter ones keep their last frame.
+    """Yield one picture per frame, which shows all motions side by side.
 
-    All motions have `rate` frames per second. `size` is width and height in pixels, `groups` set
-    the colours of the bones; `dark` selects light colours on a dark background.
+    A motion that has ended keeps its last frame. All motions have `rate` frames per second. `size`
+    is width and height in pixels. `groups` set the colours of the bones. `dark` selects light
+    colours on a dark background.
     """
     from PIL import Image, ImageDraw, ImageFont
 
@@ -80,7 +81,7 @@ def draw_pictures(
 
 
 class _Panel:
-    """One figure, seen by a camera that follows it."""
+    """The area of each picture that shows one motion, seen by a camera that follows the figure."""
 
     def __init__(
         self,
@@ -108,7 +109,7 @@ class _Panel:
         self.zoom = min(size[1] * 0.7, size[0] * 0.85)
 
     def draw(self, frame: int, font: "FreeTypeFont | ImageFont") -> "Image":
-        """Return the picture of a frame, or of the last frame if the motion has ended."""
+        """Return the picture of a frame; after the end of the motion, that of the last frame."""
         from PIL import Image, ImageDraw
 
         frame = min(frame, len(self.positions) - 1)
@@ -141,7 +142,7 @@ class _Panel:
             pencil.ellipse([x - radius, y - radius, x + radius, y + radius], fill=colour)
 
     def _draw_floor(self, pencil: "ImageDraw", focus: FloatArray) -> None:
-        """Draw a grid at fixed world positions around the figure."""
+        """Draw the part of a grid on the floor that is near the point `focus`, given as (x, z)."""
         spacing, extent = _FLOOR_SPACING, _FLOOR_EXTENT
         for axis in (0, 1):
             middle = np.round(focus[axis] / spacing) * spacing
@@ -153,7 +154,11 @@ class _Panel:
                 pencil.line([tuple(p) for p in line.tolist()], self.colours["line"], _SUPERSAMPLING)
 
     def _project(self, positions: FloatArray, focus: FloatArray) -> FloatArray:
-        """Return picture coordinates, and the distance from the camera in body heights."""
+        """Return the perspective projections of n positions, shape (n, 3).
+
+        The columns hold x and y in pixels and the distance from the camera in body heights. The
+        camera is directed at the point `focus` of the floor, given as (x, z).
+        """
         cos, sin = np.cos(self.yaw), np.sin(self.yaw)
         x, z = (positions[:, axis] - at for axis, at in zip((0, 2), focus, strict=True))
         across, deep = cos * x - sin * z, sin * x + cos * z
@@ -168,7 +173,10 @@ class _Panel:
 
 
 def _camera_yaw(motion: Motion, positions: FloatArray) -> float:
-    """Return the yaw of a camera that sees the figure from 30 degrees beside its front."""
+    """Return the yaw in radians of a camera that is 30 degrees to the side of the figure's front.
+
+    `positions` are those of the nodes in the first frame, shape (n_nodes, 3).
+    """
     thighs = [anatomy(motion.skeleton).joints("thigh", side=side) for side in ("left", "right")]
     if not all(thighs):
         return 0.0

@@ -35,7 +35,10 @@ _DETAIL_WIDTH = 0.4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrawnSkeleton:
-    """Nodes of a motion, which are its joints followed by its end sites."""
+    """The nodes and bones of a motion as pages and films show them.
+
+    The nodes are the joints, then the end sites, then for some skeletons the top of the head.
+    """
 
     positions: FloatArray  # World, (n_frames, n_nodes, 3), in the unit of the motion, y up.
     parents: list[int]  # The node at which the bone of each node begins; -1 without a bone.
@@ -74,7 +77,7 @@ class DrawnSkeleton:
 
 
 def node_parents(motion: Motion) -> list[int]:
-    """Return the parent of each joint and end site; -1 for the root."""
+    """Return the index of the parent of each joint, then of each end site; -1 for the root."""
     skeleton = motion.skeleton
     return [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
 
@@ -111,7 +114,7 @@ def _limb_tips(known: Anatomy, parents: list[int]) -> list[int]:
 
 
 def _rotate_to_y_up(positions: FloatArray, motion: Motion) -> FloatArray:
-    """Return positions with y up, rotated and not mirrored."""
+    """Return positions rotated so that the y axis points up; they are not mirrored."""
     axis = up_axis(motion)
     mass = mass_model(motion.skeleton)
     ankles = [foot.ankle for foot in mass.feet]

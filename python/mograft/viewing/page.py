@@ -38,7 +38,7 @@ class Page:
     title : str
         The title as plain text.
     html : str
-        The page.
+        The HTML of the page.
     """
 
     title: str
@@ -72,7 +72,7 @@ class Page:
         """
         target = Path(path)
         if target.exists() and not force:
-            raise FileExistsError(f"{target} exists; force=True overwrites")
+            raise FileExistsError(f"{target} exists; force=True overwrites it")
         write_text(target, self.html)
         return target
 
@@ -98,15 +98,15 @@ def view(
     Parameters
     ----------
     *items : Motion, Graft, Library, Scene, or path of a BVH file
-        What to show. A graft appears after its base, each motion once.
+        What to show. A graft is shown after its base. A motion that occurs twice is shown once.
     groups : JointGroups or str, optional
         The joint groups that set the colours of motions, or the name of a preset. Default:
         those of the grafts and libraries with the same skeleton, else trunk, arms and legs.
     title : str, optional
         Title of the page. Default: the names of the first three figures.
     show : bool, optional
-        Whether to open the browser. Default: if Python runs in a terminal. A notebook shows the
-        page inline if it is the value of a cell.
+        Whether to open the browser. Default: True if Python runs in a terminal. A notebook shows
+        the page inline if the page is the value of a cell.
 
     Returns
     -------
@@ -140,29 +140,33 @@ def view(
 
 
 def viewer_page(scene: Scene, title: str, max_positions: int = MAX_NODE_POSITIONS) -> Page:
-    """Return a page that consists of the viewer; `max_positions` is that of `encode_scene`."""
+    """Return a page that contains only the viewer; see `encode_scene` for `max_positions`."""
     return assemble_page(title, viewer_html(scene, max_positions), "alone")
 
 
 def notebook_view(item: Motion | Graft) -> str:
-    """Return the HTML of a notebook cell, at most about two megabytes: long motions lose frames."""
+    """Return the HTML that shows a motion or graft in a notebook cell.
+
+    It has at most about two megabytes, because only every n-th frame of long motions is stored.
+    """
     scene = Scene.of([item])
     name = scene.figures[0].name
     return iframe_html(viewer_page(scene, name, _MAX_NOTEBOOK_POSITIONS).html, name)
 
 
 def viewer_html(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> str:
-    """Return the viewer of a scene as HTML; a page can contain one viewer."""
+    """Return the HTML of the viewer with a scene; a page can contain only one viewer."""
     return f"{asset('viewer.html')}\n{embed_json(encode_scene(scene, max_positions))}"
 
 
 def assemble_page(
     title: str, body: str, kind: str, style: str = "", script: str | None = None
 ) -> Page:
-    """Return a page whose content security policy allows one script and one style sheet.
+    """Return a page whose content security policy allows only its script and its style sheet.
 
-    `title` is plain text, `body` HTML, `kind` ``"report"``, or ``"alone"`` if the viewer fills
-    the page. `style` is added to the style sheet of the viewer; `script` replaces its script.
+    `title` is plain text, `body` is HTML. `kind` is ``"report"``, or ``"alone"`` if the viewer
+    fills the page. `style` is appended to the style sheet of the viewer. `script` replaces the
+    script of the viewer.
     """
     # A name in a file may contain a lone surrogate, which UTF-8 cannot encode.
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
@@ -187,9 +191,9 @@ def assemble_page(
 
 
 def iframe_html(page: str, title: str, height: int = 620) -> str:
-    """Return a page as an ``iframe``, whose sandbox isolates it from the notebook.
+    """Return the HTML of an ``iframe`` that contains a page, isolated from the notebook around it.
 
-    `title` is the description for screen readers, `height` is in pixels.
+    `page` is HTML. `title` is the description for screen readers, `height` is in pixels.
     """
     return (
         f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(page)}" '
@@ -199,7 +203,7 @@ def iframe_html(page: str, title: str, height: int = 620) -> str:
 
 
 def temporary_path() -> Path:
-    """Return the path of a page in a new temporary folder."""
+    """Create a temporary folder, and return a path for a page in it."""
     return Path(tempfile.mkdtemp(prefix="mograft-")) / "view.html"
 
 
@@ -209,7 +213,10 @@ def open_file(path: Path) -> bool:
 
 
 def embed_json(values: dict[str, Any]) -> str:
-    """Return values as a JSON script element; no text in them can close the element."""
+    """Return an HTML script element with values as JSON.
+
+    The characters <, > and & are escaped, so that no string among the values closes the element.
+    """
     text = json.dumps(values, separators=(",", ":"), ensure_ascii=True)
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
@@ -222,5 +229,5 @@ def _digest(text: str) -> str:
 
 @cache
 def asset(name: str) -> str:
-    """Return the text of a file of this package without surrounding white space."""
+    """Return the text of a file in `mograft.viewing`, without white space at its ends."""
     return files("mograft.viewing").joinpath(name).read_text(encoding="utf-8").strip()

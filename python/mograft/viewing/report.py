@@ -32,19 +32,20 @@ def report_page(
     *,
     columns: Sequence[Mapping[str, str]] = (),
 ) -> Page:
-    """Return a page that describes grafts, with the viewer in it.
+    """Return a report page about grafts, with tables, charts and the viewer.
 
     Parameters
     ----------
     grafts : sequence of Graft
         Grafts of one base and one library.
     files : sequence of Path or None, optional
-        The file of each graft, to which the page links, relative to the page.
+        The file of each graft, to which the page links; None for no link. Relative paths are
+        relative to the page.
     title : str, optional
         Title of the page. Default: the name of the base and the number of motions.
     columns : sequence of mapping of str to str, optional
-        For each graft, further columns of the table of motions, such as
-        ``evaluation.world_measures(graft).columns()``.
+        For each graft, the contents of additional columns of the table of motions by title, such
+        as ``evaluation.world_measures(graft).columns()``.
 
     Returns
     -------
@@ -67,9 +68,13 @@ def report_page(
     if not grafts:
         raise ValueError("`grafts` must contain at least one graft, got none")
     if files and len(files) != len(grafts):
-        raise ValueError(f"`files` must be given for {len(grafts)} grafts, got {len(files)}")
+        raise ValueError(
+            f"`files` must have {len(grafts)} entries, one per graft, got {len(files)}"
+        )
     if columns and len(columns) != len(grafts):
-        raise ValueError(f"`columns` must be given for {len(grafts)} grafts, got {len(columns)}")
+        raise ValueError(
+            f"`columns` must have {len(grafts)} entries, one per graft, got {len(columns)}"
+        )
     first = grafts[0]
     library = first.library
     count = "1 new motion" if len(grafts) == 1 else f"{len(grafts)} new motions"
@@ -183,7 +188,10 @@ def _motion_table(
 
 
 def _balance_shift(graft: Graft) -> FloatArray:
-    """Return the horizontal distance of the centre of mass from that of the base, in heights."""
+    """Return the horizontal distance between the centres of mass of a graft and of its base.
+
+    It is in body heights, one value per frame.
+    """
     offset = center_of_mass(graft.motion) - center_of_mass(graft.base)
     offset[:, graft.library.up] = 0.0
     shift: FloatArray = np.linalg.norm(offset, axis=1) / mass_model(graft.base.skeleton).height
@@ -212,7 +220,7 @@ def _charts(grafts: Sequence[Graft]) -> str:
 
 
 def _bars(counts: IntArray, names: Sequence[str], caption: str, is_marked: BoolArray) -> str:
-    """Return a bar chart as SVG; marked bars have another colour."""
+    """Return a bar chart of `counts` as SVG; bars with true `is_marked` have another colour."""
     width, height, left, bottom = 420, 150, 34, 18
     step = (width - left - 14) / len(counts)
     line = height - bottom
@@ -241,7 +249,10 @@ def _bars(counts: IntArray, names: Sequence[str], caption: str, is_marked: BoolA
 
 
 def _donor_table(graft: Graft) -> str:
-    """Return a table of the donors that remain after each condition."""
+    """Return an HTML table of the mean number of donors per segment that satisfy each condition.
+
+    A donor counts for a condition if it also satisfies the conditions in the columns before.
+    """
     library = graft.library
     segments = library.segments
     labels = library.labels[library.groups.base]
@@ -312,7 +323,10 @@ def format_number(value: int) -> str:
 
 
 def _link(name: str, path: Path | None) -> str:
-    """Return a name, as a link if there is a file; ``./`` prevents a name like a URL scheme."""
+    """Return HTML for the name of a motion: a link to its file, or the name if `path` is None.
+
+    Relative links begin with ``./``, as browsers read the start of ``a:b.bvh`` as a URL scheme.
+    """
     if path is None:
         return html.escape(name)
     target = path.as_uri() if path.is_absolute() else "./" + quote(os.fsencode(path.as_posix()))
@@ -320,7 +334,7 @@ def _link(name: str, path: Path | None) -> str:
 
 
 def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table; `rows` contain HTML, `head` contains plain text."""
+    """Return an HTML table; the cells of `head` are plain text, those of `rows` are HTML."""
     top = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in head)
     body_rows = "".join(
         "<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows

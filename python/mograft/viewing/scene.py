@@ -19,7 +19,7 @@ _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TimelineRow:
-    """One row of the timeline: the segments of a clip for one joint group."""
+    """One row of the timeline: the segments of one joint group of a motion."""
 
     group: str
     start: IntArray  # First and last frame of each segment, both inclusive.
@@ -64,10 +64,10 @@ class Figure:
     rows: tuple[TimelineRow, ...]  # The rows of the figure in the timeline.
 
     def group_of_nodes(self, parents: Sequence[int]) -> list[int]:
-        """Return the index of each node's group.
+        """Return the index of the joint group of each node.
 
-        `parents` are those of the joints and, after them, of the end sites, which belong to the
-        group of their parent.
+        `parents` holds the parent of each node: of the joints, then of the end sites. An end site
+        belongs to the group of its parent.
         """
         groups = np.zeros(len(parents), np.int64)
         for index, joints in enumerate(self.members.values()):
@@ -80,7 +80,7 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Figures that are shown together; the page counts the frames of the first one."""
+    """Figures that are shown together; frame numbers on the page are those of the first figure."""
 
     figures: tuple[Figure, ...]
 
@@ -90,12 +90,13 @@ class Scene:
         items: "Iterable[Motion | Graft | Library | Scene]",
         groups: JointGroups | str | None = None,
     ) -> "Scene":
-        """Return a scene of motions, of grafts after their bases, and of clips of libraries.
+        """Return a scene of motions, of grafts with their bases, and of all clips of libraries.
 
-        It contains each motion once. `groups`, or the preset of that name, set the colours of
-        motions; by default those of the grafts and libraries with the same skeleton, else trunk,
-        arms and legs. Raise a TypeError if an item has another type, and a ValueError if there is
-        no item or the groups do not fit a skeleton.
+        The base of a graft precedes the graft. The scene contains each motion once. `groups`, joint
+        groups or the name of a preset, set the colours of motions. By default, these are the groups
+        of a graft or library among the items that has the same skeleton, otherwise trunk, arms and
+        legs. Raise a TypeError if an item has another type, and a ValueError if there is no item or
+        the groups do not fit a skeleton.
         """
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
@@ -122,7 +123,7 @@ class Scene:
 
     @classmethod
     def of_clips(cls, library: Library, clips: Iterable[int]) -> "Scene":
-        """Return a scene of clips of a library, given by their indices."""
+        """Return a scene of the clips of a library that have the given indices."""
         return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
 
     @property
@@ -132,7 +133,7 @@ class Scene:
 
 
 def _add(figures: list[Figure], new: Figure) -> None:
-    """Add a figure; if its motion is among them already, keep the one with more rows."""
+    """Append a figure; if the list contains its motion, keep the figure with more timeline rows."""
     for index, old in enumerate(figures):
         if _is_same(old.motion, new.motion):
             if len(new.rows) > len(old.rows):

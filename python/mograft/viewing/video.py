@@ -35,7 +35,7 @@ def write_video(
     dark: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> float:
-    """Write motions as a film, side by side, in real time; needs the extra ``video``.
+    """Write a film that shows motions side by side in real time; needs the extra ``video``.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ def write_video(
     path : str or path
         The file to write: ``.mp4`` (H.264) or ``.gif``, which repeats endlessly.
     rate : float, optional
-        Pictures per second, at most 240, for a GIF 50. Default: the rate of the first motion
-        divided by the smallest integer that gives at most 60, for a GIF 20.
+        Pictures per second, at most 240 for MP4 and 50 for GIF. Default: the rate of the first
+        motion, divided by the smallest integer that gives at most 60 for MP4 or 20 for GIF.
     size : tuple of int
         Width and height in pixels, even numbers from 64 to 4096.
     groups : JointGroups or str, optional
@@ -72,9 +72,9 @@ def write_video(
 
     Notes
     -----
-    A camera follows each figure, 30 degrees beside the direction of its front. GIF stores durations
-    in hundredths of a second: durations of pictures differ by one of these units, so that the
-    total duration is correct.
+    A camera follows each figure and sees it from 30 degrees beside its front. GIF stores the
+    duration of each picture in hundredths of a second. Durations differ by at most one hundredth,
+    so that the total duration is correct.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def _write_gif(pictures: "Iterator[Image]", path: Path, rate: float, count: int)
 def _write_mp4(
     pictures: "Iterator[Image]", path: Path, rate: float, size: tuple[int, int], program: str
 ) -> None:
-    """Send pictures to ffmpeg; raise an OSError with its message if it fails.
+    """Send pictures to ffmpeg; raise an OSError with the last line of its messages if it fails.
 
     `imageio_ffmpeg.write_frames` ignores ffmpeg's exit code: on a full disk it returns without
     an error and leaves a truncated film.
