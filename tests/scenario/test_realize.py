@@ -137,7 +137,7 @@ def test_graft_invalid_scenario_raises_value_error(library):
     for scenario in ([0, n], Scenario([n])):
         with pytest.raises(ValueError, match=f"`scenario` must .* 0 to {n - 1}, got {n}"):
             graft(library, scenario=scenario)
-    with pytest.raises(ValueError, match="`scenario` must hold at least one segment, got none"):
+    with pytest.raises(ValueError, match="`scenario` must contain at least one segment, got none"):
         graft(library, scenario=[])
-    with pytest.raises(ValueError, match="`base` must not be given with a scenario"):
+    with pytest.raises(ValueError, match="`base` must not be given together with `scenario`"):
         graft(library, library.clips[0], scenario=[0, 1])

@@ -275,7 +275,7 @@ def test_written_graft_read_by_pybvh_has_the_same_positions(library, motion, tmp
     ("call", "message"),
     [
         (lambda lib: graft(lib, swap=["lower"]), "`swap` must name groups other than the base"),
-        (lambda lib: graft(lib, swap=[]), "`swap` must name at least one group"),
+        (lambda lib: graft(lib, swap=[]), "`swap` must name at least one of"),
         (lambda lib: graft(lib, seed=-1), "`seed` must be a whole number from 0, got -1"),
         (
             lambda lib: list(graft_many(lib, count=0)),

@@ -415,7 +415,11 @@ def test_stream_long_base_holds_limited_frames(library):
     [
         ({"horizon": 0}, ValueError, "`horizon` must be a whole number from 1, got 0"),
         ({"seed": -1}, ValueError, "`seed` must be a whole number from 0, got -1"),
-        ({"swap": ["lower"]}, ValueError, "`swap` must name groups other than the base 'lower'"),
+        (
+            {"swap": ["lower"]},
+            ValueError,
+            "`swap` must name groups other than the base group 'lower'",
+        ),
         ({"constraints": ["none"]}, TypeError, "`constraints` must be mograft constraints, got 'n"),
         ({"constraints": [mg.NotFrom("waltz")]}, ValueError, "must match at least one of clip0, "),
         ({"constraints": [mg.Ban(3)]}, ValueError, "of a stream must not contain Ban"),
@@ -464,7 +468,7 @@ def test_stream_group_with_legs_or_root_raises_value_error(library):
     }
     upper_base = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
     with pytest.raises(
-        ValueError, match=r"must not name a group that holds the root or a leg.*got 'lower'"
+        ValueError, match=r"must not name a group with the root or a leg.*got 'lower'"
     ):
         mg.Stream(upper_base)
 

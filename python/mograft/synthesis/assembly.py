@@ -18,10 +18,9 @@ from mograft.synthesis.search_problem import SearchProblem
 def transplant_group(
     problem: SearchProblem, group: str, base: Motion, base_segments: Segments, donors: IntArray
 ) -> Part:
-    """Return a group's part made of donors, with treated seams.
+    """Return the motion of a group in which donors replace the segments of a base motion.
 
-    The part is fitted to `base`, whose segments are `base_segments`; `donors` has one donor for
-    each.
+    `base_segments` are the segments of `base`; `donors` has one donor for each. Seams are treated.
     """
     library = problem.library
     return transplant(
@@ -36,7 +35,7 @@ def transplant_group(
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """The range of positions from `first` to before `stop` of donor sequences."""
+    """The positions `first` to `stop` - 1 of donor sequences."""
 
     donors: DonorSequences
     first: int
@@ -45,7 +44,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """The motion of donor sequences and its parts, before feet are planted."""
+    """The motion that results from donor sequences, before feet are planted."""
 
     problem: SearchProblem
     donors: DonorSequences
@@ -60,7 +59,7 @@ class Assembly:
         name: str,
         parts: Mapping[str, Part] | None = None,
     ) -> "Assembly":
-        """Assemble donor sequences; groups in `parts` keep these parts."""
+        """Build the motion of donor sequences; groups in `parts` get the motion given there."""
         base, segments = problem.base, problem.base_segments
         kept = parts or {}
         made = {
@@ -78,12 +77,12 @@ class Assembly:
 
 
 def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
-    """Return the motion of donor sequences; joints of groups without one are as in the base."""
+    """Return the motion of donor sequences; groups without one keep the motion of the base."""
     return assemble_pieces(problem, [Piece(donors, 0, len(problem.base_segments))])
 
 
 def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
-    """Return by how much each pose exceeds the tolerances of hard constraints, shape (n,).
+    """Return by how many tolerances each pose violates hard constraints, shape (n,).
 
     It is the sum over the grafted groups of max(0, greatest violation amount - 1).
     """
@@ -94,9 +93,10 @@ def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
 
 
 def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:
-    """Return by how much the assembled motion exceeds the tolerances of hard constraints.
+    """Return by how many tolerances the motion of donor sequences violates hard constraints.
 
-    It is max(0, greatest violation amount - 1) for each group and each frame of the base motion.
+    The result has an array of shape (n_frames,) for each group: max(0, greatest violation amount
+    - 1) in each frame.
     """
     excesses = donor_excesses(problem, [donors], 0, len(problem.base_segments))
     return {group: own[0] for group, own in excesses.items()}
@@ -105,11 +105,10 @@ def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, Fl
 def donor_excesses(
     problem: SearchProblem, alternatives: Sequence[DonorSequences], first: int, stop: int
 ) -> dict[str, FloatArray]:
-    """Return what `donor_excess` returns, for several alternatives and a range of positions.
+    """Evaluate `donor_excess` for several alternatives, in the positions `first` to `stop` - 1.
 
-    `first` and `stop` are the half-open range. For every group the array has shape (n_alternatives,
-    n_frames); the frames are those from the first frame of position `first` to the last frame of
-    position `stop - 1`.
+    For every group the result has an array of shape (n_alternatives, n_frames). The frames are
+    those from the first frame of position `first` to the last frame of position `stop` - 1.
     """
     if problem.root_group is not None and len(alternatives) > 1:
         each = [donor_excesses(problem, [donors], first, stop) for donors in alternatives]
@@ -138,7 +137,7 @@ def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> Fl
 
 
 def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
-    """Return pieces of assembled motions, one after the other."""
+    """Assemble pieces of donor sequences, and return their motions one after the other."""
     segments, base = problem.base_segments, problem.base
     frames, starts, stops, n_frames = [], [], [], 0
     for piece in pieces:
@@ -166,9 +165,10 @@ def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
 
 
 def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int]:
-    """Return a range of positions widened by all positions whose seams change its frames.
+    """Widen a range of positions by all positions whose donors affect its frames at seams.
 
-    It is the whole motion if a group holds the root, whose transform accumulates from the start.
+    The result is the whole motion if a grafted group contains the root: the root transform depends
+    on all earlier donors.
     """
     segments = problem.base_segments
     if problem.root_group is not None:

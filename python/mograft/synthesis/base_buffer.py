@@ -15,7 +15,7 @@ BOUNDARY_MARGIN = 2  # frames kept on both sides of a segment; the velocities at
 class BaseBuffer:
     """The latest frames of a base motion that grows at its end.
 
-    Frame numbers count from the first pushed frame, whether or not it is still held.
+    Frames are numbered from the first pushed frame, even after it has been dropped.
     """
 
     def __init__(self, frames: Motion) -> None:
@@ -26,7 +26,7 @@ class BaseBuffer:
         self._n_energies = 0
 
     def __len__(self) -> int:
-        """Return the number of frames that are held."""
+        """Return the number of frames in the buffer."""
         return len(self._tracks["rotations"])
 
     @property
@@ -60,19 +60,18 @@ class BaseBuffer:
         )
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
-        """Return a segment's frames, `start` to `stop`, with `BOUNDARY_MARGIN` more on both sides.
+        """Return the frames `start` to `stop`, with `BOUNDARY_MARGIN` more frames on both sides.
 
-        There are fewer at the ends of the buffer. The second result is the index of frame
+        At the ends of the buffer there are fewer frames. The second result is the index of frame
         `start` in the first result.
         """
         first = max(start - BOUNDARY_MARGIN, self._n_discarded)
         return self.motion(first, min(stop + BOUNDARY_MARGIN + 1, self.n_frames)), start - first
 
     def next_energies(self, config: Config) -> FloatArray:
-        """Return the kinetic energies of the frames whose energies are not final yet.
+        """Return the kinetic energies of all frames from the last frame of the previous call on.
 
-        The energy of the last frame is final only if no frame follows; the next call returns it
-        again.
+        The energy of that frame is returned again, because it depends on the frame that follows.
         """
         first = max(self._n_energies - 1, 0)
         window = self.motion(first, self.n_frames)

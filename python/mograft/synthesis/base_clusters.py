@@ -13,7 +13,10 @@ from mograft.search.neighbourhoods import NEIGHBOURHOODS, ClusterMembers
 
 
 class BaseClusters:
-    """The clusters of a library's base parts, for a base motion of a given stature."""
+    """The clusters of a library's base group, to find the neighbourhoods of other base segments.
+
+    `height` is the skeleton height of the base motion, in the file's unit.
+    """
 
     def __init__(self, library: Library, height: float) -> None:
         base = library.groups.base
@@ -26,10 +29,11 @@ class BaseClusters:
     def find_members(self, motion: Motion, segment: Segments) -> tuple[IntArray, FloatArray]:
         """Find the library's segments in the neighbourhood of a segment of another motion.
 
-        `segment` is one segment in frames of `motion`, which may be an excerpt with the frames
-        beside the segment. The first result holds the neighbours, ascending: the members of the
-        cluster that the segment joins, as in `Library.extended`, or of the ball around it. The
-        second holds their distances from the segment, divided by the cluster diameter threshold.
+        `segment` is one segment in frames of `motion`, which may be just the segment and a few
+        frames on both sides. The first result has the neighbours, ascending. By
+        `Config.neighbourhood` they are the members of the cluster that the segment would join in
+        `Library.extended`, or the segments in a ball around it. The second result has their
+        distances from the segment, divided by the cluster diameter threshold.
         """
         library, embedding, sigma = self._library, self._embedding, self._sigma
         if embedding is None:

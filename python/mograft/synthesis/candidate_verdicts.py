@@ -20,10 +20,11 @@ from mograft.synthesis.search_problem import SearchProblem
 def judge_candidates(
     library: Library, segment: int, group: str, constraints: Sequence[Constraint]
 ) -> ConstraintVerdicts:
-    """Return constraint costs and violated hard constraints for the members of a neighbourhood.
+    """Evaluate constraints for every member of the neighbourhood of a base segment.
 
-    The base motion is the clip of the base segment `segment`. The members of its neighbourhood are
-    ascending. A group that holds the root starts each member at the root transform of the base.
+    The result has constraint costs and violated hard constraints, members ascending. The base
+    motion is the clip of `segment`. If the group contains the root, every member is moved to the
+    root transform with which the base segment starts.
     """
     clip = int(library.segments.clip[segment])
     scenario = library.segments.of_clip(clip)

@@ -35,19 +35,20 @@ _LEAST = 1e-6  # smallest reference: rad/frame², rad/frame³, heights/frame³
 
 @dataclass(frozen=True, eq=False)
 class DefectMeasure:
-    """Measures the motion of a grafted group against those of the base and of the donors.
+    """Compares acceleration and jerk of a grafted group with those of the base and the donors.
 
-    An amount is the ratio of a measure to that of the recordings, divided by its limit; an amount
-    above 1 is a defect. Derivatives are differences across frames, per frame.
+    An amount is a measure of the new motion, divided by that of the recordings and by the limit of
+    their ratio. An amount above 1 is a defect. Derivatives are differences between frames.
     """
 
     problem: SearchProblem
     group: str
 
     def amounts(self, motion: Motion, pieces: Sequence[Piece]) -> list[FloatArray]:
-        """Return the amounts at each position of assembled pieces, shape (n_positions, 3) each.
+        """Return the amounts at each position of each piece, shape (n_positions, 3).
 
-        `motion` is as of `assemble_pieces`. A seam belongs to the positions on both sides.
+        `motion` is the result of `assemble_pieces`; the columns are `MEASURES`. The amounts at a
+        seam count for the positions on both sides.
         """
         segments = self.problem.base_segments
         begins = [int(segments.start[own.first]) for own in pieces]
@@ -66,7 +67,10 @@ class DefectMeasure:
     def _seam_amounts(
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
     ) -> list[FloatArray]:
-        """Return acceleration and jerk near the seams of each position, shape (2, n_positions)."""
+        """Return the amounts of acceleration and jerk near seams, shape (2, n_positions) per piece.
+
+        `shifts` are added to frames of the base to get frames of `motion`, one for each piece.
+        """
         cut, peaks = self.problem.base_segments, _derivatives(motion.rotations[:, self._joints])
         amounts = []
         for piece, shift in zip(pieces, shifts, strict=True):
@@ -87,7 +91,7 @@ class DefectMeasure:
         return amounts
 
     def _seams(self, piece: Piece) -> IntArray:
-        """Return the positions of a piece at whose end a substitution begins or ends."""
+        """Return the positions that end next to a donor that is not the base segment itself."""
         is_changed = self._is_changed(piece)
         return piece.first + np.flatnonzero(is_changed[:-1] | is_changed[1:])
 
@@ -99,9 +103,9 @@ class DefectMeasure:
     def _peaks_about(
         self, frames: IntArray, derivatives: tuple[FloatArray, FloatArray], first: int, last: int
     ) -> FloatArray:
-        """Return the greatest acceleration and jerk about each frame, shape (2, n).
+        """Return the greatest acceleration and jerk within `_SEAM_SECONDS` of each frame, (2, n).
 
-        Frames outside `first` to `last` do not count.
+        Only frames from `first` to `last` count.
         """
         around = frames[:, None] + np.arange(-self._half_width, self._half_width + 1)
         found = []
@@ -113,9 +117,9 @@ class DefectMeasure:
         return np.stack(found)
 
     def _donor_peaks(self, donors: IntArray, positions: IntArray) -> FloatArray:
-        """Return the greatest acceleration and jerk of both donors at seams, shape (2, n).
+        """Return the greatest acceleration and jerk near seams in the clips of both donors, (2, n).
 
-        `positions` has the position before each seam.
+        `positions` are those before the seams.
         """
         library, segments = self.problem.library, self.problem.library.segments
         left, right = donors[positions], donors[positions + 1]
@@ -143,7 +147,7 @@ class DefectMeasure:
     def _jerk_amounts(
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
     ) -> list[FloatArray]:
-        """Return the amount of world jerk at each position; 0 away from substitutions."""
+        """Return the amounts of world jerk by piece; 0 unless at or next to a substitution."""
         cut, (base, limits) = self.problem.base_segments, self._base_jerk
         jerk = _world_jerk(motion.world_positions()[:, self._driven_joints])
         found = []
@@ -182,7 +186,7 @@ class DefectMeasure:
 
     @cached_property
     def _base_jerk(self) -> tuple[FloatArray, FloatArray]:
-        """The world jerk of the base in each frame, and the limit of each joint."""
+        """The world jerk of the base, (n_frames, n_joints), and the limits, (n_joints,)."""
         poses = self.problem.base_poses
         jerk = _world_jerk(poses.positions[:, self._driven_joints])
         limits = MAX_JERK_RATIO * np.percentile(jerk, _JERK_PERCENTILE, axis=0)
@@ -190,11 +194,11 @@ class DefectMeasure:
 
 
 def _derivatives(rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the greatest angular acceleration and jerk of a joint in each frame but the first.
+    """Return the greatest angular acceleration and jerk among the joints, frame by frame.
 
     `rotations` has shape (n_frames, ..., n_joints, 4), the results (n_frames - 2, ...) and
-    (n_frames - 3, ...). Rotation vectors from frame to frame are taken as 2 sin(angle / 2), which
-    is 1 % too short at 0.5 rad.
+    (n_frames - 3, ...); both start with the second frame. The length of the rotation vector from
+    frame to frame is taken as 2 sin(angle / 2), which is 1 % too short at 0.5 rad.
     """
     x, y, z, w = np.ascontiguousarray(np.moveaxis(rotations, -1, 0))
     x0, y0, z0, w0 = x[:-1], y[:-1], z[:-1], w[:-1]
@@ -209,14 +213,14 @@ def _derivatives(rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _greatest(vectors: FloatArray) -> FloatArray:
-    """Return the greatest length among joints, of vectors of shape (3, ..., n_joints)."""
+    """Return the length of the longest vector among the joints; the shape is (3, ..., n_joints)."""
     squares = vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2
     greatest: FloatArray = np.sqrt(squares.max(axis=-1, initial=0.0))
     return greatest
 
 
 def _world_jerk(positions: FloatArray) -> FloatArray:
-    """Return third differences of positions, shape (n_frames, n_joints); 0 at the ends."""
+    """Return lengths of third differences of positions, (n_frames, n_joints); 0 at both ends."""
     jerk = np.zeros(positions.shape[:2])
     third = np.diff(positions, 3, axis=0)
     jerk[1:-2] = np.sqrt(np.einsum("fjc,fjc->fj", third, third))

@@ -35,13 +35,14 @@ def candidate_poses(
     context: Motion | None = None,
     root_start: RootTransforms | None = None,
 ) -> Poses:
-    """Return the body with each donor's part in its position, without seam treatment.
+    """Return the world poses of the body if donors replace base segments in one group.
 
-    `positions` and `donors` have shape (n,). The poses are all frames of the first position, then
-    of the second, and so on. The other joints are those of `context`, by default the base. If the
-    group holds the root, each donor is its clip rotated about the up axis and translated over the
-    floor, so that its first frame has the position and heading of `root_start`, one root transform
-    per donor. By default these are the root transforms of the context.
+    Each of `donors` replaces the base segment at the same entry of `positions`; both have shape
+    (n,). Seams are not treated. The result has all frames of the first position, then of the
+    second, and so on. Other joints move as in `context`, by default the base. If the group contains
+    the root, each donor is rotated about the up axis and translated over the floor, so that its
+    first frame has the position and heading of its entry of `root_start`. By default that is the
+    root transform of the context.
     """
     context = problem.base if context is None else context
     segments = problem.base_segments
@@ -71,7 +72,7 @@ def candidate_poses(
 def advance_root(
     problem: SearchProblem, donors: IntArray, root_start: RootTransforms
 ) -> RootTransforms:
-    """Return the root transforms at the ends of donors, given those at their starts."""
+    """Return the root transforms at the ends of n donors, given those at their starts."""
     library = problem.library
     taken = library.segments[donors]
     first, last = _empty_roots(len(donors)), _empty_roots(len(donors))
@@ -92,9 +93,10 @@ def _insert_rotations(
     frames: IntArray,
     local: FloatArray,
 ) -> None:
-    """Write the resampled rotations of donors into rows of local rotations.
+    """Write the resampled rotations of donors to the group's joints in `local`, in place.
 
-    `frames` are the frames of the base in which the rows are.
+    `taken` are the donors and `counts` their frames after resampling. `frames` has the frame of the
+    base for each row of `local`.
     """
     library = problem.library
     axes = problem.divided_channels[group]
@@ -121,7 +123,7 @@ def _insert_rotations(
 
 
 def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -> RootTransforms:
-    """Return the resampled root transforms of donors in their clips, one row per frame."""
+    """Return the root transforms of donors in their clips, resampled to `counts` frames each."""
     library = problem.library
     found = _empty_roots(int(counts.sum()))
     clip_of_row = np.repeat(taken.clip, counts)

@@ -28,10 +28,10 @@ _TRIALS_PER_BATCH = 24  # sequences that are assembled together
 
 
 def restrict_to_violations(problem: SearchProblem, donors: DonorSequences) -> SearchProblem:
-    """Return the problem restricted to changes near the violations of donor sequences.
+    """Restrict the candidates of a problem to changes near the violations of `donors`.
 
-    At other positions the only candidates are the donors of these sequences and the base segments,
-    except where constraints exclude the base segment.
+    More than 3 positions from a violation, the only candidates are the donor in `donors` and the
+    base segment. Positions at which constraints exclude the base segment keep all candidates.
     """
     excess = donor_excess(problem, donors)
     candidates = {}
@@ -51,9 +51,9 @@ def repair_donors(
 ) -> DonorSequences:
     """Change donors until the assembled motion satisfies the hard constraints, if possible.
 
-    Return the evaluated donor sequences with the smallest total violation; ties go to the first.
-    Only violated positions and their neighbours change. A group that holds the root does not
-    change: see `mograft.synthesis.root_tabu_search`.
+    Return the sequences with the smallest total violation among all that were tried; ties go to the
+    first. Only donors at violated positions and next to them change. The donors of a group that
+    contains the root do not change: see `mograft.synthesis.root_tabu_search`.
     """
     if not any(constraint.is_hard for constraint in problem.constraints):
         return donors
@@ -82,9 +82,9 @@ def repair_donors(
 
 
 def replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
-    """Replace donors that are not among the kept candidates.
+    """Replace donors that are not candidates of a trellis.
 
-    The base segment replaces them, or the cheapest candidate where constraints exclude it.
+    The base segment replaces them; if it is not a candidate either, the cheapest candidate does.
     """
     replaced = donors.copy()
     for position, candidates in enumerate(trellis.candidates):
@@ -98,10 +98,10 @@ def replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
 def search_again(
     trellis: DonorTrellis, penalties: list[FloatArray], donors: IntArray, excess: FloatArray
 ) -> IntArray:
-    """Penalise the donors at violated positions and return the cheapest sequence around them.
+    """Penalise the donors at violated positions, and search again at and next to these positions.
 
-    `excess` is above 0 at violated positions, shape (n_positions,). The penalties are added to
-    `penalties` in place.
+    Return the new donor sequence. `excess`, shape (n_positions,), is above 0 at violated positions.
+    The penalties are added to `penalties`, in place.
     """
     violated = excess > 0
     if not violated.any():
@@ -120,8 +120,8 @@ def _try_sequences(
 ) -> DonorSequences:
     """Assemble many sequences around each remaining violation and keep the best.
 
-    First the cheapest sequences, then those with the smallest violations before seam treatment
-    and the narrowest seams, since wide seams change poses most.
+    These are first the cheapest sequences, then those with the smallest sum of violation amounts
+    before seam treatment and of seam costs: the wider the gap at a seam, the more poses change.
     """
     chosen = dict(donors)
     for group, trellis in trellises.items():
@@ -152,7 +152,7 @@ def _try_sequences(
 def _kept_amounts(
     problem: SearchProblem, group: str, chosen: DonorSequences, trellis: DonorTrellis
 ) -> list[FloatArray]:
-    """Return the hard violation amounts of the candidates that the trellis keeps."""
+    """Return for each position the hard violation amounts of the candidates in a trellis."""
     found = candidate_violations(problem, group, chosen)
     listed = zip(found, problem.candidates[group], trellis.candidates, strict=True)
     return [own.hard[np.searchsorted(everyone, kept)] for own, everyone, kept in listed]

@@ -22,8 +22,8 @@ from mograft.synthesis.search_problem import SearchProblem
 def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
     """Return the candidates of a group with their costs, constraint costs included.
 
-    `chosen` has the donor sequences of the groups that are chosen already; the other groups are as
-    captured.
+    `chosen` has the donor sequences of groups whose donors are chosen already. Groups without one
+    move as in the base.
     """
     if group == problem.root_group:
         return _build_root_trellis(problem, group, chosen)
@@ -36,7 +36,7 @@ def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) ->
 def candidate_violations(
     problem: SearchProblem, group: str, chosen: DonorSequences
 ) -> list[ConstraintViolations]:
-    """Return for each position how far the candidates of a group violate the constraints there.
+    """Return for each position how far the candidates of a group violate constraints.
 
     `chosen` is as for `build_trellis`. All candidates satisfy the hard constraints on clips and
     lengths of donors, so `hard` contains violations of pose constraints only.
@@ -68,7 +68,7 @@ def candidate_pose_violations(
 ) -> ConstraintViolations:
     """Return how far candidates violate pose constraints.
 
-    `positions` has the position of each candidate; `poses` is as `candidate_poses` returns it.
+    `positions` has the position of each candidate; `poses` is the result of `candidate_poses`.
     """
     counts = problem.base_segments.lengths[positions] + 1
     starts = np.cumsum(counts) - counts
@@ -78,7 +78,7 @@ def candidate_pose_violations(
 
 
 def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
-    """Return the candidates at the root transforms to which the cheapest paths lead."""
+    """Build a trellis; evaluate each candidate at the end of the cheapest path that leads to it."""
     trellis = _trellis(problem, group, problem.origin_costs(group))
     if not problem.is_constrained_position.any():
         return trellis

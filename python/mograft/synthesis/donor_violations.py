@@ -13,8 +13,8 @@ from mograft.synthesis.search_problem import SearchProblem
 def find_donor_violations(problem: SearchProblem, donors: DonorSequences) -> list[Violation]:
     """Return the violations of hard constraints on donors, by constraint, group and position.
 
-    Besides donors that a constraint excludes, these are `OnlyFrom` constraints that no candidate
-    satisfies.
+    A donor that a constraint excludes is a violation, and so is an `OnlyFrom` constraint that no
+    candidate satisfies.
     """
     found = []
     for constraint in problem.constraints:
@@ -46,7 +46,7 @@ def _excluded_donors(
 
 
 def _unsatisfiable(problem: SearchProblem, constraint: OnlyFrom) -> list[Violation]:
-    """Return the violation of a constraint whose clips provide no candidate at any position."""
+    """Return one violation if no candidate at any position is from the clips of `constraint`."""
     library, frames = problem.library, problem.base_segments
     positions = np.flatnonzero(overlaps(frames, constraint.frames)).tolist()
     if not positions:

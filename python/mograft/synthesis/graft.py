@@ -18,7 +18,7 @@ from mograft.synthesis.graft_result import Graft
 
 @dataclass(frozen=True, eq=False)
 class Grafts(Sequence[Graft]):
-    """Several grafts on one base; each is built when it is accessed, and not kept."""
+    """Several grafts of one base motion; each access builds the graft anew."""
 
     _plan: GraftPlan
     _donors: tuple[DonorSequences, ...]
@@ -50,12 +50,12 @@ def graft(
     seed: int = 0,
     scenario: Sequence[int] | IntArray | Scenario | None = None,
 ) -> Graft:
-    """Make one new motion.
+    """Make a new motion: in a base motion, replace joint groups by those of other segments.
 
     Parameters
     ----------
     library : Library
-        The source of the donors.
+        The library whose segments are the donors.
     base : Motion or str, optional
         The motion whose base group is kept, or its name in the library. A motion outside the
         library is segmented and embedded with the library's parameters. Default: the first
@@ -63,21 +63,21 @@ def graft(
     constraints : sequence of Constraint, optional
         Hard and soft constraints: see `mograft.search.constraints`.
     swap : sequence of str, optional
-        The groups to graft. Default: all but the base group.
+        The joint groups to replace. Default: all but the base group.
     seed : int
         Seed of the random choice, with ``Config(choice="sample")`` and "random". The same seed
-        gives the same numbers.
+        gives the same motion.
     scenario : sequence of int or Scenario, optional
-        Segments of the library in any order, which together are the base instead of a clip;
-        or a result of `mograft.scenario`. Each segment starts at the position and heading at
-        which the previous one ends.
+        Segments of the library, in any order, that form the base instead of a clip; or a result
+        of `mograft.scenario`. Each segment starts at the position and heading at which the
+        previous one ends.
 
     Returns
     -------
     Graft
-        The motion and the source of every part. Segments without a donor within the limits
-        keep the captured part; the report counts them. Its `violations` list the hard
-        constraints that the best motion found does not satisfy.
+        The new motion and the donor of every segment. A segment without a donor within the
+        limits keeps its captured motion; `Graft.report` counts these segments.
+        `Graft.violations` lists the hard constraints that the best motion found violates.
 
     Raises
     ------
@@ -113,22 +113,23 @@ def graft_many(
     seed: int = 0,
     scenario: Sequence[int] | IntArray | Scenario | None = None,
 ) -> Grafts:
-    """Make several different new motions.
+    """Make several different new motions from one base motion; see `graft`.
 
     Parameters
     ----------
     library, base, constraints, swap, seed, scenario
-        As for `graft`, which makes the first of them.
+        As for `graft`, which returns the first of these motions.
     count : int
-        Number of motions.
+        Greatest number of motions.
 
     Returns
     -------
     Grafts
-        The motions, each built when it is accessed. Fewer than `count` if there are no more
-        different ones: random choices stop after 100 draws in a row that repeat. Donors of
-        earlier motions cost `Config.diversity` more in later ones, except with "best" and
-        "random". With ``Config(choice="viterbi")`` the first is the cheapest. In a small library
+        The motions, each built when it is accessed. There are fewer than `count` if no more
+        different ones exist; random choices stop after 100 consecutive draws that repeat
+        earlier ones. Donors of earlier motions cost `Config.diversity` more in later ones,
+        except with ``Config(choice="best")`` and "random". With "viterbi" the first motion is
+        the cheapest. In a small library
         `Config.self_repair` can make two motions equal.
 
     Raises
@@ -173,9 +174,9 @@ def repair(
     Graft
         The motion with other donors for the violating segments of the violating group, and for
         their neighbours if that is cheaper. Seam treatment changes `Config.seam_blend` seconds
-        more on either side. Everything else is bit for bit as captured, except that a group
-        which holds the root moves all later frames rigidly. Remaining violations are in
-        `violations`.
+        more on either side. Everything else is bit for bit as captured; but if a grafted group
+        contains the root, all frames after a change are moved rigidly over the floor.
+        `Graft.violations` lists the remaining violations.
 
     Raises
     ------

@@ -34,7 +34,7 @@ from mograft.synthesis.self_repair import RepairedWindow, self_repair
 
 @dataclass(frozen=True, eq=False)
 class GraftPlan:
-    """The search problem of a base, with its trellises. Made by `GraftPlan.build`."""
+    """The search problem of one base motion and its trellises. Made by `GraftPlan.build`."""
 
     problem: SearchProblem
     scenario: tuple[int, ...] = ()  # segments that compose the base; empty if it is a clip
@@ -48,7 +48,7 @@ class GraftPlan:
         constraints: Sequence[Constraint],
         scenario: Sequence[int] | IntArray | Scenario | None = None,
     ) -> "GraftPlan":
-        """Return the plan for the arguments of `mograft.graft`."""
+        """Return the plan; the arguments are those of `mograft.graft`."""
         groups = grafted_groups(library, swap)
         composed: tuple[int, ...] = ()
         if scenario is None:
@@ -56,7 +56,7 @@ class GraftPlan:
             indices = library.segments.of_clip(clip)
             motion, segments = library.clips[clip], library.segments[indices]
         elif base is not None:
-            raise ValueError("`base` must not be given with a scenario, which is the base itself")
+            raise ValueError("`base` must not be given together with `scenario`, which replaces it")
         else:
             scenario = _as_scenario(scenario, library)
             indices = scenario.segments
@@ -67,19 +67,19 @@ class GraftPlan:
 
     @property
     def config(self) -> Config:
-        """The library's configuration, limited by the constraints."""
+        """The library's configuration, with the limits that the constraints set."""
         return self.problem.config
 
     @property
     def pools(self) -> Mapping[str, SegmentPool]:
-        """The segments of each grafted group, with the data for its search."""
+        """The pool of segments from which the donors of each grafted group are chosen."""
         return self.problem.pools
 
     @cached_property
     def trellises(self) -> dict[str, DonorTrellis]:
         """The candidates of each grafted group and their costs.
 
-        With constraints, each group is evaluated with the cheapest donors of the groups before it.
+        Constraints on a group are evaluated with the cheapest donors of the groups before it.
         """
         trellises: dict[str, DonorTrellis] = {}
         chosen: DonorSequences = {}
@@ -93,8 +93,9 @@ class GraftPlan:
     def feasible_candidates(self, group: str) -> list[IntArray]:
         """Return for each position the candidates that satisfy all hard constraints.
 
-        All candidates are returned for a position where none does, and for all positions if a
-        group holds the root: its transform is known only for a donor sequence.
+        If none does, all candidates of the position are returned. If a group contains the root,
+        all candidates of all positions are returned: the root transform at a position depends
+        on the donors before it.
         """
         candidates = self.problem.candidates[group]
         if self.problem.root_group is not None:
@@ -106,13 +107,13 @@ class GraftPlan:
         ]
 
     def choose_donors(self, count: int, seed: int) -> list[DonorSequences]:
-        """Return at most `count` different donor sequences, repaired."""
+        """Choose at most `count` different donor sequences by `Config.choice`, and repair them."""
         choice = DONOR_CHOICES.get(self.config.choice)
         drawn = choice.draw(self, count, np.random.default_rng(seed))
         return unique_sequences([self.repair(donors) for donors in drawn])
 
     def repair(self, donors: DonorSequences) -> DonorSequences:
-        """Return donor sequences changed until hard constraints hold, if possible."""
+        """Change donors until the hard constraints hold, if possible; return the new sequences."""
         if not any(constraint.is_hard for constraint in self.problem.constraints):
             return donors
         donors = repair_donors(self.problem, donors, self.trellises)
@@ -167,7 +168,7 @@ class GraftPlan:
         return sum(own.error - 1.0 for own in self._violations(motion, assembly.donors))
 
     def _violations(self, motion: Motion, donors: DonorSequences) -> list[Violation]:
-        """Return the violations of hard constraints by a finished motion."""
+        """Return the violations of hard constraints by a finished motion and its donors."""
         problem = self.problem
         if not problem.constraints:
             return []
@@ -186,7 +187,7 @@ class GraftPlan:
     def _plant_feet(
         self, motion: Motion, donors: DonorSequences
     ) -> tuple[Motion, FeetReport | None]:
-        """Keep each foot in place in the frames in which its donor's foot is on the floor.
+        """Plant each foot in the frames in which it, or the foot of its donor, is on the floor.
 
         The motion is not changed if no exchanged group drives the feet.
         """
@@ -222,7 +223,7 @@ class GraftPlan:
 
 
 def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
-    """Return the groups to graft, in the library's order; by default all but the base group."""
+    """Return the groups to graft, in the library's order; None means all but the base group."""
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]
     if isinstance(swap, str):
@@ -231,11 +232,11 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
     for name in wanted:
         if name not in others:
             raise ValueError(
-                f"`swap` must name groups other than the base {base!r}, which are "
-                f"{', '.join(others)}; got {name!r}"
+                f"`swap` must name groups other than the base group {base!r}, got {name!r}: "
+                f"choose from {', '.join(others)}"
             )
     if not wanted:
-        raise ValueError(f"`swap` must name at least one group of {', '.join(others)}, got none")
+        raise ValueError(f"`swap` must name at least one of {', '.join(others)}; got none")
     return [name for name in others if name in wanted]
 
 
@@ -274,11 +275,11 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
 
 
 def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:
-    """Return a scenario, or make one of segments; check that the segments exist."""
+    """Convert a sequence of segments to a `Scenario`, and check that all segments exist."""
     if not isinstance(scenario, Scenario):
         indices = as_indices("scenario", scenario, ("n",))
         if not len(indices):
-            raise ValueError("`scenario` must hold at least one segment, got none")
+            raise ValueError("`scenario` must contain at least one segment, got none")
         scenario = Scenario(indices)
     n = len(library.segments)
     wrong = scenario.segments[(scenario.segments < 0) | (scenario.segments >= n)]

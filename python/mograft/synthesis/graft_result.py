@@ -29,12 +29,12 @@ class Substitution:
     donor_start, donor_stop : int
         First and last frame of the donor in its clip.
     stretch : float
-        Change of the donor's length as a fraction of it: above 0 if it was lengthened.
+        Relative change of the donor's length: 0.1 if it was lengthened by 10 %.
     cost : float
-        Cost of the donor by itself, without seams and constraints; see `Config`.
+        Cost of the donor without the costs of seams and constraints; see `Config`.
     gap_before, gap_after : float
-        Mean joint angle, in radians, between the poses that meet at its seams; 0 if the donors
-        are neighbours in a clip, or there is no seam.
+        Mean joint angle, in radians, between this donor and the previous or next one where they
+        meet; 0 if they are consecutive in a clip, or if there is no other donor.
     """
 
     group: str
@@ -58,7 +58,7 @@ class Substitution:
 
 @dataclass(frozen=True)
 class Seam:
-    """A frame at which segments meet that are not neighbours in a clip.
+    """A frame at which two segments meet that are not consecutive in a clip.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Seam:
     frame : int
         The frame in the base.
     gap : float
-        Mean joint angle between the poses before seam treatment, in radians.
+        Mean joint angle between the two poses before seam treatment, in radians.
     """
 
     group: str
@@ -77,7 +77,7 @@ class Seam:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Graft:
-    """A new motion and the source of every part.
+    """A new motion and the donor of every base segment.
 
     Attributes
     ----------
@@ -86,24 +86,24 @@ class Graft:
     base : Motion
         The motion whose base group is kept.
     library : Library
-        The source of the donors.
+        The library that contains the donors.
     substitutions : tuple of Substitution
         The donor of every base segment and grafted group; it may be the segment itself.
     seams : tuple of Seam
         The treated seams.
     alternatives : dict of str to ndarray of int
-        The number of candidates other than itself that each base segment has, by grafted group.
+        For each grafted group, the number of candidates of every base segment except itself.
     seed : int
         The seed of the donor choice.
     index : int
-        Number among the grafts of the same call, from 0.
+        Index of this graft among those of the same call.
     violations : tuple of Violation
         Violations of hard constraints; empty if all are satisfied.
     feet : FeetReport or None
-        Result of foot planting; None if the base group holds legs and root, or no exchanged
-        group drives the feet.
+        Result of foot planting; None if ``Config(feet="never")`` or if no exchanged group drives
+        the feet.
     scenario : tuple of int
-        The segments of which the base is composed; empty if the base is a clip.
+        The segments that form the base; empty if the base is a clip.
     repairs : tuple of RepairedWindow
         The frames in which `Config.self_repair` searched for other donors.
     """

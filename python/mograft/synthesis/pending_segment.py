@@ -15,7 +15,7 @@ from mograft.synthesis.placed_donors import SampledDonors
 
 @dataclass(eq=False)
 class GroupCandidates:
-    """The candidates of a pending segment for one group."""
+    """The candidates of one group for a base segment that is not committed yet."""
 
     boundary: BoundaryStates
     costs: FloatArray  # shape (n_candidates,); with constraint costs, without seams
@@ -23,7 +23,7 @@ class GroupCandidates:
     _seam_costs: FloatArray | None = field(default=None, init=False, repr=False)
 
     def seam_costs_to(self, following: "GroupCandidates", model: CostModel) -> FloatArray:
-        """Return the seam costs to the next segment's candidates, computed once."""
+        """Return the seam costs to the candidates of the next segment; later calls reuse them."""
         if self._seam_costs is None:
             self._seam_costs = model.seam_costs(self.boundary, following.boundary)
         return self._seam_costs
@@ -69,10 +69,10 @@ class PendingSegment:
 
     @property
     def rotations(self) -> FloatArray:
-        """Rotations of the base in the segment's frames."""
+        """Rotations of the base in the segment's frames, shape (n_frames, n_joints, 4)."""
         return self.base.rotations[self.rows]
 
     @property
     def costs(self) -> FloatArray:
-        """Costs of the candidates without seams and pose constraints."""
+        """Costs of the candidates without those of seams and pose constraints, (n_candidates,)."""
         return self.unary_costs + self.origin_costs

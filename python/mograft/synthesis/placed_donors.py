@@ -21,8 +21,8 @@ class SampledDonors:
     """n donors resampled to the length of a base segment, without seam treatment.
 
     `values`, shape (n, n_frames + 2, n_joints, 4), are rotations in the frames of the base segment,
-    then 1 and 2 times `VELOCITY_STEP` before its end. The velocities, shape (n, n_joints, 3), are
-    angular velocities in the first and last frame, in radians per second.
+    then at 1 and 2 times `VELOCITY_STEP` frames before its end. The velocities, shape (n, n_joints,
+    3), are angular velocities in the first and last frame, in radians per second.
     """
 
     values: FloatArray
@@ -62,7 +62,7 @@ class PlacedDonors:
     def end_velocity(self) -> FloatArray:
         """Angular velocities in the last frame, in radians per second, shape (n, n_joints, 3).
 
-        Joints that the seam treatment does not change there have the velocity of the donor.
+        Joints that the seam treatment does not change at the end have the velocity of the donor.
         """
         last, untreated = self.values[:, -3:], self.sampled.values[:, -3:]
         one_step, two_steps = ROTATIONS.delta(last[:, 0], np.moveaxis(last[:, 1:], 1, 0))
@@ -77,7 +77,7 @@ class PlacedDonors:
 
 @dataclass(frozen=True, eq=False)
 class CommittedEnd:
-    """The end of the committed motion of one group."""
+    """Pose and velocity at the end of the committed motion of one group."""
 
     pose: FloatArray  # rotations in the last frame, shape (n_joints, 4)
     velocity: FloatArray  # angular, in the last frame, in radians per second, shape (n_joints, 3)
@@ -87,10 +87,10 @@ class CommittedEnd:
 def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
     """Return frames `start` to `stop` of a clip, with one frame before and one after them.
 
-    `track` holds the rotations of the clip, at least two frames, shape (n_frames, n_joints, 4); the
-    result has shape (stop - start + 3, n_joints, 4). Beyond an end of the clip the frame is
-    extrapolated from the last three frames. The velocities at both ends, and `cubic` between the
-    frames, are then the same as in the whole clip.
+    `track` has the rotations in all frames of the clip, at least two, shape (n_frames, n_joints,
+    4); the result has shape (stop - start + 3, n_joints, 4). A frame outside the clip is
+    extrapolated from the three frames nearest to it. The velocities at both ends, and `cubic`
+    between the frames, are then the same as in the whole clip.
     """
     rows = [track[start : stop + 1]]
     n_steps = min(2, max(len(track) - 1, 1))
@@ -134,8 +134,8 @@ def place_donors(
 ) -> PlacedDonors:
     """Close the seam between the committed motion and each donor.
 
-    The first segment has no seam: `previous` is None. "inertial" replaces a `Config.seam` treatment
-    that is not causal. `rate` is in frames per second.
+    `previous` is None for the first segment, which has no seam. A treatment `Config.seam` that
+    changes frames before a seam is replaced by "inertial". `rate` is in frames per second.
     """
     raw = sampled.values
     if previous is None:

@@ -29,7 +29,7 @@ _MAX_RANKING_POSES = 200_000  # approximate, for one ranking; larger motions are
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Donor sequences with their finished motion and its total violation."""
+    """Donor sequences, their motion after `finish`, and the total violation of this motion."""
 
     violation: float
     donors: DonorSequences
@@ -105,13 +105,14 @@ def rank_substitutions(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return single substitutions of donors that drive the root, the most promising first.
 
-    `trellis` has no constraint costs. `motion` is that of the sequences in `chosen` and must
-    violate a hard constraint. `is_free` has the positions that can change.
+    `trellis` has no constraint costs. `motion` is the motion of the donor sequences `chosen` and
+    must violate a hard constraint. `is_free`, shape (n_positions,), marks the positions that can
+    change.
 
-    The results, each of shape (n,), are positions that start before the last violating frame, a
+    The results, each of shape (n,), are positions that start before the last violating frame, a new
     donor for each, and the predicted total violations in tolerances, ascending; ties are in order
-    of cost. No substitution adds a seam above the limit. Seams are not treated again, and large
-    motions are sampled at a stride.
+    of cost. No substitution adds a seam above the limit. The prediction omits seam treatment, and
+    evaluates large motions only at every k-th frame.
     """
     group, segments = problem.root_group, problem.base_segments
     assert group is not None
@@ -151,7 +152,7 @@ def _add_excess_after(
     moves: AlignmentTransform,
     violations: FloatArray,
 ) -> None:
-    """Add to `violations` an estimate for the constrained frames after each of `ends`."""
+    """Add to `violations` an estimate for the frames after each of `ends`, moved by `moves`."""
     frames = np.flatnonzero(problem.is_constrained_frame)
     stride = max(1, int(np.ceil(len(frames) * len(ends) / (2 * _MAX_RANKING_POSES))))
     frames = frames[::stride]
@@ -166,7 +167,10 @@ def _add_excess_after(
 def _feasible_changes(
     trellis: DonorTrellis, path: IntArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return positions, other candidates that add no infeasible penalty, and the added costs."""
+    """Return all changes of one donor in a path that add no infeasible penalty.
+
+    The results are positions, indices of the new candidates there, and the added costs.
+    """
     costs = trellis.costs.conditional_costs(path)
     added = [own - own[index] for own, index in zip(costs, path.tolist(), strict=True)]
     positions = np.repeat(np.arange(len(added)), [len(own) for own in added])

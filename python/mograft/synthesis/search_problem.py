@@ -29,8 +29,8 @@ from mograft.synthesis.segment_references import add_used_donors, resolve_segmen
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
     """Check the types of constraints and the joint names in them.
 
-    `poses` has at least one pose of the skeleton that the constraints apply to. An item that is not
-    a constraint raises TypeError; the name of a joint that the skeleton does not have, ValueError.
+    `poses` has at least one pose of the skeleton to which the constraints apply. An item that is
+    not a constraint raises TypeError; a joint name that the skeleton lacks raises ValueError.
     """
     if isinstance(constraints, Constraint):
         raise TypeError(f"`constraints` must be a list of constraints, got {constraints!r}")
@@ -44,7 +44,7 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
 
 
 def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> list[Constraint]:
-    """Return constraints that apply to a base motion, each with its captured depth."""
+    """Check constraints on a base motion; return them with the captured depth of `AvoidSelf`."""
     poses = Poses.from_motion(base)
     check_constraints(constraints, poses)
     for constraint in constraints:
@@ -59,7 +59,7 @@ def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> lis
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
     """Return for each joint group a mask of the joints that it moves, shape (n_joints,).
 
-    These are its members and the ungrouped joints below them that no group further down moves.
+    A joint that is in no group is moved by the group of its nearest ancestor in a group.
     """
     group_of = [""] * skeleton.n_joints
     member_of = {int(joint): group for group, joints in members.items() for joint in joints}
@@ -141,18 +141,21 @@ class SearchProblem:
 
     @cached_property
     def driven_joints(self) -> dict[str, BoolArray]:
-        """The joints that each grafted group moves and that no group below it moves."""
+        """For each grafted group, a mask of the joints that it moves; see `driven_joints`."""
         members = {group: self.library.joints(group) for group in self.pools}
         return driven_joints(self.base.skeleton, members)
 
     @cached_property
     def divided_channels(self) -> dict[str, dict[int, str]]:
-        """The divided joints of each group, with the axes of its rotation channels."""
+        """For each group, the joints of which it has only some rotation channels.
+
+        The values are the axes of these channels.
+        """
         return self.library.groups.divided_channels(self.library.skeleton)
 
     @cached_property
     def root_group(self) -> str | None:
-        """The grafted group that holds the root, so that its donors drive the root, or None."""
+        """The grafted group that contains the root and whose donors drive it, or None."""
         for group in self.pools:
             joints = np.setdiff1d(self.library.joints(group), list(self.divided_channels[group]))
             if self.library.root in joints:
@@ -161,7 +164,7 @@ class SearchProblem:
 
     @cached_property
     def group_specs(self) -> dict[str, GraftedGroup]:
-        """The argument of `transplant` that describes each grafted group."""
+        """For each grafted group, its description as an argument of `transplant`."""
         library = self.library
         # Time warping compares the joints of the base group except the root.
         compared = feature_joints(library.skeleton, library.joints(library.groups.base))
@@ -178,7 +181,7 @@ class SearchProblem:
 
     @property
     def captured_donors(self) -> DonorSequences:
-        """The donor sequences in which the donor of every base segment is the segment itself."""
+        """The donor sequences without substitutions: every base segment is its own donor."""
         return {group: self.scenario.copy() for group in self.pools}
 
     @property
@@ -203,24 +206,27 @@ class SearchProblem:
         return np.any(applies, axis=0) if applies else np.zeros(len(frames), bool)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
-        """Return which positions have a frame with `excess`, from `donor_excess`, above 0."""
+        """Return whether each position has a frame in which `excess` is above 0.
+
+        `excess` is a result of `donor_excess`, shape (n_frames,).
+        """
         count = np.concatenate([[0], np.cumsum(excess > 0)])
         found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
         return found
 
     def greatest_at_positions(self, excess: FloatArray) -> FloatArray:
-        """Return the greatest excess in the frames of each position, both ends included."""
+        """Return the greatest `excess` in the frames of each position, first and last included."""
         frames = zip(self.base_segments.start, self.base_segments.stop, strict=True)
         return np.array([excess[start : stop + 1].max() for start, stop in frames])
 
     def origin_costs(self, group: str) -> list[FloatArray]:
-        """Return the costs of soft constraints on clip and length of candidates, by position."""
+        """Return for each position the costs of soft constraints on clips and lengths."""
         return [own.soft for own in self._origin_violations(group)]
 
     def _allowed_by_origin(self, group: str) -> list[IntArray]:
-        """Return the candidates that meet all hard constraints on donors, by position.
+        """Return for each position the candidates that satisfy all hard constraints on donors.
 
-        Where none does, the base segment remains.
+        At a position where none does, the base segment is the only candidate.
         """
         if not self.constraints:
             return self.candidates[group]
@@ -231,7 +237,7 @@ class SearchProblem:
         ]
 
     def _origin_violations(self, group: str) -> list[ConstraintViolations]:
-        """Return how far candidates violate constraints on clip and length, by position."""
+        """Return for each position how far candidates violate constraints on clips and lengths."""
         lists, segments = self.candidates[group], self.library.segments
         counts = [len(own) for own in lists]
         positions, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)

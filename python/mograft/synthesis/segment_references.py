@@ -18,7 +18,7 @@ _N_NEAREST = 3  # segments that a message suggests
 def resolve_segments(
     constraints: Sequence[Constraint], base_segments: Segments, library: Library
 ) -> list[Constraint]:
-    """Return the constraints with every `Use` and `Ban` in frames of the base and of clips.
+    """Replace the segment numbers in `Use` and `Ban` constraints by frames.
 
     Raise ValueError for a segment or a clip that does not exist.
     """
@@ -41,7 +41,7 @@ def add_used_donors(
     base_segments: Segments,
     library: Library,
 ) -> list[IntArray]:
-    """Return the candidates at each position, with the donors of resolved `Use` constraints."""
+    """Add the donors that resolved `Use` constraints name to the candidates of each position."""
     lists = list(candidates)
     for constraint in constraints:
         if isinstance(constraint, Use):
@@ -65,7 +65,7 @@ def _base_frames(constraint: Use | Ban, segments: Segments) -> Span:
 
 
 def _donor_frames(constraint: Use | Ban, library: Library) -> DonorReference | None:
-    """Return a donor by its clip and frames; a clip as a whole and None remain as they are."""
+    """Return the donor as clip, first and last frame; a clip name alone or None is unchanged."""
     name, donor, segments = type(constraint).__name__, constraint.donor, library.segments
     clips = [entry.name for entry in library.entries]
     if donor is None:
@@ -78,7 +78,7 @@ def _donor_frames(constraint: Use | Ban, library: Library) -> DonorReference | N
     clip = donor if isinstance(donor, str) else donor[0]
     if clip not in clips:
         raise ValueError(
-            f"`donor` of {name} must be of a clip among {join_names(clips)}; "
+            f"`donor` of {name} must be from a clip among {join_names(clips)}; "
             f"got {clip!r}{suggest_name(clip, clips)}"
         )
     if isinstance(donor, tuple):
@@ -90,7 +90,7 @@ def _donor_frames(constraint: Use | Ban, library: Library) -> DonorReference | N
 
 
 def _check_segment(subject: str, clip: str, frames: Span, segments: Segments) -> None:
-    """Check that frames are the first and last of one of a clip's segments."""
+    """Raise ValueError unless `frames` are the first and last frame of one of `segments`."""
     distances = np.abs(segments.start - frames[0]) + np.abs(segments.stop - frames[1])
     if not (distances == 0).any():
         nearest = np.argsort(distances, kind="stable")[:_N_NEAREST].tolist()

@@ -38,8 +38,8 @@ class RepairedWindow:
     measure : {"seam acceleration", "seam jerk", "world jerk"}
         The measure that exceeded its limit most.
     before, after : float
-        Greatest measure before and after, as a multiple of its limit. They are equal if no better
-        donors were found.
+        Greatest ratio of a measure to its limit, before and after the repair. Both are equal if
+        no better donors were found.
     """
 
     group: str
@@ -60,11 +60,12 @@ def self_repair(
     trellises: Callable[[], Mapping[str, DonorTrellis]],
     total_violation: Callable[[Assembly], float],
 ) -> tuple[Assembly, list[RepairedWindow]]:
-    """Replace donors at defects of an assembly; return the result and the frame ranges searched.
+    """Replace donors where acceleration or jerk exceeds its limit; see `DefectMeasure`.
 
-    The ranges include those without better donors. If there is no defect, or no better donor, the
-    assembly is the same object. The repair of a group increases neither the group's greatest
-    amount (see `DefectMeasure`) nor the total violation of hard constraints.
+    Return the new assembly and the frame ranges searched, including those without better donors. If
+    no donor is replaced, the assembly is returned unchanged. The repair of a group increases
+    neither the group's greatest amount nor `total_violation`, that of hard constraints.
+    `trellises` returns the trellis of each group; it is called only if there is a defect.
     """
     reports: list[RepairedWindow] = []
     for group in assembly.donors:
@@ -84,7 +85,7 @@ def self_repair(
 
 @dataclass(frozen=True, eq=False)
 class _Defects:
-    """The amounts of one group's measures at each position of an assembly."""
+    """The amounts of one group at each position of an assembly; see `DefectMeasure`."""
 
     assembly: Assembly
     measure: DefectMeasure
@@ -111,17 +112,17 @@ class _Defects:
 
     @cached_property
     def windows(self) -> list[_Window]:
-        """The half-open ranges of positions around defects."""
+        """Half-open ranges of the positions within `_RADIUS` of a defect."""
         has_defect = self.amounts.max(axis=1) > 1.0
         return [(start, stop) for start, stop in find_runs(dilate(has_defect, _RADIUS)).tolist()]
 
     def is_better(self, amounts: FloatArray, window: _Window) -> bool:
-        """Whether other amounts in a window have a smaller total excess and no greater maximum."""
+        """Whether `amounts` in a window have a smaller total excess and no greater maximum."""
         before, after = _around(self.amounts, window), _around(amounts, window)
         return after.max() <= before.max() and _total_excess(after) < _total_excess(before)
 
     def report(self, after: "_Defects") -> list[RepairedWindow]:
-        """Return the windows with their measures before and `after` the repair."""
+        """Return for each window its greatest amount now and in `after`, the repaired assembly."""
         cut = self.assembly.problem.base_segments
         reports = []
         for start, stop in self.windows:
@@ -140,10 +141,10 @@ class _Defects:
 
 
 def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
-    """Return the donors with the smallest total excess found in each window.
+    """Search other donors in each window; return those with the smallest total excess.
 
-    Each window tries the cheapest sequences without the donors at its defects, one after the other,
-    and at last the captured part.
+    Several times the donors at defects are penalised and the cheapest sequence is measured. The
+    last attempt measures the base segments.
     """
     problem, first = defects.assembly.problem, defects.donors
     best, excess = first.copy(), np.maximum(defects.amounts.max(axis=1) - 1.0, 0.0)
@@ -175,7 +176,7 @@ def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
 
 
 def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) -> list[FloatArray]:
-    """Return for each window the amounts of other donors; 0 at positions away from it."""
+    """Return the amounts of other donors for each window; 0 where no frames were assembled."""
     assembly, group = defects.assembly, defects.measure.group
     problem, n = assembly.problem, len(donors)
     chosen = {**assembly.donors, group: donors}
@@ -195,7 +196,7 @@ def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) ->
 
 
 def _keep_better(before: _Defects, donors: IntArray) -> _Defects:
-    """Return the defects with other donors in the windows in which the whole motion is better."""
+    """Assemble the motion with other donors, but only in the windows that become better by it."""
     group = before.measure.group
     for _ in range(_MAX_ASSEMBLIES):
         if (donors == before.donors).all():
@@ -213,7 +214,7 @@ def _keep_better(before: _Defects, donors: IntArray) -> _Defects:
 
 
 def _around(amounts: FloatArray, window: _Window) -> FloatArray:
-    """Return the amounts in a window and at the positions beside it."""
+    """Return the amounts in a window and at one position on either side."""
     start, stop = window
     return amounts[max(start - 1, 0) : stop + 1]
 

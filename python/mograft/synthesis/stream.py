@@ -34,8 +34,8 @@ from mograft.synthesis.stream_search import ChosenDonors, StreamSearch
 class Piece:
     """A committed segment of a stream.
 
-    The base counts as a clip after the library's clips, and its segments as segments after the
-    library's segments. The next donor is not known yet: `gap_after` of a substitution is NaN.
+    In `substitutions`, the base segments are numbered on from the last segment of the library.
+    `gap_after` is NaN, because the next donor is not known yet.
     """
 
     motion: Motion  # the frames after the last frame of the previous piece, up to `stop`
@@ -46,7 +46,7 @@ class Piece:
 
 
 def join_pieces(pieces: Sequence[Piece], name: str = "stream") -> Motion:
-    """Return one or more successive pieces as one motion."""
+    """Join one or more successive pieces to one motion."""
     motions = [piece.motion for piece in pieces]
     values = [motion.channel_values for motion in motions]
     return replace(
@@ -70,9 +70,9 @@ class Stream:
     Parameters
     ----------
     library : Library
-        The source of the donors. The clips of a stored library are read on demand.
+        The library whose segments are the donors. Clips of a stored library are read on demand.
     swap : sequence of str, optional
-        The groups to graft, as for `graft`. They must not hold the root or legs.
+        The joint groups to replace, as for `graft`. They must not contain the root or legs.
     constraints : sequence of Constraint, optional
         Constraints on the segments that are not committed yet; can be changed at any time.
         Frames count from the first pushed frame.
@@ -88,7 +88,7 @@ class Stream:
     TypeError
         If an item of `constraints` is not a constraint.
     ValueError
-        If `swap` names an unknown group, the base group, or a group that holds legs, the root or
+        If `swap` names an unknown group, the base group, or a group that contains legs, the root or
         single channels; if `horizon` is below 1; if the library's `Config.alignment` is not
         "uniform"; or if a constraint names an unknown joint or clip.
 
@@ -247,7 +247,7 @@ class Stream:
         return piece
 
     def _commit(self, segment: PendingSegment, chosen: ChosenDonors) -> Piece:
-        """Return the piece of a choice, and store its end for the next seam."""
+        """Return the piece for a segment and its chosen donors; store its end for the next seam."""
         # The first frame belongs to the previous piece.
         new = slice(1 if self._n_committed else 0, None)
         base = segment.base[segment.offset + new.start : segment.rows.stop]
@@ -284,7 +284,7 @@ class Stream:
     def _substitution(
         self, segment: PendingSegment, group: str, index: int, gap: float
     ) -> Substitution:
-        """Return the description of a chosen candidate, given its gap to the previous donor."""
+        """Return the `Substitution` of a chosen candidate; `gap` is its `gap_before`."""
         library, donor = self._library, int(segment.donors[index])
         base_segment = len(library.segments) + self._n_committed
         if donor < 0:
@@ -310,7 +310,7 @@ class Stream:
         )
 
     def _with_continuous_signs(self, motion: Motion) -> Motion:
-        """Return a motion with the quaternion signs that continue the previous piece."""
+        """Choose the signs of quaternions so that they continue the previous piece."""
         quaternions = motion.rotations.copy()
         if self._last_rotations is not None:
             is_opposite = np.einsum("ji,ji->j", quaternions[0], self._last_rotations) < 0

@@ -27,7 +27,7 @@ def check_stream_config(config: Config) -> None:
 
 
 def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
-    """Raise ValueError for groups that hold single channels, the root or joints of legs."""
+    """Raise ValueError for groups that contain single channels, the root or joints of legs."""
     names = library.skeleton.names
     single_channels = library.groups.divided_channels(library.skeleton)
     for group in groups:
@@ -35,14 +35,14 @@ def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
             joints = ", ".join(names[joint] for joint in single_channels[group])
             raise ValueError(
                 f"`swap` must name groups of whole joints in a stream, got {group!r}, "
-                f"which holds single channels of {joints}"
+                f"which contains only single channels of {joints}"
             )
     legs = find_legs(library.skeleton)
     kept = {library.root, *(joint for leg in legs for joint in (leg.hip, leg.knee, leg.ankle))}
     for group in groups:
         if not kept.isdisjoint(library.joints(group).tolist()):
             raise ValueError(
-                "`swap` must not name a group that holds the root or a leg joint in a stream, "
+                "`swap` must not name a group with the root or a leg joint in a stream, "
                 f"got {group!r}"
             )
 
@@ -68,10 +68,11 @@ def check_stream_constraints(
 
 
 def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | None) -> None:
-    """Check that frames continue a base motion.
+    """Check that the frames fit the library and the frames pushed before.
 
-    `skeleton` is that of the frames before; None for the first frames, whose hierarchy must be the
-    library's (SkeletonMismatchError). A different skeleton or rate raises ValueError.
+    `skeleton` is that of the frames pushed before; a different skeleton raises ValueError. For the
+    first frames it is None; a hierarchy other than the library's raises SkeletonMismatchError. A
+    different frame rate raises ValueError.
     """
     if skeleton is None:
         library.skeleton.check_same_hierarchy(frames.skeleton, frames.name or "the base")

@@ -20,7 +20,7 @@ _MAX_CACHED_DONORS = 4096
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StreamDonors:
-    """The library of a stream, by grafted group. Made by `StreamDonors.build`."""
+    """The donors of a stream for each grafted group. Made by `StreamDonors.build`."""
 
     library: Library
     clips: tuple[Clip, ...]  # those of the library, and the base motion as the last one
@@ -31,7 +31,7 @@ class StreamDonors:
 
     @classmethod
     def build(cls, library: Library, groups: Sequence[str]) -> "StreamDonors":
-        """Return the donors of some groups."""
+        """Return the donors of the given groups."""
         joints = {group: library.joints(group) for group in groups}
         return cls(
             library=library,
@@ -48,7 +48,7 @@ class StreamDonors:
 
 @dataclass(frozen=True, eq=False)
 class StreamRules:
-    """The constraints of a stream and the costs under them. Made by `StreamRules.build`."""
+    """The constraints and cost models of a stream. Made by `StreamRules.build`."""
 
     constraints: tuple[Constraint, ...]
     config: Config  # of the library, limited by the constraints
@@ -64,7 +64,7 @@ class StreamRules:
 
 @dataclass(frozen=True)
 class _BaseClip:
-    """Name and tags of the base motion, for constraints on the origin."""
+    """Name and tags of the base motion, for constraints on the clips of donors."""
 
     name: str = "the base"
     tags: tuple[str, ...] = ()

@@ -53,7 +53,7 @@ class ChosenDonors:
 
 
 class StreamSearch:
-    """The search for the donors of one base motion, of which `frame` is a single frame."""
+    """The search for donors in a stream; `frame` is any frame of the base motion."""
 
     def __init__(self, donors: StreamDonors, frame: Motion) -> None:
         library = donors.library
@@ -66,10 +66,11 @@ class StreamSearch:
     def list_candidates(
         self, base: BaseBuffer, start: int, stop: int, rules: StreamRules, *, has_previous: bool
     ) -> PendingSegment:
-        """Return a base segment with the candidates that satisfy cluster, length and origin limits.
+        """Return a base segment with its candidates.
 
-        `start` and `stop` are its first and last frame. `has_previous` is true if the previous
-        segment is committed already, with the first frame of this one.
+        Candidates satisfy the limits on cluster and length and the hard constraints on clips and
+        lengths. `start` and `stop` are the segment's first and last frame. `has_previous` is true
+        if a segment before it is committed; the first frame is then committed too.
         """
         motion, offset = base.motion_with_margin(start, stop)
         excerpt = _single_segment(offset, offset + stop - start, 0)
@@ -111,11 +112,11 @@ class StreamSearch:
         rules: StreamRules,
         rng: np.random.Generator,
     ) -> ChosenDonors:
-        """Choose a donor sequence for one or more successive segments; return its first donors.
+        """Choose donors for one or more successive segments; return those of the first segment.
 
-        `ends` has for every grafted group the end of the committed motion; it is empty if there is
-        none. Groups are chosen one after the other: pose constraints on a group are evaluated with
-        the donors of the groups before it.
+        `ends` has the end of the committed motion of every grafted group; it is empty before the
+        first segment is committed. Groups are chosen one after the other: pose constraints on a
+        group are evaluated with the donors of the groups before it.
         """
         segment, rate = segments[0], self._library.rate
         choice = DONOR_CHOICES.get(rules.config.choice)
@@ -195,7 +196,7 @@ class StreamSearch:
     def _pose_constraints(
         self, segment: PendingSegment, rules: StreamRules
     ) -> tuple[Constraint, ...]:
-        """Return the pose constraints of a segment, with its captured self-collision depth."""
+        """Return the pose constraints in a segment; `AvoidSelf` gets the depth in the base."""
         constraints = [
             constraint
             for constraint in rules.constraints
@@ -215,7 +216,7 @@ class StreamSearch:
         *,
         has_previous: bool,
     ) -> GroupCandidates:
-        """Return the candidates of a group, given the boundary states of the base segment."""
+        """Return the candidates of a group; `ends` are the boundary states of the base segment."""
         joints = self._donors.compared_joints[group]
         base = BoundaryStates(**{name: states[:, joints] for name, states in ends.items()})
         donors = self._donors.pools[group].boundary[segment.donors[:-1]]
@@ -245,7 +246,11 @@ def _trellis(
     end: CommittedEnd | None,
     model: CostModel,
 ) -> Trellis:
-    """Return the trellis of a group's candidates, given their costs in the first segment."""
+    """Return the trellis of one group over successive segments.
+
+    `first_costs` are the costs of the candidates in the first segment, without those of its seam to
+    `end`.
+    """
     candidates = [segment.groups[group] for segment in segments]
     if end is not None:
         first_costs = first_costs + model.seam_costs(end.boundary, candidates[0].boundary)[0]
