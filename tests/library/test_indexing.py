@@ -44,7 +44,7 @@ def test_graft_on_stored_library_accepts_new_base(clip_folder, stored_library):
     base = DANCE[700:900]
     ours, theirs = graft(stored_library, base, seed=3), graft(built, base, seed=3)
     np.testing.assert_array_equal(ours.motion.rotations, theirs.motion.rotations)
-    with pytest.raises(ValueError, match="extended by a base"):
+    with pytest.raises(ValueError, match="appended base motion cannot be saved"):
         stored_library.resolve_base(base)[0].save(clip_folder.parent / "longer")
 
 

@@ -23,11 +23,11 @@ _HEADER = re.compile(
 
 
 def map_array(path: Path) -> npt.NDArray[Any]:
-    """Map the array of a file that `ArrayWriter` wrote; the file may then be removed.
+    """Memory-map the array of a file that `ArrayWriter` wrote; the file may then be removed.
 
-    Raise ValueError if the header is damaged or does not match the size of the file. A regular
-    expression matches the header: `numpy.lib.format` takes 0.8 ms instead of 0.05 ms for the 42
-    arrays of a library with three groups; for a damaged header it can raise errors of Python's
+    Raise ValueError if the header is damaged or does not match the size of the file. The header is
+    matched by a regular expression: `numpy.lib.format` takes 0.8 ms instead of 0.05 ms for the 42
+    arrays of a library with three groups. For a damaged header it can also raise errors of Python's
     tokenizer and warn about files of Python 2.
     """
     with path.open("rb") as stream:
@@ -42,7 +42,10 @@ def map_array(path: Path) -> npt.NDArray[Any]:
 
 
 class ArrayWriter:
-    """Write an array file row by row; `close` writes the header. `dtype` includes byte order."""
+    """Write an array file row by row; `close` writes the header.
+
+    `dtype` includes the byte order; `row_shape` is the shape of one row.
+    """
 
     def __init__(self, path: Path, dtype: str, row_shape: tuple[int, ...]) -> None:
         self.n_rows = 0
@@ -73,20 +76,21 @@ class ArrayWriter:
         description = {"descr": self._dtype.str, "fortran_order": False, "shape": shape}
         npy.write_array_header_1_0(header, description)
         if len(header.getvalue()) != HEADER_BYTES:
-            raise RuntimeError(f"the .npy header of shape {shape} has no {HEADER_BYTES} bytes")
+            n_bytes = len(header.getvalue())
+            raise RuntimeError(f"the .npy header must have {HEADER_BYTES} bytes, got {n_bytes}")
         with self._name_file_in_errors():
             self._stream.seek(0)
             self._stream.write(header.getvalue())
             self._stream.close()
 
     def abandon(self) -> None:
-        """Close the file without a header; it must be removed."""
+        """Close the file without writing its header; the caller must remove the file."""
         with contextlib.suppress(OSError):  # unwritten rows are not needed
             self._stream.close()
 
     @contextlib.contextmanager
     def _name_file_in_errors(self) -> Iterator[None]:
-        """Add the file's name to errors such as a full disk."""
+        """Add the name of the file to an OSError, such as that of a full disk."""
         try:
             yield
         except OSError as error:

@@ -64,7 +64,7 @@ def build_library(
 
 
 def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
-    """Return metadata with unique names, made from the names in the sources."""
+    """Return the metadata of clips with unique names, derived from the names in the sources."""
     names = unique_names([info.source_name for info in entries])
     return tuple(
         info if info.name == name else info._replace(name=name)
@@ -84,7 +84,7 @@ def _named_motions(
 
 
 def join_segments(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
-    """Join the segments of several clips, each given by its starts and stops."""
+    """Join the segments of several clips, each given by the starts and stops of its segments."""
     clip: IntArray = np.repeat(np.arange(len(ends)), [len(start) for start, _ in ends])
     starts, stops = zip(*ends, strict=True)
     return Segments(np.concatenate(starts), np.concatenate(stops), clip)

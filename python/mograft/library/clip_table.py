@@ -48,7 +48,7 @@ class ClipInfo(NamedTuple):
 
 
 class ClipLocation(NamedTuple):
-    """Where a clip lies in the files of a library; other fields as in `PackedMotion`."""
+    """Location of a clip in the files of a library, and fields of its `PackedMotion`."""
 
     shard: int  # index of its files, in the order of the manifest
     first_number: int  # its first number in the ``frames`` file
@@ -122,10 +122,10 @@ def write_clip_table(
     is_donor: BoolArray,
     labels: Mapping[str, IntArray],
 ) -> None:
-    """Create the database of the library in `folder`; it holds paths relative to this folder.
+    """Create the database `path` of a library in `folder`, with source paths relative to `folder`.
 
-    `is_donor` holds whether each segment may be a donor, `labels` the cluster of each segment by
-    joint group. Raise LibraryError if the file cannot be written.
+    `is_donor` states for each segment whether it may be a donor; `labels` holds the cluster of each
+    segment by joint group. Raise LibraryError if the file cannot be written.
     """
     clips = zip(table.entries, table.locations, strict=True)
     ends = (segments.clip, segments.start, segments.stop, is_donor.astype(np.int64))
@@ -176,7 +176,7 @@ def _create_database(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def read_clip_table(path: Path) -> ClipTable:
-    """Read the clips from the database in the folder of a generation.
+    """Read the clips from the database `path` of a generation.
 
     Relative paths of source files become absolute. A damaged database raises sqlite3.Error,
     KeyError, TypeError or ValueError.
@@ -220,7 +220,7 @@ def _read_locations(database: sqlite3.Connection) -> Iterator[ClipLocation]:
 
 
 def _select(database: sqlite3.Connection, names: Iterable[str]) -> sqlite3.Cursor:
-    """Select the columns of some fields of all clips."""
+    """Select for all clips the columns that hold the fields `names`."""
     columns = ", ".join(_COLUMN_OF_FIELD.get(name, name) for name in names)
     return database.execute(f"SELECT {columns} FROM clip ORDER BY id")
 

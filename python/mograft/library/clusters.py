@@ -20,7 +20,7 @@ Progress = Callable[[str, int, int], None]
 
 
 def feature_joints_by_group(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
-    """Return the joints of each group whose rotations are compared."""
+    """Return the joints of each group whose rotations are compared between segments."""
     members = groups.resolve(skeleton)
     return {name: feature_joints(skeleton, joints) for name, joints in members.items()}
 
@@ -31,7 +31,7 @@ def join_boundary_states(
     skeleton: Skeleton,
     known: Mapping[str, Mapping[str, FloatArray]] | None = None,
 ) -> dict[str, dict[str, FloatArray]]:
-    """Return the boundary states of each group's feature joints, by group and key.
+    """Join the boundary states of clips, by group and key, for each group's feature joints.
 
     `clips` holds the result of `boundary_states` for each clip. `known` holds states, by group and
     key, that precede those of the clips.
@@ -50,9 +50,10 @@ def join_boundary_states(
 def embed_groups(
     samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
 ) -> dict[str, Embedding | None]:
-    """Embed the segments for each group; None for a group that `embed` cannot embed.
+    """Return the embedding of the segments for each group; None if they cannot be embedded.
 
-    Raise ValueError if the root is divided, so that a group holds only some of its channels.
+    Segments cannot be embedded if they are too few or too alike. `report` is called with the
+    progress. Raise ValueError if the root's channels are divided between groups.
     """
     skeleton, root = spec.skeleton, spec.root
     members, held = groups.resolve(skeleton), groups.divided_channels(skeleton)
@@ -84,7 +85,7 @@ def cluster_groups(
 ) -> tuple[dict[str, IntArray], dict[str, float]]:
     """Return the cluster of each segment, and the cluster diameter threshold, by group.
 
-    Without an embedding each segment is a cluster, and the threshold is 0.
+    Without an embedding each segment is a cluster of its own, and the threshold is 0.
     """
     labels: dict[str, IntArray] = {}
     sigma: dict[str, float] = {}
@@ -100,10 +101,11 @@ def cluster_groups(
 def nearest_clusters(
     embedding: Embedding | None, labels: IntArray, n_new: int, sigma: float
 ) -> IntArray:
-    """Return the clusters of new segments, whose points are the last of an embedding.
+    """Return the clusters of `n_new` new segments, whose points are the last of an embedding.
 
     `labels` holds the clusters of the other segments. A new segment joins the cluster that
-    `ClusterMembers.find_nearest_cluster` returns, or is a new cluster if none fits.
+    `ClusterMembers.find_nearest_cluster` returns for the threshold `sigma`. If there is none, the
+    segment forms a new cluster.
     """
     clusters: IntArray = labels.max(initial=-1) + 1 + np.arange(n_new)
     if embedding is None:

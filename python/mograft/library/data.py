@@ -61,7 +61,7 @@ class LibraryData:
 
     @property
     def root(self) -> int:
-        """The joint that carries the body through the world."""
+        """Index of the joint that carries the body through the world."""
         return self.spec.root
 
     @property
@@ -98,7 +98,7 @@ class LibraryData:
         return {}
 
     def pool(self, group: str) -> SegmentPool:
-        """Return the segments as candidates for the donors of a group; always the same object."""
+        """Return all segments with the data to search donors of a group; built on first use."""
         if group not in self._pools:
             self._pools[group] = self._build_pool(group)
         return self._pools[group]
@@ -120,7 +120,7 @@ class LibraryData:
         )
 
     def find_clip(self, motion: Motion) -> int | None:
-        """Return the index of the first clip with the poses of a motion, or None."""
+        """Return the index of the first clip whose poses equal those of a motion, or None."""
         for index, info in enumerate(self.entries):
             if info.n_frames != motion.n_frames:
                 continue

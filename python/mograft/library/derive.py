@@ -45,7 +45,7 @@ class DerivableLibrary(LibraryData):
     """A library from which other libraries are derived; base class of `mograft.Library`."""
 
     def relabelled(self, config: Config) -> Self:
-        """Return the library with another configuration, and clustered again with it.
+        """Return the library with another configuration, by which segments are clustered again.
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ class DerivableLibrary(LibraryData):
         Returns
         -------
         Library
-            With labels for the configuration's `sigma` and `sigma_scale`.
+            With clusters for the configuration's `sigma` and `sigma_scale`.
 
         Raises
         ------
@@ -76,14 +76,15 @@ class DerivableLibrary(LibraryData):
         return replace(self, config=config, labels=labels, sigma=sigma)
 
     def mirrored(self) -> Self:
-        """Return the library with the mirror images of all clips appended, clustered again.
+        """Return the library with the mirror images of all clips appended.
 
-        This doubles the number of donors.
+        This doubles the number of donors. All segments are clustered again.
 
         Returns
         -------
         Library
-            In memory. A mirror image has the name of its clip and ``_mirrored``.
+            A library in memory. Mirror images have the names of their clips followed by
+            ``_mirrored``.
 
         Raises
         ------
@@ -136,7 +137,7 @@ class DerivableLibrary(LibraryData):
         Returns
         -------
         library
-            This library if the motion is one of its clips, else the result of `extended`.
+            This library if the base motion is one of its clips, else the result of `extended`.
         index : int
             The index of the clip.
 
@@ -163,8 +164,8 @@ class DerivableLibrary(LibraryData):
         """Return the library with one more clip, whose segments are excluded as donors.
 
         Each new segment joins the cluster whose members are all within the cluster diameter
-        threshold of it; of several clusters, the one with the nearest member. If there is none,
-        the segment forms a cluster by itself. Other segments, embeddings and clusters
+        threshold of the segment; of several such clusters, the one with the nearest member. If
+        there is none, the segment forms a new cluster. The points and clusters of other segments
         do not change.
 
         Parameters
@@ -176,7 +177,7 @@ class DerivableLibrary(LibraryData):
         Returns
         -------
         Library
-            The last clip is the motion.
+            A library whose last clip is the motion.
 
         Raises
         ------
@@ -244,7 +245,7 @@ def _clip_info(motion: Motion) -> ClipInfo:
 
 
 def _project(embedding: Embedding, samples: Samples) -> Embedding:
-    """Return an embedding with new segments projected into it, behind the others."""
+    """Return the embedding with the projected points of new segments appended."""
     matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
     return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
 

@@ -47,7 +47,7 @@ class FoundClip:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The clip's keys in a table: name, file name, path relative to the source."""
+        """Keys by which tables can name the clip: name, file name, path relative to the source."""
         if isinstance(self.source, Motion):
             return (self.source.name,)
         path = Path(self.source)
@@ -57,9 +57,9 @@ class FoundClip:
 def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
     """Find the clips that motions, paths, folders and globs stand for, in the order of the sources.
 
-    A folder stands for the files of `scan_folder`, a glob for regular files. Both are sorted by
-    name. Raise FileNotFoundError if a path, folder or glob holds no file, and ValueError
-    if there is no source.
+    A folder stands for the files that `scan_folder` returns, a glob for the regular files that it
+    matches. Both are sorted by name. Raise FileNotFoundError if a path, folder or glob provides no
+    file, and ValueError if there is no source.
     """
     several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
     clips: list[FoundClip] = []
@@ -71,10 +71,10 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
 
 
 def scan_folder(folder: str) -> list[Path]:
-    """Return the BVH files in a folder and its subfolders, sorted by name.
+    """Return the BVH files in a folder and its subfolders, sorted by path.
 
-    Hidden files, files in hidden folders and anything but regular files, such as pipes, are left
-    out: copies of other programs and incomplete files have hidden names, and reading a pipe waits.
+    Hidden files, files in hidden folders and anything but regular files are left out. Other
+    programs give hidden names to copies and to incomplete files; reading a pipe would block.
     """
     files: list[Path] = []
     for parent, folders, names in os.walk(folder):
@@ -103,7 +103,7 @@ def _find_files(path: str) -> list[FoundClip]:
 
 
 def _has_provenance(path: Path) -> bool:
-    """Return whether the JSON file that ``mograft graft`` writes is beside a motion."""
+    """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file."""
     provenance = path.with_suffix(".json")
     try:
         document = json.loads(provenance.read_bytes()) if provenance.is_file() else None
@@ -114,9 +114,10 @@ def _has_provenance(path: Path) -> bool:
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
-    """Return the clips without the grafts that folders hold, and warn of these.
+    """Return the clips without the grafts that were found in folders; warn if there are any.
 
-    A graft as donor would repeat its seams. Raise FileNotFoundError if no clip remains.
+    The seams of a graft would be copied with its segments. Raise FileNotFoundError if no clip
+    remains.
     """
     kept = [clip for clip in clips if not clip.is_graft]
     n_grafts = len(clips) - len(kept)
@@ -138,7 +139,7 @@ def relative_path(path: str, folder: Path) -> Path:
 
 @cache
 def _relative_folder(path: str, start: str) -> Path:
-    """Return the path from one folder to another; cached, as many files share few folders."""
+    """Return the path to `path` from `start`; cached, because many files share few folders."""
     try:
         return Path(os.path.relpath(path, start))
     except ValueError:
@@ -146,7 +147,10 @@ def _relative_folder(path: str, start: str) -> Path:
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
-    """Append ``~2``, ``~3``... to repeated names; empty names become ``clip`` and an index."""
+    """Return names made unique: repeated names get ``~2``, ``~3``... appended.
+
+    An empty name becomes ``clip`` with the index of the clip.
+    """
     taken: set[str] = set()
     distinct = []
     for index, given in enumerate(names):
@@ -161,7 +165,7 @@ def unique_names(names: Sequence[str]) -> list[str]:
 
 
 def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
-    """Return, in the order of a table, the values whose keys match a clip.
+    """Return the values of a table whose keys match a clip, in the order of the table.
 
     The keys are names, file names or paths of clips, or globs of these.
     """
@@ -177,11 +181,11 @@ def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
 
 
 def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
-    """Read the `tags` of `Library.build` and `Library.index` from a CSV file.
+    """Read the `tags` for `Library.build` and `Library.index` from a CSV file.
 
-    Each row holds a clip's name, file name, path or a glob of these, then its tags. A first row
-    that begins with ``clip`` or ``file`` is a heading. Raise ValueError with the number of the
-    line if a row holds a clip but no tag.
+    The first cell of a row is a clip's name, file name or path, or a glob of these; the other cells
+    are its tags. A first row that begins with ``clip`` or ``file`` is a heading. Raise ValueError
+    with the number of the line if a row lacks the clip or the tags.
     """
     table: dict[str, tuple[str, ...]] = {}
     with open(path, encoding="utf-8-sig", newline="") as stream:

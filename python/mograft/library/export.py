@@ -17,12 +17,12 @@ Column = npt.NDArray[Any] | list[Any]
 
 
 def library_tables(library: Library) -> dict[str, dict[str, Column]]:
-    """Return the columns of each table of a library, by name.
+    """Return the columns of each table of a library, by the names of table and column.
 
     The tables are ``clips``; ``segments``, with the cluster ``label_GROUP`` for each joint group;
-    and ``points``, with the coordinates ``GROUP_0``, ``GROUP_1``... of the segments. Row `i` of
-    ``segments`` and of ``points`` is segment `i`. The column ``clip`` of ``segments`` holds row
-    numbers of ``clips``.
+    and ``points``, with the coordinates ``GROUP_0``, ``GROUP_1``... of each segment in the
+    embedding of the group. Row `i` of ``segments`` and of ``points`` is segment `i`. The column
+    ``clip`` of ``segments`` holds row numbers of ``clips``.
     """
     segments = library.segments
     points: dict[str, Column] = {"segment": np.arange(len(segments))}
@@ -59,11 +59,11 @@ def library_tables(library: Library) -> dict[str, dict[str, Column]]:
 def export_tables(
     library: Library, path: str | PathLike[str], kind: Literal["parquet", "csv", "npz"]
 ) -> list[Path]:
-    """Write the tables of a library over existing files; return the paths.
+    """Write the tables of a library, replacing existing files, and return the paths of the files.
 
-    `path` is the file for "npz", whose arrays are named ``TABLE/COLUMN``, else the folder for one
-    file per table. Raise ValueError for another `kind`, and ModuleNotFoundError, with the way to
-    install it, if "parquet" lacks pyarrow.
+    For the kind "npz", `path` is the file, and its arrays are named ``TABLE/COLUMN``. For "parquet"
+    and "csv", `path` is a folder that receives one file per table. Raise ValueError for another
+    `kind`, and ModuleNotFoundError if "parquet" is requested without pyarrow.
     """
     if kind not in ("parquet", "csv", "npz"):
         raise ValueError(f"`kind` must be 'parquet', 'csv' or 'npz', got {kind!r}")

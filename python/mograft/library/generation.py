@@ -46,11 +46,12 @@ written again."""
 
 
 class GenerationWriter:
-    """Write the next generation of a library; created by `write_generation`.
+    """Write the next generation, a committed state of a library; created by `write_generation`.
 
-    The generation is written in the folder `root`: the library, `final`, or a temporary folder
-    that is renamed to it at the end. `base` is the previous generation, if clips are added to it.
-    `shards` are the names of the generations whose files hold frames and samples.
+    `final` is the folder of the library, and `root` the folder to write to: `final` or a temporary
+    folder that is renamed to `final` at the end. `base` is the previous generation if clips are
+    added to it. `number` is that of the new generation. `shards` are the names of the generations
+    whose files hold frames and samples.
     """
 
     def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
@@ -66,7 +67,7 @@ class GenerationWriter:
         self.folder.mkdir()
 
     def link_base_shards(self) -> None:
-        """Link the frames and samples of the previous generation."""
+        """Link the files with frames and samples of the previous generation into this one."""
         if self.base is None:
             raise RuntimeError("there is no previous generation")
         manifest = self.base.manifest
@@ -110,7 +111,7 @@ class GenerationWriter:
         return location
 
     def write_frames(self, packed: PackedMotion, first_row: int) -> ClipLocation:
-        """Write a packed motion, given the first row of its samples."""
+        """Write a packed motion; `first_row` is the first row of its samples."""
         if self._generation not in self.shards:
             self.shards.append(self._generation)
         frames = self._writer(f"frames-{self._generation}", "<f8", ())
@@ -132,7 +133,10 @@ class GenerationWriter:
         self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
 
     def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
-        """Return the written boundary states of segments `start` to `stop`, all joints."""
+        """Read the boundary states `key` of segments `start` to `stop - 1` that were written.
+
+        They are those of all joints.
+        """
         return self._writers[f"edges-{key}"].read(start, stop)
 
     def _writer(self, name: str, dtype: str, row_shape: tuple[int, ...]) -> ArrayWriter:
@@ -145,7 +149,11 @@ class GenerationWriter:
         return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
 
     def samples(self, ranges: Sequence[RowRange], n_samples: int, n_joints: int) -> StoredSamples:
-        """Close the shards and return their samples; no clip may be written afterwards."""
+        """Close the shards and return their samples; no clip may be written afterwards.
+
+        `ranges` are the rows of each clip in the shards, in the order of the library. `n_samples`
+        is the number of samples per segment.
+        """
         self._close_shards()
         files = tuple(self.folder / f"samples-{shard}.npy" for shard in self.shards)
         return StoredSamples(files, merge_ranges(ranges), n_samples, n_joints)
@@ -159,7 +167,11 @@ class GenerationWriter:
         self._written.append(f"{name}.npy")
 
     def is_fragmented(self, locations: Sequence[ClipLocation]) -> bool:
-        """Return whether there are too many shards, or clips use too little of the older ones."""
+        """Return whether all clips should be written again, given the locations of those to keep.
+
+        They should if there are more than 16 shards, or the clips use less than half of the bytes
+        in older ones.
+        """
         if len(self.shards) > _MAX_SHARDS:
             return True
         n_bytes_used = 8 * sum(location.n_numbers for location in locations)
@@ -173,7 +185,7 @@ class GenerationWriter:
     def write_array(
         self, name: str, dtype: str, parts: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
     ) -> None:
-        """Write an array, whole or in consecutive parts."""
+        """Write an array: a whole one, or consecutive parts of one."""
         (self.folder / name).parent.mkdir(exist_ok=True)
         for part in [parts] if isinstance(parts, np.ndarray) else parts:
             self._writer(name, dtype, part.shape[1:]).append(part)
@@ -195,7 +207,7 @@ class GenerationWriter:
         self._written.append(DATABASE)
 
     def commit(self, metadata: Mapping[str, Any]) -> None:
-        """Write the manifest, which makes this generation the library."""
+        """Write the manifest with `metadata`, which makes this generation the current one."""
         self._close_shards()
         self.abandon()  # each group has its part of the boundary states
         for path in self.folder.glob("edges-*.npy"):
@@ -231,11 +243,11 @@ class GenerationWriter:
 def write_generation(
     path: Path, *, force: bool = False, add: bool = False
 ) -> Iterator[GenerationWriter]:
-    """Write the next generation of a library, under an exclusive lock.
+    """Yield a writer of a library's next generation, under an exclusive lock.
 
-    `force` replaces an existing library, `add` extends it; without either it raises
-    FileExistsError. Everything that was written and not committed is removed at the end. Raise
-    LibraryError if the folder is not a library, or another process is writing to it.
+    `force` replaces an existing library, `add` extends it. If neither is true, an existing library
+    raises FileExistsError. At the end, everything that was written but not committed is removed.
+    Raise LibraryError if the folder is not a library, or another process is writing to it.
     """
     final = Path(os.path.abspath(path))
     final.parent.mkdir(parents=True, exist_ok=True)
@@ -252,7 +264,7 @@ def write_generation(
 
 @contextlib.contextmanager
 def _write_new(final: Path) -> Iterator[GenerationWriter]:
-    """Write the first generation to another folder and rename this when it is complete."""
+    """Write the first generation to a temporary folder, and rename the folder when complete."""
     _remove_partial_libraries(final)
     partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
     shutil.rmtree(partial, ignore_errors=True)
@@ -289,7 +301,10 @@ def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
 
 
 def _check_is_library(folder: Path) -> None:
-    """Check that a folder to be overwritten holds a library, maybe damaged, and nothing else."""
+    """Raise LibraryError unless a folder to be overwritten holds only a library.
+
+    The library may be damaged.
+    """
     reason = None
     if not _has_library_manifest(folder):
         reason = f"it is not a mograft library: it has no {MANIFEST} of one; move it away first"
@@ -307,7 +322,7 @@ def _check_is_library(folder: Path) -> None:
 
 
 def _has_library_manifest(folder: Path) -> bool:
-    """Return whether the manifest has the format of a library, even if it is cut off."""
+    """Return whether the folder has the manifest of a library, even a truncated one."""
     try:
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -322,7 +337,7 @@ def _has_library_manifest(folder: Path) -> bool:
 def _is_replaceable(path: Path) -> bool:
     """Return whether a path in a library's folder is a generation or the draft of a manifest.
 
-    A generation is a folder named by its number that holds arrays and the database only.
+    A generation is a folder that is named by its number and holds only arrays and the database.
     """
     if path.is_symlink():
         return False
@@ -346,7 +361,7 @@ def _is_generation_file(path: Path) -> bool:
 
 
 def _remove(path: Path) -> None:
-    """Remove a generation or the draft of a manifest; leave anything else."""
+    """Remove a generation or the draft of a manifest; leave any other path unchanged."""
     if not path.exists() or not _is_replaceable(path):
         return
     if path.is_dir():
@@ -356,14 +371,14 @@ def _remove(path: Path) -> None:
 
 
 def _remove_generations(folder: Path, *, except_for: str) -> None:
-    """Remove all generations but one, and drafts of manifests."""
+    """Remove all generations except the named one, and all drafts of manifests."""
     for path in folder.iterdir():
         if path.name != except_for:
             _remove(path)
 
 
 def _remove_partial_libraries(final: Path) -> None:
-    """Remove folders that killed processes left when they wrote a library of this name."""
+    """Remove temporary folders of this library that killed processes left behind."""
     for path in final.parent.glob(f".{glob.escape(final.name)}.partial-*"):
         with contextlib.suppress(LibraryError, OSError), _lock(path):
             shutil.rmtree(path, ignore_errors=True)
@@ -371,7 +386,7 @@ def _remove_partial_libraries(final: Path) -> None:
 
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[None]:
-    """Hold the lock that excludes other writers of a library."""
+    """Hold the exclusive lock of writers of a library; raise LibraryError if it is taken."""
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(exclusive_lock(folder / LOCK))

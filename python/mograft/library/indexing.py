@@ -36,7 +36,7 @@ from mograft.search.boundary_states import BoundaryStates
 
 @dataclass(frozen=True, eq=False)
 class _IndexedClip:
-    """A clip of the generation that is written."""
+    """A clip of the generation that is being written."""
 
     order: ClipOrder
     info: ClipInfo
@@ -124,19 +124,22 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
 def _pending_files(
     run: IngestRun, sources: ClipSource | Iterable[ClipSource], folder: Path
 ) -> list[PendingClip]:
-    """Return each file that sources stand for once, in the order of the library."""
+    """Return the files that `sources` stand for, each once, in the order of the library."""
     by_path = {}
     for found in run.find_clips(sources):
         if isinstance(found.source, Motion):
             raise TypeError(
-                "`sources` must be files, got a Motion: use Library.build and Library.save"
+                "`sources` must be files, got a Motion; use Library.build and Library.save for it"
             )
         by_path[relative_path(found.source, folder).parts] = found
     return [run.pending(ClipOrder(0, path), by_path[path]) for path in sorted(by_path)]
 
 
 def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool:
-    """Return whether a file differs from the one that the library holds, by path."""
+    """Return whether a file is not in the library or differs from the version that was read.
+
+    `files` holds the metadata of the library's clips by path.
+    """
     path = clip.task().source
     info = files.get(path) if isinstance(path, str) else None
     if info is None or info.source_file is None:
@@ -156,7 +159,10 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
 def _kept_clips(
     base: LibraryData, stored: StoredLibrary, pending: Sequence[PendingClip], run: IngestRun
 ) -> list[_IndexedClip]:
-    """Return the clips of the previous generation that no pending clip replaces."""
+    """Return the clips of the previous generation that no pending clip replaces.
+
+    Tags of the run are added to their metadata.
+    """
     replaced = {clip.order for clip in pending}
     indices = np.arange(len(base.entries) + 1)
     bounds = np.searchsorted(base.segments.clip, indices).tolist()
@@ -196,7 +202,11 @@ def _ingest_additions(
     pending: Sequence[PendingClip],
     receiver: _ClipWriter,
 ) -> tuple[LibrarySpec, list[_IndexedClip]]:
-    """Ingest pending clips, and the kept clips again if the library specification changes."""
+    """Ingest pending clips; ingest the kept clips again if the library specification changes.
+
+    Kept clips are also ingested again if the files are fragmented. Return the specification and all
+    clips.
+    """
     writer.link_base_shards()
     properties = [(clip.order, clip.info.properties(base.skeleton)) for clip in kept]
     tasks = map(PendingClip.task, pending)
@@ -219,10 +229,10 @@ def _ingest_additions(
 
 
 def _stored_tasks(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[IngestTask]:
-    """Yield tasks for clips of the previous generation; each is read when it is needed."""
+    """Yield the tasks that ingest the `kept` clips again; each clip is read when it is needed."""
     clips = base.clips
     if not isinstance(clips, StoredClips):
-        raise TypeError("the library must be stored")
+        raise TypeError("the library must be stored in a folder")
     index_of = {location: index for index, location in enumerate(clips.table.locations)}
     for clip in kept:
         motion = clips.original(index_of[clip.location], as_read=True)
@@ -239,7 +249,7 @@ def _complete(
     base: LibraryData | None,
     is_same: bool = False,
 ) -> None:
-    """Compare the segments of all clips, and commit the generation.
+    """Embed and cluster the segments of all clips, and commit the generation.
 
     If `is_same`, the segments are those of `base`, and its embeddings and clusters are reused.
     """
@@ -288,7 +298,7 @@ def _boundary_parts(
 ) -> BoundaryParts:
     """Return the boundary states of each group in parts, in the order of segments.
 
-    They come from the arrays of `base` (shard 0 below) and from the new clips (shard 1).
+    They come from the arrays of `base` and, for new clips, from the files of `writer`.
     """
     runs = merge_ranges(RowRange(int(clip.is_new), clip.first_row, len(clip)) for clip in clips)
 

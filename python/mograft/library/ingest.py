@@ -82,11 +82,11 @@ class RefusedClip:
 
 
 def boundary_states(motion: Motion, segments: Segments) -> dict[str, FloatArray]:
-    """Return poses and velocities at the first and last frame of segments, all joints.
+    """Return the poses and velocities of all joints in the first and last frame of each segment.
 
-    ``first`` and ``last`` are local rotations, shape (n_segments, n_joints, 4). ``first_velocity``
-    and ``last_velocity`` are angular velocities in the joints' frames, in radians per second,
-    shape (n_segments, n_joints, 3).
+    ``first`` and ``last`` are local rotations, xyzw, shape (n_segments, n_joints, 4).
+    ``first_velocity`` and ``last_velocity`` are angular velocities in the joints' local frames, in
+    radians per second, shape (n_segments, n_joints, 3).
     """
     return {
         "first": motion.rotations[segments.start],
@@ -97,7 +97,10 @@ def boundary_states(motion: Motion, segments: Segments) -> dict[str, FloatArray]
 
 
 def _angular_velocities(motion: Motion, frames: IntArray) -> FloatArray:
-    """Return central differences; one-sided ones in the first and last frame of the motion."""
+    """Return angular velocities, in radians per second, in some frames of a motion.
+
+    They are central differences, but one-sided differences in the first and last frame.
+    """
     before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, motion.n_frames - 1)
     steps = rotations.multiply(rotations.inverse(motion.rotations[before]), motion.rotations[after])
     velocities: FloatArray = rotations.log(steps) * (motion.rate / (after - before))[:, None, None]
@@ -107,14 +110,14 @@ def _angular_velocities(motion: Motion, frames: IntArray) -> FloatArray:
 def sample_segments(
     motion: Motion, segments: Segments, spec: LibrarySpec, config: Config
 ) -> Samples:
-    """Return samples of the segments of a motion, in single precision."""
+    """Return the segments of a motion, resampled to equal length, in single precision."""
     heights = [mass_model(motion.skeleton).height]
     samples = normalise([motion], segments, config, root=spec.root, up=spec.up, heights=heights)
     return replace(samples, rows=samples.packed())
 
 
 def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
-    """Read a clip; return a task that holds it, and its properties.
+    """Read a clip; return a task that holds the motion, and the properties of the clip.
 
     Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
     """
@@ -123,7 +126,7 @@ def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
 
 
 def _read(task: IngestTask) -> tuple[IngestTask, Motion]:
-    """Return a task that holds the clip as it was read, and the clip at its true rate."""
+    """Return a task that holds the motion as it was read, and the motion at its true rate."""
     label, source = task.label, task.source
     if isinstance(source, str):
         try:
@@ -144,8 +147,9 @@ def ingest(
 ) -> IngestedClip | RefusedClip:
     """Read, segment and sample one clip.
 
-    The clip is returned packed as it was read, or as a motion at the library's rate. It is refused
-    if it cannot be read, has a single frame or another hierarchy.
+    If `is_packed`, the clip is returned packed as it was read, otherwise as a motion at the
+    library's rate. It is refused if it cannot be read, has a single frame, or its hierarchy differs
+    from that of `spec`.
     """
     label, properties = task.label, None
     try:
@@ -183,9 +187,10 @@ def ingest_all(
     *,
     is_packed: bool,
 ) -> Iterator[IngestedClip | RefusedClip]:
-    """Ingest clips, and yield the results in the order of the tasks, which are consumed as needed.
+    """Ingest clips, and yield the results in the order of the tasks.
 
-    Without an executor the calling thread ingests. For `is_packed` see `ingest`.
+    Tasks are taken from the iterable as needed. Without an executor the calling thread ingests. For
+    `is_packed` see `ingest`.
     """
     if executor is None:
         for task in tasks:
@@ -213,7 +218,7 @@ def _ingest_batch(
 
 
 def _check_faults(motion: Motion, segments: Segments) -> tuple[BoolArray, tuple[str, ...]]:
-    """Return which segments have no disqualifying fault, and the messages of the faults."""
+    """Return which segments have no disqualifying fault, and the messages of such faults."""
     is_donor = np.ones(len(segments), bool)
     faults = [fault for fault in find_faults(motion) if fault.kind in DISQUALIFYING_FAULTS]
     for fault in faults:

@@ -51,7 +51,7 @@ class AddOptions(TypedDict, total=False):
 
 
 class IngestOptions(AddOptions, total=False):
-    """Keyword arguments that `Library.build` and `Library.index` share and document."""
+    """Keyword arguments of `AddOptions`, and those that only `Library.build` and `index` take."""
 
     rate: float | None
 
@@ -75,7 +75,7 @@ class PendingClip:
     def task(self) -> IngestTask:
         """Return the task that reads the clip from its source."""
         if self.found is None:
-            raise RuntimeError("a clip of the previous generation is read from its files")
+            raise RuntimeError("a clip of the previous generation has no source")
         source = self.found.source
         if isinstance(source, str):
             source = os.path.abspath(source)
@@ -84,7 +84,10 @@ class PendingClip:
     def updated_info(
         self, clip: IngestedClip, tags: Mapping[str, Iterable[str]] | None
     ) -> ClipInfo:
-        """Return the metadata of the ingested clip; its name is not yet unique."""
+        """Return the metadata of a clip after its ingest; the name is not yet unique.
+
+        `tags` are those of `Library.build`.
+        """
         if self.info is not None:
             return self.info._replace(n_frames=clip.n_frames, faults=clip.faults)
         words: list[str] = []
@@ -107,20 +110,20 @@ class PendingClip:
 
 
 class ClipReceiver(Protocol):
-    """A list of ingested clips, or a store with the same methods."""
+    """Destination of ingested clips: a list, or a store with the same methods."""
 
     def append(self, clip: tuple[PendingClip, IngestedClip], /) -> None:
         """Store a clip."""
         ...
 
     def clear(self) -> None:
-        """Remove all clips: they are ingested again with another specification."""
+        """Remove all clips, because they are ingested again with another specification."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class IngestRun:
-    """Options of an ingest of several clips, as in `Library.build`, and the refused clips."""
+    """Options for the ingest of several clips, as in `Library.build`, and the errors of the run."""
 
     config: Config
     strict: bool  # whether a clip that is refused ends the run with an error
@@ -134,7 +137,10 @@ class IngestRun:
     errors: dict[str, Exception] = field(default_factory=dict)  # of refused clips, by label
 
     def find_clips(self, sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
-        """Find the clips that sources stand for; grafts in folders only with `include_grafts`."""
+        """Find the clips that sources stand for, without grafts in folders by default.
+
+        With `include_grafts`, these are included.
+        """
         found = find_clips(sources)
         return found if self.include_grafts else exclude_grafts(found)
 
@@ -144,7 +150,7 @@ class IngestRun:
             self.progress(stage, done, total)
 
     def pending(self, order: ClipOrder, found: FoundClip) -> PendingClip:
-        """Return a clip to ingest, with its rate if `frame_rates` gives one."""
+        """Return a found clip as a clip to ingest, with its rate if `frame_rates` gives one."""
         rates = matching_values(self.frame_rates, found)
         if rates and not 0 < rates[-1] < float("inf"):
             raise ValueError(f"`frame_rates` must be above 0 frames per second, got {rates[-1]}")
@@ -153,10 +159,10 @@ class IngestRun:
     def ingest_and_choose_spec(
         self, clips: Sequence[PendingClip], receiver: ClipReceiver
     ) -> LibrarySpec:
-        """Ingest clips with the specification that follows from their properties.
+        """Ingest clips, and return the library specification that their properties determine.
 
-        The specification is guessed from a few clips. If the properties of all clips lead to
-        another one, all are ingested again.
+        The specification is guessed from a few clips. If the properties of all clips determine
+        another one, all clips are ingested again with it.
         """
         tasks, spec = self._guess_spec([clip.task() for clip in clips])
         while True:
@@ -192,7 +198,7 @@ class IngestRun:
         return properties
 
     def choose_spec(self, properties: Sequence[tuple[ClipOrder, ClipProperties]]) -> LibrarySpec:
-        """Choose the library specification, independent of the order of ingest."""
+        """Choose the library specification; the order of ingest does not affect it."""
         ordered = sorted(properties, key=lambda pair: pair[0])
         return choose_spec([clip for _, clip in ordered], self.rate)
 
@@ -203,11 +209,14 @@ class IngestRun:
                 raise error
 
     def reasons(self) -> dict[str, str]:
-        """Return why clips were refused, by file or name."""
+        """Return the reason why each refused clip was refused, by file or name."""
         return {label: str(error) for label, error in self.errors.items()}
 
     def _guess_spec(self, tasks: list[IngestTask]) -> tuple[list[IngestTask], LibrarySpec]:
-        """Guess the specification from a few clips; return tasks that hold these clips."""
+        """Guess the specification from a few clips.
+
+        Return the tasks, of which those of these clips hold the motion, and the specification.
+        """
         sampled = np.unique(np.linspace(0, len(tasks) - 1, _MAX_SAMPLED_CLIPS).round().astype(int))
         indices = sampled.tolist()
         properties: list[ClipProperties] = []
@@ -229,9 +238,9 @@ class IngestRun:
 
 
 def warn_of_clips(entries: Sequence[ClipInfo], rate: float, *, stacklevel: int) -> None:
-    """Warn of clips that were resampled to `rate` and of clips with faults.
+    """Warn about clips that were resampled to `rate`, and about clips with faults.
 
-    `stacklevel` is the stack frame that warnings name: 1 for the caller, 2 for its caller.
+    `stacklevel` is the stack frame to which warnings refer: 1 for the caller, 2 for its caller.
     """
 
     def warn(message: str) -> None:

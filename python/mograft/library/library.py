@@ -33,8 +33,8 @@ class Library(DerivableLibrary):
     Attributes
     ----------
     clips : sequence of Motion
-        The clips, of one hierarchy and one frame rate; offsets may differ. The clips of a
-        library in a folder are read when they are indexed.
+        The clips, of one hierarchy and one frame rate; offsets may differ. A clip of a library in
+        a folder is read when it is accessed.
     entries : tuple of ClipInfo
         Metadata of each clip: name, source file, source rate, faults, tags.
     segments : Segments
@@ -48,14 +48,15 @@ class Library(DerivableLibrary):
     spec : LibrarySpec
         `skeleton`, `rate`, `root` and `up`.
     embedding : dict of str to Embedding or None
-        For each group the segments as points; None if they were too few or too alike.
+        For each group the segments as points; None if the segments are too few or too alike.
     labels : dict of str to ndarray of int, shape (n_segments,)
-        For each group the cluster of each segment, numbered by first member from 0.
+        For each group the cluster of each segment; clusters are numbered from 0 in the order of
+        their first members.
     sigma : dict of str to float
         For each group the cluster diameter threshold.
     boundary_states : dict of str to dict of str to ndarray
-        For each group the poses and velocities of its joints at the first and last frame of
-        the segments, as in `SegmentPool`.
+        For each group the poses and velocities of its joints in the first and last frame of
+        each segment, as in `BoundaryStates`.
     samples : Samples or StoredSamples
         The resampled segments from which features are computed.
     refused : dict of str to str
@@ -87,10 +88,10 @@ class Library(DerivableLibrary):
         mirrored : bool
             Whether to append the mirror images of all clips; see `mirrored`.
         include_grafts : bool
-            Whether to take also the grafts in folders: files beside which ``mograft graft``
-            wrote a ``.json``. Files that a path or glob names are always taken.
+            Whether to include grafts in folders: files beside which ``mograft graft`` wrote a
+            ``.json``. Files that a path or glob names are always included.
         rate : float, optional
-            Frames per second. Default: the rate of most frames.
+            Frames per second of the library. Default: the rate that most frames have.
         frame_rates : mapping of str to float, optional
             The true frames per second of clips whose file gives a wrong rate, by name,
             file name, or a glob that matches either.
@@ -102,7 +103,7 @@ class Library(DerivableLibrary):
             or ``dask.distributed.Client.get_executor()``. Workers must have access to the
             files. The result does not depend on it. Default: the calling thread.
         progress : callable, optional
-            Called with the name of a stage, the number of items done and of all items.
+            Called with the name of a stage, the number of items done and the number of all items.
 
         Raises
         ------
@@ -216,7 +217,7 @@ class Library(DerivableLibrary):
         Returns
         -------
         Library
-            The library that `index` would have built from all files. This one stays as it was.
+            The library that `index` would have built from all files. This object does not change.
 
         Raises
         ------
@@ -266,8 +267,8 @@ class Library(DerivableLibrary):
 
         Notes
         -----
-        The library that `open` returns has the same numbers, bit for bit. Clips are written at
-        the library's rate.
+        The library that `open` then returns has the same numbers, bit for bit. Clips of a library
+        in memory are stored at the library's rate, clips of an opened library as they were read.
         """
         from mograft.library.saving import save_library
 
@@ -300,7 +301,7 @@ class Library(DerivableLibrary):
     def candidates(
         self, segment: int, group: str, constraints: Sequence["Constraint"] = ()
     ) -> Candidates:
-        """Return which segments can replace a group of a segment, and why others cannot.
+        """Return the segments that can be donors of a group at a segment, and why others cannot.
 
         Parameters
         ----------
@@ -309,7 +310,7 @@ class Library(DerivableLibrary):
         group : str
             The group to replace.
         constraints : sequence of Constraint, optional
-            Donors that violate a hard constraint when placed at the segment are refused.
+            Donors that would violate a hard constraint at the segment are refused.
 
         Returns
         -------

@@ -21,7 +21,7 @@ EMBEDDING_ARRAYS = ("points", "reference", "mean", "scale", "components", "varia
 
 
 def load_library(library_type: type[L], stored: StoredLibrary) -> L:
-    """Return the library that a folder holds; its arrays are mapped."""
+    """Return the library of type `library_type` in a folder; its arrays are memory-mapped."""
     manifest, arrays = stored.manifest, stored.arrays
     embedding: dict[str, Embedding | None] = {}
     labels, states = {}, {}

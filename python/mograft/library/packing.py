@@ -18,8 +18,9 @@ PackedContent: TypeAlias = Literal["channels", "poses", "both"]
 class PackedMotion:
     """A motion as one array of numbers.
 
-    The numbers are the channels of a file ("channels"), from which rotations and positions follow;
-    rotations and positions ("poses"); or rotations, positions and channels ("both").
+    If `content` is "channels", the numbers are the channel values of a file, from which rotations
+    and positions follow. With "poses" they are rotations and positions; with "both" they are
+    rotations, positions and channel values.
     """
 
     content: PackedContent
@@ -33,10 +34,11 @@ class PackedMotion:
 
 
 def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
-    """Pack a motion: its channels alone, in half the space, if its poses follow from them.
+    """Return a motion as one array: only its channel values if these determine its poses.
 
-    They do for an unchanged result of `read_bvh`, which `as_read` declares. By default `pack`
-    compares them bit for bit.
+    The channel values take half the space. `as_read` states that the motion is an unchanged result
+    of `read_bvh`, in which they determine the poses. Otherwise `pack` computes the poses from the
+    channel values and compares them bit for bit.
     """
     values = motion.channel_values
     content: PackedContent = "poses" if values is None else "both"

@@ -23,7 +23,7 @@ BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
 def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
     """Write a library to a folder; see `Library.save`."""
     if len(library.samples) != len(library.segments):
-        raise ValueError("a library that was extended by a base cannot be saved")
+        raise ValueError("a library with an appended base motion cannot be saved")
     with write_generation(path, force=force) as writer:
         entries: list[ClipInfo] = []
         locations: list[ClipLocation] = []
@@ -41,7 +41,10 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
 
 
 def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
-    """Return the metadata and motion to save: as read from the file if known, else the present."""
+    """Return the metadata and the motion of a clip to save.
+
+    A clip of a stored library is returned as read from its file, other clips as they are.
+    """
     info = library.entries[index]
     if isinstance(library.clips, StoredClips):
         return info, library.clips.original(index, as_read=True)
@@ -58,11 +61,11 @@ def commit_library(
     boundary_states: BoundaryParts,
     requested_rate: float | None,
 ) -> None:
-    """Write everything except frames and samples, which are written, and commit the generation.
+    """Write the files of a generation other than ``frames`` and ``samples``, and commit it.
 
-    Clips and boundary states of `library` are ignored: `locations` says where its clips were
-    written, and `boundary_states` holds the states of the feature joints. `requested_rate` is kept
-    for clips that are added later.
+    `frames` and `samples` must already be written, at `locations`. `boundary_states` holds the
+    states of the feature joints; those in `library` and its clips are ignored. `requested_rate`,
+    the rate that the caller gave, applies to clips that are added later.
     """
     segments = library.segments
     for name in ("start", "stop", "clip"):
@@ -96,7 +99,7 @@ def _write_group(
     index: int,
     states: Mapping[str, FloatArray | Iterator[FloatArray]],
 ) -> dict[str, Any]:
-    """Write the arrays of a joint group; return its part of the manifest."""
+    """Write the arrays of the joint group with this index; return its entry in the manifest."""
     group = library.groups.names[index]
     embedding, labels = library.embedding[group], library.labels[group]
     writer.write_array(f"{index}/labels", "<i8", labels)

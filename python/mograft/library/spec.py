@@ -25,7 +25,7 @@ class LibrarySpec:
     up: int  # the axis that points up: 0, 1 or 2
 
     def is_equivalent(self, other: "LibrarySpec") -> bool:
-        """Return whether ingest gives the same results for another specification."""
+        """Return whether ingest gives the same results with another specification."""
         parameters = (self.rate, self.root, self.up)
         is_same = parameters == (other.rate, other.root, other.up)
         return is_same and has_same_hierarchy(self.skeleton, other.skeleton)
@@ -57,9 +57,9 @@ class ClipProperties:
 def choose_spec(clips: Sequence[ClipProperties], rate: float | None = None) -> LibrarySpec:
     """Choose the library specification from the properties of at least one clip.
 
-    Its joint names and hierarchy are those of most clips. Only these clips determine the other
-    parameters: the most frequent root, the up axis of the longest clip and, unless `rate` is
-    given, the rate with the most frames. Ties go to the first.
+    Its joint names and hierarchy are those that most clips have. Only these clips determine the
+    other parameters: the most frequent root, the up axis of the longest clip and, unless `rate` is
+    given, the rate with the most frames. Ties go to the first clip.
     """
     by_hierarchy: dict[tuple[object, ...], list[ClipProperties]] = {}
     for clip in clips:

@@ -41,7 +41,7 @@ class StoredLibrary:
     arrays: dict[str, npt.NDArray[Any]]  # all but ``samples``, by path in the generation, mapped
 
     def samples(self) -> StoredSamples:
-        """Return the samples of all segments, which are read when needed."""
+        """Return the samples of all segments; the files are read when the samples are used."""
         locations = self.table.locations
         counts = np.bincount(self.arrays["clips"], minlength=len(locations)).tolist()
         folder = self.folder / self.manifest["generation"]
@@ -59,8 +59,8 @@ class StoredLibrary:
 def read(folder: Path) -> StoredLibrary:
     """Open the files of a library; they stay valid when another process writes a generation.
 
-    Raise LibraryError if the library is damaged, foreign or written by a newer version, and
-    FileNotFoundError if the folder does not exist.
+    Raise LibraryError if the folder is not a library, or the library is damaged or was written by a
+    newer version. Raise FileNotFoundError if the folder does not exist.
     """
     for _ in range(_MAX_READ_ATTEMPTS):
         manifest = read_manifest(folder)
@@ -159,7 +159,7 @@ def verify(folder: Path) -> list[str]:
 
 
 def list_leftovers(folder: Path) -> list[str]:
-    """Return the names of files that an interrupted write left; the next write removes them."""
+    """Return the names of files that an interrupted write left behind, which the next removes."""
     manifest = read_manifest(folder)
     known = {MANIFEST, LOCK, manifest["generation"]}
     return sorted(path.name for path in folder.iterdir() if path.name not in known)
@@ -172,7 +172,7 @@ def manifest_checksum(document: Mapping[str, Any]) -> str:
 
 
 def hash_files(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the size (``bytes``) and ``sha256`` of files of a folder, by name."""
+    """Return the size (``bytes``) and the SHA-256 (``sha256``) of files in a folder, by name."""
 
     def hash_file(name: str) -> dict[str, Any]:
         with (folder / name).open("rb") as stream:

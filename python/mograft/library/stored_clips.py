@@ -22,10 +22,10 @@ _MAX_CACHED_CLIPS = 16
 
 
 class StoredClips(Sequence[Motion]):
-    """The clips of a stored library, each read when it is indexed.
+    """The clips of a stored library, each of which is read from files when it is accessed.
 
-    `frames` are the mapped arrays in which the packed motions lie, one per shard. Clips are
-    resampled to `rate`, the frame rate of the library.
+    `frames` holds for each shard the memory-mapped array of its packed motions. Clips are resampled
+    to `rate`, the frame rate of the library.
     """
 
     def __init__(self, table: ClipTable, frames: Sequence[FloatArray], rate: float) -> None:
@@ -78,7 +78,7 @@ class StoredClips(Sequence[Motion]):
 
 
 class ExtendedClips(Sequence[Motion]):
-    """A sequence of clips with one clip appended, without reading the others."""
+    """A sequence of clips followed by one more clip; the others are read only when accessed."""
 
     def __init__(self, clips: Sequence[Motion], last: Motion) -> None:
         self._clips, self._last = clips, last
@@ -120,8 +120,8 @@ def merge_ranges(ranges: Iterable[RowRange]) -> tuple[RowRange, ...]:
 class StoredSamples:
     """Samples of all segments, in the order of the library, read from files.
 
-    The files are read, not mapped: pages that are mapped would count as memory of the process
-    for as long as it runs.
+    The files are read, not memory-mapped: mapped pages would count as memory of the process as long
+    as it runs.
     """
 
     files: tuple[Path, ...]  # the ``samples`` files, one per shard
@@ -133,7 +133,7 @@ class StoredSamples:
         return sum(item.n for item in self.ranges)
 
     def chunks(self) -> Iterator[Samples]:
-        """Yield `CHUNK` segments at a time, independent of how rows are divided into files."""
+        """Yield the samples of `CHUNK` segments at a time, whichever files hold them."""
         for rows in self._row_chunks():
             yield Samples(rows, self.n_samples, self.n_joints)
 
