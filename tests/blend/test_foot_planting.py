@@ -385,7 +385,7 @@ def test_plant_feet_invalid_arguments_raise_value_error(sample):
         ValueError, match=r"`foot_contacts` must have shape \(\d+, 2, 2\), got \(3, 2\)"
     ):
         plant_feet(sample.motion, np.zeros((3, 2), bool))
-    with pytest.raises(ValueError, match="`movable_legs` must have 2 entries, got 1"):
+    with pytest.raises(ValueError, match="`movable_legs` must have 2 entries, one per leg, got 1"):
         plant_feet(sample.motion, movable_legs=[True])
     with pytest.raises(
         ValueError, match=r"`min_heights` must have shape \(\d+, 2, 2\), got \(3, 2\)"

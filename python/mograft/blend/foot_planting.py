@@ -215,7 +215,9 @@ def _checked_arguments(
         raise ValueError(f"`foot_contacts` must have shape {expected}, got {contacts.shape}")
     movable = np.ones(n_legs, bool) if movable_legs is None else np.array(movable_legs, bool)
     if len(movable) != n_legs:
-        raise ValueError(f"`movable_legs` must have {n_legs} entries, got {len(movable)}")
+        raise ValueError(
+            f"`movable_legs` must have {n_legs} entries, one per leg, got {len(movable)}"
+        )
     return contacts, movable
 
 

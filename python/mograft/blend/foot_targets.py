@@ -31,7 +31,7 @@ class _Plant:
 def remove_sliding_frames(
     contacts: BoolArray, points: FloatArray, ground: Ground, rate: float
 ) -> BoolArray:
-    """Return `contacts` without the fast frames of each contact in which the point slides far.
+    """Return `contacts` without the fast frames of contacts in which a heel or toe slides far.
 
     A foot can stand at two distant positions before and after a seam. One plant for both contacts
     would be half way between these positions. Without the fast frames there are two plants, and
@@ -53,8 +53,8 @@ def lowest_heights(points: FloatArray, recorded: FloatArray, ground: Ground) -> 
     """Return the lowest allowed heights of heels and toes, shape (n_frames, n_legs, 2).
 
     The limit is the higher of two heights: that of the point in the same frame of `points`, and
-    that of its lowest frame in `recorded`. It is at most the floor, and is lowered by 0.001
-    skeleton heights. Both arrays are positions, shape (n_frames, n_legs, 2, 3).
+    that of its lowest frame in `recorded`; at most, it is the height of the floor. It is then
+    lowered by 0.001 skeleton heights. Both arrays are positions, shape (n_frames, n_legs, 2, 3).
     """
     deepest = (recorded @ ground.up).min(axis=0)
     lowest: FloatArray = np.minimum(np.maximum(points @ ground.up, deepest), ground.floors)

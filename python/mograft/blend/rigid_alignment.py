@@ -34,14 +34,14 @@ class RootTransforms:
         return cls(quats, positions)
 
     def relative_to_parent(self, motion: Motion, frames: IntArray, joint: int) -> "RootTransforms":
-        """Return the transforms of `joint` relative to its parent in frames of a motion."""
+        """Return these transforms of `joint` relative to its parent in the given frames."""
         parent = int(motion.skeleton.parents[joint])
         if parent < 0:
             return self
         return self.relative_to(RootTransforms.from_motion(motion, parent)[frames])
 
     def relative_to(self, parents: "RootTransforms") -> "RootTransforms":
-        """Return the transforms relative to those of the parents."""
+        """Return these world transforms relative to those of the parent joints."""
         inverse = rotations.inverse(parents.rotations)
         return RootTransforms(
             rotations.multiply(inverse, self.rotations),

@@ -52,7 +52,7 @@ def blend_root_velocity(
 
 
 def yaw_rates(quats: FloatArray, up: int) -> FloatArray:
-    """Return the angle in radians by which each frame is rotated to the next about the up axis."""
+    """Return the angle in radians by which a joint turns about the up axis in each frame."""
     steps = rotations.multiply(quats[1:], rotations.inverse(quats[:-1]))
     rates: FloatArray = rotations.log(rotations.twist(steps, up))[:, up]
     return rates

@@ -46,7 +46,7 @@ class GraftedRoot:
         return layout, quats, positions
 
     def align(self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]) -> DonorLayout:
-        """Return the layout with the root in world coordinates and each donor aligned to the last.
+        """Align each donor to the previous one; return the layout with the root in world axes.
 
         At a seam the next donor is rotated about the up axis and moved over the floor, so that its
         root starts at the position and heading at which the previous donor ends. The first donor

@@ -18,7 +18,7 @@ from mograft.blend.value_spaces import ValueSpace
 
 @dataclass(frozen=True, eq=False)
 class PieceTimes:
-    """n points in time, each given as a piece (see `mograft.blend.seams`) and seconds."""
+    """n points in time, each given as a piece and the seconds since its start."""
 
     piece: IntArray  # (n,): index of the piece
     seconds: FloatArray  # (n,): seconds since the start of that piece
@@ -133,7 +133,7 @@ class ClosedFrames:
 
 
 def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return root velocity weights that rise to ½ at the seam on both sides, with equal slope."""
+    """Return root velocity weights that rise to ½ at the seam, with a continuous slope."""
     half = 0.25 * remaining * remaining * (3.0 - remaining)
     return half, half
 

@@ -26,10 +26,9 @@ class TrunkLean:
 
     The lean is relative to the vertical. The local rotation q_k in a donor's clip k becomes
     R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world rotation of the parent joint, and Y the
-    part of R about the up axis, its heading. Y is smoothed over
-    `HEADING_SMOOTHING` seconds, because the pelvis swings about the up axis with every step and the
-    trunk compensates for that. `remove` applies Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar
-    and Gleicher (2006).
+    part of R about the up axis, its heading. Y is smoothed over `HEADING_SMOOTHING` seconds,
+    because the pelvis swings about the up axis with every step and the trunk compensates for that.
+    `remove` applies Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar and Gleicher (2006).
     """
 
     joints: IntArray  # the group's joints

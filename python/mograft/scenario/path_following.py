@@ -123,7 +123,7 @@ class _PathSearch:
     """
 
     def __init__(self, library: Library, graph: Transitions, corners: FloatArray) -> None:
-        """Convert the path, whose successive corners differ, and the graph."""
+        """Convert the graph and the path to skeleton heights; successive corners must differ."""
         self.graph = graph
         self.height = mass_model(library.skeleton).height
         corners = (corners - corners[0]) / self.height

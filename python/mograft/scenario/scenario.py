@@ -24,8 +24,8 @@ class Scenario:
     Raises
     ------
     ValueError
-        If there is no segment, if the number of lengths differs, if a length is below 1, or if a
-        number is not finite.
+        If there is no segment, if `lengths` does not have one entry per segment, if a length is
+        below 1, or if a number is not finite.
 
     Examples
     --------

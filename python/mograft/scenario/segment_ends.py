@@ -51,7 +51,7 @@ class SegmentEnds:
         """Return one point per segment, shape (n, n_features), to find transitions of low cost.
 
         The distance between the points of an end and a start is the root of the sum of the squared
-        terms of the transition cost, joints averaged. For large angles it is smaller.
+        terms of the transition cost, joints averaged. For large angles the distance is smaller.
         """
         n, n_joints = self.poses.shape[:2]
         share = max(n_joints, 1) ** -0.5
@@ -94,7 +94,7 @@ def _concatenate(parts: list[SegmentEnds]) -> SegmentEnds:
 
 
 class _ClipEnds:
-    """One clip of a library, prepared for reading the ends of its segments."""
+    """One clip of a library, from which starts and ends of its segments are read."""
 
     def __init__(self, library: Library, index: int, clip: Motion) -> None:
         self._library, self._index, self._clip = library, index, clip
@@ -115,7 +115,7 @@ class _ClipEnds:
         self._steps = np.concatenate([steps, yaws[:, None]], axis=1)
 
     def read(self, segments: IntArray, *, is_start: bool) -> SegmentEnds:
-        """Return the starts, or ends, of segments of this clip."""
+        """Return the starts or the ends of some segments of this clip."""
         library, cut = self._library, self._library.segments
         frames = (cut.start if is_start else cut.stop)[segments]
         first = 0 * segments

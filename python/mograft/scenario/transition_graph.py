@@ -40,7 +40,7 @@ class Transitions:
     first_edge : ndarray of int, shape (n + 1,)
         Index of the first edge from each node; the last entry is the number of edges.
     targets : ndarray of int, shape (m,)
-        Node that each edge leads to.
+        Node to which each edge leads.
     costs : ndarray, shape (m,)
         Cost of each edge in radians; 0 from a segment to its successor in the clip.
     limit : float
@@ -55,7 +55,7 @@ class Transitions:
         Displacement that blending root velocities at the seam adds to those of the two segments, in
         the file's unit, if the source segment is not rotated.
     is_at_rest : ndarray of bool, shape (n,)
-        Whether a segment ends at a minimum of kinetic energy. Only there can a beat be.
+        Whether a segment ends at a minimum of kinetic energy. `to_beats` places beats only there.
     """
 
     segments: IntArray
@@ -73,7 +73,7 @@ class Transitions:
 
     @property
     def sources(self) -> IntArray:
-        """Node that each edge leads from, shape (m,)."""
+        """Node from which each edge leads, shape (m,)."""
         return np.repeat(np.arange(len(self.segments)), np.diff(self.first_edge))
 
     def edges_from(self, node: int) -> slice:
@@ -209,7 +209,7 @@ def _candidate_edges(
     if not len(sources):
         raise ValueError(
             "a transition graph needs transitions between segments that are not consecutive "
-            "in a clip, got none: no segment ends with the foot contacts of another's start"
+            "in a clip, got none with equal foot contacts"
         )
     costs = transition_costs(ends, starts, sources, targets)
     successor_of = np.flatnonzero(has_successor)

@@ -323,12 +323,12 @@ class _WalkPath:
         return mean
 
     def edges(self) -> tuple[IntArray, FloatArray]:
-        """Return the targets and the probabilities of the edges from the last node."""
+        """Return the target and the probability of each edge from the last node of the walk."""
         edges = self.graph.edges_from(self.nodes[-1])
         return self.graph.targets[edges], self._probabilities[edges]
 
     def visit(self, node: int) -> int:
-        """Append a node; return the length of its segment in frames."""
+        """Append a node to the walk; return the length of its segment in frames."""
         length = int(self.lengths[node])
         self.nodes.append(node)
         self._uses[node] += 1
@@ -336,11 +336,11 @@ class _WalkPath:
         return length
 
     def start(self, weights: Weights) -> int:
-        """Draw and visit the first node; return the length of its segment."""
+        """Draw the first node by `weights` and append it; return the length of its segment."""
         return self.visit(int(self.rng.choice(len(weights), p=_normalize(weights))))
 
     def advance(self, targets: IntArray, weights: FloatArray) -> int:
-        """Draw and visit the next node, one of `targets`; return the length of its segment.
+        """Draw the next node from `targets` and append it; return the length of its segment.
 
         One of the latest three nodes is drawn only if all other targets have weight 0.
         """

@@ -71,7 +71,7 @@ class Assembly:
         return cls(problem, donors, made, recombine(base, list(made.values()), name))
 
     def replace_donors(self, group: str, donors: IntArray) -> "Assembly":
-        """Return the assembly with another donor sequence of one group."""
+        """Return a new assembly in which one group has the donor sequence `donors`."""
         kept = {name: part for name, part in self.parts.items() if name != group}
         return self.build(self.problem, {**self.donors, group: donors}, self.motion.name, kept)
 

@@ -49,7 +49,7 @@ class BaseBuffer:
         self._first_needed = max(self._first_needed, min(frame, self._n_energies - 1))
 
     def motion(self, start: int, stop: int) -> Motion:
-        """Return the frames from `start` to before `stop`."""
+        """Return the frames `start` to `stop` - 1."""
         rows = slice(start - self._n_discarded, stop - self._n_discarded)
         values = self._tracks.get("channel_values")
         return replace(

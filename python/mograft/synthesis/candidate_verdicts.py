@@ -60,7 +60,7 @@ def judge_candidates(
 def _reasons(
     problem: SearchProblem, origin: Sequence[FloatArray], pose: Sequence[FloatArray], n: int
 ) -> list[list[str]]:
-    """Return for each candidate the violated hard constraints, each with its amount."""
+    """Return for each candidate a description of every hard constraint that it violates."""
     reasons: list[list[str]] = [[] for _ in range(n)]
     for constraint, *amounts in zip(problem.constraints, origin, pose, strict=True):
         if not constraint.is_hard:

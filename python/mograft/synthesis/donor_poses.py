@@ -19,9 +19,9 @@ _POSES_PER_CHUNK = 20_000  # poses that are evaluated at a time: some hundred me
 
 
 def split_by_count(items: IntArray, counts: IntArray) -> list[IntArray]:
-    """Split items into consecutive chunks of about 20,000 poses.
+    """Split items into consecutive chunks of about 20,000 poses each.
 
-    `counts` has the number of poses of each item. There are no chunks if there are no items.
+    `counts` has the number of poses of each item. Without items the result is empty.
     """
     chunk = np.cumsum(counts) // _POSES_PER_CHUNK
     return np.split(items, np.flatnonzero(np.diff(chunk)) + 1) if len(items) else []

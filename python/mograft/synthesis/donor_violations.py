@@ -29,7 +29,7 @@ def find_donor_violations(problem: SearchProblem, donors: DonorSequences) -> lis
 def _excluded_donors(
     problem: SearchProblem, constraint: Constraint, group: str, sequence: IntArray
 ) -> list[Violation]:
-    """Return one violation per position whose donor the constraint excludes."""
+    """Return one violation for each position whose donor is excluded by the constraint."""
     segments, frames = problem.library.segments, problem.base_segments
     base, clips = segments[problem.scenario], problem.library.entries
     (amounts,) = origin_violations([constraint], base, segments[sequence], frames, clips)

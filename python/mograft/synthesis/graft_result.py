@@ -131,7 +131,7 @@ class Graft:
         return notebook_view(self)
 
     def report(self, *, each: bool = False) -> str:
-        """Return a summary in text: exchanged and kept segments, seams, violations and feet.
+        """Return a text summary: exchanged and kept segments, seams, violations and foot planting.
 
         Parameters
         ----------
@@ -141,5 +141,5 @@ class Graft:
         return provenance.report(self, each=each)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the provenance of the motion as a JSON document."""
+        """Return the donors, seams and settings of the graft as a JSON document."""
         return provenance.document(self)

@@ -31,7 +31,7 @@ class GroupCandidates:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PendingSegment:
-    """A base segment that is not committed yet."""
+    """A base segment of a stream whose donors are not committed yet, and its candidates."""
 
     base: Motion  # the segment's frames with a margin, from `BaseBuffer.motion_with_margin`
     offset: int  # index in `base` of the segment's first frame

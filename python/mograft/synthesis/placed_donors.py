@@ -42,7 +42,7 @@ class SampledDonors:
 
 @dataclass(frozen=True, eq=False)
 class PlacedDonors:
-    """n donors in a base segment, after seam treatment."""
+    """n donors resampled to the length of a base segment, after seam treatment."""
 
     sampled: SampledDonors  # the donors before seam treatment
     values: FloatArray  # rotations after it, in the shape of `sampled.values`
@@ -113,7 +113,8 @@ def sample_donors(
     """Resample donors to the length of a base segment.
 
     Each track, shape (n_frames + 2, n_joints, 4), is a donor as `frames_with_neighbours` returns
-    it; `joints` are those of the group. `length` is in intervals, `rate` in frames per second.
+    it; `joints` are those of the group. `length` is in frame intervals, `rate` in frames per
+    second.
     """
     counts = np.array([len(track) for track in tracks])
     starts, lengths = np.cumsum(counts) - counts + 1, counts - 3
@@ -163,6 +164,6 @@ def place_donors(
 
 
 def _sample_frames(length: int) -> FloatArray:
-    """Return the times at which donors are sampled, in frames after the base segment's start."""
+    """Return the times of `SampledDonors.values`, in frames since the base segment's start."""
     before_end = [length - VELOCITY_STEP, length - 2 * VELOCITY_STEP]
     return np.append(np.arange(length + 1), before_end)

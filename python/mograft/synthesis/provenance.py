@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def document(graft: "Graft") -> dict[str, Any]:
-    """Return the provenance of a graft as a JSON document, schema ``mograft.graft/1``."""
+    """Return the donors, seams and settings of a graft as JSON, schema ``mograft.graft/1``."""
     library, segments = graft.library, graft.library.segments
     repeated = repetition(library, graft.scenario) if graft.scenario else None
     return {
@@ -102,7 +102,7 @@ def _repair_record(window: "RepairedWindow") -> dict[str, Any]:
 
 
 def report(graft: "Graft", *, each: bool = False) -> str:
-    """Return a summary of a graft in text; `each` lists every exchanged segment."""
+    """Return a text summary of a graft; with `each`, also a list of all exchanged segments."""
     lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
     if graft.scenario:
         repeated = repetition(graft.library, graft.scenario)

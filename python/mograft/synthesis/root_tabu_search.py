@@ -45,7 +45,7 @@ def tabu_search(
     """Substitute donors that drive the root, one at a time, until hard constraints hold.
 
     Return the sequences with the smallest total violation of the finished motion; ties go to the
-    first. They are `donors` if no group holds the root or nothing is violated. `finish`, such as
+    first. They are `donors` if no group contains the root or nothing is violated. `finish`, such as
     foot planting, is applied to each assembled motion and its donor sequences.
 
     The best-ranked substitution is made even if it increases the violation, and its position is

@@ -92,7 +92,7 @@ class SearchProblem:
         groups: Sequence[str],
         constraints: Sequence[Constraint],
     ) -> "SearchProblem":
-        """Return the problem with candidates that satisfy cluster, length and donor constraints.
+        """Find the candidates within the limits on cluster and length and the donor constraints.
 
         `AvoidSelf` without a captured depth gets the depth in the base motion. An item that is not
         a constraint raises TypeError; a constraint with an unknown joint, clip or frame raises
@@ -131,7 +131,7 @@ class SearchProblem:
         return Poses.from_motion(self.base)
 
     def poses_of(self, motion: Motion) -> Poses:
-        """Return the world poses of a motion of the same skeleton, frame by frame."""
+        """Return the world poses of all frames of a motion of the same skeleton."""
         return self.base_poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
 
     @cached_property

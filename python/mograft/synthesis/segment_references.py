@@ -52,7 +52,7 @@ def add_used_donors(
 
 
 def _base_frames(constraint: Use | Ban, segments: Segments) -> Span:
-    """Return the first and last frame of the base segments that a constraint selects."""
+    """Return the first and last frame of the base segments to which a constraint applies."""
     name, number = type(constraint).__name__, constraint.segment
     if number is not None:
         if number >= len(segments):

@@ -196,7 +196,7 @@ class Stream:
             self._segmenter.push(energies[: n_final - n_known])
 
     def close(self) -> None:
-        """End the base, so that all remaining segments can be committed.
+        """Declare the base motion complete, so that all remaining segments can be committed.
 
         Raises
         ------
@@ -212,7 +212,7 @@ class Stream:
         self._is_closed = True
 
     def pieces(self) -> list[Piece]:
-        """Commit all segments that can be committed, and return them."""
+        """Commit segments with `advance` until it returns None; return their pieces."""
         pieces = []
         while (piece := self.advance()) is not None:
             pieces.append(piece)

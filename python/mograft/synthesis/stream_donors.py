@@ -56,7 +56,7 @@ class StreamRules:
 
     @classmethod
     def build(cls, donors: StreamDonors, constraints: Sequence[Constraint]) -> "StreamRules":
-        """Return the rules for a stream with these donors and constraints."""
+        """Apply the constraints to the library's configuration, and build the cost models."""
         config = limit_config(donors.library.config, constraints)
         models = {group: cost_model(config, pool) for group, pool in donors.pools.items()}
         return cls(tuple(constraints), config, models)

@@ -169,7 +169,7 @@ class StreamSearch:
 
     @cached_property
     def _body(self) -> Poses:
-        """The body of the base motion, in the pose of its first frame."""
+        """World poses of one frame of the base motion, from which other poses are made."""
         return replace(Poses.from_motion(self._frame), up=self._library.up)
 
     def _poses(self, segment: PendingSegment, rotations: FloatArray) -> Poses:
