@@ -44,10 +44,11 @@ class Config:
         Shortest and longest segment, in seconds. Shorter segments are merged, longer ones
         split.
     omega : {"world", "local"}
-        Whether the angular velocity of a link is relative to the world or to its parent (eq. 1).
+        Whether the angular velocity of a link, the body part that moves with a joint, is relative
+        to the world or to its parent (eq. 1).
     inertia : {"own", "subtree", "unit"}
-        Whether the moment of inertia of a link covers the link alone, the link and all links
-        below it, or is 1.
+        Moment of inertia of a link: that of the link alone, that of the link together with all
+        links below it, or 1.
     samples : int
         Number of frames to which every segment is resampled before comparison (4.1.3).
     components : int
@@ -56,52 +57,56 @@ class Config:
         Whether segments that differ only in heading count as different, as in the paper. If
         False, every segment is rotated to the same initial heading before the comparison.
     rotation_floor, position_floor, length_floor : float
-        Lower bounds of the standard deviation by which a feature is divided, in radians,
-        skeleton heights and frames of 1/30 s. They prevent the jitter of nearly static joints
-        from weighing as much as motion. 0 gives the correlation matrix of the paper (4.2).
+        Lower bounds of the standard deviations by which features are divided: of rotations in
+        radians, of root displacements in skeleton heights, and of segment lengths in frames of
+        1/30 s. They prevent the jitter of nearly static joints from weighing as much as motion.
+        With 0, the correlation matrix is that of the paper (4.2).
     sigma : {"rms", "literal"} or float
-        Maximum cluster diameter (4.3): √(mean d²), or √(mean d) as eq. 14 is printed, where d
-        is the distance of a segment from the mean; or a number.
+        Maximum cluster diameter (4.3). "rms" is √(mean d²), where d is the distance of a segment
+        from the mean of all segments. "literal" is √(mean d), as eq. 14 is printed. A number is
+        the diameter itself.
     sigma_scale : float
-        Cluster diameter threshold as a multiple of a named `sigma`. Larger values give more
-        variety, smaller values more similarity.
+        Cluster diameter threshold as a multiple of `sigma`; without effect if `sigma` is a number.
+        Larger values give more variety, smaller values more similarity.
     neighbourhood : {"cluster", "ball"}
-        Which base parts are similar enough for a substitution: those of the base segment's
-        cluster (4.3), or those within 0.65 cluster diameter thresholds of the base segment.
+        Which segments are similar enough to replace a base segment, compared by the motion of the
+        base group: the segments of its cluster (4.3), or the segments within 0.65 cluster
+        diameter thresholds of it.
     max_stretch : float
         Maximum length difference between a base segment and a donor, as a share of the base
         segment's length (λ_f of eq. 19).
     length_slack : float
-        Length difference, in seconds, that is accepted for any base segment. 0 applies eq. 19
-        alone, as a strict inequality.
+        Length difference, in seconds, that is accepted even if it exceeds `max_stretch`. With 0,
+        only eq. 19 applies, as a strict inequality.
     max_angle : float
         Maximum seam angle, in radians: the mean joint angle between the two poses that meet at
         a seam (4.4).
     choice : {"viterbi", "best", "sample", "nearest", "random"}
         How donors are chosen among the candidates within the limits. "sample" draws donor
-        sequences with probability exp(-cost / `temperature`), so every seed gives another
-        motion. "viterbi" takes the donor sequence of minimum cost, for every seed. In
-        several motions, both charge `diversity` for donors of the previous ones. "best" takes the
-        sequences of the lowest costs, which differ little. "nearest" minimises the distance
-        between base parts alone. "random" draws uniformly within the limits, as in the paper
-        (4.4).
+        sequences with probability proportional to exp(-cost / `temperature`), so seeds give
+        different motions. "viterbi" takes the donor sequence of minimum cost, for every seed.
+        "best" takes one sequence for each motion, in ascending order of cost; these sequences
+        differ little. "nearest" minimises only the distance between the base group's motion in
+        donor and base segment. "random" draws uniformly within the limits, as in the paper (4.4).
     length_weight : float
         Weight of the relative length difference, 1 - shorter / longer, in the unary cost.
     distance_weight : float
-        Unary cost of a donor whose base part is one cluster diameter away from that of the base
-        segment.
+        Unary cost of a donor whose base group moves so differently from that of the base segment
+        that their distance is one cluster diameter threshold; the cost is proportional to it.
     angle_scale : float
-        Seam angle, in radians, of pairwise cost 1; the cost grows with the square. In a library
-        of low amplitude the scale is at most twice the mean seam angle between cluster members.
+        Seam angle, in radians, at which the pairwise cost is 1; the cost is proportional to the
+        square of the angle. The scale is reduced to twice the mean seam angle between members of
+        a cluster if that is smaller, as in libraries of small movements.
     velocity_scale : float
-        Mean difference of joint velocities at a seam, in radians per second, of pairwise cost 1;
-        bounded like `angle_scale`.
+        Mean difference of joint velocities at a seam, in radians per second, at which the pairwise
+        cost is 1; it is reduced like `angle_scale`.
     novelty : float
         Reduction of the unary cost for every donor that is not the base segment itself. At 0
         the captured motion has the lowest cost.
     temperature : float
-        Cost difference that changes the probability of a "sample" by the factor e. Towards 0 it
-        approaches "viterbi", towards infinity a uniform draw.
+        For the choice "sample": the cost difference between two donor sequences whose
+        probabilities differ by the factor e. As it approaches 0, the result approaches that of
+        "viterbi"; as it approaches infinity, a uniform draw.
     diversity : float
         Cost that "sample", "viterbi" and "nearest" add to a donor for every previous motion of
         the same call that uses it at the same position.
@@ -117,22 +122,22 @@ class Config:
         "inertial" and "dead" change frames after the seam only: "inertial" decays the gap, "dead"
         cross-fades from the extrapolated motion before the seam.
     seam_window : float
-        Half-width, in seconds, of the cubic of the "paper" treatment.
+        Duration, in seconds, on each side of a seam that the cubic of "paper" replaces.
     seam_blend : float
-        Time beside a seam, in seconds, within which all treatments except "paper" and
-        "displacement" change frames.
+        Duration, in seconds, on each side of a seam within which all treatments except "paper"
+        and "displacement" may change frames.
     alignment : {"uniform", "dtw"}
-        How the donor is fitted to the length of the base segment: at a constant rate, or by
-        dynamic time warping of the donor's base part onto that of the base segment. The warp is
-        used only if it reduces their distance by at least 5 %.
+        How a donor is stretched to the length of the base segment: at a constant rate, or by
+        dynamic time warping, which aligns the base group's motion in the donor with that in the
+        base segment. The warp is used only if it reduces their distance by at least 5 %.
     torso : {"pelvis", "world"}
-        What a grafted trunk keeps on a pelvis of another orientation: its angle to the pelvis (the
-        paper), or its lean in the world, with the heading of the base (Heck, Kovar and Gleicher
-        2006).
+        What a grafted trunk keeps if the pelvis of the base is oriented differently from that of
+        the donor: its angle to the pelvis (the paper), or its lean in the world, with the heading
+        of the base (Heck, Kovar and Gleicher 2006).
     self_repair : bool
-        Whether donors are replaced where the assembled motion has more acceleration or jerk than
-        the recordings, by the factors in docs/seams.md. Without effect for the choices "best"
-        and "random".
+        Whether donors are replaced at frames at which the acceleration or jerk of the assembled
+        motion exceeds that of the recordings by the factors in docs/seams.md. It has no effect
+        with the choices "best" and "random".
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.
@@ -227,14 +232,15 @@ class Config:
 
     @classmethod
     def paper(cls, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
-        """Return the parameters of the paper, with the fields `changes` set to other values.
+        """Return the configuration of the paper, except for the fields given as `changes`.
 
         Notes
         -----
-        Results differ from the printed method in these points: the window of the seam curve is
-        clamped to half of a short segment and skipped where no frame remains; donors are sampled by
-        a curve through neighbouring frames of their clip; faulty clips are excluded donors; eq. 19
-        counts intervals instead of frames; sigma bounds the diameter of a cluster.
+        Results differ from the printed method in these points: the window of the cubic at a seam
+        covers at most half of each segment, and there is no cubic if the window has no frame;
+        stretched donors are interpolated by a curve through neighbouring frames of their clip;
+        segments with recording faults are excluded donors; eq. 19 counts intervals instead of
+        frames; sigma limits the diameter of a cluster.
         """
         literal = cls(
             min_length=FRAME,
@@ -256,19 +262,19 @@ class Config:
 
     @classmethod
     def with_variety(cls, variety: float, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
-        """Return the configuration of a variety, with the fields `changes` set to other values.
+        """Return the defaults, except for the fields that `variety` sets and those in `changes`.
 
         Parameters
         ----------
         variety : float
             From 0, few and similar donors, to 1, many and less similar ones. 0.5 is ``Config()``.
         **changes
-            Values of other fields than those that the variety sets: see `variety_fields`.
+            Values of fields that `variety` does not set; see `variety_fields`.
 
         Raises
         ------
         ValueError
-            If `variety` is not between 0 and 1, or a field is given that it sets.
+            If `variety` is not between 0 and 1, or `changes` has a field that `variety` sets.
 
         Examples
         --------
@@ -277,7 +283,7 @@ class Config:
         """
         values = variety_fields(variety)
         for name in values.keys() & changes.keys():
-            raise ValueError(f"`{name}` must not be given with a variety, which sets it")
+            raise ValueError(f"`{name}` must not be given together with `variety`, which sets it")
         return cls(**values, **changes)
 
     def as_dict(self) -> dict[str, Any]:
@@ -292,15 +298,16 @@ class Config:
         """
         unknown = set(values) - {field.name for field in fields(cls)}
         if unknown:
-            raise ValueError(f"unknown parameters: {', '.join(sorted(unknown))}")
+            raise ValueError(f"unknown fields of Config: {', '.join(sorted(unknown))}")
         given: dict[str, Any] = {k: math.inf if v is None else v for k, v in values.items()}
         return cls(**given)
 
 
 def variety_fields(variety: float) -> dict[str, Any]:
-    """Return the fields of `Config` that a variety from 0 to 1 sets, and their values.
+    """Return the names and values of the fields of `Config` that a variety from 0 to 1 sets.
 
-    ``sigma_scale = 0.75 · 2.5^(2 · variety - 1)``: from 0.3 to 1.9, 0.75 in the middle.
+    The only field is ``sigma_scale = 0.75 · 2.5^(2 · variety - 1)``: 0.3 for a variety of 0, 0.75
+    for 0.5 and 1.9 for 1.
 
     Raises ValueError if `variety` is not a number between 0 and 1.
     """

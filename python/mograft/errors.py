@@ -16,9 +16,9 @@ class BvhError(MograftError, ValueError):
     message : str
         What was expected and what was found.
     path : str or Path
-        The file, or a name for the stream that was read; an attribute of type str.
+        The file, or a name for the stream that was read; stored as a str attribute.
     line, column : int, optional
-        Position of the error, counted from 1; also attributes.
+        Position of the error, counted from 1; stored as attributes.
     """
 
     def __init__(
@@ -41,15 +41,15 @@ class SkeletonMismatchError(MograftError, ValueError):
 
 
 class LibraryError(MograftError):
-    """Library folder that is damaged, of an unsupported version or not a library."""
+    """A folder is not a library, or its library is damaged or has an unsupported version."""
 
 
 class InsufficientDataError(MograftError, ValueError):
-    """Too little data for a measure; the message names what is missing."""
+    """There is too little data to compute a measure; the message names what is missing."""
 
 
 def suggest_name(name: str, names: Collection[str]) -> str:
-    """Return "; did you mean 'NAME'?" with the most similar name, or nothing, for a message."""
+    """Return "; did you mean 'X'?", where X is the most similar of `names`; "" if none is."""
     from difflib import get_close_matches  # only for the message: 20 ms
 
     close = get_close_matches(name, names, n=1)
@@ -57,6 +57,6 @@ def suggest_name(name: str, names: Collection[str]) -> str:
 
 
 def join_names(names: Sequence[str], maximum: int = 12) -> str:
-    """Return names joined by commas for a message, cut off after `maximum` names."""
+    """Return the first `maximum` names, joined by commas, and the number of the other names."""
     more = f" and {len(names) - maximum} more" if len(names) > maximum else ""
     return ", ".join(names[:maximum]) + more

@@ -145,7 +145,9 @@ def test_public_functions_invalid_collections_raise_type_error(library):
         TypeError, match="`constraints` must be a list of constraints, got AvoidSelf"
     ):
         mg.Stream(library, constraints=mg.AvoidSelf())
-    with pytest.raises(ValueError, match=r"`horizon` must be a whole number from 1, got 1\.5"):
+    with pytest.raises(
+        ValueError, match=r"`horizon` must be a whole number of at least 1, got 1\.5"
+    ):
         mg.Stream(library, horizon=1.5)
     assert repr(mg.Stream(library, seed=np.int64(3))).endswith(", 0 segments committed)")
     with pytest.raises(TypeError, match="`swap` must be a list of groups, got 'upper'"):
@@ -169,7 +171,7 @@ def test_constraint_frames_must_be_ascending_pair(frames):
 
 @pytest.mark.parametrize("frame", [-1, 1.5, True, "1"])
 def test_constraint_frame_must_be_integer(frame):
-    with pytest.raises(ValueError, match="`frame` must be a whole number from 0"):
+    with pytest.raises(ValueError, match="`frame` must be a whole number of at least 0"):
         mg.Reach("LeftHand", (0, 0, 0), frame)
 
 

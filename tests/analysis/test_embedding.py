@@ -71,7 +71,10 @@ def test_kernels_any_precision_and_joint_order_equal_numpy(seed, n, n_samples, n
     rest = rng.normal(size=(n, 3 * n_samples + 1))
     rows = np.concatenate([quats.reshape(n, -1), rest], axis=1)
     samples = Samples(rows.astype(np.float32) if is_single else rows, n_samples, n_joints)
-    quats, rest = samples.rotations.astype(np.float64), samples.rest.astype(np.float64)
+    quats, rest = (
+        samples.rotations.astype(np.float64),
+        samples.displacements_and_length.astype(np.float64),
+    )
     products = quats[..., :, None] * quats[..., None, :]
     summed = products.reshape(-1, n_joints, 4, 4).cumsum(axis=0)[-1]
     np.testing.assert_array_equal(moments(samples), summed)

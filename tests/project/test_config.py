@@ -28,7 +28,7 @@ def test_config_invalid_parameter_raises_value_error(changes, message):
 def test_config_from_dict_inverts_as_dict():
     for config in (Config(), Config.paper(sigma=2.5)):
         assert Config.from_dict(config.as_dict()) == config
-    with pytest.raises(ValueError, match="unknown parameters: speed"):
+    with pytest.raises(ValueError, match="unknown fields of Config: speed"):
         Config.from_dict({"speed": 1})
 
 
@@ -54,5 +54,5 @@ def test_config_invalid_variety_raises_value_error(variety):
 @pytest.mark.parametrize("name", list(variety_fields(0.5)))
 def test_config_with_variety_and_a_field_that_it_sets_raises_value_error(name):
     changes = {name: getattr(Config(), name)}
-    with pytest.raises(ValueError, match=f"`{name}` must not be given with a variety, which sets"):
+    with pytest.raises(ValueError, match=f"`{name}` must not be given together with `variety`"):
         Config.with_variety(0.5, **changes)

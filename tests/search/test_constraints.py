@@ -706,7 +706,10 @@ def test_report_lists_every_substitution(library):
         ),
         (lambda: mg.HalfSpace((0, 0, 0), (0, 0, 0)), "`normal` must not be zero"),
         (lambda: mg.Avoid(mg.Sphere((0, 0, 0), 1), tolerance=0), "`tolerance` must be above 0"),
-        (lambda: mg.Reach(HAND, (0, 0, 0), -1), "`frame` must be a whole number from 0, got -1"),
+        (
+            lambda: mg.Reach(HAND, (0, 0, 0), -1),
+            "`frame` must be a whole number of at least 0, got -1",
+        ),
         (lambda: mg.NotFrom("a", weight=-1), "`weight` must not be negative, got -1"),
         (lambda: mg.NotFrom(), "`clips` or `tags` must be given, got neither"),
         (

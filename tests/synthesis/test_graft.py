@@ -276,10 +276,10 @@ def test_written_graft_read_by_pybvh_has_the_same_positions(library, motion, tmp
     [
         (lambda lib: graft(lib, swap=["lower"]), "`swap` must name groups other than the base"),
         (lambda lib: graft(lib, swap=[]), "`swap` must name at least one of"),
-        (lambda lib: graft(lib, seed=-1), "`seed` must be a whole number from 0, got -1"),
+        (lambda lib: graft(lib, seed=-1), "`seed` must be a whole number of at least 0, got -1"),
         (
             lambda lib: list(graft_many(lib, count=0)),
-            "`count` must be a whole number from 1, got 0",
+            "`count` must be a whole number of at least 1, got 0",
         ),
     ],
 )

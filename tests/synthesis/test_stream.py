@@ -413,8 +413,8 @@ def test_stream_long_base_holds_limited_frames(library):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"horizon": 0}, ValueError, "`horizon` must be a whole number from 1, got 0"),
-        ({"seed": -1}, ValueError, "`seed` must be a whole number from 0, got -1"),
+        ({"horizon": 0}, ValueError, "`horizon` must be a whole number of at least 1, got 0"),
+        ({"seed": -1}, ValueError, "`seed` must be a whole number of at least 0, got -1"),
         (
             {"swap": ["lower"]},
             ValueError,

@@ -16,22 +16,22 @@ Shape: TypeAlias = tuple[int | str, ...]
 def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
     """Return `value` as a finite, C-contiguous float64 array; copy it only if necessary.
 
-    `shape` is the expected length of each axis, where a string names an axis of any length; None
-    accepts any shape. Raises TypeError if the elements are not real numbers, ValueError if the
-    shape differs or an element is not finite. The messages name the argument as `name`.
+    `shape` has the expected length of each axis; a string stands for any length, and None accepts
+    any shape. Raises TypeError if the elements are not real numbers, ValueError if the shape
+    differs or an element is not finite. Error messages call the argument `name`.
     """
     array = _as_array(name, value, shape)
     finite = np.isfinite(array)
     if not finite.all():
-        place = tuple(int(i) for i in np.argwhere(~finite)[0])
-        raise ValueError(f"`{name}` must be finite, got {array[place]} at {list(place)}")
+        index = tuple(int(i) for i in np.argwhere(~finite)[0])
+        raise ValueError(f"`{name}` must be finite, got {array[index]} at {list(index)}")
     return array
 
 
 def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
     """Return `value` as unit quaternions, scalar last, shape (*shape, 4).
 
-    As `as_floats`; also raises ValueError if a norm differs from 1 by more than 1e-6.
+    The errors are those of `as_floats`, and ValueError if a norm differs from 1 by more than 1e-6.
     """
     quats = _as_array(name, value, None if shape is None else (*shape, 4))
     if quats.shape[-1:] != (4,):
@@ -41,14 +41,14 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
     unit = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
     if not unit.all():
         as_floats(name, quats)
-        place = tuple(int(i) for i in np.argwhere(~unit)[0])
-        norm = np.linalg.norm(quats[place])
-        raise ValueError(f"`{name}` must be unit quaternions, got norm {norm:.6g} at {list(place)}")
+        index = tuple(int(i) for i in np.argwhere(~unit)[0])
+        norm = np.linalg.norm(quats[index])
+        raise ValueError(f"`{name}` must be unit quaternions, got norm {norm:.6g} at {list(index)}")
     return quats
 
 
 def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
-    """Return `value` as finite vectors of three components, shape (*shape, 3); see `as_floats`."""
+    """Return `value` as finite vectors, shape (*shape, 3); the errors are those of `as_floats`."""
     vectors = as_floats(name, value, None if shape is None else (*shape, 3))
     if vectors.shape[-1:] != (3,):
         raise ValueError(f"`{name}` must have shape (..., 3), got {vectors.shape}")
@@ -69,7 +69,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
 
 
 def any_component(mask: BoolArray) -> BoolArray:
-    """Return ``mask.any(axis=-1)``, in a tenth of the time for a last axis of 3 or 4."""
+    """Return ``mask.any(axis=-1)``, ten times as fast if the last axis has length 3 or 4."""
     found: BoolArray = mask[..., 0].copy()
     for component in range(1, mask.shape[-1]):
         found |= mask[..., component]
@@ -77,11 +77,11 @@ def any_component(mask: BoolArray) -> BoolArray:
 
 
 def split_by_counts(items: npt.NDArray[Item], counts: IntArray) -> list[npt.NDArray[Item]]:
-    """Return views of consecutive items, `counts[i]` of them in the i-th; fast for many views.
+    """Split an array into consecutive views; view i has `counts[i]` items.
 
     Examples
     --------
-    >>> [own.tolist() for own in split_by_counts(np.arange(5), np.array([2, 0, 3]))]
+    >>> [view.tolist() for view in split_by_counts(np.arange(5), np.array([2, 0, 3]))]
     [[0, 1], [], [2, 3, 4]]
     """
     stops = np.cumsum(counts)
@@ -92,7 +92,7 @@ def split_by_counts(items: npt.NDArray[Item], counts: IntArray) -> list[npt.NDAr
 
 
 def set_fields(owner: object, state: dict[str, Any]) -> None:
-    """Set fields of a frozen value, and make their arrays read-only."""
+    """Set the fields in `state` on the frozen dataclass `owner`, and make arrays read-only."""
     for value in state.values():
         if isinstance(value, np.ndarray):
             make_read_only(value)

@@ -18,11 +18,11 @@ _DRAFT_ENDING = ".part"
 
 @contextmanager
 def atomic_path(target: Path) -> Iterator[Path]:
-    """Yield a temporary path that replaces `target` when the block ends without an error.
+    """Yield a temporary path; the file written there replaces `target` when the block succeeds.
 
-    The temporary file has the name of `target`, because some writers choose the format by suffix,
-    and lies in a draft folder. The new file has the permissions of the one that it replaces.
-    Raise FileExistsError if `target` is a symbolic link to a missing file.
+    The temporary file is in a `draft_folder` and has the name of `target`, because some writers
+    choose the format by suffix. The permissions of an existing `target` are kept. Raises
+    FileExistsError if `target` is a symbolic link to a missing file.
     """
     path = Path(os.path.realpath(target))
     if target.is_symlink() and not path.exists():
@@ -41,9 +41,10 @@ def atomic_path(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def draft_folder(target: Path) -> Iterator[Path]:
-    """Yield a new folder beside `target`, which is removed at the end of the block.
+    """Create a temporary folder beside `target`, yield its path, and remove it afterwards.
 
-    Drafts of the same target that killed processes of this computer left are removed first.
+    Such folders for the same target that belong to ended processes of this computer are removed
+    first.
     """
     parent = target.parent
     key = _short_hash(target.name)
@@ -62,7 +63,7 @@ def _short_hash(text: str) -> str:
 
 
 def _remove_stale_drafts(parent: Path, prefix: str) -> None:
-    """Remove the draft folders with a prefix whose process has ended."""
+    """Remove the draft folders whose names begin with `prefix` and whose process has ended."""
     try:
         names = os.listdir(parent)
     except OSError:
@@ -78,7 +79,7 @@ if sys.platform == "win32":
     import ctypes
 
     def _is_running(process_id: int) -> bool:
-        """Return whether a process exists; `os.kill` would end it on Windows."""
+        """Return whether a process exists; on Windows, ``os.kill(process_id, 0)`` could end it."""
         synchronize = 0x00100000
         handle = ctypes.windll.kernel32.OpenProcess(synchronize, 0, process_id)
         if handle:
@@ -105,5 +106,5 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write text atomically as UTF-8, without translating line ends."""
+    """Write text atomically as UTF-8, without conversion of line endings."""
     write_bytes(path, text.encode("utf-8"))

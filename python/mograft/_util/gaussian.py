@@ -6,10 +6,11 @@ from mograft._util.arrays import FloatArray, as_floats
 
 
 def gaussian_filter(values: FloatArray, sigma: float) -> FloatArray:
-    """Smooth a curve, shape (n,), with a Gaussian filter of `sigma` samples; keep its sum.
+    """Smooth a curve, shape (n,), with a Gaussian of a standard deviation of `sigma` samples.
 
-    The curve is reflected at its ends. Below a sigma of 0.125 it is returned unchanged. Equivalent
-    to ``scipy.ndimage.gaussian_filter1d(mode="reflect", truncate=4)``.
+    The curve is reflected at its ends, so its sum does not change. If `sigma` is below 0.125, a
+    copy of the curve is returned. The result is that of
+    ``scipy.ndimage.gaussian_filter1d(values, sigma, mode="reflect", truncate=4)``.
     """
     kernel = gaussian_kernel(sigma)
     if len(kernel) == 1:
@@ -19,9 +20,9 @@ def gaussian_filter(values: FloatArray, sigma: float) -> FloatArray:
 
 
 def gaussian_kernel(sigma: float) -> FloatArray:
-    """Return the weights of a Gaussian filter of `sigma` samples, shape (2 * r + 1,), of sum 1.
+    """Return the weights of a Gaussian filter, shape (2 * r + 1,); their sum is 1.
 
-    The radius r is 4 sigma, rounded.
+    The standard deviation is `sigma` samples; the radius r is 4 sigma, rounded to an integer.
     """
     radius = int(4.0 * sigma + 0.5)
     if radius == 0:

@@ -18,7 +18,7 @@ _EIGENVALUE_GRID = 2.0**-32
 def round_to_grid(values: FloatArray, spacing: float = GRID) -> FloatArray:
     """Round numbers to multiples of `spacing`, a power of two; halves go to the even multiple.
 
-    Zeros are positive.
+    The result contains no negative zeros.
     """
     rounded: FloatArray = np.rint(values / spacing)
     rounded *= spacing
@@ -27,10 +27,11 @@ def round_to_grid(values: FloatArray, spacing: float = GRID) -> FloatArray:
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the product of two matrices after rounding both to `GRID`.
+    """Return the product of two matrices after rounding their entries to multiples of 2^-20.
 
-    The product is exact, and hence independent of the number of threads and of the other rows, if
-    the norm of each row of `a` times the norm of each column of `b` is at most 8192.
+    The product of the rounded matrices is exact if the norm of each row of `a` times the norm of
+    each column of `b` is at most 8192. Each row of an exact product is independent of the number
+    of threads and of the other rows.
     """
     # By Cauchy and Schwarz every partial sum is at most 2^13, and a multiple of 2^-40: the 53
     # bits of a float64 hold it.
@@ -42,14 +43,15 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues and leading eigenvectors of a positive semidefinite matrix.
 
-    The eigenvalues, shape (n,), are descending and rounded to 2^-32 of the power of two above the
-    trace. The eigenvectors, shape (n, min(n, n_vectors)), are columns of norm 1, rounded to `GRID`.
-    In each the entry of largest absolute value is positive; ties go to the first.
+    The eigenvalues, shape (n,), are descending and rounded to multiples of 2^-32 · p, where p is
+    the smallest power of two above the trace. The eigenvectors, shape (n, min(n, n_vectors)), are
+    columns of norm 1, rounded to multiples of 2^-20. The sign of an eigenvector is such that its
+    entry of largest absolute value is positive; ties go to the first entry.
 
     The last bits of `numpy.linalg.eigh` depend on the number of BLAS threads. The rounded results
-    depend on it only if a number lies next to the middle between two multiples, or if two
-    eigenvalues are nearly equal: see "Principal components" in the contributing page. Signs are
-    chosen after rounding, because entries of equal size can differ in the last bits before it.
+    depend on that number only if a value is almost halfway between two multiples, or if two
+    eigenvalues are nearly equal: see "Principal components" on the contributing page. Signs are
+    chosen after rounding, because before it entries of equal size can differ in the last bits.
     """
     values, vectors = np.linalg.eigh(matrix)
     leading = round_to_grid(vectors[:, ::-1][:, :n_vectors])

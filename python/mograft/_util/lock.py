@@ -11,12 +11,12 @@ from typing import IO
 
 @contextmanager
 def exclusive_lock(path: Path) -> Iterator[None]:
-    """Hold the lock of a file until the block ends; raise BlockingIOError if it is held already.
+    """Lock a file until the block ends; raise BlockingIOError if the file is already locked.
 
     The file is created if it does not exist, stays empty and is not removed. The operating system
     releases the lock when the process ends, for whatever reason. The lock excludes other processes
     and other calls in this process. Raises OSError if the platform or the file system has no locks.
-    POSIX: ``flock``. Windows: ``LockFile`` on the first byte, through `msvcrt.locking`.
+    The lock is ``flock`` on POSIX, and `msvcrt.locking` of the first byte on Windows.
     """
     with path.open("ab") as stream:
         _acquire(stream, path)

@@ -14,7 +14,7 @@ S = TypeVar("S")
 
 @dataclass(frozen=True, eq=False)
 class Registry(Generic[T]):
-    """The accepted values of one parameter, in the order in which they are documented."""
+    """The accepted values of one parameter, in documented order, and an object for each value."""
 
     parameter: str  # its name, for messages
     entries: Mapping[str, T]  # the object of each accepted value
@@ -31,7 +31,7 @@ class Registry(Generic[T]):
         return tuple(self.entries)
 
     def get(self, name: object) -> T:
-        """Return the object of an accepted value; otherwise raise ValueError that lists them."""
+        """Return the object for the value `name`; raise ValueError if the value is not accepted."""
         if isinstance(name, str) and name in self.entries:
             return self.entries[name]
         from difflib import get_close_matches  # only for the message: 20 ms
@@ -42,9 +42,9 @@ class Registry(Generic[T]):
         raise ValueError(f"`{self.parameter}` must be one of {accepted}, got {name!r}{hint}")
 
     def implemented_by(self, implementations: Mapping[str, S]) -> "Registry[S]":
-        """Return a registry with the same accepted values and other objects.
+        """Return a registry with the same accepted values and the objects in `implementations`.
 
-        Raises ValueError unless `implementations` has exactly the accepted values, in any order.
+        Raises ValueError unless its keys are exactly the accepted values, in any order.
         """
         if set(implementations) != set(self.entries):
             raise ValueError(

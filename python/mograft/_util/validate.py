@@ -14,9 +14,9 @@ def is_integer(value: object) -> TypeGuard[int]:
 
 
 def as_integer(name: str, value: object, minimum: int = 0) -> int:
-    """Return an integer of Python or NumPy as a Python int; raise ValueError otherwise."""
+    """Return `value` as an int; raise ValueError unless it is an integer of at least `minimum`."""
     if not is_integer(value) or value < minimum:
-        raise ValueError(f"`{name}` must be a whole number from {minimum}, got {value!r}")
+        raise ValueError(f"`{name}` must be a whole number of at least {minimum}, got {value!r}")
     return int(value)
 
 
@@ -27,31 +27,31 @@ def check_type(name: str, value: object, kind: type) -> None:
 
 
 def coerce_vector(owner: object, name: str) -> None:
-    """Replace a field by a tuple of three floats."""
+    """Convert the field `name` of the frozen dataclass `owner` to a tuple of three floats."""
     numbers = as_floats(name, getattr(owner, name), (3,))
     object.__setattr__(owner, name, tuple(numbers.tolist()))
 
 
 def check_positive(owner: object, name: str) -> None:
-    """Raise ValueError unless a field is a number above 0."""
+    """Raise ValueError unless the field `name` is above 0, TypeError if it is not a number."""
     if not _number(owner, name) > 0:
         raise ValueError(f"`{name}` must be above 0, got {getattr(owner, name)}")
 
 
 def check_not_negative(owner: object, name: str) -> None:
-    """Raise ValueError unless a field is a number of at least 0."""
+    """Raise ValueError unless the field `name` is at least 0, TypeError if it is not a number."""
     if not _number(owner, name) >= 0:
         raise ValueError(f"`{name}` must not be negative, got {getattr(owner, name)}")
 
 
 def check_finite(owner: object, name: str) -> None:
-    """Raise ValueError unless a field is a finite number."""
+    """Raise ValueError unless the field `name` is finite, TypeError if it is not a number."""
     if not math.isfinite(_number(owner, name)):
         raise ValueError(f"`{name}` must be finite, got {getattr(owner, name)}")
 
 
 def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
-    """Return a field; a NumPy scalar is replaced by the Python number, for files and messages."""
+    """Return the field `name` of `owner`; first convert a NumPy scalar in it to a Python scalar."""
     value = getattr(owner, name)
     if isinstance(value, np.generic):
         value = value.item()

@@ -34,8 +34,8 @@ def _channel_keys(channels: DividedChannels) -> list[ChannelKey]:
 def euler_angles(motion: Motion, joint: int) -> FloatArray:
     """Return the Euler angles of a joint in radians, shape (n_frames, n_rotation_channels).
 
-    Columns are in channel order. Angles that the motion keeps from its file are returned as they
-    are; otherwise `rotations.to_euler` computes them.
+    Columns are in channel order. If the motion has the channel values of its file, the angles are
+    those of the file; otherwise `rotations.to_euler` computes them.
     """
     skeleton = motion.skeleton
     names, columns = skeleton.channels[joint], skeleton.channel_columns[joint]
@@ -49,9 +49,10 @@ def euler_angles(motion: Motion, joint: int) -> FloatArray:
 
 
 def split_axes(motion: Motion, channels: DividedChannels) -> FloatArray:
-    """Return each channel as a rotation about one axis, shape (n_frames, n_channels, 4).
+    """Return each rotation channel as a rotation about its axis, (n_frames, n_channels, 4).
 
-    The channels are ordered by joint and, within a joint, as in `channels`.
+    `channels` maps joints to axes, such as ``{4: "ZX"}``. The result is ordered by joint and,
+    within a joint, by these axes.
     """
     keys = _channel_keys(channels)
     quats = np.empty((motion.n_frames, len(keys), 4))
@@ -63,9 +64,9 @@ def split_axes(motion: Motion, channels: DividedChannels) -> FloatArray:
 
 
 def merge_axes(quats: FloatArray, channels: DividedChannels) -> dict[ChannelKey, FloatArray]:
-    """Return the angle of each channel in radians; the inverse of `split_axes`.
+    """Return the angle of each channel (joint, axis) in radians; the inverse of `split_axes`.
 
-    `quats` has shape (n_frames, n_channels, 4). Each result has shape (n_frames,) and is
+    `quats` has shape (n_frames, n_channels, 4). Each array of angles has shape (n_frames,) and is
     unwrapped: it has no jumps of a full turn.
     """
     angles = {}
@@ -79,8 +80,8 @@ def merge_axes(quats: FloatArray, channels: DividedChannels) -> dict[ChannelKey,
 def restrict_rotations(quats: FloatArray, order: str, axes: str) -> FloatArray:
     """Return rotations, shape (..., 4), with all Euler angles set to 0 except those about `axes`.
 
-    `order` gives the axes of the joint's channels, such as ``"ZXY"``. Two triples of Euler angles
-    give the same rotation; the one whose middle angle is within 90 degrees is used.
+    `order` has the axes of the Euler angles, such as ``"ZXY"``. Of the two triples of Euler angles
+    that describe the same rotation, the one whose middle angle is within ±90 degrees is used.
     """
     flat = quats.reshape(-1, 4)
     flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
@@ -96,10 +97,11 @@ def restrict_rotations(quats: FloatArray, order: str, axes: str) -> FloatArray:
 def restrict_ends(
     ends: Mapping[str, FloatArray], joints: IntArray, skeleton: Skeleton, channels: DividedChannels
 ) -> Mapping[str, FloatArray]:
-    """Return poses and velocities at the ends of segments, restricted to a group's channels.
+    """Restrict the poses and velocities at the ends of segments to the axes that a group holds.
 
-    The arrays of `ends` have shape (n_segments, n_feature_joints, 4 or 3) and the keys of
-    `mograft.library.ingest.boundary_states`. Their joints are the feature joints of `joints`.
+    `ends` is the result of `mograft.library.ingest.boundary_states`: arrays of shape
+    (n_segments, n_feature_joints, 4) for poses and 3 instead of 4 for velocities. Their joints
+    are ``feature_joints(skeleton, joints)``. `channels` maps joints to axes, such as "ZX".
     """
     if not channels:
         return ends
@@ -121,21 +123,21 @@ def restrict_ends(
 
 
 def restrict_samples(samples: Samples, skeleton: Skeleton, channels: DividedChannels) -> Samples:
-    """Return samples with the divided joints restricted to a group's channels."""
+    """Return samples in which each joint of `channels` rotates only about the axes given there."""
     if not channels:
         return samples
     quats = samples.rotations.astype(np.float64)
     for joint, axes in channels.items():
         order = skeleton.rotation_order(joint)
         quats[:, :, joint] = restrict_rotations(quats[:, :, joint], order, axes)
-    rest = samples.rest.astype(np.float64)
-    rows = np.concatenate([quats.reshape(len(samples), -1), rest], axis=1)
+    others = samples.displacements_and_length.astype(np.float64)
+    rows = np.concatenate([quats.reshape(len(samples), -1), others], axis=1)
     return replace(samples, rows=rows)
 
 
 @dataclass(frozen=True, eq=False)
 class RestrictedSamples:
-    """Samples of a library with the divided joints restricted to a group's channels."""
+    """Samples of a library in which each joint of `channels` rotates only about its axes."""
 
     samples: Source
     skeleton: Skeleton
@@ -145,6 +147,6 @@ class RestrictedSamples:
         return len(self.samples)
 
     def chunks(self) -> Iterator[Samples]:
-        """Yield the samples of some segments at a time."""
+        """Yield the restricted samples, a number of segments at a time."""
         for chunk in self.samples.chunks():
             yield restrict_samples(chunk, self.skeleton, self.channels)

@@ -36,12 +36,12 @@ def linkage(
     threads : int, optional
         Number of threads; the tree does not depend on it. Default: one per processor.
     memory_limit : int, optional
-        Bytes that a matrix of all distances may take, in addition to memory proportional to n.
-        If the matrix of ``8 * n**2`` bytes fits, it is used: faster for few points, and for many
-        axes, where distances differ little. Default: 16 MiB.
+        Maximum size, in bytes, of a matrix of all distances. If it is at least ``8 * n**2``, the
+        matrix is used, which is faster for few points and for points with many axes. Other memory
+        is proportional to n. Default: 16 MiB.
     progress : callable, optional
-        Called a few times per second with the fraction of merges done, from 0 to 1. An exception
-        that it raises ends the call.
+        Called a few times per second with the fraction of finished merges, from 0 to 1. An
+        exception that `progress` raises ends the computation.
 
     Returns
     -------
@@ -148,8 +148,8 @@ def linkage_condensed(
     threads, progress
         As for `linkage`.
     memory_limit : int, optional
-        Bytes that the full matrix may take, which is twice the size of `distances`. If it does
-        not fit, a copy of `distances` is used on one thread, which is several times slower.
+        Maximum size, in bytes, of the full matrix, which is twice as large as `distances`. If the
+        limit is lower, a copy of `distances` is used on one thread, which is several times slower.
         Default: no limit.
 
     Returns
@@ -358,7 +358,7 @@ def _labels(tree: FloatArray, n_merges: int) -> IntArray:
 
 
 def _as_samples(points: npt.ArrayLike) -> FloatArray:
-    """Check points; the messages contain the phrases that scikit-learn's own checks expect."""
+    """Check points; the messages have the phrases that scikit-learn's estimator checks expect."""
     if hasattr(points, "toarray"):
         raise TypeError("X must be dense, got a sparse matrix")
     array = np.asarray(points)

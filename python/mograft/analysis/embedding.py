@@ -31,10 +31,11 @@ _CACHE_BYTES = 1 << 27
 class Samples:
     """Segments resampled to equal length, without position and, by default, without heading.
 
-    A row holds, first, the rotations, sample by sample: local, but in the world for the locomotion
-    root. Then follow the root's displacement from the previous sample in skeleton heights, 0 at the
-    first sample, and the length before resampling in frames of 1/30 s. Rows are stored in single
-    precision and computed in double precision.
+    Each row has three parts. The first are the rotations of all joints, sample by sample: relative
+    to the world for the locomotion root, to the parent for other joints. The second are the
+    displacements of the root since the previous sample in skeleton heights, 0 at the first sample.
+    The third is the length before resampling in frames of 1/30 s. Libraries store rows in single
+    precision.
     """
 
     rows: Packed | FloatArray  # (n_segments, 4·samples·joints + 3·samples + 1)
@@ -46,13 +47,13 @@ class Samples:
 
     @property
     def rotations(self) -> Packed | FloatArray:
-        """The rotations, a view of shape (n_segments, n_samples, n_joints, 4)."""
+        """Quaternions of the joints, a view of shape (n_segments, n_samples, n_joints, 4)."""
         end = 4 * self.n_samples * self.n_joints
         return self.rows[:, :end].reshape(len(self), self.n_samples, self.n_joints, 4)
 
     @property
-    def rest(self) -> Packed | FloatArray:
-        """Root displacements and the length, a view of shape (n_segments, 3·samples + 1)."""
+    def displacements_and_length(self) -> Packed | FloatArray:
+        """Root displacements, then the length; a view of shape (n_segments, 3 * n_samples + 1)."""
         return self.rows[:, 4 * self.n_samples * self.n_joints :]
 
     def packed(self) -> Packed:
@@ -66,7 +67,7 @@ class Samples:
 
 
 class Source(Protocol):
-    """Samples of segments, in memory or in files."""
+    """Interface of the samples of segments, in memory or in files."""
 
     def __len__(self) -> int:
         """Return the number of segments."""
@@ -77,7 +78,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Embedding:
-    """Segments of one joint group as points; similar motions are close."""
+    """The segments of one joint group as points; similar motions have a small distance."""
 
     points: FloatArray  # principal component scores, (n_segments, n_components)
     joints: IntArray  # the joints whose rotations are features
@@ -94,10 +95,11 @@ class Embedding:
         return f"Embedding({n} points of {axes} axes, {part:.0%} of the variance)"
 
     def project(self, matrix: FloatArray) -> FloatArray:
-        """Return the points of feature vectors, shape (n, n_features).
+        """Return the points, shape (n, n_components), of the feature vectors in `matrix`.
 
-        The standardised features are rounded to multiples of 2^-20. The bits of a row depend
-        neither on the other rows nor on the number of BLAS threads.
+        `matrix` has shape (n, n_features). The standardised features are rounded to multiples of
+        2^-20, so that the bits of a point depend neither on the other feature vectors nor on the
+        number of BLAS threads.
         """
         return product((matrix - self.mean) / self.scale, self.components)
 
@@ -113,10 +115,10 @@ def normalise(
 ) -> Samples:
     """Resample all segments to `config.samples` frames; remove position and heading.
 
-    The clips share a hierarchy and are in the order of `cut`. `root` is the locomotion root, the
-    joint that moves the body through the world; `up` is the vertical axis, 0 to 2; `heights` are
-    the skeleton heights of the clips in the units of their files. Heading is kept if
-    `config.keep_heading` is set.
+    `cut` has the segments of all clips, whose skeletons have the same hierarchy. `root` is the
+    locomotion root, the joint that moves the body through the world; `up` is the vertical axis,
+    0 to 2; `heights` are the skeleton heights of the clips in the units of their files. If
+    `config.keep_heading` is set, heading is not removed.
     """
     m = config.samples
     rows = []
@@ -147,10 +149,10 @@ def normalise(
 
 
 def _headings(first: FloatArray, up: int) -> FloatArray:
-    """Return the rotation about up in each segment's first pose, shape (n_segments, 4).
+    """Return the part about the axis `up` of each rotation in `first`, shape (n_segments, 4).
 
-    It is undefined if that pose is half a turn about a horizontal axis from the rest pose;
-    the heading of the previous segment is used then.
+    `first` has the root rotation at the start of each segment. The heading is undefined if this
+    rotation is half a turn about a horizontal axis; then that of the previous segment is used.
     """
     parts = first[:, [up, 3]]
     is_undefined = np.hypot(*parts.T) < 1e-6
@@ -162,11 +164,11 @@ def _headings(first: FloatArray, up: int) -> FloatArray:
 def features(
     samples: Samples, joints: IntArray, reference: FloatArray, *, has_root: bool
 ) -> FloatArray:
-    """Return the feature vectors of one joint group.
+    """Return the feature vectors of the segments for one joint group, (n_segments, n_features).
 
-    Shape (n_segments, 3·joints·samples [+ 3·samples] + 1): for each joint and sample a rotation
-    vector in radians relative to `reference`, shape (n_joints, 4); if `has_root`, the root's
-    displacements in skeleton heights; the length in frames of 1/30 s.
+    A feature vector has, for each joint and sample, a rotation vector in radians relative to
+    `reference`, shape (n_joints, 4); then, if `has_root`, the displacements of the root in skeleton
+    heights, three for each sample; last, the length of the segment in frames of 1/30 s.
     """
     return _core.features(
         samples.rows,
@@ -179,18 +181,18 @@ def features(
 
 
 def moments(samples: Samples) -> FloatArray:
-    """Return Σ q qᵀ of each joint, shape (n_joints, 4, 4).
+    """Return Σ q qᵀ over all quaternions q of each joint, shape (n_joints, 4, 4).
 
-    The moments of a union of disjoint sets are the sum of the moments of the sets.
+    The moments of several sets of segments are the sum of the moments of each set.
     """
     return _core.moments(samples.rows, (samples.n_samples, samples.n_joints))
 
 
 def mean_rotations(samples: Source, n_joints: int) -> FloatArray:
-    """Return the mean rotation of each joint in all segments, shape (n_joints, 4).
+    """Return the mean rotation of each joint over all segments, shape (n_joints, 4).
 
-    It is the unit quaternion with the largest Σ (q·mean)² and w ≥ 0, so the signs of the
-    quaternions have no effect (Markley et al. 2007).
+    The mean m is the unit quaternion with w ≥ 0 that maximises Σ (q·m)² over all quaternions q of
+    the joint. The sign of q therefore has no effect (Markley et al. 2007).
     """
     summed = np.zeros((n_joints, 4, 4))
     for part in samples.chunks():
@@ -203,11 +205,12 @@ def mean_rotations(samples: Source, n_joints: int) -> FloatArray:
 def embed(
     samples: Source, joints: IntArray, means: FloatArray, config: Config, *, root: int, group: str
 ) -> Embedding | None:
-    """Embed the segments of one joint group; `joints` are those whose rotations are features.
+    """Compute the embedding of the segments for one joint group.
 
-    `samples` is read twice, chunk by chunk. `means`, shape (n_joints, 4), are the mean rotations of
-    all joints of the skeleton, and `root` is the locomotion root. Returns None, with a warning that
-    names `group`, if there are fewer than three segments or all are alike.
+    `joints` are the joints whose rotations are features, `means`, shape (n_joints, 4), the mean
+    rotations of all joints of the skeleton, and `root` is the locomotion root. `samples` is read
+    twice, chunk by chunk. If there are fewer than three segments, or all segments are alike, the
+    result is None, with a warning that names `group`.
     """
     n, n_joints = len(samples), len(joints)
     has_root = bool((joints == root).any())
@@ -273,7 +276,7 @@ def embed(
 
 
 def _count_near_half_turn(vectors: FloatArray) -> int:
-    """Count rotation vectors within 0.1 radians of their discontinuity, half a turn."""
+    """Count the rotation vectors whose angle is above π - 0.1; they are discontinuous at π."""
     vectors = vectors.reshape(len(vectors), -1, 3)
     squared = np.einsum("nvi,nvi->nv", vectors, vectors)
     return int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))

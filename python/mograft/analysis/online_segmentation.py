@@ -9,12 +9,12 @@ from mograft.config import Config
 
 
 class OnlineSegmenter:
-    """Segments a growing motion at the extrema of its kinetic energy.
+    """Segments a motion, whose frames arrive one by one, at the extrema of its kinetic energy.
 
-    The result may differ from that of `segment`, which merges the shortest segment of the whole
-    motion first: this class merges the shortest segment that is not final. A segment is final as
-    soon as another one follows it. A stretch of `Config.max_length` without an extremum is cut at
-    that length, not into equal parts.
+    The result may differ from that of `segment` in two respects. `segment` merges the shortest
+    segment of the whole motion first; this class merges the shortest segment that is not final. A
+    segment is final as soon as another segment follows it. `segment` divides a segment longer than
+    `Config.max_length` into equal parts; this class ends a segment when it reaches that length.
     """
 
     def __init__(self, rate: float, config: Config) -> None:
@@ -38,11 +38,11 @@ class OnlineSegmenter:
 
     @property
     def n_frames(self) -> int:
-        """The number of frames whose energy is known."""
+        """The number of frames whose energy was given to `push`."""
         return self._first_frame + len(self._energies)
 
     def push(self, energies: FloatArray) -> None:
-        """Add the energies of the next frames, shape (n,), as `kinetic_energy` returns them."""
+        """Add the kinetic energies of the next frames, shape (n,); see `kinetic_energy`."""
         radius = len(self._kernel) // 2
         for energy in energies.tolist():
             self._energies.append(energy)
@@ -56,7 +56,7 @@ class OnlineSegmenter:
             self._add_smoothed(float(np.dot(self._kernel, window)))
 
     def close(self) -> None:
-        """End the motion and make all bounds final."""
+        """Declare that no frame follows, and add all remaining bounds to `bounds`."""
         curve = gaussian_filter(np.array(self._energies), self._sigma)
         for value in curve[len(self._curve) :].tolist():
             self._add_smoothed(value)
@@ -85,7 +85,7 @@ class OnlineSegmenter:
             self._finalize()
 
     def _finalize(self) -> None:
-        """Make final the bounds that further frames cannot change, and drop unused frames."""
+        """Add the bounds that further frames cannot change to `bounds`; discard unused energies."""
         bounds = self._tentative_bounds(self._turns)
         while len(bounds) > 2:
             if not self._final_bound:
@@ -103,7 +103,10 @@ class OnlineSegmenter:
             self._first_frame = first_used
 
     def _tentative_bounds(self, turns: list[int]) -> list[int]:
-        """Return the last final bound, then the bounds that `segment` would place after it."""
+        """Return the last final bound and the bounds after it, given the extrema `turns`.
+
+        Segments are merged and split as in `segment`. Further frames can change all but the first.
+        """
         bounds = np.array([self._final_bound, *turns]) - self._first_frame
         bounds = merge_short_segments(bounds, np.array(self._curve), self._min_length)
         bounds = split_long_segments(bounds, self._max_length)

@@ -19,7 +19,7 @@ thousandth of the first component's, and the rounding of the samples decides the
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Mean and scatter matrix of rows.
+    """Mean and scatter matrix of the rows of a matrix.
 
     The bits of the mean and of the diagonal of the scatter matrix do not depend on the number of
     BLAS threads; the last bits of the other entries do.
@@ -31,11 +31,11 @@ class Spread:
 
     @classmethod
     def of(cls, chunks: Iterable[FloatArray]) -> "Spread":
-        """Compute mean and scatter from chunks of rows, at least one, in their order.
+        """Compute mean and scatter matrix of a matrix that is given as one or more chunks of rows.
 
-        Each chunk is centred on its own mean before it is squared, and the chunks are merged by the
-        formula of Chan, Golub and LeVeque. Hence nothing cancels, and the scatter of a constant
-        feature is zero up to rounding.
+        The mean of each chunk is subtracted before products are computed, and the chunks are merged
+        by the formula of Chan, Golub and LeVeque. This avoids the subtraction of nearly equal
+        numbers, so the scatter of a constant feature is zero up to rounding.
         """
         n, mean, scatter = 0, np.zeros(0), np.zeros((0, 0))
         for rows in chunks:
@@ -56,7 +56,7 @@ class Spread:
 
     @property
     def deviation(self) -> FloatArray:
-        """Standard deviation of each feature, with n - 1; 0 for a single row."""
+        """Standard deviation of each feature, with divisor n - 1; 0 for a single row."""
         deviation: FloatArray = np.sqrt(np.diag(self.scatter) / max(self.n - 1, 1))
         return deviation
 
@@ -66,10 +66,10 @@ def pca(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Compute the principal components of the correlation matrix (eq. 7 to 11).
 
-    Returns the scale of each feature: its standard deviation or its entry of `floors`, whichever is
-    larger, and infinity for a dropped feature; at most `n_components` loadings in columns, shape
-    (n_features, n_components), as `eigenvectors` rounds and orders them; and the variance along
-    every component, descending.
+    Returns three arrays. The first has the scale of each feature: the larger one of its standard
+    deviation and its entry in `floors`, and infinity if the standard deviation is below 1e-6. The
+    second, shape (n_features, at most n_components), has the loadings of one component in each
+    column; see `eigenvectors`. The third has the variances along all components, descending.
     """
     deviation = spread.deviation
     scale = np.where(deviation < MIN_DEVIATION, np.inf, np.maximum(deviation, floors))

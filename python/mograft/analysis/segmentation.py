@@ -24,7 +24,7 @@ from mograft.motion.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Segments of clips: the units that are compared and exchanged.
+    """Segments of clips, given by their first and last frames.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Segments:
 
     @property
     def lengths(self) -> IntArray:
-        """Intervals of each segment, shape (n_segments,): one less than its frames."""
+        """Number of frame intervals of each segment, ``stop - start``, shape (n_segments,)."""
         return self.stop - self.start
 
     def of_clip(self, clip: int) -> IntArray:
@@ -89,7 +89,7 @@ class Segments:
 
     @classmethod
     def concatenate(cls, parts: Iterable["Segments"]) -> "Segments":
-        """Join parts, at least one, in their order; clip indices are kept."""
+        """Concatenate one or more `Segments` in their order, without a change of clip indices."""
         columns = zip(*((part.start, part.stop, part.clip) for part in parts), strict=True)
         return cls(*map(np.concatenate, columns))
 
@@ -112,8 +112,8 @@ def kinetic_energy(
     Returns
     -------
     ndarray, shape (n_frames,)
-        The energy. Masses sum to 1 and lengths are in skeleton heights, so the energy does not
-        depend on the size of the skeleton, and its absolute value has no meaning.
+        The energy, in units in which the mass and the height of the skeleton are 1. It does not
+        depend on the size of the skeleton, and only ratios of energies have a meaning.
 
     Raises
     ------
@@ -122,8 +122,8 @@ def kinetic_energy(
 
     Notes
     -----
-    The paper defines neither I nor ω. Of all combinations, the default is the nearest to the
-    true kinetic energy without the translation of the root.
+    The paper defines neither I nor ω. Of all combinations of `omega` and `inertia`, the default
+    is nearest to the physical kinetic energy without the translation of the root.
 
     Examples
     --------
@@ -151,8 +151,8 @@ def kinetic_energy(
 def extrema(curve: FloatArray) -> IntArray:
     """Return the frames of the local maxima and minima of a curve, ascending, without the ends.
 
-    Differences of at most 1e-12 times the largest absolute value count as zero; of a level maximum
-    or minimum, the middle is returned.
+    Differences of at most 1e-12 times the largest absolute value count as zero. If the values at a
+    maximum or minimum are equal over several frames, the middle frame is returned.
     """
     steps = np.diff(curve)
     steps[np.abs(steps) <= 1e-12 * np.abs(curve).max(initial=0.0)] = 0.0
@@ -206,11 +206,12 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
 
 
 def merge_short_segments(bounds: IntArray, curve: FloatArray, min_length: int) -> IntArray:
-    """Remove bounds until no segment is shorter than `min_length` intervals, or one is left.
+    """Remove bounds until no segment is shorter than `min_length` intervals, or only one is left.
 
-    The shortest segment is merged first. Of its inner bounds, the one is removed at which the curve
-    differs less from the mean of its values at the two neighbouring bounds. Ties go to the first.
-    Both ends are kept.
+    `bounds` are the frames at which segments meet, and both ends, which are never removed. The
+    shortest segment is merged first: of its two bounds, the one is removed at which the curve
+    differs less from the mean of the curve at the previous and the next bound. The first of equal
+    segments or bounds is selected.
     """
     bounds = np.unique(bounds)
     while len(bounds) > 2:
@@ -226,9 +227,10 @@ def merge_short_segments(bounds: IntArray, curve: FloatArray, min_length: int) -
 
 
 def split_long_segments(bounds: IntArray, max_length: float) -> IntArray:
-    """Split segments longer than `max_length` intervals into the fewest equal parts.
+    """Split segments longer than `max_length` intervals into as few equal parts as possible.
 
-    The lengths of the parts differ by at most one interval.
+    `bounds` are the frames at which segments meet, and both ends. The lengths of the parts of one
+    segment differ by at most one interval.
     """
     n_parts = np.maximum(np.ceil(np.diff(bounds) / max_length), 1).astype(np.int64)
     if (n_parts == 1).all():
