@@ -152,7 +152,7 @@ def test_static_balance_without_legs_raises_insufficient_data_error():
 
 
 def test_dynamic_balance_three_frames_raises_insufficient_data_error():
-    with pytest.raises(InsufficientDataError, match="frames to differentiate"):
+    with pytest.raises(InsufficientDataError, match="frames for derivatives"):
         dynamic_balance(DANCE[:3], floor_reference=DANCE)
 
 

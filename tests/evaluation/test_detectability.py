@@ -167,7 +167,7 @@ def test_weighted_auc_class_without_weight_is_nan():
 
 
 def test_detectability_captured_motion_raises_insufficient_data_error(dances):
-    with pytest.raises(InsufficientDataError, match="60 windows at seams, there are 0"):
+    with pytest.raises(InsufficientDataError, match="60 windows at seams, but there are 0"):
         detectability("x", [list(grafts_by(Captured(), dances))])
 
 

@@ -9,7 +9,7 @@ _PACKAGES = {"sklearn": "scikit-learn", "scipy": "SciPy"}
 def import_extra(name: str) -> Any:  # noqa: ANN401 - a module of another package
     """Import a module of a package that the extra `evaluate` installs.
 
-    An ImportError of a missing package names the package and the extra.
+    Raises ImportError if the package is not installed; the message names the package and the extra.
     """
     try:
         return import_module(name)

@@ -73,10 +73,12 @@ class Balance:
         cut : Segments
             Segments of the motion.
         rule : {"all", "majority", "any"}
-            Grounded frames that must have the reference point outside of the support for a segment
-            to be unbalanced. The paper does not state its rule; its numbers are closest to "all".
+            A segment is unbalanced if the reference point is outside of the support polygon in
+            all, in more than half, or in any of its grounded frames. The paper does not state its
+            rule; its numbers are closest to "all".
         margin : float
-            Distance outside of the support, in skeleton heights, that still counts as balanced.
+            Maximum distance outside of the support polygon, in skeleton heights, at which a frame
+            still counts as balanced.
 
         Returns
         -------
@@ -109,10 +111,11 @@ def static_balance(
     Parameters
     ----------
     motion : Motion
-        Motion.
+        The motion to measure.
     support : Support, optional
-        Support of the motion, if it is known. For example, a graft whose base group keeps the
-        legs and the root has the support of the base. Default: `support_polygons` of `motion`.
+        Support polygons of the motion, if they are already computed. For example, a graft whose
+        base group has the legs and the root has those of its base. Default: `support_polygons`
+        of `motion`.
     floor_reference : Motion, optional
         As for `support_polygons`.
 
@@ -141,7 +144,7 @@ def dynamic_balance(
     Parameters
     ----------
     motion : Motion
-        Motion.
+        The motion to measure.
     support, floor_reference
         As for `static_balance`.
 
@@ -162,18 +165,18 @@ def dynamic_balance(
 
     Notes
     -----
-    The zero-moment point is x - (z - floor) ẍ / (z̈ + g) along each horizontal axis
-    (Vukobratović and Borovac, International Journal of Humanoid Robotics 1, 2004), for a point
-    mass at the centre of mass. A cubic Savitzky-Golay filter over 0.2 s smooths the centre of
-    mass. The skeleton is assumed to be 1.75 m tall, which converts gravity to the unit of the
-    file.
+    Along each horizontal axis, the zero-moment point is x - (z - floor) ẍ / (z̈ + g), where x is
+    the coordinate of the centre of mass, z its height and g the gravity (Vukobratović and
+    Borovac, International Journal of Humanoid Robotics 1, 2004, for a point mass). A cubic
+    Savitzky-Golay filter over 0.2 s smooths the centre of mass. Gravity is converted to the unit
+    of the file by the assumption that the skeleton is 1.75 m tall.
     """
     if support is None:
         support = support_polygons(motion, floor_reference=floor_reference)
     window = max(2 * round(_SMOOTHING_SECONDS * motion.rate / 2) + 1, 5)
     if motion.n_frames < window:
         raise InsufficientDataError(
-            f"dynamic balance needs {window} frames to differentiate, "
+            f"dynamic balance needs at least {window} frames for derivatives, "
             f"{motion.name or 'the motion'} has {motion.n_frames}"
         )
     savgol_filter = import_extra("scipy.signal").savgol_filter
@@ -217,7 +220,7 @@ def _balance_of_points(
 
 @dataclass(frozen=True, eq=False)
 class BalanceSample:
-    """Balances of grafts and of their bases, as `balance_row` compares them.
+    """Balance of several bases and of their grafts, the input of `balance_row`.
 
     Attributes
     ----------
@@ -226,7 +229,7 @@ class BalanceSample:
     grafts : sequence of sequence of Balance
         For each base, the balances of its grafts; the same number for each base.
     changed : sequence of ndarray of bool, each of shape (n_runs, n_segments)
-        For each base, the segments with an exchanged part in each graft.
+        For each base, whether a segment has an exchanged part in a graft. A run is one graft.
     cuts : sequence of Segments
         Segments of each base.
     """
@@ -239,23 +242,24 @@ class BalanceSample:
 
 @dataclass(frozen=True)
 class BalanceRow(Record):
-    """Rates of unbalanced segments of one method by one rule.
+    """Shares of unbalanced segments in the grafts of one method, by one rule.
 
     Attributes
     ----------
     kind, rule : str
         "static" or "dynamic", and "all", "majority" or "any"; see `Balance`.
     margin : float
-        Distance outside of the support, in skeleton heights, that counts as balanced.
+        Maximum distance outside of the support polygon, in skeleton heights, at which a frame
+        counts as balanced.
     method : str
         Name of the method that selected the donors, or "recording".
     rate : Estimate
         Share of unbalanced segments among all segments that are not in flight.
     spread : float
-        Standard deviation of the rate over the runs; NaN with a single run.
+        Standard deviation of `rate` over the runs, one graft for each base; NaN with a single run.
     changed, difference : Estimate
-        The rate among segments with an exchanged part, and this rate minus the rate of the
-        same segments in the recording.
+        Share of unbalanced segments among the segments with an exchanged part, and this share
+        minus that of the same segments in the recording.
     flight : float
         Share of the segments that are in flight.
     runs : int
@@ -297,7 +301,8 @@ def balance_row(
     Returns
     -------
     BalanceRow
-        The intervals resample blocks of neighbouring segments, each with all its runs.
+        The rates. Their intervals resample blocks of neighbouring segments; each block has its
+        segments in all grafts.
 
     Raises
     ------
@@ -339,7 +344,10 @@ def balance_row(
 def _segment_states(
     sample: BalanceSample, base: int, rule: Rule, margin: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the segments of the grafts and of their base: 1 unbalanced, NaN in flight, else 0."""
+    """Return 1 for unbalanced, 0 for balanced and NaN for segments in flight, of grafts and base.
+
+    The shapes are (n_runs, n_segments) for the grafts of base number `base`, and (n_segments,).
+    """
     cut = sample.cuts[base]
     states = []
     for balance in (*sample.grafts[base], sample.original[base]):

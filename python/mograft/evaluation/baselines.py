@@ -70,7 +70,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Analogy(Method):
-    """The method of the paper: similar length, and base parts in the same cluster."""
+    """Method of the paper: donors of similar length in the same cluster of the base group."""
 
     name: str = "analogy"
 
@@ -81,7 +81,7 @@ class Analogy(Method):
 
 @dataclass(frozen=True)
 class ByCost(Analogy):
-    """The candidates of `Analogy`, selected by `Config.choice`: by default, by lowest cost."""
+    """Method with the candidates of `Analogy`, of which `Config.choice` selects donors by cost."""
 
     name: str = "analogy, by cost"
     uses_cost: bool = True
@@ -89,7 +89,7 @@ class ByCost(Analogy):
 
 @dataclass(frozen=True)
 class Captured(Method):
-    """Only the base segment itself, which reproduces the recording."""
+    """Method whose only donor is the base segment itself, so that grafts equal the recording."""
 
     name: str = "captured"
 
@@ -100,7 +100,7 @@ class Captured(Method):
 
 @dataclass(frozen=True)
 class Random(Method):
-    """All donors, of any length and with any seam angle."""
+    """Method that draws donors of any length and with any seam angle at random."""
 
     name: str = "random"
     has_seam_limit: bool = False
@@ -113,7 +113,7 @@ class Random(Method):
 
 @dataclass(frozen=True)
 class RandomLength(Method):
-    """All donors of similar length: the reference for methods that compare base parts."""
+    """Method that draws donors of similar length at random, whatever the base group does."""
 
     name: str = "random, length limit"
 
@@ -127,7 +127,7 @@ class RandomLength(Method):
 
 @dataclass(frozen=True)
 class ContactPattern(Method):
-    """Donors of similar length with similar foot contacts.
+    """Method that draws donors of similar length with similar foot contacts.
 
     It follows the paper's description of the best rule of Ikemoto and Forsyth (Symposium on
     Computer Animation 2004). Their list of rules was not available.
@@ -135,11 +135,11 @@ class ContactPattern(Method):
     Attributes
     ----------
     tolerance : int
-        Maximum number of differences, summed over all feet. The contact of each foot is compared
-        at ten instants of the segment.
+        Maximum number of differences between the contacts of the base segment and of a donor,
+        compared for each foot at ten instants of the segment.
     is_exact : bool
-        Whether the order of the contact states of all feet must be equal, whatever the duration of
-        each; states of a single frame are ignored. `tolerance` then has no effect.
+        Whether both segments must have the same result of `contact_sequences`: the same contacts
+        in the same order, of any duration. `tolerance` then has no effect.
     """
 
     name: str = "contact pattern"
@@ -164,12 +164,14 @@ class ContactPattern(Method):
 
 @dataclass(frozen=True)
 class Nearest(Method):
-    """The donors of similar length with the nearest base parts, without clusters.
+    """Method that draws from the donors of similar length whose base group moves most similarly.
+
+    The distance is that of the base group's embedding; clusters have no effect.
 
     Attributes
     ----------
     count : int
-        Number of donors.
+        Maximum number of donors of a base segment, besides that segment itself.
     """
 
     name: str = "nearest neighbours"
@@ -179,7 +181,9 @@ class Nearest(Method):
         """Return the candidates for base segments; see `Method.candidates`."""
         embedding = library.embedding[library.groups.base]
         if embedding is None:
-            raise InsufficientDataError("nearest neighbours need base parts that differ")
+            raise InsufficientDataError(
+                "nearest neighbours need at least three segments whose base groups move differently"
+            )
         candidates = []
         for segment in scenario.tolist():
             is_allowed = _has_similar_length(library, segment) & library.is_donor
@@ -197,8 +201,8 @@ def default_methods(library: Library) -> tuple[Method, ...]:
     Parameters
     ----------
     library : Library
-        Library. Contact patterns need legs in its skeleton. Nearest neighbours need base parts
-        that differ.
+        Library to evaluate. `ContactPattern` is omitted if no leg is known in the skeleton, and
+        `Nearest` if the base group has no embedding.
 
     Returns
     -------
@@ -217,10 +221,10 @@ def default_methods(library: Library) -> tuple[Method, ...]:
 
 
 def contact_patterns(library: Library) -> BoolArray:
-    """Return the foot contacts at ten equidistant instants of every segment.
+    """Return which feet are on the floor at ten equidistant instants of every segment.
 
-    The shape is (n_segments, 10, n_legs); see `mograft.body.contacts`. Raise InsufficientDataError
-    if the skeleton has no legs.
+    The shape is (n_segments, 10, n_legs); see `mograft.body.contacts`. Raises
+    InsufficientDataError if no leg is known in the skeleton.
     """
     contacts, cut = _foot_contacts(library), library.segments
     instants = equidistant_instants(cut).round().astype(np.int64)
@@ -232,10 +236,11 @@ def contact_patterns(library: Library) -> BoolArray:
 
 
 def contact_sequences(library: Library) -> list[str]:
-    """Return the contact states of every segment in temporal order, such as "10>11>01".
+    """Return the foot contacts of every segment in temporal order, such as "10>11>01".
 
-    A state has one digit for each leg. States of a single frame are omitted, except for the first
-    state of a segment without longer ones. Raise InsufficientDataError if the skeleton has no legs.
+    Each term has one digit for each leg, 1 if its foot is on the floor. Terms of a single frame
+    are omitted; if a segment has no other terms, its first one is kept. Raises
+    InsufficientDataError if no leg is known in the skeleton.
     """
     contacts, cut = _foot_contacts(library), library.segments
     sequences = []
@@ -249,9 +254,9 @@ def contact_sequences(library: Library) -> list[str]:
 
 @lru_cache(maxsize=1)
 def _foot_contacts(library: Library) -> list[BoolArray]:
-    """Return for each clip the feet on the floor, shape (n_frames, n_legs)."""
+    """Return for each clip which feet are on the floor, bool arrays of shape (n_frames, n_legs)."""
     if not find_legs(library.skeleton):
-        raise InsufficientDataError("contact patterns need legs: none is known in the skeleton")
+        raise InsufficientDataError("contact patterns need legs, but the skeleton has no known leg")
     return [np.asarray(detect_contacts(clip).any(axis=2), bool) for clip in library.clips]
 
 
@@ -264,7 +269,7 @@ def grafts_by(
     swap: Sequence[str] | None = None,
     seed: int = 0,
 ) -> Sequence[Graft]:
-    """Return grafts whose donors a method selected; otherwise as `mograft.graft_many`.
+    """Return grafts as `mograft.graft_many` does, but with donors that `method` selects.
 
     Parameters
     ----------
@@ -281,15 +286,15 @@ def grafts_by(
     Raises
     ------
     InsufficientDataError
-        If the library does not support the method.
+        If the library lacks something that the method needs, such as known legs.
     ValueError
         As for `mograft.graft_many`.
 
     Notes
     -----
-    Without `Method.uses_cost`, each donor is drawn uniformly from the candidates whose seam
-    angle with the previous donor is at most `Config.max_angle`. If there is none, the
-    candidate with the smallest angle is taken (paper, 4.4).
+    If `Method.uses_cost` is False, each donor is drawn uniformly from the candidates whose seam
+    angle with the previous donor is at most `Config.max_angle`. If there is none, the candidate
+    with the smallest angle is taken (paper, 4.4). Self-repair is off.
 
     Examples
     --------
@@ -314,8 +319,8 @@ def draw_donors(
 ) -> tuple[GraftPlan, list[DonorSequences]]:
     """Select donors as `grafts_by` does, without computing the motions.
 
-    Return the plan, and for each graft the donor sequence of each grafted group. Grafts of the plan
-    keep these donors: self-repair is off, so that methods are compared by their own choice.
+    Return the plan of the grafts and, for each graft, the donor sequence of each grafted group.
+    Self-repair is off in the plan, so that no donor that a method selected is replaced.
     """
     if method.config_changes:
         library = library.relabelled(replace(library.config, **dict(method.config_changes)))
@@ -344,7 +349,11 @@ def draw_donors(
 def _draw_sequence(
     pool: SegmentPool, candidates: Sequence[IntArray], max_angle: float, rng: np.random.Generator
 ) -> IntArray:
-    """Draw a donor sequence from first to last position (paper, 4.4)."""
+    """Draw one donor for each position, from the first to the last (paper, 4.4).
+
+    Each donor is drawn from the candidates whose seam angle with the previous donor is at most
+    `max_angle`; if there is none, the candidate with the smallest seam angle is taken.
+    """
     donors: list[int] = []
     for segments in candidates:
         allowed = segments
@@ -373,7 +382,7 @@ def _has_similar_length(library: Library, segment: int) -> BoolArray:
 
 
 def _donor_indices(library: Library, segment: int, is_allowed: BoolArray) -> IntArray:
-    """Return the allowed donors of a segment, including itself."""
+    """Return the indices of the allowed donors of a segment, and of the segment itself."""
     is_candidate = is_allowed & library.is_donor
     is_candidate[segment] = True
     return np.flatnonzero(is_candidate)

@@ -23,9 +23,10 @@ BLOCK_SECONDS = 5.0  # duration of the blocks of frames that the bootstrap resam
 
 
 def landmarks(skeleton: Skeleton) -> dict[str, list[int]]:
-    """Return the joints whose bones end at the head, at the chest and at the hands.
+    """Return the joints of the landmarks "head", "chest" and "hands", by landmark.
 
-    The chest is the lowest joint above both arms. A name without a known joint is missing.
+    The position of a landmark is the end of its joint's bone. The chest is the nearest common
+    ancestor of the joints of both arms. The result lacks landmarks without a known joint.
     """
     known = anatomy(skeleton)
     head = mass_model(skeleton).head
@@ -40,7 +41,7 @@ def landmarks(skeleton: Skeleton) -> dict[str, list[int]]:
 
 
 def bone_ends(motion: Motion, joints: Sequence[int] | IntArray) -> FloatArray:
-    """Return the world positions of the ends of bones in heights, (n_frames, n_joints, 3)."""
+    """Return the world positions of bone ends in skeleton heights, (n_frames, n_joints, 3)."""
     model = mass_model(motion.skeleton)
     indices = np.asarray(joints, np.int64)
     world_rotations, positions = motion.world_transforms()
@@ -50,26 +51,29 @@ def bone_ends(motion: Motion, joints: Sequence[int] | IntArray) -> FloatArray:
 
 
 def sample_stride(rate: float) -> int:
-    """Return the number of frames between samples at about 30 samples per second."""
+    """Return the interval, in frames, between samples at about 30 samples per second.
+
+    `rate` is in frames per second.
+    """
     return max(round(rate / SAMPLE_RATE), 1)
 
 
 def jerk(points: FloatArray, rate: float) -> FloatArray:
-    """Return the magnitude of the third derivative of points, per s³, shape (n_frames, ...).
+    """Return the magnitude of the third derivative of points, shape (n_frames, ...).
 
-    `points` has shape (n_frames, ..., 3). The differences compare samples at about 30 per second,
-    so that noise of single frames at higher rates counts little. The result is 0 in the first
-    sample and the last two.
+    `points` has shape (n_frames, ..., 3) at `rate` frames per second; the result has its unit per
+    s³. It is computed from differences of samples at about 30 per second, so that noise of single
+    frames at higher rates has little effect. It is 0 in the first sample and the last two.
     """
     sizes: FloatArray = np.linalg.norm(_derivative(points, rate, 3), axis=-1)
     return sizes
 
 
 def _derivative(points: FloatArray, rate: float, order: int) -> FloatArray:
-    """Return a derivative by differences of samples; 0 where samples are missing.
+    """Return the derivative of order 1, 2 or 3 by differences of samples; 0 near both ends.
 
     The first and second derivatives are central differences. The third is the derivative halfway
-    between a sample and the next.
+    between a sample and the next one.
     """
     s = sample_stride(rate)
     found = np.zeros_like(points)
@@ -86,9 +90,9 @@ def _derivative(points: FloatArray, rate: float, order: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BodyTracks:
-    """A body in every frame: bone ends relative to the hips, in heights and seconds.
+    """Hips, heading and bone ends relative to the hips of a motion, in every frame.
 
-    The axes are two horizontal ones and up.
+    Lengths are in skeleton heights. The first two axes are horizontal, the third points up.
     """
 
     hips: FloatArray  # world position, (n_frames, 3)
@@ -98,7 +102,7 @@ class BodyTracks:
 
     @classmethod
     def of(cls, motion: Motion) -> "BodyTracks":
-        """Return the tracks of a motion; without known hips the heading is 0."""
+        """Return the tracks of a motion; the heading is 0 without a known pair of legs."""
         ground = Ground.of(motion)
         # By name and not by length: bones of length 0 in some clips are points in all of them.
         above_hips = anatomy(motion.skeleton).joints("other")
@@ -124,7 +128,7 @@ class BodyTracks:
 
     @property
     def stride(self) -> int:
-        """Frames between samples at about 30 per second."""
+        """Interval, in frames, between samples at about 30 samples per second."""
         return sample_stride(self.rate)
 
     @cached_property
@@ -139,17 +143,20 @@ class BodyTracks:
 
     @cached_property
     def jerk(self) -> FloatArray:
-        """Third derivative of the points, heights/s³."""
+        """Third derivative of the points, skeleton heights/s³, shape of `points`."""
         return _derivative(self.points, self.rate, 3)
 
     @cached_property
     def root_velocity(self) -> FloatArray:
-        """Velocity of the hips and yaw rate, heights/s and radians/s, (n_frames, 4)."""
+        """Velocity of the hips in skeleton heights/s, and yaw rate in radians/s, (n_frames, 4)."""
         track = np.concatenate([self.hips, self.heading[:, None]], axis=1)
         return _derivative(track, self.rate, 1)
 
     def facing_forward(self, vectors: FloatArray, frames: IntArray) -> FloatArray:
-        """Turn vectors, shape (n, ..., 3), about up by the negative heading at n frames."""
+        """Rotate vectors about the vertical axis so that the heading at `frames` becomes 0.
+
+        `vectors` has shape (n, ..., 3), `frames` has shape (n,).
+        """
         angle = self.heading[frames].reshape(-1, *[1] * (vectors.ndim - 2))
         cos, sin = np.cos(angle), np.sin(angle)
         x, y, up = np.moveaxis(vectors, -1, 0)
@@ -158,14 +165,14 @@ class BodyTracks:
 
 @dataclass(frozen=True, eq=False)
 class FrameBlocks:
-    """Blocks of five seconds of the clips of a library, or whole clips that are shorter."""
+    """Blocks of about five seconds into which clips are divided; a short clip is one block."""
 
     offsets: IntArray  # number of frames in the clips before each clip
     block: IntArray  # block of each frame, over the frames of all clips in order
 
     @classmethod
     def of(cls, library: Library) -> "FrameBlocks":
-        """Divide the clips of a library into blocks of equal length."""
+        """Divide each clip of a library into blocks of equal length, about five seconds."""
         lengths = np.array([entry.n_frames for entry in library.entries])
         counts = np.maximum(np.rint(lengths / (BLOCK_SECONDS * library.rate)), 1).astype(np.int64)
         firsts = np.cumsum(counts) - counts
@@ -176,7 +183,7 @@ class FrameBlocks:
         return cls(np.cumsum(lengths) - lengths, np.concatenate(blocks))
 
     def clip_of(self, frames: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the clip and the frame in it of frames that are numbered over all clips."""
+        """Convert frame numbers over all clips to clip indices and frame numbers in these clips."""
         clip = np.searchsorted(self.offsets, frames, side="right") - 1
         return clip, frames - self.offsets[clip]
 
@@ -185,7 +192,7 @@ class FrameBlocks:
 class Origin:
     """For each frame of a graft, the captured frame that a joint group comes from.
 
-    Captured frames are numbered over all clips. A uniform time warp gives the frames of donors.
+    Captured frames are numbered over all clips. Donors are assumed to be stretched uniformly.
     """
 
     frames: IntArray  # captured frames, numbered over all clips, (n_frames,)
@@ -193,7 +200,7 @@ class Origin:
 
     @classmethod
     def of(cls, graft: Graft, group: str, blocks: FrameBlocks) -> "Origin":
-        """Return the origin of a grafted group; frames outside of segments come from the base."""
+        """Return the origin of a grafted group; frames without a segment come from the base."""
         clips = clip_indices(graft.library)
         n = graft.motion.n_frames
         # The segments of a scenario have no frames between them, so its base need not be a clip.
@@ -216,9 +223,10 @@ def clip_indices(library: Library) -> dict[str, int]:
 
 
 def driving_group(graft: Graft, joints: Iterable[int]) -> str | None:
-    """Return the grafted group of the first joint that has one, or of its nearest such ancestor.
+    """Return the grafted group that moves the first of `joints` that any grafted group moves.
 
-    None if no grafted group moves any of `joints`.
+    A joint is moved by its group, if that is grafted, or by the group of its nearest ancestor in a
+    grafted group. Returns None if no grafted group moves any of `joints`.
     """
     library = graft.library
     group_of = {int(j): name for name in graft.alternatives for j in library.joints(name)}

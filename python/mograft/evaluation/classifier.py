@@ -21,18 +21,28 @@ _N_COMPONENTS = 20
 
 @dataclass(frozen=True, eq=False)
 class PairFeatures:
-    """Principal components of the parts of every segment, (n_segments, n_components) each."""
+    """Principal components of the base part and the grafted part of every segment.
+
+    Each array has shape (n_segments, n_components); a part is the motion of one joint group.
+    """
 
     base: FloatArray
     grafted: FloatArray
 
     @classmethod
     def reduce(cls, base: FloatArray, grafted: FloatArray, train: IntArray) -> Self:
-        """Return the components of features, (n_segments, n_features), fitted to `train`."""
+        """Return the principal components of the features of both parts.
+
+        `base` and `grafted` have shape (n_segments, n_features). The components are fitted to the
+        segments `train` and computed for all segments.
+        """
         return cls(_reduce(base, train), _reduce(grafted, train))
 
     def join(self, pairs: IntArray) -> FloatArray:
-        """Return the components of both parts of each pair (base segment, donor)."""
+        """Return, for each pair (base segment, donor), the base part's and the donor's components.
+
+        `pairs` has shape (n_pairs, 2), the result (n_pairs, 2 * n_components).
+        """
         return np.concatenate([self.base[pairs[:, 0]], self.grafted[pairs[:, 1]]], axis=1)
 
 
@@ -47,10 +57,10 @@ def _reduce(features: FloatArray, train: IntArray) -> FloatArray:
 
 
 def assign_folds(groups: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> IntArray:
-    """Return the fold of each segment; groups are assigned at random to folds of similar size.
+    """Assign groups of segments to folds of similar size at random; return each segment's fold.
 
-    `groups` has the group of each segment; a group is not divided between folds. There are
-    `n_folds` folds, or as many as groups if these are fewer.
+    `groups` has the group of each segment; all segments of a group are in one fold. The number of
+    folds is `n_folds`, or the number of groups if that is smaller.
     """
     sizes = np.bincount(groups)
     shuffled = np.random.default_rng(seed).permutation(len(sizes))
@@ -64,7 +74,10 @@ def assign_folds(groups: IntArray, n_folds: int, seed: int | tuple[int, ...]) ->
 
 
 def build_classifier(parameters: Mapping[str, float]) -> Any:  # noqa: ANN401 - scikit-learn's
-    """Return a scikit-learn pipeline of a scaler and an untrained support vector machine."""
+    """Return a scikit-learn pipeline of a scaler and an untrained support vector machine.
+
+    `parameters` are arguments of ``sklearn.svm.SVC``, such as C and gamma.
+    """
     svm = import_extra("sklearn.svm").SVC(kernel="rbf", class_weight="balanced", **parameters)
     scaler = import_extra("sklearn.preprocessing").StandardScaler()
     return import_extra("sklearn.pipeline").make_pipeline(scaler, svm)

@@ -26,7 +26,9 @@ _MAX_WINDOWS = 1600  # limits the run time
 
 @dataclass(frozen=True)
 class Detectability(Record):
-    """Detectability of the grafts of one method, with two null comparisons.
+    """How well classifiers distinguish the grafts of one method from captured motion.
+
+    Two null comparisons state what the classifiers reach on captured motion alone.
 
     Attributes
     ----------
@@ -35,14 +37,15 @@ class Detectability(Record):
     runs : int
         Number of grafts for each base.
     seams : Detection
-        Windows of 0.5 s at seams, against the captured windows at the same frames of the base.
+        Windows of 0.5 s of grafts, centred at seams, against the captured windows at the same
+        frames of the base.
     between_seams : Detection
-        As `seams`, for windows in the middle between seams, in exchanged segments.
+        As `seams`, for windows of 0.3 s in the middle between two seams, in exchanged segments.
     other_moments : Detection
-        Null comparison: captured windows at other seams of the same block of five seconds,
-        instead of windows of grafts.
+        Null comparison: instead of each window of a graft, the captured window of the base at
+        another seam in the same block of five seconds.
     donor_windows : Detection
-        Null comparison: the captured windows of the donors, instead of windows of grafts.
+        Null comparison: instead of each window of a graft, the captured window of its donor.
     """
 
     method: str
@@ -65,35 +68,37 @@ def detectability(
     grafts : sequence of sequence of Graft
         For each base, its grafts; all from one library, whose clips are the bases.
     seed : int
-        Seed of the folds, of the choice among more than 1600 windows and of the resampling.
+        Seed of the folds, of the resampling and, if there are more than 1600 windows, of the
+        random choice of 1600 windows.
     splits : int
         Number of random assignments of the blocks to folds.
 
     Returns
     -------
     Detectability
-        Values are NaN if they have too few windows. The intervals resample blocks of five
-        seconds of the bases. They cover neither the choice of the recordings nor the choice of
-        the training windows.
+        A value is NaN if there are too few windows for it. The intervals resample blocks of five
+        seconds of the bases. They account neither for the choice of the recordings nor for that
+        of the training windows.
 
     Raises
     ------
     ImportError
         If scikit-learn is not installed.
     InsufficientDataError
-        If there are fewer than 60 windows at seams, or if every fold has too few training or
-        test windows (see Notes).
+        If there are fewer than 60 windows at seams, or if no fold has 25 training windows and 8
+        test windows.
     ValueError
         If a base is not a clip of the library.
 
     Notes
     -----
-    Classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017). The clips are divided into
-    blocks of five seconds, the blocks at random into three folds, `splits` times. A test window has
-    its base and all its donors in one fold; no base and no donor of a training window is in that
-    fold. Every captured window has the weight of all windows of grafts at its frame. The features
-    are those of `mograft.evaluation.windows`: bone ends relative to the hips and to the heading
-    at the centre, reduced to principal components of the training windows.
+    This is a classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017). The clips are divided
+    into blocks of five seconds, and the blocks at random into three folds; this is repeated
+    `splits` times. The classifiers of a fold are tested on the windows whose base and donors are
+    all in blocks of this fold, and trained on the windows whose base and donors are all outside
+    of it. The windows of grafts at one frame of a base together weigh as much as the captured
+    window there. The features are those of `mograft.evaluation.windows`: bone ends relative to the
+    hips and to the heading at the centre, reduced to principal components of the training windows.
     """
     flat = [graft for several in grafts for graft in several]
     if not flat:
@@ -107,7 +112,7 @@ def detectability(
     at_seams = GraftWindows.of(flat, "seams", _MAX_WINDOWS, rng)
     if len(at_seams) < MIN_WINDOWS:
         raise InsufficientDataError(
-            f"detectability needs {MIN_WINDOWS} windows at seams, there are {len(at_seams)}"
+            f"detectability needs {MIN_WINDOWS} windows at seams, but there are {len(at_seams)}"
         )
     folds = [block_folds(at_seams.frames, (seed, split)) for split in range(splits)]
     pairs = at_seams.pairs()
@@ -115,7 +120,7 @@ def detectability(
     if not np.isfinite(seams.gross.value):
         raise InsufficientDataError(
             f"detectability needs a fold with {MIN_TEST} test windows and {MIN_TRAIN} training "
-            f"windows at seams, none of the {N_FOLDS} folds has as many"
+            f"windows at seams, but none of the {N_FOLDS} folds has so many"
         )
     between = GraftWindows.of(flat, "between seams", _MAX_WINDOWS, rng)
     others = [pair_other_moments(pairs, rng) for _ in folds]
@@ -132,7 +137,10 @@ def detectability(
 
 
 def pair_other_moments(pairs: Pairs, rng: np.random.Generator) -> Pairs:
-    """Return random disjoint pairs of captured windows of the same block."""
+    """Return random pairs of captured windows of one block; no window is in two pairs.
+
+    The second window of a pair takes the place of the window of a graft.
+    """
     order = rng.permutation(len(pairs.base))
     order = order[np.argsort(pairs.block[order], kind="stable")]
     first, second = order[:-1], order[1:]

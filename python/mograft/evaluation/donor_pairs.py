@@ -17,9 +17,9 @@ _CHUNK = 500  # segments whose candidates are in memory at the same time
 def selected_donors(
     library: Library, group: str, methods: Sequence[Method], seed: int
 ) -> dict[str, list[IntArray]]:
-    """Return, for each method and segment, the donors in 20 donor sequences per clip.
+    """Return the donors that each method selects for each segment in 20 sequences per clip.
 
-    Donors may occur several times. Methods without `Method.uses_cost` are omitted.
+    A donor may occur several times. Methods whose `uses_cost` is False are omitted.
     """
     selected = {}
     for method in methods:
@@ -44,10 +44,11 @@ def donors_in_fold(
     folds: IntArray,
     selected: Mapping[str, list[IntArray]],
 ) -> dict[str, list[IntArray]]:
-    """Return, for each method and segment, the donors that are in the fold of the segment.
+    """Return, for each method and segment, the donors that are in the same fold as the segment.
 
-    `folds` has shape (n_segments,). `selected` is the result of `selected_donors`; the other
-    methods have all their candidates. A segment is not among its own donors.
+    `folds` has the fold of each segment. The donors are those in `selected`, the result of
+    `selected_donors`; for methods that are not in it, all candidates. The segment itself is not
+    returned.
     """
     found: dict[str, list[IntArray]] = {}
     n = len(library.segments)
@@ -71,8 +72,8 @@ def sample_pairs(
 ) -> IntArray:
     """Return pairs of segments and their donors, shape (n_pairs, 2).
 
-    `donors` has the donors of every segment of the library. Each segment has at most 20 donors, and
-    fewer if all segments together would have more than 10,000; longer lists are sampled.
+    `donors` has the donors of every segment of the library. For each of `segments`, at most 20
+    donors are drawn at random; fewer, but at least 2, if there would be more than 10,000 pairs.
     """
     n = _max_donors(len(segments))
     chosen = [
@@ -83,7 +84,7 @@ def sample_pairs(
 
 
 def random_pairs(segments: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return pairs of segments and random other segments, with the limits of `sample_pairs`."""
+    """Return each segment with random other segments, as many as `sample_pairs` draws at most."""
     count = min(_max_donors(len(segments)), len(segments) - 1)
     chosen = [
         rng.choice(np.delete(segments, position), count, replace=False)
@@ -93,7 +94,7 @@ def random_pairs(segments: IntArray, rng: np.random.Generator) -> IntArray:
 
 
 def _pair(segments: IntArray, donors: Sequence[IntArray]) -> IntArray:
-    """Return each segment with each of its donors, shape (n_pairs, 2)."""
+    """Return the pairs of each segment with each of its donors, shape (n_pairs, 2)."""
     repeated = np.repeat(segments, [len(several) for several in donors])
     return np.stack([repeated, np.concatenate(donors)], axis=1).astype(np.int64)
 
@@ -103,7 +104,10 @@ def _max_donors(n_segments: int) -> int:
 
 
 def mean_by_segment(values: FloatArray | BoolArray, pairs: IntArray, n: int) -> FloatArray:
-    """Return the mean value of the pairs of each of `n` segments; NaN without a pair."""
+    """Return the mean of `values`, one for each pair, over the pairs of each of `n` segments.
+
+    The first column of `pairs` has the segment. The result is NaN for a segment without a pair.
+    """
     counts = np.bincount(pairs[:, 0], minlength=n)
     sums = np.bincount(pairs[:, 0], values, minlength=n)
     means: FloatArray = np.divide(sums, counts, out=np.full(n, np.nan), where=counts > 0)

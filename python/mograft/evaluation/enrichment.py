@@ -27,7 +27,7 @@ _GROUPS = (2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class Count:
-    """Numbers of combinations for one number of joint groups."""
+    """Numbers of combinations of captured parts, for one number of joint groups."""
 
     groups: int  # K, including the base group
     unfiltered: int  # within the clusters c of the base group: Σ |c|^K
@@ -37,7 +37,9 @@ class Count:
 
 @dataclass(frozen=True)
 class Enrichment(Record):
-    """Counts for one interpretation of eq. 14, the cluster diameter threshold, and one scale.
+    """Numbers of combinations for one cluster diameter threshold.
+
+    The threshold is given by an interpretation of eq. 14 of the paper and a scale.
 
     Attributes
     ----------
@@ -49,7 +51,7 @@ class Enrichment(Record):
     sigma_scale : float
         Factor on `sigma`.
     diameter : float
-        Maximum cluster diameter that results from both.
+        Maximum cluster diameter that results from `sigma` and `sigma_scale`.
     counts : tuple of Count
         Counts for each number of groups.
     """
@@ -87,7 +89,7 @@ class Enrichment(Record):
 
 @dataclass(frozen=True)
 class Law(Record):
-    """An inequality that the counts of every clustering satisfy."""
+    """An inequality that holds for every clustering, and whether it holds for given counts."""
 
     name: str  # the inequality
     holds: bool
@@ -95,19 +97,19 @@ class Law(Record):
 
 
 def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
-    """Count the segments that can be combined from the parts of a library.
+    """Count the segments that can be composed of the parts of captured segments.
 
     Parameters
     ----------
     library : Library
         Library with the clusters of the base group and the length limits.
     groups : sequence of int
-        Numbers of joint groups, each at least 2.
+        Numbers of joint groups to count for, each at least 2.
 
     Returns
     -------
     Enrichment
-        Exact integers of any size.
+        The counts, exact integers of any size.
 
     Raises
     ------
@@ -146,18 +148,18 @@ def sweep(
     Parameters
     ----------
     library : Library
-        Library. Its base group is clustered again for each threshold.
+        Library whose base group is clustered again for each threshold.
     readings : sequence of str
         Interpretations of eq. 14, the cluster diameter threshold: names for `Config.sigma`.
     scales : sequence of float
         Factors on each threshold.
     groups : sequence of int
-        Numbers of joint groups, each at least 2.
+        Numbers of joint groups to count for, each at least 2.
 
     Returns
     -------
     tuple of Enrichment
-        Counts by interpretation and ascending scale; empty if the base parts do not differ.
+        Counts by interpretation and ascending scale; empty if the base group has no embedding.
     """
     embedding = library.embedding[library.groups.base]
     if embedding is None:
@@ -200,10 +202,10 @@ def _count_combinations(
 
 
 def cluster_numbers(library: Library) -> dict[int, dict[str, int]]:
-    """Return the number of clusters of each group, for 2, 3, 4 and 5 joint groups.
+    """Return the number of clusters of each joint group, by the number of groups of a preset.
 
-    The clips are clustered again for each preset of joint groups that the skeleton supports, with
-    the configuration of the library.
+    The clips are clustered again for each preset of 2, 3, 4 or 5 joint groups that the skeleton
+    supports, with the configuration of the library.
     """
     found = {}
     skeleton = library.skeleton
@@ -232,9 +234,9 @@ def moment_laws(segments: int, counts: Mapping[int, int]) -> tuple[Law, ...]:
     Returns
     -------
     tuple of Law
-        Inequalities between the given counts of successive K. If one of them fails, no single
-        clustering has the counts. If "Cauchy-Schwarz" fails, no set of numbers of candidates
-        n_i has them: the base group, the clusters or the filters changed with K.
+        Inequalities between the counts of successive K. If one of them fails, no single
+        clustering gives the counts. If one named "Cauchy-Schwarz" fails, no numbers of candidates
+        n_i give the counts: the base group, the clusters or the filters changed with K.
 
     Raises
     ------

@@ -111,8 +111,8 @@ class Estimate(Record):
 def proportion(hits: int, n: int, unit: str) -> Estimate:
     """Return the share of successes in independent trials with Wilson's interval.
 
-    Wilson, Journal of the American Statistical Association 22 (1927). The share is undefined
-    without a trial. SciPy is required.
+    `unit` names the trials. If `n` is 0, the share and the interval are NaN. SciPy is required.
+    Source: Wilson, Journal of the American Statistical Association 22 (1927).
 
     >>> print(proportion(9, 10, "labels"))
     0.900 (0.596 to 0.982)
@@ -125,10 +125,10 @@ def proportion(hits: int, n: int, unit: str) -> Estimate:
 
 
 def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
-    """Return the block of each segment, from 0, that the bootstrap resamples.
+    """Return the block of each segment; the bootstrap resamples whole blocks.
 
-    A block has `size` neighbouring segments. With 10 clips or more, each clip is one block. The
-    segments are ordered by clip and time.
+    A block has `size` neighbouring segments of one clip; with 10 clips or more, each clip is one
+    block. Blocks are numbered from 0. The segments in `cut` must be ordered by clip and time.
     """
     clips, clip = np.unique(cut.clip, return_inverse=True)
     if len(clips) >= MIN_CLIPS_AS_BLOCKS:
@@ -141,7 +141,7 @@ def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
 def block_bootstrap(
     statistic: Callable[[FloatArray], FloatArray], n_blocks: int, seed: int = 0
 ) -> tuple[float, float]:
-    """Return the ends of the 95 % percentile interval of a statistic by resampling blocks.
+    """Return both ends of the 95 % bootstrap interval of a statistic (percentile method).
 
     `statistic` maps the number of times that each block is drawn, shape (n_resamples, n_blocks),
     to one value per resample. Values that are not finite are ignored. The ends are NaN with fewer
@@ -172,7 +172,7 @@ def bootstrap_estimate(
     seed: int,
     interval_method: str | None = None,
 ) -> Estimate:
-    """Return an estimate whose interval is that of `block_bootstrap`."""
+    """Return an estimate with a value and with the interval that `block_bootstrap` computes."""
     low, high = block_bootstrap(statistic, n_blocks, seed)
     return Estimate(
         value=value,
@@ -185,10 +185,10 @@ def bootstrap_estimate(
 
 
 def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: int = 0) -> Estimate:
-    """Return a mean with a bootstrap interval that resamples blocks.
+    """Return the mean of `values` with a bootstrap interval that resamples blocks.
 
-    NaN values are ignored. `blocks` has the block of each value. `Estimate.n` counts values, not
-    blocks.
+    NaN values are ignored. `blocks` has the block of each value, `unit` names the values.
+    `Estimate.n` is the number of values, not of blocks.
     """
     array = np.asarray(values, np.float64)
     finite = array[np.isfinite(array)]
@@ -206,7 +206,7 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
 
 
 def block_sums(values: FloatArray, blocks: npt.NDArray[Any]) -> tuple[FloatArray, FloatArray]:
-    """Return the sum and the number of the finite values in each block that has any."""
+    """Return the sum and the number of finite values in each block with at least one of them."""
     is_finite = np.isfinite(values)
     _, index = np.unique(blocks[is_finite], return_inverse=True)
     sums, counts = np.bincount(index, values[is_finite]), np.bincount(index)

@@ -15,7 +15,7 @@ _BlockSums = tuple[FloatArray, FloatArray]  # sums and counts, each (n_splits, n
 
 @dataclass(frozen=True)
 class Difference(Record):
-    """Difference of the κ of two methods, the first minus the second, on common resamples."""
+    """κ of a first method minus κ of a second, with an interval from common resamples."""
 
     first: str
     second: str
@@ -23,7 +23,7 @@ class Difference(Record):
 
     @property
     def verdict(self) -> Literal["above", "below", "undecided"]:
-        """Position of the interval relative to 0; "undecided" if it contains 0."""
+        """Whether the interval is "above" or "below" 0; "undecided" if it contains 0 or is NaN."""
         if not math.isfinite(self.kappa.low):
             return "undecided"
         if self.kappa.low > 0:
@@ -37,10 +37,11 @@ class Difference(Record):
 
 @dataclass(frozen=True, eq=False)
 class Kappas:
-    """Acceptance rates of pairs, each of shape (n_splits, n_segments), from which κ is computed.
+    """Acceptance rates of pairs (base segment, donor), from which κ is computed.
 
-    κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate. The
-    intervals resample blocks and splits. Segments without a score or a donor have NaN.
+    κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate. The rates
+    have shape (n_splits, n_segments), with NaN for segments without a score or without a donor. The
+    intervals resample blocks and splits.
     """
 
     captured: FloatArray
@@ -50,15 +51,15 @@ class Kappas:
     seed: int
 
     def mean(self, values: FloatArray, unit: str) -> Estimate:
-        """Return the mean of values of shape (n_splits, n_segments)."""
+        """Return the mean of `values`, shape (n_splits, n_segments); `unit` names the segments."""
         terms = [self._block_sums(values, values)]
         return self._estimate(terms, lambda means: means[0], values, unit)
 
     def kappa(self, method: str, *, is_matched: bool = False) -> Estimate:
-        """Return κ of a method, with the number of segments that have a donor.
+        """Return κ of a method; `Estimate.n` is the number of segments with a donor.
 
-        If `is_matched`, the rates of captured and random parts are those of the segments with a
-        donor, instead of those of all segments.
+        If `is_matched`, the rates of captured and random parts are computed from the segments with
+        a donor only, instead of from all segments.
         """
         terms = self._kappa_terms(method, is_matched=is_matched)
         return self._estimate(terms, _kappa, self.accepted[method], "segments with a donor")

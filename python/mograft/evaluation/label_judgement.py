@@ -28,11 +28,11 @@ _TRAIN_SHARE = 0.6
 
 @dataclass(frozen=True)
 class Verdict(Record):
-    """Shares of the exchanged parts of one method that a classifier calls natural.
+    """Share of the exchanged parts of one method that a classifier predicts to be natural.
 
-    `corrected` is `called` corrected for the errors of the classifier on the test labels
-    (Rogan-Gladen). It may be outside of 0 to 1, and is NaN if the classifier is no better than
-    chance.
+    `called` is the share of these predictions. `corrected` also accounts for the errors of the
+    classifier on the test labels (`rogan_gladen`). It may be outside of 0 to 1, and is NaN if the
+    classifier is not significantly better than chance.
     """
 
     method: str
@@ -44,7 +44,7 @@ class Verdict(Record):
 
 @dataclass(frozen=True)
 class Judgement(Record):
-    """Results of a classifier that was trained on labels."""
+    """Results of a classifier that was trained on labels "natural" and "unnatural"."""
 
     group: str
     learned: int  # number of training labels
@@ -61,7 +61,7 @@ class Judgement(Record):
 def judgement(
     library: Library, labels: Labels, methods: Sequence[Method] | None = None, *, seed: int = 0
 ) -> Judgement:
-    """Train a classifier on labels and apply it to the donors of methods.
+    """Train a classifier on labels and apply it to the donors that methods select.
 
     Parameters
     ----------
@@ -77,16 +77,15 @@ def judgement(
     Returns
     -------
     Judgement
-        The intervals of corrected shares cover the choice of segments and the choice of test
-        labels.
+        The intervals of corrected shares account for the choice of segments and of test labels.
 
     Raises
     ------
     ImportError
         If scikit-learn is not installed.
     InsufficientDataError
-        If there are fewer than 100 labels of pieces with exchanged parts, fewer than 20 of
-        either kind, or only one kind among the training labels or among the test labels.
+        If there are fewer than 100 labels of pieces with an exchanged part, fewer than 20 of them
+        natural or unnatural, or if all training labels or all test labels are equal.
 
     Notes
     -----
@@ -105,7 +104,7 @@ def judgement(
     is_train = _split_labels(blocks[pairs[:, 0]], seed)
     if len(np.unique(natural[is_train])) < 2 or len(np.unique(natural[~is_train])) < 2:
         raise InsufficientDataError(
-            "the training labels and the test labels must both contain both kinds of labels"
+            "the training labels and the test labels must each be partly natural, partly unnatural"
         )
     segments = np.arange(len(library.segments))
     base, grafted = (part_features(library, g) for g in (library.groups.base, labels.group))
@@ -154,13 +153,17 @@ def _check_labels(natural: BoolArray) -> None:
     n_unnatural = len(natural) - n_natural
     if len(natural) < MIN_LABELS or min(n_natural, n_unnatural) < MIN_LABELS_OF_EACH_KIND:
         raise InsufficientDataError(
-            f"labels of {MIN_LABELS} exchanged parts are needed, {MIN_LABELS_OF_EACH_KIND} of each "
-            f"kind; there are {len(natural)}: {n_natural} natural, {n_unnatural} unnatural"
+            f"{MIN_LABELS} labels of exchanged parts are needed, at least "
+            f"{MIN_LABELS_OF_EACH_KIND} natural and {MIN_LABELS_OF_EACH_KIND} unnatural; there are "
+            f"{n_natural} natural and {n_unnatural} unnatural ones"
         )
 
 
 def _split_labels(blocks: IntArray, seed: int) -> BoolArray:
-    """Select random whole blocks for training that together have at least 3/5 of the labels."""
+    """Return which labels are training labels: those of random blocks, at least 3/5 of the labels.
+
+    `blocks` has the block of each label.
+    """
     distinct, index = np.unique(blocks, return_inverse=True)
     order = np.random.default_rng(seed).permutation(len(distinct))
     sizes = np.bincount(index)[order]
@@ -172,9 +175,10 @@ def _split_labels(blocks: IntArray, seed: int) -> BoolArray:
 def _verdict(
     method: str, rates: FloatArray, blocks: IntArray, errors: tuple[Estimate, Estimate], seed: int
 ) -> Verdict:
-    """Return the share of natural parts of a method, as called and as corrected.
+    """Return the share of natural parts of a method, as predicted and corrected for errors.
 
-    `errors` are the sensitivity and the specificity of the classifier.
+    `rates` has the predicted share of each segment, NaN without a donor. `errors` are the
+    sensitivity and the specificity of the classifier.
     """
     called = estimate.block_mean(rates, blocks, "segments with a donor", seed)
     sensitivity, specificity = errors

@@ -19,7 +19,7 @@ _Key = tuple[str, int, int]  # clip name, first frame and last frame of a segmen
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """Labels of pairs of a base segment and a donor, each field of shape (n,)."""
+    """Labels that a person gave to pairs of a base segment and a donor; arrays of shape (n,)."""
 
     segment: IntArray
     donor: IntArray
@@ -28,9 +28,10 @@ class Labels:
 
 
 def label_row(library: Library, group: str, segment: int, donor: int) -> tuple[str, ...]:
-    """Return the cells of `COLUMNS` for a base segment and a donor.
+    """Return the first seven cells of a row of the label table, for a base segment and a donor.
 
-    Clip names and frames identify the parts independently of the segment numbers.
+    `segment` and `donor` are segment indices of the library. In the table, the clip name, first
+    and last frame identify a segment.
     """
     cut = library.segments
     cells: list[str] = []
@@ -41,7 +42,7 @@ def label_row(library: Library, group: str, segment: int, donor: int) -> tuple[s
 
 
 def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
-    """Read the labels of a person.
+    """Read the labels that a person gave to pieces of motion.
 
     Parameters
     ----------
@@ -88,7 +89,7 @@ def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
         groups.add(row[3])
     if len(groups) > 1 or not groups <= set(library.groups.names):
         raise ValueError(
-            f"{path}: all labels must be of one group of the library, "
+            f"{path}: all labels must be of the same joint group of the library, "
             f"got {', '.join(sorted(groups))}"
         )
     table = np.array(pairs, np.int64).reshape(-1, 3)
@@ -97,7 +98,11 @@ def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
 
 
 def _parse_row(row: list[str], numbers: dict[_Key, int], place: str) -> tuple[int, int, bool]:
-    """Return the base segment, the donor, and whether the label is "natural"."""
+    """Return the indices of base segment and donor, and whether the label is "natural".
+
+    `numbers` has the index of each segment, by clip name, first and last frame. Error messages
+    begin with `place`, the file and the line.
+    """
     if len(row) < len(COLUMNS) + 1:
         raise ValueError(f"{place}: must have {len(COLUMNS) + 1} columns, got {len(row)}")
     keys: list[_Key] = []

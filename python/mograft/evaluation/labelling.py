@@ -51,7 +51,7 @@ def label_items(
     method: Method | None = None,
     seed: int = 0,
 ) -> list[Item]:
-    """Draw pieces for a person to label.
+    """Draw pieces of motion, one segment each, for a person to label.
 
     Parameters
     ----------
@@ -61,8 +61,7 @@ def label_items(
         Number of pieces with an exchanged part. The paper has 300 for training and 200 for
         testing.
     captured : int, optional
-        Number of captured pieces that are mixed with them, not marked. Default: a tenth of
-        `count`.
+        Number of captured pieces among the others, without a mark. Default: a tenth of `count`.
     group : str, optional
         Grafted group. Default: the first group that is not the base group.
     method : Method, optional
@@ -107,7 +106,7 @@ def label_items(
     if len(exchanged) < count or len(kept) < n_captured:
         raise InsufficientDataError(
             f"{count} pieces with an exchanged part and {n_captured} captured pieces were "
-            f"requested, the library has {len(exchanged)} and {len(kept)}"
+            f"requested, but the library has only {len(exchanged)} and {len(kept)}"
         )
     items = list[Item]()
     for pieces, number in ((exchanged, count), (kept, n_captured)):
@@ -117,7 +116,7 @@ def label_items(
 
 
 def _graft_items(method: Method, library: Library, clip: int, group: str, seed: int) -> list[Item]:
-    """Return all pieces of one graft of a clip."""
+    """Compute one graft of a clip and return its pieces, one for each segment."""
     graft = grafts_by(method, library, library.entries[clip].name, swap=[group], seed=seed)[0]
     return [
         Item(graft=graft, group=group, segment=s.segment, donor=s.donor, start=s.start, stop=s.stop)
@@ -182,7 +181,10 @@ def label_page(library: Library, items: Sequence[Item], title: str = "Label moti
 def _encode_item(
     item: Item, track: tuple[FloatArray, FloatArray], step: int, rate: float
 ) -> dict[str, Any]:
-    """Return the data of one piece as the script of the page reads it."""
+    """Return the data of one piece in the form that the script of the page reads.
+
+    `track` has the node positions and headings of the graft, of which every `step`-th is encoded.
+    """
     context = round(_CONTEXT_SECONDS * rate)
     first = max(item.start - context, 0)
     last = min(item.stop + context, item.graft.motion.n_frames - 1)
@@ -200,7 +202,10 @@ def _encode_item(
 
 
 def _y_up_track(motion: Motion, base: Motion) -> tuple[FloatArray, FloatArray]:
-    """Return joints and end sites in heights, with y up from the floor, and headings about y."""
+    """Return positions of joints and end sites, and headings about the vertical axis in radians.
+
+    Positions are in skeleton heights; y points up and is 0 at the floor of `base`.
+    """
     ground = Ground.of(base)
     nodes = node_positions(motion)
     up = int(np.flatnonzero(ground.up)[0])

@@ -15,12 +15,12 @@ _MAX_LAG_SECONDS = 0.5
 
 
 def coordination(motion: Motion) -> tuple[float, float]:
-    """Return the correlation of the swing of the arms with that of the opposite legs, and its lag.
+    """Return the correlation between the swing of arms and opposite legs, and its lag in seconds.
 
     Both are means over the two pairs of an upper arm and the opposite thigh. The correlation is
-    the absolute correlation of their forward velocities relative to the hips. The lag is the
-    absolute shift in seconds, up to 0.5, at which the correlation is strongest. Both are NaN if
-    the limbs are unknown or do not move.
+    the absolute correlation of the rates at which the two limbs swing forward. The lag is the
+    absolute time shift, up to 0.5 s, at which the correlation is strongest. Both are NaN if a limb
+    is unknown or does not move, or if the motion is shorter than about a second.
     """
     pairs = _opposite_limbs(motion.skeleton)
     if not pairs or motion.n_frames < 8:
@@ -54,7 +54,7 @@ def _correlation(a: FloatArray, b: FloatArray, lag: int) -> float:
 
 
 def _opposite_limbs(skeleton: Skeleton) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Return the end joints of each upper arm and of the opposite thigh."""
+    """Return, for each arm, the joints at both ends of the upper arm and of the opposite thigh."""
     known = anatomy(skeleton)
     pairs = []
     for arm_side, leg_side in (("left", "right"), ("right", "left")):

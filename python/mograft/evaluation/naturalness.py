@@ -34,7 +34,7 @@ _MAX_TRAIN_SEGMENTS = 600  # limits the run time of the SVM, which grows with th
 
 @dataclass(frozen=True)
 class Score(Record):
-    """Compatibility of the donors of one method."""
+    """Compatibility of base parts with the parts of the donors that one method selects."""
 
     method: str
     accepted: Estimate  # share of the exchanged parts that the classifier accepts as captured
@@ -47,7 +47,7 @@ class Score(Record):
 
 @dataclass(frozen=True)
 class Compatibility(Record):
-    """Compatibility of the parts of one grafted group.
+    """Compatibility of the parts of one grafted group with base parts; see `compatibility`.
 
     Attributes
     ----------
@@ -57,16 +57,16 @@ class Compatibility(Record):
         Number of segments with a score.
     splits, folds, fold_groups : int
         Number of random assignments to folds, number of folds of each assignment, and number
-        of clips or blocks of segments that were assigned.
+        of the clips or blocks of segments that were assigned to folds.
     auc : Estimate
         ROC AUC: probability that a captured part scores higher than a random part; 0.5 is
         chance.
     captured, random : Estimate
-        Shares of the captured and of the random parts in the test folds that are accepted.
+        Shares of the captured and of the random parts that the classifiers accept as captured.
     scores : tuple of Score
         Scores of the methods.
     differences : tuple of Difference
-        Differences between the methods of each pair.
+        Differences of κ between each two methods.
     parameters : tuple of dict
         Parameters of the classifier, selected within each training set.
     """
@@ -90,17 +90,17 @@ class Compatibility(Record):
     }
 
     def difference(self, first: str, second: str) -> Difference:
-        """Return the difference of two methods; KeyError unless it is stored in this order."""
+        """Return κ of `first` minus κ of `second`; raise KeyError if this difference is missing."""
         for difference in self.differences:
             if (difference.first, difference.second) == (first, second):
                 return difference
-        raise KeyError(f"{first} and {second} were not compared")
+        raise KeyError(f"there is no difference of {first} minus {second}")
 
 
 def fold_groups(library: Library) -> IntArray:
-    """Return the clip or block of each segment; all its segments are in one fold.
+    """Return the number of the clip or block of each segment, which folds do not divide.
 
-    Clips are used if there are ten or more, else blocks of 40 consecutive segments.
+    These are clips if there are ten or more, and blocks of 40 consecutive segments otherwise.
     """
     return estimate.segment_blocks(library.segments, GROUP_SEGMENTS)
 
@@ -119,7 +119,7 @@ def compatibility(
     Parameters
     ----------
     library : Library
-        Library. Segments with faults are not used.
+        Library to measure. Segments with recording faults are not used.
     group : str, optional
         Grafted group. Default: the first group that is not the base group.
     methods : sequence of Method, optional
@@ -135,53 +135,54 @@ def compatibility(
     Returns
     -------
     Compatibility
-        The intervals are bootstrapped over splits and over blocks of segments, or clips if
-        there are ten or more. They do not account for the choice of the recordings.
+        The results. The bootstrap of the intervals resamples splits and blocks of segments, or
+        clips if there are ten or more. They do not account for the choice of the recordings.
 
     Raises
     ------
     ImportError
         If scikit-learn is not installed.
     InsufficientDataError
-        If the segments without faults are fewer than 60 or in a single clip or block (see
-        Notes), or if the acceptance rate of captured parts is less than 0.1 above that of
-        random parts.
+        If fewer than 60 segments have no faults, if they are all in one clip or block (see Notes),
+        or if the acceptance rate of captured parts is less than 0.1 above that of random parts.
     ValueError
         If `group` is the base group.
 
     Notes
     -----
-    Classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017) of the dependence between the
-    parts. Positive samples are captured pairs. Negative samples pair parts of one fold, each
-    part once. The classifier is a support vector machine on 20 principal components of the
-    `part_features` of each part. Each fold is scored by a classifier trained on the other
-    folds, with parameters from cross-validation within them. Folds do not divide clips or, if
-    there are fewer than ten clips, blocks of 40 segments. A pair with a positive score is
-    accepted. κ = (a_method - a_random) / (a_captured - a_random) for acceptance rates a.
+    This is a classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017) of the dependence between
+    the base part and the grafted part of a segment. Positive samples are the two parts of one
+    segment. Negative samples are random pairs of parts of different segments. The classifier is a
+    support vector machine on 20 principal components of the `part_features` of each part. A
+    classifier is trained for each fold on the other folds, with parameters from cross-validation
+    within them, and applied to the fold. Folds do not divide clips or, if there are fewer than ten
+    clips, blocks of 40 segments. A pair with a positive score is accepted. The result is
+    κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate.
     """
     base = library.groups.base
     group = grafted_group(library) if group is None else group
     if group == base:
-        raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
+        raise ValueError(f"`group` must not be the base group, {group!r}")
     methods = default_methods(library) if methods is None else methods
     segments = np.flatnonzero(library.is_donor)
     if len(segments) < MIN_SEGMENTS:
         raise InsufficientDataError(
-            f"compatibility needs {MIN_SEGMENTS} segments to learn from, there are {len(segments)}"
+            f"compatibility needs {MIN_SEGMENTS} segments without faults, there are {len(segments)}"
         )
     n_groups = len(np.unique(fold_groups(library)[segments]))
     if n_groups < 2:
         raise InsufficientDataError(
-            f"compatibility needs two clips or blocks of {GROUP_SEGMENTS} segments, there is one"
+            f"compatibility needs at least two clips or blocks of {GROUP_SEGMENTS} segments, "
+            "there is one"
         )
     import_extra("sklearn")
     rates, wins, parameters = _cross_validate(library, group, methods, seed, splits, progress)
     captured, random = float(np.nanmean(rates.captured)), float(np.nanmean(rates.random))
     if captured - random < MIN_RATE_DIFFERENCE:
         raise InsufficientDataError(
-            f"a classifier accepts {captured:.0%} of held-out captured parts and {random:.0%} of "
-            "random ones: compatibility is defined only if the difference is at least "
-            f"{MIN_RATE_DIFFERENCE:.0%}"
+            f"the classifiers accept {captured:.0%} of the captured test parts and {random:.0%} of "
+            "the random ones: compatibility is defined only if the difference is at least "
+            f"{100 * MIN_RATE_DIFFERENCE:.0f} percentage points"
         )
     has_score = np.asarray(np.isfinite(rates.captured).any(axis=0), bool)
     names = [method.name for method in methods]
@@ -222,10 +223,10 @@ def _cross_validate(
     splits: int,
     progress: Progress | None,
 ) -> tuple[Kappas, FloatArray, list[dict[str, float]]]:
-    """Train classifiers on all folds of all splits and apply each to its test fold.
+    """Train a classifier for each fold of each split on the other folds, and apply it to the fold.
 
-    Return the acceptance rates, the shares of the random parts with a lower score than the
-    captured part, shape (splits, n_segments), and the parameters of each classifier.
+    Return the acceptance rates; for each split and segment, the share of its random parts with a
+    lower score than its captured part; and the parameters of each classifier.
     """
     groups, segments = fold_groups(library), np.flatnonzero(library.is_donor)
     base, grafted = (part_features(library, name) for name in (library.groups.base, group))
@@ -263,9 +264,10 @@ def _score_fold(
     donors: Mapping[str, Sequence[IntArray]],
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Write the acceptance rates of one test fold to `rates`.
+    """Write the acceptance rates of the segments `test`, which are one fold, to `rates`.
 
-    Return for each segment the share of its random parts that score lower than its captured part.
+    `donors` has the donors of every segment by method. Return for each segment in `test` the share
+    of its random parts with a lower score than its captured part.
     """
     n = rates.captured.shape[1]
 
@@ -287,7 +289,10 @@ def _score_fold(
 def _train_classifier(
     features: PairFeatures, train: IntArray, groups: IntArray, rng: np.random.Generator, seed: int
 ) -> tuple[Callable[[IntArray], FloatArray], dict[str, float]]:
-    """Train a classifier; return a function that scores pairs, and the selected parameters."""
+    """Train a classifier on the segments `train`; return its score function and its parameters.
+
+    `groups` are the `fold_groups` of all segments.
+    """
     train_groups = np.unique(groups[train], return_inverse=True)[1]
     inner = classifier.assign_folds(train_groups, classifier.N_INNER_FOLDS, seed)
     sample = np.sort(rng.permutation(len(train))[:_MAX_TRAIN_SEGMENTS])

@@ -26,24 +26,25 @@ _CHUNK = 500  # rows of a distance matrix that are computed at once
 
 @dataclass(frozen=True)
 class Novelty(Record):
-    """How new grafts are, how much of the recordings they cover, and how much they differ.
+    """Novelty of grafts, the share of the recordings that they cover, and their diversity.
 
-    The distance of two windows is the root mean square distance of bone ends in heights.
+    A window is about half a second of motion; see `novelty`. The distance of two windows is the
+    root mean square distance of their bone ends in skeleton heights.
 
     Attributes
     ----------
     changed : Estimate
         Share of the windows of grafts whose distance from the base's window at the same frame
-        is at least 0.003 heights.
+        is at least 0.003 skeleton heights. They are the changed windows.
     novelty : Estimate
         Mean distance of the changed windows from the nearest captured window, divided by the
         median distance of a captured window from the nearest one 1.5 s or more away.
     coverage : Estimate
-        Share of the captured windows with a changed window within the median distance of
-        `novelty`.
+        Share of the captured windows whose distance from the nearest changed window is less than
+        the median distance that `novelty` is divided by.
     between : Estimate
-        Mean distance of two grafts of one base at the same frames, divided by the mean distance
-        of random captured windows.
+        Mean distance of the windows of two grafts of one base at the same frame, divided by the
+        mean distance of two random captured windows.
     """
 
     changed: Estimate
@@ -65,7 +66,8 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
     Returns
     -------
     Novelty
-        The intervals resample blocks of five seconds of the bases; for coverage, of all clips.
+        The measures. Their intervals resample blocks of five seconds of the bases, for coverage
+        of all clips.
 
     Raises
     ------
@@ -75,8 +77,8 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
     Notes
     -----
     A window has the positions of bone ends relative to the hips at five instants within 0.5 s,
-    turned by the heading at its centre. Libraries with more than 8,000 windows are compared with
-    every k-th of them.
+    rotated so that the heading at its centre is 0. If the library has more than 8,000 windows,
+    every k-th of them is used, with the smallest k that gives at most 8,000.
     """
     if not grafts or not all(grafts):
         raise InsufficientDataError("novelty needs at least one graft on every base")
@@ -117,7 +119,7 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
 
 @dataclass(frozen=True, eq=False)
 class CapturedWindows:
-    """The windows of the clips of a library, and their distances."""
+    """The windows of the clips of a library, and typical distances between them."""
 
     frames: FrameBlocks
     windows: FloatArray  # (n_windows, n_features)
@@ -145,7 +147,8 @@ def captured_windows(library: Library, seed: int) -> CapturedWindows:
     natural = natural[np.isfinite(natural)]
     if not len(natural):
         raise InsufficientDataError(
-            f"novelty needs captured windows {_MIN_SEPARATION_SECONDS} s apart, there are none"
+            f"novelty needs captured windows at least {_MIN_SEPARATION_SECONDS} s apart, "
+            "but the clips are too short"
         )
     first, second = np.random.default_rng(seed).integers(len(windows), size=(2, _N_RANDOM_PAIRS))
     return CapturedWindows(
@@ -158,9 +161,10 @@ def captured_windows(library: Library, seed: int) -> CapturedWindows:
 
 
 def body_windows(tracks: BodyTracks) -> tuple[FloatArray, IntArray]:
-    """Return windows of a body, (n_windows, n_features), and the frames at their centres.
+    """Return the windows of a motion, (n_windows, n_features), and the frames at their centres.
 
-    The Euclidean distance of two rows is the root mean square distance of bone ends.
+    They are scaled so that the Euclidean distance of two windows is the root mean square distance
+    of their bone ends.
     """
     reach = int(_OFFSETS[-1]) * tracks.stride
     centers = np.arange(reach, len(tracks) - reach, _STEP * tracks.stride)
@@ -176,10 +180,10 @@ def nearest_distances(
     order: IntArray | None = None,
     separation: float = 0.0,
 ) -> FloatArray:
-    """Return the distance of each row to the nearest other row; infinite without one.
+    """Return the distance of each row to the nearest row of `others`; infinity if there is none.
 
-    With `order`, a number for each row, `rows` and `others` are the same, and only rows whose
-    numbers differ by at least `separation` are compared.
+    `order` may be given if `rows` and `others` are the same array: a number for each row. Rows are
+    then compared only if their numbers differ by at least `separation`.
     """
     found = np.full(len(rows), np.inf)
     if not len(others):

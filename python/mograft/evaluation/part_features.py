@@ -13,13 +13,13 @@ N_INSTANTS = 10  # equidistant instants of a segment at which features are sampl
 
 
 def part_features(library: Library, group: str) -> FloatArray:
-    """Return features of the part of a joint group in every segment, (n_segments, n_features).
+    """Return features of the motion of a joint group in every segment, (n_segments, n_features).
 
     The features are the positions and velocities of the ends of the bones at ten equidistant
-    instants, in skeleton heights and in heights per second. Those of the base group are relative
-    to the root and to its heading at the start of the segment, and include the path of the root.
-    Those of other groups are relative to their attachment joint. No position or rotation of the
-    root is therefore in the features of both parts.
+    instants, in skeleton heights and skeleton heights/s. For the base group they are relative to
+    the root and to its heading at the start of the segment, and include the path of the root. For
+    other groups they are relative to the joint that the group is attached to, so that only the
+    features of the base group contain the position and rotation of the root.
     """
     skeleton, cut = library.skeleton, library.segments
     joints = library.joints(group)
@@ -53,12 +53,15 @@ def part_features(library: Library, group: str) -> FloatArray:
 
 
 def equidistant_instants(cut: Segments) -> FloatArray:
-    """Return ten fractional frames of each segment from start to stop, (n_segments, 10)."""
+    """Return ten equidistant instants of each segment, as fractional frames, (n_segments, 10).
+
+    The first is the start of the segment, the last its stop.
+    """
     return cut.start[:, None] + np.linspace(0.0, 1.0, N_INSTANTS) * cut.lengths[:, None]
 
 
 def _interpolate(track: FloatArray, frames: FloatArray) -> FloatArray:
-    """Interpolate a track linearly at fractional frames."""
+    """Interpolate a track, shape (n_frames, ..., 3), linearly at fractional frames."""
     before = np.minimum(frames.astype(np.int64), len(track) - 2)
     weights = (frames - before)[..., None, None]
     values: FloatArray = track[before] * (1.0 - weights) + track[before + 1] * weights

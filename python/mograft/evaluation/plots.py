@@ -39,8 +39,8 @@ def draw_kappa(by_name: Mapping[str, Compatibility]) -> "Figure":
 def draw_balance(by_name: Mapping[str, Sequence[BalanceRow]]) -> "Figure":
     """Draw the unbalanced segments of each method in percent, with 95 % intervals.
 
-    The rows of one panel have one rule; the keys are the titles of the panels. A line marks the
-    recording.
+    The keys are the titles of the panels; all rows of a panel have the same `rule`. A vertical line
+    marks the value of the recording.
     """
     panels = {name: [(row.method, row.rate) for row in rows] for name, rows in by_name.items()}
     lines = {
@@ -77,9 +77,10 @@ def draw_world(rows: Sequence[WorldQuality]) -> "Figure":
 
 
 def draw_detectability(rows: Sequence[Detectability]) -> "Figure":
-    """Draw the AUC of windows at seams, between seams and at other captured moments.
+    """Draw the AUC of each method for windows at seams, between seams and at other moments.
 
-    Each AUC has a 95 % interval. A line marks chance, 0.5.
+    The windows at other moments are captured ones. Each AUC has a 95 % interval. A line marks
+    chance, 0.5.
     """
     panels = {
         f"{title}, {kind}": [(row.method, getattr(getattr(row, place), kind)) for row in rows]
@@ -97,7 +98,7 @@ def _draw_measures(
     rows: Sequence[Quality] | Sequence[WorldQuality],
     measures: Mapping[str, tuple[str, Sequence[float]]],
 ) -> "Figure":
-    """Draw one panel for each title in `measures`, which has a field and vertical lines."""
+    """Draw one panel for each item of `measures`: title, (field of `rows`, vertical lines)."""
     panels = {
         title: [(row.method, getattr(row, name)) for row in rows]
         for title, (name, _) in measures.items()
@@ -111,9 +112,10 @@ def draw_counts(
 ) -> "Figure":
     """Draw the combinations per segment against the scale of the threshold.
 
-    The counts are as `sweep` returns them. Each title and each value of `sigma` has a
-    panel, and each number of groups a colour. Solid lines are counts without the length limit,
-    dotted lines with it. `paper` maps numbers of groups to values that triangles mark.
+    `by_name` has results of `sweep` by title. There is one panel for each pair of a title and a
+    value of `sigma`, and one colour for each number of groups. Solid lines are counts without the
+    length limit, dotted lines with it. `paper` maps numbers of groups to values that triangles
+    mark.
     """
     readings = sorted({str(row.sigma) for rows in by_name.values() for row in rows})
     panels = [(name, reading) for name in by_name for reading in readings]
@@ -148,7 +150,10 @@ def _draw_dots(
     scale: float = 1.0,
     columns: int = 2,
 ) -> "Figure":
-    """Draw a panel of named estimates for each title, and vertical lines."""
+    """Draw one panel for each title, with its named estimates and its vertical `lines`.
+
+    Each estimate is a dot with a bar for the interval. `label` is the text at the horizontal axis.
+    """
     longest = max((len(rows) for rows in panels.values()), default=1)
     columns = min(columns, max(len(panels), 1))
     figure, axes = _create_panels(len(panels), columns, 0.42 + 0.2 * longest, has_labels=True)
@@ -193,9 +198,9 @@ def _create_panels(
 
 
 def as_svg(figure: "Figure") -> str:
-    """Return a figure as SVG; equal figures have equal SVG.
+    """Return a figure as SVG text, which is identical for equal figures.
 
-    Text elements instead of outlines keep it small.
+    Labels are text elements, not outlines, so that the SVG is small.
     """
     target = io.StringIO()
     with import_extra("matplotlib").rc_context({"svg.hashsalt": "mograft", "svg.fonttype": "none"}):

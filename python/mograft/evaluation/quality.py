@@ -41,24 +41,25 @@ class Quality(Record):
     runs : int
         Number of grafts for each base.
     new_segments : Estimate
-        Share of the parts that come from another segment.
+        Share of the grafted parts that come from another segment than the base segment.
     seam_gap, seam_gap_p90 : Estimate
         Mean and 90th percentile of the gaps at seams before seam treatment, in degrees.
     acceleration, jerk : Estimate
         Mean angular acceleration and jerk of the grafted joints, divided by those of the
         recording.
     foot_skate : Estimate
-        Share of sliding feet over feet and frames, minus that of the recording.
+        Share of sliding feet among the feet in all frames, minus that of the recording.
     coverage : Estimate
-        Share of the one-second windows of the library that are near a window of the graft.
+        Share of the one-second windows of the library that are near a window of the graft, see
+        `quality`.
     local_diversity : Estimate
         Mean distance of the half-second windows of the graft to the nearest window of the
-        library: root mean square of 6D rotations per joint. 0 for a copy.
+        library, as root mean square distance of 6D rotations per joint. It is 0 for a copy.
     diversity : Estimate
         Mean joint angle between two grafts at the same time, in degrees.
     coordination, lag : Estimate
-        Difference of the correlation of arm and opposite leg from that of the recording, and
-        difference of the lag of its peak in seconds.
+        Correlation of the swing of arms and opposite legs, and its lag in seconds, each minus
+        that of the recording; see `mograft.evaluation.limb_coordination`.
     """
 
     method: str
@@ -115,9 +116,10 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
     Notes
     -----
     Coverage and local diversity follow GANimator (Li et al., ACM Transactions on Graphics 41,
-    2022), for the grafted joints at 10 frames per second. Two windows are near if their mean L2
-    distance of 6D rotations is below 2. Stretching a donor changes acceleration and jerk. All
-    measures are relative to the library, so they do not detect faults of the recordings.
+    2022), for the grafted joints at 10 frames per second. Two windows are near if the L2 distance
+    of their 6D rotations, averaged over frames, is below 2. Stretching a donor changes acceleration
+    and jerk. All measures are relative to the library, so they do not detect faults of the
+    recordings.
     """
     if not grafts or not all(grafts):
         raise InsufficientDataError("quality needs at least one graft on every base")
@@ -131,7 +133,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
         base = several[0].base
         if base.n_frames < 4:
             raise InsufficientDataError(
-                f"quality needs 4 frames to differentiate, {base.name} has {base.n_frames}"
+                f"quality needs at least 4 frames for derivatives, {base.name} has {base.n_frames}"
             )
         ground = Ground.of(base)
         recording = _measure(base, joints, ground)
@@ -169,7 +171,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
 
 
 def _measure(motion: Motion, joints: IntArray, ground: Ground) -> dict[str, float]:
-    """Return the measures of a motion that are compared with those of the base, by field."""
+    """Return the measures of a motion that `quality` compares with its base, by field."""
     acceleration, jerk = angular_derivatives(motion.rotations[:, joints], motion.rate)
     correlation, lag = coordination(motion)
     has_legs = bool(find_legs(motion.skeleton))
@@ -224,13 +226,13 @@ def _coarse(motion: Motion, joints: IntArray) -> FloatArray:
 def nearest_windows(
     source: Sequence[FloatArray], track: FloatArray, step: int = 1
 ) -> tuple[float, float]:
-    """Return the coverage of a source by a motion, and the distance of the motion from the source.
+    """Return how much of the clips `source` the motion `track` covers, and its distance from them.
 
-    The clips of `source` and `track` are 6D rotations at 10 frames per second. Of every `step`-th
-    one-second window of the source, coverage is the share with a window of the motion within a
-    mean L2 distance of 2 per frame. The distance is the mean over the half-second windows of the
-    motion, each compared with the nearest window of the source, as root mean square per joint.
-    Both are NaN if the motion or all clips are shorter than one second.
+    All arrays are 6D rotations at 10 frames per second, shape (n_frames, 6 * n_joints). The
+    coverage is the share of every `step`-th one-second window of the clips that has a window of the
+    motion within a mean L2 distance of 2 per frame. The distance is the mean over the half-second
+    windows of the motion of the distance to the nearest window of the clips, as root mean square
+    per joint. Both are NaN if the motion or all clips are shorter than one second.
     """
     n_coverage = round(_COVERAGE_SECONDS * _WINDOW_RATE)
     n_local = round(_LOCAL_SECONDS * _WINDOW_RATE)
@@ -254,7 +256,11 @@ def nearest_windows(
 
 
 def _window_distances(distances: FloatArray, length: int, step: int) -> FloatArray:
-    """Return the distances of windows: means of the distances of frames along diagonals."""
+    """Return the distances between windows of `length` frames, from those between frames.
+
+    The distance of two windows is the mean distance of their corresponding frames. Row i of the
+    result is the window that starts at row ``i * step``, column j the one that starts at column j.
+    """
     rows, columns = distances.shape[0] - length + 1, distances.shape[1] - length + 1
     total = np.zeros((len(range(0, rows, step)), columns))
     for offset in range(length):

@@ -17,7 +17,10 @@ def note(text: str) -> str:
 
 
 def world_sentences(qualities: Sequence[WorldQuality], rows: Sequence[Detectability]) -> list[str]:
-    """Return a sentence on the world-space measures and one on the detectability, if measured."""
+    """Return one sentence each on world-space measures and detectability, if they were measured.
+
+    The sentences are on the method "analogy, by cost".
+    """
     sentences = []
     for row in qualities:
         if row.method == "analogy, by cost":
@@ -39,7 +42,7 @@ def world_sentences(qualities: Sequence[WorldQuality], rows: Sequence[Detectabil
 
 
 def quality_section(qualities: Sequence[Quality]) -> list[str]:
-    """Return the section on the quality of each method."""
+    """Return the HTML lines of the section on the quality of each method."""
     measures = (
         ("new parts", "new_segments", 0, 100, " %"),
         ("seam gap", "seam_gap", 1, 1, "°"),
@@ -74,7 +77,10 @@ def _measure_table(
     records: Sequence[object],
     measures: Sequence[tuple[str, str, int, float, str]],
 ) -> str:
-    """Return a table with one row for each measure (title, field, digits, scale, suffix)."""
+    """Return an HTML table with a row for each measure and a column for each method.
+
+    A measure is (title, field of `records`, digits, scale, suffix); see `Estimate.text`.
+    """
     rows = []
     for title, name, digits, scale, suffix in measures:
         estimates: list[Estimate] = [getattr(record, name) for record in records]
@@ -85,7 +91,7 @@ def _measure_table(
 
 
 def world_section(qualities: Sequence[WorldQuality]) -> list[str]:
-    """Return the section on world-space measures of each method."""
+    """Return the HTML lines of the section on the world-space measures of each method."""
     methods = [row.method for row in qualities]
     measures = (
         ("jerk of the head", "head_jerk", 2, 1.0, ""),
@@ -121,7 +127,7 @@ def world_section(qualities: Sequence[WorldQuality]) -> list[str]:
 
 
 def detectability_section(rows: Sequence[Detectability]) -> list[str]:
-    """Return the section on the detectability of each method."""
+    """Return the HTML lines of the section on the detectability of each method."""
     titles = {
         "seams": "at seams",
         "between_seams": "between seams",

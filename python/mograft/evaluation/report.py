@@ -31,7 +31,7 @@ _EXTRA_STYLE = """
 
 
 def compare_methods(found: Compatibility) -> list[str]:
-    """Compare κ of analogy, contact patterns and random donors, one sentence for each two."""
+    """Return two sentences: κ of analogy minus contact patterns, and of these minus random."""
     sentences = []
     for first, second in pairwise(("analogy", "contact pattern", "random")):
         try:
@@ -54,7 +54,7 @@ def compare_methods(found: Compatibility) -> list[str]:
 
 
 def summarize(evaluation: Evaluation) -> list[str]:
-    """Return one sentence for each finding, and for each measure that the data does not support."""
+    """Return one sentence for each finding, and one for each measure without sufficient data."""
     sentences: list[str] = []
     if evaluation.enrichment is not None:
         counts = evaluation.enrichment
@@ -120,9 +120,9 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     Parameters
     ----------
     evaluation : Evaluation
-        Evaluation.
+        The result of `evaluate`.
     title : str, optional
-        Title. Default: the names of the first two clips.
+        Title of the page. Default: "Evaluation of" and the names of the first two clips.
 
     Returns
     -------

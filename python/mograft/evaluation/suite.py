@@ -57,17 +57,17 @@ class Evaluation:
     Attributes
     ----------
     library : Library
-        Library.
+        The library that was measured.
     topics : tuple of str
-        Requested topics, out of `TOPICS`.
+        Requested topics, a selection of `TOPICS`.
     enrichment : Enrichment or None
         Combinations with the configuration of the library.
     sweep : tuple of Enrichment
         Combinations for each interpretation of eq. 14 and each scale.
     clusters : dict of int to dict of str to int
-        Number of clusters of each joint group, by number of groups.
+        Number of clusters of each joint group, by number of groups; see `cluster_numbers`.
     laws : tuple of Law
-        Laws of moments, applied to the counts of `enrichment`.
+        Results of `moment_laws` for the counts of `enrichment`.
     balance : tuple of BalanceRow
         Balance for each method and rule, and for the recording.
     naturalness : tuple of Compatibility
@@ -81,7 +81,7 @@ class Evaluation:
     detectability : tuple of Detectability
         Detectability for each method, with null comparisons.
     refusals : dict of str to str
-        Topics, or parts of one, that the data does not support, with the reason.
+        For each topic, or part of a topic, that could not be measured, the reason.
     parameters : dict
         Parameters and versions on which the numbers depend.
     """
@@ -172,17 +172,18 @@ def evaluate(
     Parameters
     ----------
     library : Library
-        Library.
+        Library to measure.
     topics : sequence of str
-        Topics: "enrichment", "balance", "naturalness", "quality", "world" and "detectability".
+        Topics to measure. Default: "enrichment", "balance", "naturalness", "quality", "world" and
+        "detectability".
     methods : sequence of Method, optional
         Methods that select donors. Default: `default_methods` of the library.
     runs : int
         Number of grafts for each base and method.
     bases : int
-        Number of clips that serve as base, at most. They are evenly spaced in the library.
+        Maximum number of clips that serve as base. They are evenly spaced in the library.
     labels : Labels, optional
-        Labels given by a person, for naturalness.
+        Labels given by a person. The topic "naturalness" then includes `judgement`.
     seed : int
         Seed of all random choices.
     progress : callable, optional
@@ -191,7 +192,7 @@ def evaluate(
     Returns
     -------
     Evaluation
-        `Evaluation.refusals` has the measures that the data does not support, with the reason.
+        The measures; `Evaluation.refusals` has the reasons why some could not be computed.
 
     Raises
     ------
@@ -271,7 +272,7 @@ def evaluate(
 
 @contextmanager
 def _recorded_refusal(refusals: dict[str, str], topic: str) -> Iterator[None]:
-    """Record an `InsufficientDataError` of the block as the refusal of a topic."""
+    """If the block raises InsufficientDataError, store the message in `refusals` by `topic`."""
     try:
         yield
     except InsufficientDataError as error:
@@ -287,7 +288,7 @@ def _select_bases(library: Library, max_count: int) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Grafting:
-    """Grafts by several methods on several bases, to be measured."""
+    """The methods, bases, number and seed of the grafts that `measure` computes and measures."""
 
     library: Library
     methods: Sequence[Method]
@@ -298,7 +299,10 @@ class _Grafting:
     def measure(
         self, topics: Sequence[str], refusals: dict[str, str], progress: Progress | None
     ) -> "_Measured":
-        """Compute and measure the grafts, one method after the other."""
+        """Compute the grafts of one method after the other, and measure them for `topics`.
+
+        Reasons why a topic cannot be measured are stored in `refusals`.
+        """
         bases = None
         found = _Measured()
         if "balance" in topics:
@@ -366,7 +370,7 @@ class _Bases:
         return cls(cuts, supports, balances)
 
     def recording_samples(self) -> dict[str, BalanceSample]:
-        """Return the static and dynamic balance of the bases, each compared with itself."""
+        """Return the static and dynamic balance of the bases, as if each were its only graft."""
         changed = [np.ones((1, len(cut)), bool) for cut in self.cuts]
         return {
             kind: BalanceSample(original, [[balance] for balance in original], changed, self.cuts)
@@ -400,7 +404,7 @@ class _Bases:
 
 
 def _changed_segments(graft: Graft, n_segments: int) -> BoolArray:
-    """Return which segments have an exchanged part in any group."""
+    """Return which segments have an exchanged part in at least one group, shape (n_segments,)."""
     is_exchanged = np.array([not s.is_own for s in graft.substitutions])
     return np.asarray(is_exchanged.reshape(-1, n_segments).any(axis=0), bool)
 

@@ -55,7 +55,7 @@ def convex_hull(points: FloatArray) -> FloatArray:
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        Points.
+        The points, in any order.
 
     Returns
     -------
@@ -94,9 +94,10 @@ def convex_hull(points: FloatArray) -> FloatArray:
 def signed_distance(polygons: FloatArray, sizes: IntArray, points: FloatArray) -> FloatArray:
     """Return the distance of each point, shape (n, 2), to the edge of its convex polygon.
 
-    Polygons are as in `Support`: counterclockwise vertices, shape (n, n_vertices, 2), of which the
-    first `sizes` are used. Distances are negative inside and positive outside. Polygons with one or
-    two vertices have no inside. The distance is NaN for polygons without vertices.
+    Polygons are as in `Support`: counterclockwise vertices, shape (n, n_vertices, 2), and the
+    number of vertices of each polygon in `sizes`. Distances are negative inside and positive
+    outside. Polygons with one or two vertices have no inside. The distance is NaN for polygons
+    without vertices.
     """
     starts, ends = polygons, np.roll(polygons, -1, axis=1)
     edges, offsets = ends - starts, points[:, None] - starts
@@ -139,17 +140,16 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
 
     Notes
     -----
-    An ankle or toe touches the floor if it is within 0.035 skeleton heights of its floor
-    height, at any speed. The floor height of a joint is the 5th percentile of its height. The
-    heel ends 0.035 heights behind an ankle that touches the floor. The tip of the foot is
-    0.117 heights from the ankle. The sole is 0.055 heights wide at the ball and 0.033 heights
-    at the tip.
+    All lengths are in skeleton heights. An ankle or toe joint touches the floor if it is less than
+    0.035 above its floor height, the 5th percentile of its height, at any speed. The heel ends
+    0.035 behind an ankle that touches the floor. The tip of the foot is 0.117 from the ankle. The
+    sole is 0.055 wide at the ball of the foot and 0.033 at the tip.
     """
     ground = Ground.of(motion if floor_reference is None else floor_reference)
     if not ground.limbs:
         shown = ", ".join(motion.skeleton.names[:8])
         raise InsufficientDataError(
-            f"balance needs feet to stand on: no leg is known among the joints {shown}, ..."
+            f"balance needs legs, but none is known among the joints {shown}, ..."
         )
     axes = horizontal_axes(ground.up)
     joints = ground.points(motion)
@@ -180,14 +180,17 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
 
 
 def horizontal_axes(up: FloatArray) -> tuple[int, int]:
-    """Return the horizontal axes in the order that makes them right-handed with the unit `up`."""
+    """Return the indices of the horizontal axes; their cross product, in this order, is `up`.
+
+    `up` is a unit vector along one of the three axes.
+    """
     axis = int(np.flatnonzero(up)[0])
     first, second = (axis + 1) % 3, (axis + 2) % 3
     return (second, first) if up[axis] < 0 else (first, second)
 
 
 def facing_directions(motion: Motion, ground: Ground) -> FloatArray:
-    """Return the horizontal unit vectors that the hips face, shape (n_frames, 3).
+    """Return the horizontal direction that the hips face in each frame, shape (n_frames, 3).
 
     The vectors are zero if the skeleton has no pair of legs or the hip line is vertical.
     """
@@ -213,7 +216,11 @@ def _sole_corners(
     forward: FloatArray,
     height: float,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the corners of one sole, shape (n_frames, 6, 2), and which of them carry weight."""
+    """Return the corners of one sole, shape (n_frames, 6, 2), and which of them carry weight.
+
+    `horizontal` has the floor coordinates of ankle and toe, and `joints` their world positions;
+    `touches` states which of the two touch the floor. `forward` is used if the foot is vertical.
+    """
     ankle, toe = horizontal[:, 0], horizontal[:, 1]
     foot = toe - ankle
     has_direction = np.linalg.norm(foot, axis=1) >= _MIN_FOOT_EXTENT * height

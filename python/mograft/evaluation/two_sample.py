@@ -27,10 +27,10 @@ class Detection(Record):
     Attributes
     ----------
     gross : Estimate
-        Of boosted trees on positions, velocities and accelerations.
+        AUC of gradient-boosted trees on positions, velocities and accelerations of bone ends.
     fine : Estimate
-        Of a logistic regression on the same features and on the logarithms of the magnitudes of
-        velocity, acceleration and jerk of every point.
+        AUC of a logistic regression on the same features, on the logarithms of the magnitudes of
+        velocity, acceleration and jerk of every bone end, and on the root velocity.
     """
 
     gross: Estimate
@@ -45,7 +45,7 @@ def block_folds(frames: FrameBlocks, seed: tuple[int, ...]) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class TestedFold:
-    """Scores of the test windows of one fold: those of grafts, then the captured ones."""
+    """Scores of the test windows of one fold: first windows of grafts, then captured windows."""
 
     scores: tuple[FloatArray, FloatArray]  # gross and fine
     is_new: FloatArray
@@ -55,7 +55,10 @@ class TestedFold:
 
 
 def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int) -> Detection:
-    """Return the held-out AUC of both classifiers, for pairs and folds of each split."""
+    """Return the AUC of both classifiers on test windows, averaged over all folds and splits.
+
+    `pairs_of_split` has the windows, `folds` the fold of each block, both for each split.
+    """
     tested = [
         found
         for pairs, fold_of_block in zip(pairs_of_split, folds, strict=True)
@@ -71,9 +74,9 @@ def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int
     def mean_auc(multiplicities: FloatArray, which: int) -> FloatArray:
         """Return the mean AUC over the folds for each bootstrap sample, shape (n,).
 
-        `multiplicities`, shape (n, n_blocks), says how often each sample contains each block. Folds
-        are weighted by their number of windows. `which` is 0 for the gross classifier, 1 for the
-        fine one.
+        `multiplicities`, shape (n, n_blocks), is the number of times that each sample contains each
+        block. Folds are weighted by their number of windows. `which` is 0 for the gross classifier,
+        1 for the fine one.
         """
         values = np.stack(
             [
@@ -110,7 +113,11 @@ def empty_detection() -> Detection:
 
 
 def score_fold(pairs: Pairs, fold_of_block: IntArray, fold: int) -> TestedFold | None:
-    """Train on windows that have no block in a fold, and test on windows with all blocks in it."""
+    """Train on the windows with no block in `fold`, and test on those with all blocks in it.
+
+    The blocks of a window are those of its base and of its donors. Returns None if there are too
+    few windows for training or for the test.
+    """
     is_inside = np.array([(fold_of_block[used] == fold).all() for used in pairs.blocks_used], bool)
     is_outside = np.array([(fold_of_block[used] != fold).all() for used in pairs.blocks_used], bool)
     train, test = np.flatnonzero(is_outside), np.flatnonzero(is_inside)
@@ -132,7 +139,11 @@ def score_fold(pairs: Pairs, fold_of_block: IntArray, fold: int) -> TestedFold |
 def train_and_score(
     learned: Windows, labels: IntArray, tested: Windows
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the scores that the gross and the fine classifier give to the tested windows."""
+    """Train both classifiers on the windows `learned`; return their scores of `tested`.
+
+    `labels` has 1 for each training window of a graft and 0 for each captured one. The scores are
+    those of the gross, then of the fine classifier; see `Detection`.
+    """
     reduced = [_reduce(own, new) for own, new in zip(learned.blocks, tested.blocks, strict=True)]
     train, test = (np.concatenate(columns, axis=1) for columns in zip(*reduced, strict=True))
     trees = import_extra("sklearn.ensemble").HistGradientBoostingClassifier(
@@ -156,7 +167,10 @@ def train_and_score(
 
 
 def _reduce(learned: FloatArray, tested: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the principal components of features, which the training windows determine."""
+    """Return the principal components of the features of training and tested windows.
+
+    Scale and axes are computed from the training windows, `learned`, alone.
+    """
     scale = learned.std(axis=0)
     scale = np.maximum(scale, _MIN_RELATIVE_SCALE * learned.std())
     mean, scale = learned.mean(axis=0), np.where(scale > 0, scale, 1.0)
@@ -173,14 +187,15 @@ def weighted_auc(scores: FloatArray, is_positive: FloatArray, weights: FloatArra
     Parameters
     ----------
     scores, is_positive : ndarray, shape (n,)
-        Score of each sample, and 1 or 0. Equal scores count half.
+        Score of each sample, and 1 for positive and 0 for negative samples. Pairs of equal scores
+        count half.
     weights : ndarray, shape (n_weightings, n)
         Weights of the samples.
 
     Returns
     -------
     ndarray, shape (n_weightings,)
-        NaN if one of the classes has no weight.
+        The AUC for each row of `weights`; NaN if one of the classes has no weight.
     """
     order = np.argsort(scores, kind="stable")
     ascending = scores[order]

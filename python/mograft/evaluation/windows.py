@@ -41,7 +41,7 @@ class Windows:
 
     @classmethod
     def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
-        """Join windows, of at least one part, in their order."""
+        """Concatenate one or more collections of windows, in their order."""
         columns = zip(*(part.blocks for part in parts), strict=True)
         return cls(
             tuple(np.concatenate(column) for column in columns),
@@ -50,16 +50,19 @@ class Windows:
 
 
 def window_reach(place: Place, rate: float) -> int:
-    """Return the frames that a window needs before and after its centre."""
+    """Return the number of frames that a window needs on each side of its centre.
+
+    They include the frames for derivatives. `rate` is in frames per second.
+    """
     return (HALF_WINDOW[place] + _MARGIN) * sample_stride(rate)
 
 
 def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Windows:
-    """Return the features of windows around some frames, relative to the heading at each centre.
+    """Return the features of windows around the frames `centers`, relative to the heading there.
 
-    Positions are those at nine instants of the window. Velocities and accelerations are those of
-    the nine samples about the centre. The magnitudes are the largest within two samples and the
-    root mean square over nine samples, for each point.
+    Samples are 1/30 s apart. Positions are those at nine instants of the window. Velocities and
+    accelerations are those of the nine samples about the centre. The magnitudes are, for each
+    point, the maximum within two samples of the centre and the root mean square over nine samples.
     """
     half, stride = HALF_WINDOW[place], tracks.stride
     wide = np.linspace(-half, half, _POSITIONS).round().astype(np.int64)
@@ -103,7 +106,7 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class GraftWindows:
-    """The windows of some grafts: their clips, centres and origins."""
+    """The windows at or between the seams of several grafts: their centres and origins."""
 
     library: Library
     frames: FrameBlocks
@@ -117,7 +120,7 @@ class GraftWindows:
     def of(
         cls, grafts: Sequence[Graft], place: Place, max_count: int, rng: np.random.Generator
     ) -> "GraftWindows":
-        """Return the windows of grafts, or a random choice of `max_count` of them."""
+        """Return the windows of grafts; if there are more than `max_count`, a random choice."""
         library = grafts[0].library
         frames = FrameBlocks.of(library)
         origins = tuple(
@@ -138,7 +141,7 @@ class GraftWindows:
         return len(self.center)
 
     def pairs(self) -> Pairs:
-        """Return the windows of the grafts, with the captured windows at the same frames."""
+        """Return the windows of the grafts, each with the captured window at the same frame."""
         new = [
             extract_windows(BodyTracks.of(self.grafts[index].motion), centers, self.place)
             for index, centers in self._by_graft()
@@ -192,7 +195,7 @@ class GraftWindows:
         return Pairs(self._captured_windows(base[:, 0], base[:, 1]), new, row, block, used)
 
     def _captured_windows(self, clip: IntArray, frame: IntArray) -> Windows:
-        """Return the captured windows around frames of clips."""
+        """Return the captured windows around the frames `frame` of the clips `clip`."""
         parts, rows = [], []
         for index in np.unique(clip).tolist():
             rows.append(np.flatnonzero(clip == index))
@@ -202,7 +205,7 @@ class GraftWindows:
         return Windows.concatenate(parts)[order]
 
     def _donor_blocks(self) -> list[IntArray]:
-        """Return the blocks that each window's frames come from, in all grafted groups."""
+        """Return, for each window, the blocks that the frames of its grafted groups come from."""
         half = HALF_WINDOW[self.place] * sample_stride(self.library.rate)
         found = []
         for graft, center in zip(self.graft.tolist(), self.center.tolist(), strict=True):
@@ -217,7 +220,10 @@ class GraftWindows:
 
 
 def _centers(graft: Graft, origins: Sequence[Origin], place: Place) -> IntArray:
-    """Return the frames at seams, or in the middle between seams in exchanged segments."""
+    """Return the centres of the windows of a graft: its seams, or the middles between seams.
+
+    Middles are returned only in exchanged segments and if the window fits between the seams.
+    """
     n, stride = graft.motion.n_frames, sample_stride(graft.motion.rate)
     seams = np.unique([seam.frame for seam in graft.seams]).astype(np.int64)
     if place == "between seams":

@@ -35,27 +35,27 @@ UNDER_FLOOR = 0.012  # depth below its floor, in heights, from which a heel or t
 
 @dataclass(frozen=True)
 class WorldMeasures(Record):
-    """Measures of one graft in the world, relative to the recordings that it consists of.
+    """Measures of the world positions of one graft, relative to its base and its donors.
 
-    A measure is NaN if the skeleton does not have its body part.
+    A measure is NaN if the skeleton has no known joint for it. Lengths are in skeleton heights.
 
     Attributes
     ----------
     head_jerk, chest_jerk, hands_jerk : float
-        Jerk of the end of the head, chest and hand bones: median over the exchanged frames,
+        Median jerk of the ends of the head, chest and hand bones over the exchanged frames,
         divided by the geometric mean of the medians of the base and of the donors. 1 if no
         frame is exchanged.
     floor_depth : float
-        Largest depth of a heel or toe below its floor minus that of the base, in heights.
+        Largest depth of a heel or toe below its floor height, minus that of the base.
     under_floor : float
-        Share of heels and toes, over all frames, more than 0.012 heights below their floor,
-        minus that of the base.
+        Share of heels and toes, among those in all frames, more than 0.012 below their floor
+        height, minus that of the base.
     skate : float
-        Share of sliding feet over feet and frames, minus that of the base; see
+        Share of sliding feet among the feet in all frames, minus that of the base; see
         `mograft.foot_skate`.
     balance : float
-        Share of the frames with the zero-moment point outside of the support polygon minus
-        that of the base, over the exchanged frames in which both are grounded.
+        Share of the exchanged frames with the zero-moment point outside of the support polygon,
+        minus that of the base. Only frames in which both are grounded count; see `Balance`.
     frames : int
         Number of exchanged frames.
     """
@@ -87,17 +87,17 @@ class WorldMeasures(Record):
 
 
 def world_measures(graft: Graft) -> WorldMeasures:
-    """Measure a graft in the world.
+    """Measure jerk, feet and balance of a graft by its world positions.
 
     Parameters
     ----------
     graft : Graft
-        Graft.
+        The graft to measure.
 
     Returns
     -------
     WorldMeasures
-        Measures relative to base and donors.
+        Measures relative to those of the base and the donors.
 
     Raises
     ------
@@ -156,7 +156,7 @@ class WorldReference:
     def _jerk_ratios(
         self, graft: Graft, origins: Mapping[str, Origin], blocks: FrameBlocks
     ) -> dict[str, float]:
-        """Return the ratio of each landmark's jerk to that of base and donors, by field."""
+        """Return the fields `head_jerk`, `chest_jerk` and `hands_jerk` of `WorldMeasures`."""
         new, base = _landmark_jerks(graft.motion), self._base(graft.base).jerks
         margin = 2 * sample_stride(graft.motion.rate)
         inner = np.zeros(graft.motion.n_frames, bool)
@@ -178,7 +178,7 @@ class WorldReference:
         return ratios
 
     def _donor_jerks(self, name: str, frames: IntArray, blocks: FrameBlocks) -> FloatArray:
-        """Return the jerk of a landmark at frames of all clips."""
+        """Return the jerk of the landmark `name` at frames that are numbered over all clips."""
         clip, frame = blocks.clip_of(frames)
         found = np.empty((len(frames), *self._clip_jerks(int(clip[0]))[name].shape[1:]))
         for index in np.unique(clip).tolist():
@@ -234,7 +234,7 @@ class _Base:
 
 @dataclass(frozen=True)
 class _Feet:
-    """The feet of a motion on a given floor; NaN without legs."""
+    """Measures of the feet of a motion relative to a given floor; NaN without a known leg."""
 
     depth: float  # largest depth of a heel or toe below its floor, in heights; 0 above the floor
     under: float  # share of heels and toes below UNDER_FLOOR
@@ -253,7 +253,7 @@ class _Feet:
 
 
 def has_base_legs(graft: Graft) -> bool:
-    """Return whether all joints between the root and the toes move as in the base."""
+    """Return whether all joints from the root to the toes have the same motion as in the base."""
     ends = [leg.ankle if leg.toe is None else leg.toe for leg in find_legs(graft.base.skeleton)]
     joints = sorted({j for end in ends for j in (end, *graft.base.skeleton.ancestors(end))})
     new, base = graft.motion, graft.base
@@ -263,7 +263,7 @@ def has_base_legs(graft: Graft) -> bool:
 
 
 def _landmark_jerks(motion: Motion) -> dict[str, FloatArray]:
-    """Return the jerk of each landmark in heights/s³, shape (n_frames, n_points)."""
+    """Return the jerk of each landmark in skeleton heights/s³, shape (n_frames, n_joints)."""
     found = landmarks(motion.skeleton)
     joints = [joint for several in found.values() for joint in several]
     jerks = jerk(bone_ends(motion, joints), motion.rate)

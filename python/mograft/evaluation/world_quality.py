@@ -22,9 +22,10 @@ class WorldQuality(Record):
     runs : int
         Number of grafts for each base.
     head_jerk, chest_jerk, hands_jerk : Estimate
-        Mean ratio of the jerk to that of base and donors.
+        Mean over the grafts of the ratio of the jerk to that of base and donors.
     floor_depth, under_floor, skate, balance : Estimate
-        Mean difference from the base. Depth is in heights, the others are shares.
+        Mean over the grafts of the difference from the base. `floor_depth` is in skeleton
+        heights, the others are shares.
     novelty : Novelty
         Novelty, coverage and diversity.
     """
@@ -53,7 +54,7 @@ _FIELDS = (
 
 
 def world_quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> WorldQuality:
-    """Measure the grafts of one method in the world.
+    """Measure the grafts of one method by their world positions.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def world_quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0)
     Returns
     -------
     WorldQuality
-        Measures that the skeleton does not support are NaN with a sample size of 0. The
+        Measures for which the skeleton has no known joints are NaN with a sample size of 0. The
         intervals resample grafts, and blocks of five seconds for `WorldQuality.novelty`.
 
     Raises
