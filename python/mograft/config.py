@@ -70,8 +70,8 @@ class Config:
         Larger values give more variety, smaller values more similarity.
     neighbourhood : {"cluster", "ball"}
         Which segments are similar enough to replace a base segment, compared by the motion of the
-        base group: the segments of its cluster (4.3), or the segments within 0.65 cluster
-        diameter thresholds of it.
+        base group. "cluster": the segments of its cluster (4.3). "ball": the segments whose
+        distance from it is at most 0.65 cluster diameter thresholds.
     max_stretch : float
         Maximum length difference between a base segment and a donor, as a share of the base
         segment's length (λ_f of eq. 19).
@@ -91,8 +91,8 @@ class Config:
     length_weight : float
         Weight of the relative length difference, 1 - shorter / longer, in the unary cost.
     distance_weight : float
-        Unary cost of a donor whose base group moves so differently from that of the base segment
-        that their distance is one cluster diameter threshold; the cost is proportional to it.
+        Weight, in the unary cost, of the distance between the base group's motion in the donor and
+        in the base segment, as a multiple of the cluster diameter threshold.
     angle_scale : float
         Seam angle, in radians, at which the pairwise cost is 1; the cost is proportional to the
         square of the angle. The scale is reduced to twice the mean seam angle between members of
@@ -119,8 +119,8 @@ class Config:
         nearest to the donors'. "offset" adds a decaying offset on both sides, so that pose and
         velocity are continuous. "displacement" spreads the pose gap over both segments. "paper"
         does the same and replaces the frames near the seam by a cubic, which removes detail.
-        "inertial" and "dead" change frames after the seam only: "inertial" decays the gap, "dead"
-        cross-fades from the extrapolated motion before the seam.
+        "inertial" and "dead" change frames after the seam only: "inertial" adds a decaying offset,
+        "dead" cross-fades from the extrapolated motion before the seam.
     seam_window : float
         Duration, in seconds, on each side of a seam that the cubic of "paper" replaces.
     seam_blend : float

@@ -387,7 +387,9 @@ def test_complete_linkage_default_and_conflicting_parameters():
     np.testing.assert_array_equal(labels, mg.cut(points, mg.threshold(points)))
     with pytest.raises(ValueError, match=r"must not both be given, got 1\.0 and 2"):
         mg.CompleteLinkage(1.0, n_clusters=2).fit(points)
-    with pytest.raises(ValueError, match="`n_clusters` must be 1 to n_samples = 60, got 61"):
+    with pytest.raises(
+        ValueError, match="`n_clusters` must be between 1 and n_samples = 60, got 61"
+    ):
         mg.CompleteLinkage(n_clusters=61).fit(points)
     with pytest.raises(ValueError, match=r"`params` must be among max_diameter, .*, got 'linkage'"):
         mg.CompleteLinkage().set_params(linkage="complete")

@@ -100,8 +100,9 @@ def restrict_ends(
     """Restrict the poses and velocities at the ends of segments to the axes that a group holds.
 
     `ends` is the result of `mograft.library.ingest.boundary_states`: arrays of shape
-    (n_segments, n_feature_joints, 4) for poses and 3 instead of 4 for velocities. Their joints
-    are ``feature_joints(skeleton, joints)``. `channels` maps joints to axes, such as "ZX".
+    (n_segments, n_feature_joints, 4) for poses and (n_segments, n_feature_joints, 3) for
+    velocities. Their joints are ``feature_joints(skeleton, joints)``. `channels` maps joints to
+    axes, such as "ZX".
     """
     if not channels:
         return ends

@@ -319,7 +319,9 @@ class CompleteLinkage:
         points = _as_samples(X)
         n = len(points)
         if self.n_clusters is not None and not 1 <= self.n_clusters <= n:
-            raise ValueError(f"`n_clusters` must be 1 to n_samples = {n}, got {self.n_clusters}")
+            raise ValueError(
+                f"`n_clusters` must be between 1 and n_samples = {n}, got {self.n_clusters}"
+            )
         tree = linkage(points, threads=self.threads)
         if self.n_clusters is not None:
             n_merges = n - self.n_clusters

@@ -14,7 +14,7 @@ class OnlineSegmenter:
     The result may differ from that of `segment` in two respects. `segment` merges the shortest
     segment of the whole motion first; this class merges the shortest segment that is not final. A
     segment is final as soon as another segment follows it. `segment` divides a segment longer than
-    `Config.max_length` into equal parts; this class ends a segment when it reaches that length.
+    `Config.max_length` into equal parts; this class ends a segment as soon as it has that length.
     """
 
     def __init__(self, rate: float, config: Config) -> None:

@@ -35,8 +35,8 @@ class Method:
     name : str
         Name in reports.
     has_seam_limit : bool
-        Whether a donor is drawn only among those within `Config.max_angle` of the previous
-        donor.
+        Whether a donor is drawn only from the candidates whose seam angle with the previous
+        donor is at most `Config.max_angle`.
     uses_cost : bool
         Whether `Config.choice` selects the donors. If not, they are drawn at random.
     config_changes : tuple of (str, value)
@@ -113,7 +113,7 @@ class Random(Method):
 
 @dataclass(frozen=True)
 class RandomLength(Method):
-    """Method that draws donors of similar length at random, whatever the base group does."""
+    """Method that draws donors of similar length at random, without a comparison of motions."""
 
     name: str = "random, length limit"
 
@@ -292,9 +292,10 @@ def grafts_by(
 
     Notes
     -----
-    If `Method.uses_cost` is False, each donor is drawn uniformly from the candidates whose seam
-    angle with the previous donor is at most `Config.max_angle`. If there is none, the candidate
-    with the smallest angle is taken (paper, 4.4). Self-repair is off.
+    If `Method.uses_cost` is False, each donor is drawn uniformly from the candidates. With
+    `Method.has_seam_limit`, these are only the candidates whose seam angle with the previous
+    donor is at most `Config.max_angle`, or the one with the smallest angle if there is none
+    (paper, 4.4). Self-repair is off.
 
     Examples
     --------

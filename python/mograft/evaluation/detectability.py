@@ -93,12 +93,13 @@ def detectability(
     Notes
     -----
     This is a classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017). The clips are divided
-    into blocks of five seconds, and the blocks at random into three folds; this is repeated
-    `splits` times. The classifiers of a fold are tested on the windows whose base and donors are
-    all in blocks of this fold, and trained on the windows whose base and donors are all outside
-    of it. The windows of grafts at one frame of a base together weigh as much as the captured
-    window there. The features are those of `mograft.evaluation.windows`: bone ends relative to the
-    hips and to the heading at the centre, reduced to principal components of the training windows.
+    into blocks of five seconds, and the blocks are assigned at random to three folds; this is
+    repeated `splits` times. The classifiers of a fold are tested on the windows whose base and
+    donors are all in blocks of this fold, and trained on the windows whose base and donors are all
+    outside of it. The windows of grafts at one frame of a base together weigh as much as the
+    captured window there. The features are those of `mograft.evaluation.windows`: bone ends
+    relative to the hips and to the heading at the centre, reduced to principal components of the
+    training windows.
     """
     flat = [graft for several in grafts for graft in several]
     if not flat:
@@ -120,7 +121,7 @@ def detectability(
     if not np.isfinite(seams.gross.value):
         raise InsufficientDataError(
             f"detectability needs a fold with {MIN_TEST} test windows and {MIN_TRAIN} training "
-            f"windows at seams, but none of the {N_FOLDS} folds has so many"
+            f"windows at seams, but none of the {N_FOLDS} folds has that many"
         )
     between = GraftWindows.of(flat, "between seams", _MAX_WINDOWS, rng)
     others = [pair_other_moments(pairs, rng) for _ in folds]

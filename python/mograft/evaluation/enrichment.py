@@ -119,8 +119,8 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
     Notes
     -----
     Only the clusters of the base group restrict the donors (eq. 18). If segment i has n_i
-    candidates, K groups with a common base therefore have Σ_i n_i^(K-1) combinations. These
-    are numbers of segments; the text of the paper calls them frames.
+    candidates, the base group and K - 1 other groups therefore have Σ_i n_i^(K-1) combinations.
+    These are numbers of segments; the text of the paper calls them frames.
 
     Examples
     --------

@@ -35,7 +35,7 @@ class Record:
 
 
 def as_json(value: object) -> object:
-    """Return records as dicts, tuples as lists, and floats that are not finite as None."""
+    """Convert records to dicts, tuples to lists, and floats that are not finite to None."""
     if isinstance(value, Record):
         return value.as_dict()
     if isinstance(value, tuple):
@@ -218,7 +218,8 @@ def rogan_gladen(positive: float, sensitivity: float, specificity: float) -> flo
 
     A result outside of 0 to 1 means that the sensitivity or the specificity is wrong. The result is
     NaN if the test is no better than chance. Source: Rogan and Gladen, American Journal of
-    Epidemiology 107 (1978). The paper's 823 of 906, if both are 0.77:
+    Epidemiology 107 (1978). The paper reports 823 of 906; with a sensitivity and a specificity of
+    0.77, the result is above 1:
 
     >>> round(rogan_gladen(823 / 906, 0.77, 0.77), 2)
     1.26

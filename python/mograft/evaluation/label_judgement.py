@@ -77,7 +77,8 @@ def judgement(
     Returns
     -------
     Judgement
-        The intervals of corrected shares account for the choice of segments and of test labels.
+        The results. The intervals of corrected shares account for the choice of segments and of
+        test labels.
 
     Raises
     ------
@@ -89,10 +90,11 @@ def judgement(
 
     Notes
     -----
-    Three fifths of the labels are training labels, like 300 of the 500 labels in the paper.
-    Neighbouring segments are in the same set. The classifier is a support vector machine on
-    principal components of the `part_features` of both parts. Its parameters are selected by
-    cross-validation on the training labels. The features do not contain seams.
+    At least three fifths of the labels are training labels; in the paper it is 300 of 500. A block
+    of neighbouring segments is used either for training or for the test. The classifier is a
+    support vector machine on principal components of the `part_features` of both parts. Its
+    parameters are selected by cross-validation on the training labels. The features do not
+    contain seams.
     """
     methods = default_methods(library) if methods is None else methods
     is_exchanged = labels.segment != labels.donor
@@ -104,7 +106,7 @@ def judgement(
     is_train = _split_labels(blocks[pairs[:, 0]], seed)
     if len(np.unique(natural[is_train])) < 2 or len(np.unique(natural[~is_train])) < 2:
         raise InsufficientDataError(
-            "the training labels and the test labels must each be partly natural, partly unnatural"
+            "both the training labels and the test labels must include natural and unnatural ones"
         )
     segments = np.arange(len(library.segments))
     base, grafted = (part_features(library, g) for g in (library.groups.base, labels.group))

@@ -61,7 +61,8 @@ def label_items(
         Number of pieces with an exchanged part. The paper has 300 for training and 200 for
         testing.
     captured : int, optional
-        Number of captured pieces among the others, without a mark. Default: a tenth of `count`.
+        Number of captured pieces that are mixed with the others and not marked. Default: a tenth
+        of `count`.
     group : str, optional
         Grafted group. Default: the first group that is not the base group.
     method : Method, optional

@@ -130,7 +130,7 @@ def compatibility(
         Number of random assignments of segments to folds. Each has its own classifiers and
         random pairs.
     progress : callable, optional
-        Called with the name of the stage, the number of finished steps and of all steps.
+        Called with the name of the stage, the number of finished steps and the number of steps.
 
     Returns
     -------

@@ -124,7 +124,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
     if not grafts or not all(grafts):
         raise InsufficientDataError("quality needs at least one graft on every base")
     joints = _grafted_joints(grafts[0][0])
-    source = [_coarse(clip, joints) for clip in grafts[0][0].library.clips]
+    source = [_rotations_6d(clip, joints) for clip in grafts[0][0].library.clips]
     step = math.ceil(sum(map(len, source)) / _MAX_SOURCE_FRAMES)
     values = defaultdict[str, list[float]](list)
     diversities, is_new, gaps = list[float](), list[float](), list[float]()
@@ -152,7 +152,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
                     values[name].append(value / reference if reference > 0 else math.nan)
                 else:
                     values[name].append(value - reference)
-            coverage, local = nearest_windows(source, _coarse(graft.motion, joints), step)
+            coverage, local = nearest_windows(source, _rotations_6d(graft.motion, joints), step)
             values["coverage"].append(coverage)
             values["local_diversity"].append(local)
 
@@ -211,7 +211,7 @@ def _grafted_joints(graft: Graft) -> IntArray:
     return np.unique(np.concatenate(joints))
 
 
-def _coarse(motion: Motion, joints: IntArray) -> FloatArray:
+def _rotations_6d(motion: Motion, joints: IntArray) -> FloatArray:
     """Return 6D rotations at about ten frames per second, shape (n_frames, 6 · n_joints).
 
     6D rotations are two columns of the rotation matrix (Zhou et al., CVPR 2019).
@@ -258,8 +258,8 @@ def nearest_windows(
 def _window_distances(distances: FloatArray, length: int, step: int) -> FloatArray:
     """Return the distances between windows of `length` frames, from those between frames.
 
-    The distance of two windows is the mean distance of their corresponding frames. Row i of the
-    result is the window that starts at row ``i * step``, column j the one that starts at column j.
+    The distance of two windows is the mean distance of their corresponding frames. Entry (i, j) of
+    the result is for the windows that start at row ``i * step`` and column j of `distances`.
     """
     rows, columns = distances.shape[0] - length + 1, distances.shape[1] - length + 1
     total = np.zeros((len(range(0, rows, step)), columns))

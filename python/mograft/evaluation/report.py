@@ -31,7 +31,10 @@ _EXTRA_STYLE = """
 
 
 def compare_methods(found: Compatibility) -> list[str]:
-    """Return two sentences: κ of analogy minus contact patterns, and of these minus random."""
+    """Return one sentence for each of two differences of κ.
+
+    They are analogy minus contact patterns, and contact patterns minus random donors.
+    """
     sentences = []
     for first, second in pairwise(("analogy", "contact pattern", "random")):
         try:

@@ -61,9 +61,9 @@ class Evaluation:
     topics : tuple of str
         Requested topics, a selection of `TOPICS`.
     enrichment : Enrichment or None
-        Combinations with the configuration of the library.
+        Numbers of combinations with the configuration of the library.
     sweep : tuple of Enrichment
-        Combinations for each interpretation of eq. 14 and each scale.
+        Numbers of combinations for each interpretation of eq. 14 and each scale.
     clusters : dict of int to dict of str to int
         Number of clusters of each joint group, by number of groups; see `cluster_numbers`.
     laws : tuple of Law
@@ -81,7 +81,7 @@ class Evaluation:
     detectability : tuple of Detectability
         Detectability for each method, with null comparisons.
     refusals : dict of str to str
-        For each topic, or part of a topic, that could not be measured, the reason.
+        Reasons why topics, or parts of a topic, could not be measured, by topic.
     parameters : dict
         Parameters and versions on which the numbers depend.
     """
@@ -187,7 +187,7 @@ def evaluate(
     seed : int
         Seed of all random choices.
     progress : callable, optional
-        Called with the name of the stage, the number of finished steps and of all steps.
+        Called with the name of the stage, the number of finished steps and the number of steps.
 
     Returns
     -------
@@ -412,7 +412,7 @@ def _changed_segments(graft: Graft, n_segments: int) -> BoolArray:
 def _balance_rows(
     method: str, samples: Mapping[str, BalanceSample], refusals: dict[str, str]
 ) -> list[BalanceRow]:
-    """Return the rows of one method for all kinds, rules and margins."""
+    """Return the results of `balance_row` for one method and all kinds, rules and margins."""
     rows = []
     for kind, sample in samples.items():
         for rule in RULES:

@@ -149,7 +149,7 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
     if not ground.limbs:
         shown = ", ".join(motion.skeleton.names[:8])
         raise InsufficientDataError(
-            f"balance needs legs, but none is known among the joints {shown}, ..."
+            f"balance needs legs, but no leg is known among the joints {shown}, ..."
         )
     axes = horizontal_axes(ground.up)
     joints = ground.points(motion)

@@ -52,7 +52,8 @@ class Windows:
 def window_reach(place: Place, rate: float) -> int:
     """Return the number of frames that a window needs on each side of its centre.
 
-    They include the frames for derivatives. `rate` is in frames per second.
+    They include the frames for derivatives. `place` is "seams" or "between seams", where windows
+    are shorter; `rate` is in frames per second.
     """
     return (HALF_WINDOW[place] + _MARGIN) * sample_stride(rate)
 

@@ -114,7 +114,7 @@ def world_measures(graft: Graft) -> WorldMeasures:
     >>> from mograft import Library, graft
     >>> from mograft.dancer import dance
     >>> measures = world_measures(graft(Library.build(dance(strides=1).motion)))
-    >>> measures.floor_depth, measures.skate  # The base group holds the legs.
+    >>> measures.floor_depth, measures.skate  # The legs are in the base group.
     (0.0, 0.0)
     """
     return WorldReference(graft.library).measure(graft)
@@ -218,7 +218,7 @@ class _Base:
         return dynamic_balance(self.motion, support=self.support)
 
     def added_imbalance(self, graft: Graft, is_exchanged: BoolArray) -> float:
-        """Return `WorldMeasures.balance`; NaN if the data does not support it."""
+        """Return `WorldMeasures.balance`; NaN without known legs or frames to compare."""
         try:
             before = self.balance
         except InsufficientDataError:  # no known leg, or too few frames
