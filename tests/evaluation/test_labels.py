@@ -148,7 +148,7 @@ def test_read_labels_written_rows_returns_same_labels(library, items, tmp_path):
         (lambda r: ["elsewhere", *r[1:]], ":2: elsewhere has no segment"),
         (lambda r: [*r[:7], "fine", "1"], ":2: label must be natural or unnatural"),
         (lambda r: r[:4], ":2: must have 8 columns"),
-        (lambda r: [*r[:3], "wings", *r[4:]], "one group of the library, got wings"),
+        (lambda r: [*r[:3], "wings", *r[4:]], "the same joint group of the library, got wings"),
     ],
 )
 def test_read_labels_invalid_row_raises_value_error(library, tmp_path, change, message):
@@ -216,12 +216,12 @@ def test_judgement_random_labels_have_no_corrected_share(library):
 
 def test_judgement_fifty_labels_raises_insufficient_data_error(library, items):
     labels = label_all(items[:50], lambda segment, _: segment % 2 == 0)
-    with pytest.raises(InsufficientDataError, match="labels of 100"):
+    with pytest.raises(InsufficientDataError, match="100 labels of exchanged parts"):
         judgement(library, labels, METHODS)
 
 
 def test_judgement_one_kind_of_labels_raises_insufficient_data_error(library, items):
-    with pytest.raises(InsufficientDataError, match="20 of each kind"):
+    with pytest.raises(InsufficientDataError, match="at least 20 natural and 20 unnatural"):
         judgement(library, label_all(items, lambda *_: True), METHODS)
 
 
