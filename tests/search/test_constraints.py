@@ -727,7 +727,7 @@ def test_constraint_invalid_arguments_raise(make, message):
 @pytest.mark.parametrize(
     ("constraint", "error", "message"),
     [
-        ("no constraint", TypeError, "`constraints` must be mograft constraints, got 'no"),
+        ("no constraint", TypeError, "`constraints` must contain only constraints, got 'no"),
         (mg.Reach("Wing", (0, 0, 0), 5), ValueError, "no joint is named 'Wing'"),
         (mg.Reach(HAND, (0, 0, 0), 99_999), ValueError, "frames of Reach must be within 0 to"),
         (mg.NotFrom("waltz*"), ValueError, r"`clips` must match .*; got 'waltz\*'"),

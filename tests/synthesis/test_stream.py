@@ -420,7 +420,11 @@ def test_stream_long_base_holds_limited_frames(library):
             ValueError,
             "`swap` must name groups other than the base group 'lower'",
         ),
-        ({"constraints": ["none"]}, TypeError, "`constraints` must be mograft constraints, got 'n"),
+        (
+            {"constraints": ["none"]},
+            TypeError,
+            "`constraints` must contain only constraints, got 'n",
+        ),
         ({"constraints": [mg.NotFrom("waltz")]}, ValueError, "must match at least one of clip0, "),
         ({"constraints": [mg.Ban(3)]}, ValueError, "of a stream must not contain Ban"),
         ({"constraints": [mg.Reach("Wing", (0, 0, 0), 5)]}, ValueError, "no joint is named 'Wing'"),

@@ -60,7 +60,7 @@ class BaseBuffer:
         )
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
-        """Return the frames `start` to `stop`, with `BOUNDARY_MARGIN` more frames on both sides.
+        """Return frames `start` to `stop`, both included, and `BOUNDARY_MARGIN` more on both sides.
 
         At the ends of the buffer there are fewer frames. The second result is the index of frame
         `start` in the first result.

@@ -91,7 +91,7 @@ class DefectMeasure:
         return amounts
 
     def _seams(self, piece: Piece) -> IntArray:
-        """Return the positions that end next to a donor that is not the base segment itself."""
+        """Return the positions p for which the donor at p or p + 1 is not the base segment."""
         is_changed = self._is_changed(piece)
         return piece.first + np.flatnonzero(is_changed[:-1] | is_changed[1:])
 
@@ -213,7 +213,7 @@ def _derivatives(rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _greatest(vectors: FloatArray) -> FloatArray:
-    """Return the length of the longest vector among the joints; the shape is (3, ..., n_joints)."""
+    """Return the length of the longest of all joints' `vectors`, shape (3, ..., n_joints)."""
     squares = vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2
     greatest: FloatArray = np.sqrt(squares.max(axis=-1, initial=0.0))
     return greatest

@@ -78,7 +78,10 @@ def candidate_pose_violations(
 
 
 def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
-    """Build a trellis; evaluate each candidate at the end of the cheapest path that leads to it."""
+    """Return the trellis of the group that contains the root.
+
+    Each candidate is evaluated at the root transform to which the cheapest path before it leads.
+    """
     trellis = _trellis(problem, group, problem.origin_costs(group))
     if not problem.is_constrained_position.any():
         return trellis

@@ -129,8 +129,7 @@ def graft_many(
         different ones exist; random choices stop after 100 consecutive draws that repeat
         earlier ones. Donors of earlier motions cost `Config.diversity` more in later ones,
         except with ``Config(choice="best")`` and "random". With "viterbi" the first motion is
-        the cheapest. In a small library
-        `Config.self_repair` can make two motions equal.
+        the cheapest. In a small library `Config.self_repair` can make two motions equal.
 
     Raises
     ------

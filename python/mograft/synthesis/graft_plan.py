@@ -189,7 +189,8 @@ class GraftPlan:
     ) -> tuple[Motion, FeetReport | None]:
         """Plant each foot in the frames in which it, or the foot of its donor, is on the floor.
 
-        The motion is not changed if no exchanged group drives the feet.
+        The motion is not changed if `Config.feet` is "never" or if no exchanged group drives
+        the feet.
         """
         problem, library = self.problem, self.problem.library
         if library.config.feet == "never":

@@ -34,7 +34,7 @@ class Substitution:
         Cost of the donor without the costs of seams and constraints; see `Config`.
     gap_before, gap_after : float
         Mean joint angle, in radians, between this donor and the previous or next one where they
-        meet; 0 if they are consecutive in a clip, or if there is no other donor.
+        meet; 0 if they are consecutive in a clip, and at the start and end of the motion.
     """
 
     group: str
@@ -100,7 +100,7 @@ class Graft:
     violations : tuple of Violation
         Violations of hard constraints; empty if all are satisfied.
     feet : FeetReport or None
-        Result of foot planting; None if ``Config(feet="never")`` or if no exchanged group drives
+        Result of foot planting; None with ``Config(feet="never")`` or if no exchanged group drives
         the feet.
     scenario : tuple of int
         The segments that form the base; empty if the base is a clip.

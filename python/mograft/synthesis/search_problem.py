@@ -36,7 +36,7 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
         raise TypeError(f"`constraints` must be a list of constraints, got {constraints!r}")
     for constraint in constraints:
         if not isinstance(constraint, Constraint):
-            raise TypeError(f"`constraints` must be mograft constraints, got {constraint!r}")
+            raise TypeError(f"`constraints` must contain only constraints, got {constraint!r}")
         frame = 0 if constraint.frames is None else constraint.frames[0]
         # Evaluating a pose looks up every joint that the constraint names.
         first = poses.with_poses(np.array([frame]), poses.rotations[:1], poses.positions[:1])
@@ -59,7 +59,7 @@ def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> lis
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
     """Return for each joint group a mask of the joints that it moves, shape (n_joints,).
 
-    A joint that is in no group is moved by the group of its nearest ancestor in a group.
+    A joint that is in no group is moved by the group of its nearest ancestor that is in one.
     """
     group_of = [""] * skeleton.n_joints
     member_of = {int(joint): group for group, joints in members.items() for joint in joints}
