@@ -30,8 +30,8 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the product of two matrices after rounding their entries to multiples of 2^-20.
 
     The product of the rounded matrices is exact if the norm of each row of `a` times the norm of
-    each column of `b` is at most 8192. Each row of an exact product is independent of the number
-    of threads and of the other rows.
+    each column of `b` is at most 8192. A row of an exact product depends neither on the number of
+    threads nor on the other rows.
     """
     # By Cauchy and Schwarz every partial sum is at most 2^13, and a multiple of 2^-40: the 53
     # bits of a float64 hold it.

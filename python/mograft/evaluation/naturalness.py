@@ -49,6 +49,8 @@ class Score(Record):
 class Compatibility(Record):
     """Compatibility of the parts of one grafted group with base parts; see `compatibility`.
 
+    A captured part is that of the base segment itself, a random part that of another segment.
+
     Attributes
     ----------
     group : str
@@ -151,13 +153,14 @@ def compatibility(
     Notes
     -----
     This is a classifier two-sample test (Lopez-Paz and Oquab, ICLR 2017) of the dependence between
-    the base part and the grafted part of a segment. Positive samples are the two parts of one
-    segment. Negative samples are random pairs of parts of different segments. The classifier is a
-    support vector machine on 20 principal components of the `part_features` of each part. A
-    classifier is trained for each fold on the other folds, with parameters from cross-validation
-    within them, and applied to the fold. Folds do not divide clips or, if there are fewer than ten
-    clips, blocks of 40 segments. A pair with a positive score is accepted. The result is
-    κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate.
+    the base part and the grafted part of a segment. Positive samples pair the base part of a
+    segment with the grafted part of the same segment (captured part), negative samples with that of
+    another segment (random part). The classifier is a support vector machine on 20 principal
+    components of the `part_features` of each part. A classifier is trained for each fold on the
+    other folds, with parameters from cross-validation within them, and applied to the fold. Folds
+    do not divide clips or, if there are fewer than ten clips, blocks of 40 segments. A pair with a
+    positive score is accepted. The result is κ = (a_method - a_random) / (a_captured - a_random),
+    where a is an acceptance rate.
     """
     base = library.groups.base
     group = grafted_group(library) if group is None else group

@@ -139,7 +139,7 @@ def score_fold(pairs: Pairs, fold_of_block: IntArray, fold: int) -> TestedFold |
 def train_and_score(
     learned: Windows, labels: IntArray, tested: Windows
 ) -> tuple[FloatArray, FloatArray]:
-    """Train both classifiers on the windows `learned`; return their scores of `tested`.
+    """Train both classifiers on the windows `learned`; return their scores for `tested`.
 
     `labels` has 1 for each training window of a graft and 0 for each captured one. The scores are
     those of the gross, then of the fine classifier; see `Detection`.

@@ -121,7 +121,7 @@ class GraftWindows:
     def of(
         cls, grafts: Sequence[Graft], place: Place, max_count: int, rng: np.random.Generator
     ) -> "GraftWindows":
-        """Return the windows of grafts; if there are more than `max_count`, a random choice."""
+        """Return the windows of grafts at `place`; of more than `max_count`, a random choice."""
         library = grafts[0].library
         frames = FrameBlocks.of(library)
         origins = tuple(
