@@ -257,7 +257,7 @@ def test_resolve_duplicate_names_show_index():
         ({"lower": [1.5], "upper": ["b"]}, "lower", TypeError, "'lower' must contain names.*1.5"),
         ({"lower": [True], "upper": ["b"]}, "lower", TypeError, "must contain names"),
         ({1: ["a"], "lower": ["b"]}, "lower", TypeError, "group names must be str, got 1"),
-        (["a", "b"], "lower", TypeError, "`groups` must map names to joints"),
+        (["a", "b"], "lower", TypeError, "`groups` must map group names to joints"),
     ],
 )
 def test_groups_invalid_arguments_raise(groups, base, error, message):

@@ -163,7 +163,7 @@ def test_index_tags_combine_folders_and_table(clip_folder, stored_library, tmp_p
     assert_same_libraries(Library.open(later.folder), stored_library)
     assert storage.verify(later.folder) == []
     table.write_text("c\n")
-    with pytest.raises(ValueError, match=r"tags.csv:1: must be a clip and its tags"):
+    with pytest.raises(ValueError, match=r"tags.csv:1: expected a clip and its tags"):
         read_tags(table)
 
 

@@ -73,7 +73,7 @@ class JointGroups:
 
     def __post_init__(self) -> None:
         if not isinstance(self.groups, Mapping):
-            raise TypeError(f"`groups` must map names to joints, got {self.groups!r}")
+            raise TypeError(f"`groups` must map group names to joints, got {self.groups!r}")
         groups = {}
         for name, entries in self.groups.items():
             if not isinstance(name, str):
@@ -369,7 +369,7 @@ def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[Entry
         shown = ", ".join(skeleton.names[:12]) + (", ..." if skeleton.n_joints > 12 else "")
         raise ValueError(
             f"preset {preset!r} needs {' and '.join(missing)}, found none among the joints "
-            f"{shown}; pass a JointGroups"
+            f"{shown}; define the groups with JointGroups instead"
         )
 
 

@@ -32,7 +32,7 @@ class Foot:
 
 @dataclass(frozen=True, eq=False)
 class MassModel:
-    """Masses and lengths of the bones of a skeleton; created by `mass_model`."""
+    """Stature, feet, and masses and lengths of the bones of a skeleton; created by `mass_model`."""
 
     model: str  # "de Leva" (human) or "rods": masses proportional to bone length
     height: float  # stature in the unit of the file, independent of the pose; 1 if unknown

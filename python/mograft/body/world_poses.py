@@ -49,7 +49,7 @@ class Poses:
     def from_motion(cls, motion: Motion, shape: Capsules | None = None) -> "Poses":
         """Return the world poses of all frames of a motion.
 
-        `shape` gives the capsules of the body; default: `capsules` of the skeleton.
+        `shape` are the capsules that represent the body; by default those that `capsules` returns.
         """
         skeleton = motion.skeleton
         world_rotations, positions = motion.world_transforms()

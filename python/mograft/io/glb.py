@@ -204,7 +204,7 @@ def _build_document(
 def _build_nodes(
     skeleton: Skeleton, transform: ExportTransform, root_position: FloatArray
 ) -> list[dict[str, Any]]:
-    """Return one node per joint and the node of the mesh."""
+    """Return the glTF nodes: one per joint, and one for the mesh."""
     nodes: list[dict[str, Any]] = []
     for joint, name in enumerate(skeleton.names):
         translation = transform.scale * skeleton.offsets[joint] if joint else root_position
@@ -251,7 +251,7 @@ def _build_animation(
 
 
 def _build_mesh(buffer: _Buffer, mesh: BoneMesh, group_indices: IntArray) -> dict[str, Any]:
-    """Return the bones as a mesh primitive whose vertices are bound to one joint each."""
+    """Return the bones as a glTF mesh primitive; each vertex is bound to one joint."""
     points, normals, vertex_joints = mesh
     joints = np.zeros((len(vertex_joints), 4), "u1" if len(group_indices) <= 256 else "<u2")
     joints[:, 0] = vertex_joints

@@ -105,7 +105,7 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
         raise ValueError(f"{path}: damaged NPZ file: {error}") from error
     if str(arrays.get("format", "")) != _FORMAT:
         given = arrays.get("format", "none")
-        raise ValueError(f"{path}: format must be {_FORMAT}, got {given}")
+        raise ValueError(f"{path}: array `format` must be {_FORMAT}, got {given}")
     try:
         return _to_motion(arrays)
     except KeyError as error:

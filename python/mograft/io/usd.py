@@ -131,7 +131,7 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, transform: ExportTransform)
 
 
 def _define_animation(stage: Any, motion: Motion, transform: ExportTransform) -> None:  # noqa: ANN401
-    """Add the motion and bind it to the skeleton."""
+    """Add the motion as an animation, and bind it to the skeleton."""
     from pxr import Sdf, UsdSkel, Vt
 
     animation = UsdSkel.Animation.Define(stage, _ANIMATION)
@@ -151,7 +151,7 @@ def _define_animation(stage: Any, motion: Motion, transform: ExportTransform) ->
 
 
 def _define_mesh(stage: Any, mesh: BoneMesh, group_indices: IntArray) -> None:  # noqa: ANN401
-    """Add the bones as a mesh whose vertices are bound to one joint each."""
+    """Add the bones as a mesh; each vertex is bound to one joint."""
     from pxr import Gf, Sdf, UsdGeom, UsdSkel, Vt
 
     points, normals, joints = mesh

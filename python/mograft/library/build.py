@@ -75,7 +75,7 @@ def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
 def _named_motions(
     clips: Sequence[IngestedClip], entries: Sequence[ClipInfo]
 ) -> tuple[Motion, ...]:
-    """Return the motions of clips that are not packed, with their names in the library."""
+    """Return the motions of ingested clips, renamed to their unique names in the library."""
     return tuple(
         clip.clip if clip.clip.name == info.name else replace(clip.clip, name=info.name)
         for clip, info in zip(clips, entries, strict=True)

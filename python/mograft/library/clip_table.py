@@ -37,7 +37,7 @@ class ClipInfo(NamedTuple):
     tags: tuple[str, ...]  # words by which donors can be chosen
 
     def properties(self, skeleton: Skeleton) -> ClipProperties:
-        """Return the properties of the clip, given its skeleton."""
+        """Return the properties for the choice of the library specification, given the skeleton."""
         return ClipProperties(
             skeleton=skeleton,
             rate=self.source_rate,

@@ -85,7 +85,7 @@ def cluster_groups(
 ) -> tuple[dict[str, IntArray], dict[str, float]]:
     """Return the cluster of each segment, and the cluster diameter threshold, by group.
 
-    Without an embedding each segment is a cluster of its own, and the threshold is 0.
+    Without an embedding each segment forms a separate cluster, and the threshold is 0.
     """
     labels: dict[str, IntArray] = {}
     sigma: dict[str, float] = {}

@@ -116,8 +116,7 @@ def _has_provenance(path: Path) -> bool:
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
     """Return the clips without the grafts that were found in folders; warn if there are any.
 
-    The seams of a graft would be copied with its segments. Raise FileNotFoundError if no clip
-    remains.
+    Donors from a graft could contain its seams. Raise FileNotFoundError if no clip remains.
     """
     kept = [clip for clip in clips if not clip.is_graft]
     n_grafts = len(clips) - len(kept)
@@ -132,14 +131,14 @@ def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
 
 
 def relative_path(path: str, folder: Path) -> Path:
-    """Return the path of a file relative to a folder; absolute if it is on another drive."""
+    """Return a file's path relative to a folder; absolute if the two are on different drives."""
     parent, name = os.path.split(os.path.abspath(path))
     return _relative_folder(parent, os.path.abspath(folder)) / name
 
 
 @cache
 def _relative_folder(path: str, start: str) -> Path:
-    """Return the path to `path` from `start`; cached, because many files share few folders."""
+    """Return the path of folder `path` relative to `start`; cached, because files share folders."""
     try:
         return Path(os.path.relpath(path, start))
     except ValueError:
@@ -196,6 +195,6 @@ def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
                 continue
             tags = tuple(cell for cell in cells[1:] if cell)
             if not cells[0] or not tags:
-                raise ValueError(f"{path}:{rows.line_num}: must be a clip and its tags, got {row}")
+                raise ValueError(f"{path}:{rows.line_num}: expected a clip and its tags, got {row}")
             table[cells[0]] = (*table.get(cells[0], ()), *tags)
     return table

@@ -69,7 +69,7 @@ class GenerationWriter:
     def link_base_shards(self) -> None:
         """Link the files with frames and samples of the previous generation into this one."""
         if self.base is None:
-            raise RuntimeError("there is no previous generation")
+            raise RuntimeError("the writer has no previous generation to link")
         manifest = self.base.manifest
         for shard in manifest["shards"]:
             self.shards.append(shard)
@@ -89,7 +89,7 @@ class GenerationWriter:
             shutil.copyfile(source, self.folder / name)
 
     def restart(self) -> None:
-        """Discard everything that was written or linked."""
+        """Discard everything that was written or linked, so that writing can begin again."""
         self.abandon()
         for path in self.folder.iterdir():
             path.unlink()
@@ -167,10 +167,10 @@ class GenerationWriter:
         self._written.append(f"{name}.npy")
 
     def is_fragmented(self, locations: Sequence[ClipLocation]) -> bool:
-        """Return whether all clips should be written again, given the locations of those to keep.
+        """Return whether all clips should be written again, given the locations of the kept clips.
 
-        They should if there are more than 16 shards, or the clips use less than half of the bytes
-        in older ones.
+        This is the case if there are more than 16 shards, or if the clips use less than half of the
+        bytes in the older shards.
         """
         if len(self.shards) > _MAX_SHARDS:
             return True

@@ -101,7 +101,7 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
     """Add clips to a library in a folder; see `Library.add`."""
     with write_generation(path, add=True) as writer:
         if writer.base is None:
-            raise RuntimeError("there is no previous generation")
+            raise RuntimeError("the writer has no previous generation to add clips to")
         # Another process may have added clips since the library was opened.
         base = load_library(LibraryData, writer.base)
         run = replace(run, config=base.config, rate=writer.base.manifest["given_rate"])

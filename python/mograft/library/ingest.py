@@ -50,7 +50,7 @@ class IngestTask:
 
     @property
     def label(self) -> str:
-        """The file, or else the name of the clip, for messages."""
+        """Name of the clip in messages: its file, or else the name of the motion."""
         if self.source_file is not None:
             return self.source_file.path
         return self.source if isinstance(self.source, str) else self.source.name or "a clip"
@@ -58,7 +58,7 @@ class IngestTask:
 
 @dataclass(frozen=True, eq=False)
 class IngestedClip:
-    """A clip with its segments and their samples."""
+    """A clip that was read, with its segments and their resampled poses."""
 
     clip: Motion | PackedMotion  # a motion at the library's rate, or packed as it was read
     name: str  # of the motion; may be empty

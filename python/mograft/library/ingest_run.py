@@ -57,7 +57,7 @@ class IngestOptions(AddOptions, total=False):
 
 
 class ClipOrder(NamedTuple):
-    """The position of a clip in a library: clips are sorted by rank, then by path."""
+    """Sort key for the order of clips in a library: first by rank, then by path."""
 
     rank: int  # in a folder 0 for files and 1 for other clips, in memory the index of the clip
     path: tuple[str, ...] = ()  # relative to the library; for a clip without a file, its index
@@ -75,7 +75,9 @@ class PendingClip:
     def task(self) -> IngestTask:
         """Return the task that reads the clip from its source."""
         if self.found is None:
-            raise RuntimeError("a clip of the previous generation has no source")
+            raise RuntimeError(
+                "a clip of the previous generation is ingested from its stored motion"
+            )
         source = self.found.source
         if isinstance(source, str):
             source = os.path.abspath(source)
@@ -153,7 +155,9 @@ class IngestRun:
         """Return a found clip as a clip to ingest, with its rate if `frame_rates` gives one."""
         rates = matching_values(self.frame_rates, found)
         if rates and not 0 < rates[-1] < float("inf"):
-            raise ValueError(f"`frame_rates` must be above 0 frames per second, got {rates[-1]}")
+            raise ValueError(
+                f"values of `frame_rates` must be above 0 frames per second, got {rates[-1]}"
+            )
         return PendingClip(order, found, float(rates[-1]) if rates else None)
 
     def ingest_and_choose_spec(
@@ -181,7 +185,10 @@ class IngestRun:
         receiver: ClipReceiver,
         spec: LibrarySpec,
     ) -> list[tuple[ClipOrder, ClipProperties]]:
-        """Ingest clips with a specification; return the properties of the readable clips."""
+        """Ingest clips with a specification, and pass them to `receiver`.
+
+        Refused clips go to `errors`. Return the properties of the clips that could be read.
+        """
         properties: list[tuple[ClipOrder, ClipProperties]] = []
         self.errors.clear()
         results = ingest_all(tasks, spec, self.config, self.executor, is_packed=self.is_packed)

@@ -43,7 +43,7 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
 def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
     """Return the metadata and the motion of a clip to save.
 
-    A clip of a stored library is returned as read from its file, other clips as they are.
+    A clip of a stored library is saved as it was read from its file, any other clip as it is.
     """
     info = library.entries[index]
     if isinstance(library.clips, StoredClips):

@@ -135,8 +135,8 @@ def _damage(folder: Path, reason: str) -> LibraryError:
 def verify(folder: Path) -> list[str]:
     """Compare the size and the SHA-256 of every file of a library with the manifest.
 
-    Return one message per missing or differing file. Raise LibraryError if the manifest cannot be
-    read.
+    Return one message per missing or differing file; if there is none, but the library cannot be
+    read, the error message. Raise LibraryError if the manifest cannot be read.
     """
     manifest = read_manifest(folder)
     problems = []

@@ -152,7 +152,7 @@ class ConstraintViolations:
     def from_amounts(
         cls, constraints: Sequence[Constraint], amounts: Sequence[FloatArray], n: int
     ) -> "ConstraintViolations":
-        """Combine the violation amounts of several constraints, each of shape (n,)."""
+        """Combine the violation amounts of n candidates, one array of shape (n,) per constraint."""
         hard, soft = np.zeros(n), np.zeros(n)
         for constraint, amount in zip(constraints, amounts, strict=True):
             if constraint.weight is None:

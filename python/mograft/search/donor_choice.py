@@ -33,7 +33,7 @@ class DonorSource(Protocol):
 
     @property
     def trellises(self) -> Mapping[str, DonorTrellis]:
-        """The candidates of each grafted group at each position, and their costs."""
+        """The candidates and their costs at each position, for each grafted group."""
         ...
 
     def feasible_candidates(self, group: str) -> list[IntArray]:

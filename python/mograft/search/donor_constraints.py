@@ -290,7 +290,7 @@ class Ban(_SegmentConstraint):
 
 
 def _as_clip_span(donor: object) -> tuple[str, int, int]:
-    """Return a clip with its first and last frame; raise ValueError for anything else."""
+    """Return `donor` as (clip name, first frame, last frame); raise ValueError if it is not."""
     parts = tuple(donor) if isinstance(donor, Sequence) else ()
     if len(parts) != 3 or not isinstance(parts[0], str):
         raise ValueError(

@@ -68,10 +68,11 @@ class Neighbourhood(ABC):
     def find_members(
         self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
     ) -> list[IntArray]:
-        """Return the segments in the neighbourhood of each base segment, ascending, with its own.
+        """Return the segments in the neighbourhood of each base segment, ascending.
 
-        `labels` and `points` have the cluster and the point of every segment; `points` is None if
-        there is no embedding. `sigma` is the cluster diameter threshold.
+        A neighbourhood contains the base segment itself. `labels` and `points` have the cluster and
+        the point of every segment; `points` is None if there is no embedding. `sigma` is the
+        cluster diameter threshold.
         """
 
     @abstractmethod

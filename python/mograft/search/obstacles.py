@@ -42,7 +42,7 @@ class Sphere:
     center : tuple of float
         Centre, in the unit of the file.
     radius : float
-        In the unit of the file.
+        Radius, in the unit of the file.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class Capsule:
     start, stop : tuple of float
         Ends of the axis, in the unit of the file.
     radius : float
-        In the unit of the file.
+        Radius, in the unit of the file.
 
     Examples
     --------

@@ -189,7 +189,9 @@ class Reach(PoseConstraint):
 
 @dataclass(frozen=True)
 class Face(PoseConstraint):
-    """Turn the view direction of a joint, which is forward in the rest pose, to a position.
+    """Turn the view direction of a joint towards a position.
+
+    In the rest pose, the view direction is the direction that the body faces.
 
     Parameters
     ----------
@@ -346,18 +348,21 @@ def with_captured_depth(constraints: Sequence[Constraint], captured: Poses) -> l
 
 
 def _capsules_of(capsules: Capsules, joints: BoolArray | None) -> IntArray:
-    """Return the indices of the capsules of some joints."""
+    """Return the indices of the capsules of the joints in a mask; None means all joints."""
     if joints is None:
         return np.arange(len(capsules))
     return np.flatnonzero(joints[capsules.joints])
 
 
 def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
-    """Return the unit vector in which the body faces in the rest pose; `up` is vertical."""
+    """Return the direction that the body faces in the rest pose, as a unit vector.
+
+    `up` is the index of the vertical axis.
+    """
     known, rest = anatomy(skeleton), skeleton.rest_positions()
     left, right = (known.joints("thigh", "upper_arm", side=side) for side in ("left", "right"))
     if not left or not right:
-        raise ValueError("the facing direction needs left and right limbs, the skeleton has none")
+        raise ValueError("the view direction is unknown: the skeleton has no left and right limbs")
     lateral = rest[left].mean(axis=0) - rest[right].mean(axis=0)
     head = mass_model(skeleton).head
     top = rest[known.hips] if head is None else rest[head]

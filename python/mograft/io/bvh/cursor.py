@@ -168,7 +168,7 @@ class Cursor:
         return keyword
 
     def expect(self, keyword: bytes) -> None:
-        """Take the next word; raise BvhError unless it is this keyword or brace."""
+        """Take the next word; raise BvhError unless it is the given keyword or brace."""
         word = self.take_keyword()
         if word == keyword:
             return

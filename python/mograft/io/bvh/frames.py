@@ -45,7 +45,10 @@ def count_frames(cursor: Cursor, header: Header) -> int:
 
 
 def _read_numbers(cursor: Cursor, lines: "_LineCheck", out: FloatArray) -> int:
-    """Read numbers into `out` until it is full or the file ends; return their count."""
+    """Read numbers into `out` until it is full or the file ends; return their count.
+
+    `lines` receives the line ends for its check.
+    """
     filled = 0
     while True:
         n_values, n_bytes, line_ends, is_invalid = _core.scan_numbers(

@@ -126,7 +126,7 @@ def _read_hierarchy(cursor: Cursor) -> Skeleton:
 
 
 def _read_joint(cursor: Cursor, keyword: str, parent: int) -> _Joint:
-    """Read a joint from its name to its channels."""
+    """Read a joint from its name up to its channels; the keyword ROOT or JOINT has been read."""
     line = cursor.position()[0]
     name = _take_name(cursor)
     position = cursor.position()
