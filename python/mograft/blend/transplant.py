@@ -70,7 +70,7 @@ def transplant(
         warp = align(base, cut, donors, clips, group.base_joints)
         timeline = replace(timeline, warp=warp)
     lean = TrunkLean.from_config(base, joints, group.up, config)
-    moving: BoolArray = np.any([clip.travels[joints] for clip in clips], axis=0)
+    moving: BoolArray = np.any([clip.is_translated[joints] for clip in clips], axis=0)
     if group.root is not None and (joints == group.root).any():
         moving |= joints == group.root
         root = GraftedRoot.from_columns(group.root, group.up, joints, moving)

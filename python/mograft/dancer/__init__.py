@@ -62,7 +62,7 @@ class Dance:
         return self.motion.n_frames
 
     def __getitem__(self, frames: slice) -> "Dance":
-        """Return the dance of a slice of frames: a slice of its motion and of its labels."""
+        """Return the frames of a slice as a dance, with the motion and labels of these frames."""
         return Dance(**{field.name: getattr(self, field.name)[frames] for field in fields(self)})
 
     def takes(self, n: int) -> tuple["Dance", ...]:

@@ -270,19 +270,20 @@ def _bump(t: FloatArray) -> FloatArray:
 
 
 def stride_transition(clock: FloatArray, n_strides: int) -> tuple[IntArray, FloatArray]:
-    """Return the nearest stride boundary of each value of the clock, 0 to n_strides, and a weight.
+    """Return the nearest stride boundary, 0 to n_strides, and a weight for each value of the clock.
 
-    The weight is that of the stride after the boundary; the stride before it has the rest to 1.
+    The weight, 0 to 1, is that of the stride after the boundary in the transition between the two
+    strides that meet there.
     """
     boundary = np.clip(np.round(clock), 0, n_strides).astype(np.int64)
     return boundary, _ease((clock - boundary) / _FADE + 0.5)
 
 
 def soft_minimum(values: FloatArray, softness: float) -> FloatArray:
-    """Return a smooth approximation of the minimum of n curves that never exceeds the minimum.
+    """Return a smooth approximation of the minimum of n curves, which never exceeds the minimum.
 
-    `values` has shape (n, n_frames), the result (n_frames,). The approximation is exact as
-    `softness`, in the unit of the values, approaches 0.
+    `values` has shape (n, n_frames), the result (n_frames,). A smaller `softness`, in the unit of
+    the values, gives a closer approximation.
     """
     least = values.min(axis=0)
     soft: FloatArray = least - softness * np.log(np.exp((least - values) / softness).sum(axis=0))
@@ -294,9 +295,9 @@ def _grid(plan: Plan) -> FloatArray:
 
 
 def _integral(rates: FloatArray) -> FloatArray:
-    """Return the integral of `rates` up to each node of the grid, by the trapezoidal rule.
+    """Return the integral of `rates` from the first to each node of the grid (trapezoidal rule).
 
-    The rates are per stride.
+    `rates` holds changes per stride at the nodes.
     """
     areas = 0.5 * (rates[1:] + rates[:-1]) / _GRID
     return np.concatenate([[0.0], np.cumsum(areas)])

@@ -54,9 +54,9 @@ def _two_bone_ik(
 ) -> tuple[FloatArray, FloatArray]:
     """Solve the inverse kinematics of a limb of two bones with the given lengths.
 
-    `reach`, shape (n, 3), is the vector from the start to the end of the limb, which is shorter
-    than both bones together. `pole` is the direction to which the middle joint points. In the rest
-    pose the limb has direction `rest`; the middle joint rotates about the axis `hinge`. Return the
+    `reach`, shape (n, 3), is the vector from the start to the end of the limb; it is shorter than
+    the sum of the lengths. The middle joint bends towards the direction `pole`. In the rest pose
+    the limb has the direction `rest`, and the axis of the middle joint is `hinge`. Return the
     rotations of the first bone, shape (n, 4), and the angles of the middle joint in radians, shape
     (n,), which are 0 if the limb is straight.
     """
@@ -138,7 +138,8 @@ def _pattern_pose(
 
     The shape is (n_frames, 8). The columns hold the angle of the shoulder (1), the rotation vector
     of the arm relative to `_ARM_HOME` (3), the angle of the elbow (1) and the rotation vector of
-    the hand (3), in radians. `size` is the amplitude in each frame, 1 for the original pattern.
+    the hand (3), in radians. `size` is the amplitude in each frame, 1 for the original pattern;
+    `spine` holds the local rotations of the spine.
     """
     wave = np.cos(2 * np.pi * (pattern.beats * clock + pattern.start))
     if pattern.snap:

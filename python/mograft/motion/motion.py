@@ -39,8 +39,9 @@ class Motion:
         Local translations in the unit of the file. The translation of a joint without position
         channels is its rest offset.
     channel_values : array_like, shape (n_frames, n_channels), optional
-        The channel values of the file, in its order and units (degrees). NaN marks a value that
-        the writer derives from the rotation or translation. Default: NaN everywhere.
+        The channel values of the file, in the order and units of the file; angles are in degrees.
+        NaN marks a value that the writer derives from the rotation or translation. Default: NaN
+        everywhere.
     name : str
         Name of the motion; for a file, its stem.
     path : Path, optional
@@ -150,7 +151,7 @@ class Motion:
         return (self.n_frames - 1) * self.frame_time
 
     @cached_property
-    def travels(self) -> BoolArray:
+    def is_translated(self) -> BoolArray:
         """Whether the local translation of each joint varies over time, shape (n_joints,)."""
         varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
         return varies
@@ -208,7 +209,7 @@ class Motion:
         This is the first joint whose translation varies: in some files the root of the hierarchy
         is a helper joint that never moves. If no translation varies, the root is returned.
         """
-        moving = np.flatnonzero(self.travels)
+        moving = np.flatnonzero(self.is_translated)
         return int(moving[0]) if len(moving) else 0
 
     def channel_numbers(self) -> FloatArray:
@@ -216,7 +217,8 @@ class Motion:
 
         Order and units are those of the file; angles are in degrees. Numbers in `channel_values`
         are returned unchanged. Values that are NaN or absent there are derived from the rotations
-        and translations. Of equivalent angles, those nearest to the previous frame are returned.
+        and translations, for all angles of a joint in a frame if one of them is missing. Of
+        equivalent angles, those nearest to the previous frame are returned.
         """
         n_frames, skeleton = self.n_frames, self.skeleton
         known = self.channel_values

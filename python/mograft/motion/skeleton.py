@@ -74,7 +74,8 @@ class Skeleton:
     Raises
     ------
     ValueError
-        If lengths differ, a parent does not precede its child or a channel name is unknown.
+        If arguments have different lengths, a parent does not precede its child, or a channel name
+        is unknown.
 
     Examples
     --------
@@ -153,7 +154,7 @@ class Skeleton:
 
     @cached_property
     def children_and_sites(self) -> "tuple[tuple[int | EndSite, ...], ...]":
-        """Child joints and end sites of each joint, in the order of the file."""
+        """Child joints (as indices) and end sites of each joint, in the order of the file."""
         rows: list[list[tuple[int, int, int | EndSite]]] = [
             [(rank, 1, child) for rank, child in enumerate(children)] for children in self.children
         ]
@@ -202,9 +203,10 @@ class Skeleton:
         Raises ValueError if no joint or more than one has the name.
         """
         found = [joint for joint, known in enumerate(self.names) if known == name]
-        if len(found) != 1:
-            what = "no joint is" if not found else f"{len(found)} joints are"
-            raise ValueError(f"{what} named {name!r} in {', '.join(self.names)}")
+        if not found:
+            raise ValueError(f"no joint is named {name!r} in {', '.join(self.names)}")
+        if len(found) > 1:
+            raise ValueError(f"expected one joint named {name!r}, got joints {found}")
         return found[0]
 
     def rest_positions(self) -> FloatArray:

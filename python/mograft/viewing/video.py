@@ -40,7 +40,7 @@ def write_video(
     Parameters
     ----------
     motions : Motion or sequence of Motion
-        What to show. Shorter motions keep their last frame.
+        What to show. A motion that ends before the others keeps its last frame.
     path : str or path
         The file to write: ``.mp4`` (H.264) or ``.gif``, which repeats endlessly.
     rate : float, optional
@@ -54,7 +54,7 @@ def write_video(
     dark : bool
         Whether to draw light colours on a dark background.
     progress : callable, optional
-        Called with ``"film"``, the number of pictures drawn and their total number.
+        Called for each picture with ``"film"``, its index from 0, and the number of pictures.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def write_video(
     ModuleNotFoundError
         If Pillow is not installed, or for MP4 neither imageio-ffmpeg nor ffmpeg.
     OSError
-        If ffmpeg fails; the message contains its last line.
+        If ffmpeg fails; the message contains the last line that ffmpeg printed.
     ValueError
         If there is no motion, the ending of the path is unknown, or a number is out of range.
 
