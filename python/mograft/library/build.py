@@ -84,7 +84,7 @@ def _named_motions(
 
 
 def join_segments(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
-    """Join the segments of several clips, each given by the starts and stops of its segments."""
+    """Join the segments of several clips; `ends` holds the starts and the stops of each clip."""
     clip: IntArray = np.repeat(np.arange(len(ends)), [len(start) for start, _ in ends])
     starts, stops = zip(*ends, strict=True)
     return Segments(np.concatenate(starts), np.concatenate(stops), clip)

@@ -45,7 +45,7 @@ class DerivableLibrary(LibraryData):
     """A library from which other libraries are derived; base class of `mograft.Library`."""
 
     def relabelled(self, config: Config) -> Self:
-        """Return the library with another configuration, by which segments are clustered again.
+        """Return the library with another configuration, and its segments clustered again.
 
         Parameters
         ----------

@@ -185,7 +185,7 @@ class GenerationWriter:
     def write_array(
         self, name: str, dtype: str, parts: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
     ) -> None:
-        """Write an array: a whole one, or consecutive parts of one."""
+        """Write an array that is given as a whole or as consecutive parts."""
         (self.folder / name).parent.mkdir(exist_ok=True)
         for part in [parts] if isinstance(parts, np.ndarray) else parts:
             self._writer(name, dtype, part.shape[1:]).append(part)

@@ -119,7 +119,7 @@ class ClipReceiver(Protocol):
         ...
 
     def clear(self) -> None:
-        """Remove all clips, because they are ingested again with another specification."""
+        """Remove all clips, before they are ingested again with another specification."""
         ...
 
 
@@ -139,9 +139,9 @@ class IngestRun:
     errors: dict[str, Exception] = field(default_factory=dict)  # of refused clips, by label
 
     def find_clips(self, sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
-        """Find the clips that sources stand for, without grafts in folders by default.
+        """Find the clips that `sources` stand for.
 
-        With `include_grafts`, these are included.
+        Grafts that are found in folders are left out, unless `include_grafts` is true.
         """
         found = find_clips(sources)
         return found if self.include_grafts else exclude_grafts(found)
@@ -220,9 +220,9 @@ class IngestRun:
         return {label: str(error) for label, error in self.errors.items()}
 
     def _guess_spec(self, tasks: list[IngestTask]) -> tuple[list[IngestTask], LibrarySpec]:
-        """Guess the specification from a few clips.
+        """Guess the specification from a few clips; return the tasks and the specification.
 
-        Return the tasks, of which those of these clips hold the motion, and the specification.
+        The tasks of clips that were read for it hold their motions, which are not read again.
         """
         sampled = np.unique(np.linspace(0, len(tasks) - 1, _MAX_SAMPLED_CLIPS).round().astype(int))
         indices = sampled.tolist()

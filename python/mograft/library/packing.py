@@ -59,7 +59,7 @@ def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
 
 
 def _determines_poses(values: FloatArray, motion: Motion) -> bool:
-    """Return whether the poses computed from channel values are those of a motion, bit for bit."""
+    """Return whether the poses computed from channel values equal a motion's poses bit for bit."""
     if np.isnan(values).any():
         return False
     quats, positions = channels_to_transforms(motion.skeleton, values.copy())

@@ -135,8 +135,8 @@ def _damage(folder: Path, reason: str) -> LibraryError:
 def verify(folder: Path) -> list[str]:
     """Compare the size and the SHA-256 of every file of a library with the manifest.
 
-    Return one message per missing or differing file; if there is none, but the library cannot be
-    read, the error message. Raise LibraryError if the manifest cannot be read.
+    Return one message per missing or differing file. If all files agree, but cannot be read, return
+    the message of that error. Raise LibraryError if the manifest cannot be read.
     """
     manifest = read_manifest(folder)
     problems = []
@@ -159,14 +159,17 @@ def verify(folder: Path) -> list[str]:
 
 
 def list_leftovers(folder: Path) -> list[str]:
-    """Return the names of files that an interrupted write left behind, which the next removes."""
+    """Return the names of files that an interrupted write left behind.
+
+    The next write removes these files.
+    """
     manifest = read_manifest(folder)
     known = {MANIFEST, LOCK, manifest["generation"]}
     return sorted(path.name for path in folder.iterdir() if path.name not in known)
 
 
 def manifest_checksum(document: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a manifest without its checksum."""
+    """Return the SHA-256 of a manifest, computed without its entry ``checksum``."""
     rest = {key: value for key, value in document.items() if key != "checksum"}
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 

@@ -37,7 +37,7 @@ class Candidate:
     segment, clip, start, stop : int
         Index of the segment, index of its clip, and its first and last frame in the clip.
     stretch : float
-        Length difference from the base segment, as a fraction of the base segment's length.
+        Absolute difference of the lengths, as a fraction of the base segment's length.
     gap_before, gap_after : float
         Mean joint angle, in radians, at the seams with the base segment's neighbours; 0 if
         there is no neighbour.
@@ -102,7 +102,10 @@ class SegmentPool:
     sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
-        """Return the neighbourhood of each base segment: ascending segments, including it."""
+        """Return the indices of the segments in the neighbourhood of each base segment.
+
+        The indices are ascending and include that of the base segment.
+        """
         neighbourhood = NEIGHBOURHOODS.get(config.neighbourhood)
         return neighbourhood.find_members(self.labels, self.points, self.sigma, base)
 
@@ -128,9 +131,9 @@ class SegmentPool:
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the mean joint angle, in radians, at the seam between each left and right segment.
 
-        The result has shape (len(left), len(right)). The seam is the last frame of the left segment
-        and the first frame of the right segment. The angle is 0 if the right segment follows the
-        left one in its clip.
+        The result has shape (len(left), len(right)). At the seam, the last frame of the left
+        segment meets the first frame of the right segment. The angle is 0 if the right segment
+        follows the left one in its clip.
         """
         return pose_gaps(self.boundary.last[left], self.boundary.first[right])
 
@@ -181,7 +184,7 @@ class SegmentPool:
 
     @cached_property
     def typical_gaps(self) -> tuple[float, float]:
-        """Mean pose and velocity gaps, in radians and radians/s, at the `typical_seams`.
+        """Mean pose gap, in radians, and velocity gap, in radians/s, over the `typical_seams`.
 
         Both are infinite if there are no such seams.
         """

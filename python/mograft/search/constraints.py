@@ -87,7 +87,7 @@ class Constraint:
         error : ndarray, shape (n,)
             At most 1 if the pose satisfies the constraint; 0 if the constraint does not apply.
         joint : ndarray of int, shape (n,)
-            Index of the joint with the error; -1 if no joint is responsible.
+            Index of the joint that has the error; -1 if no joint is responsible.
         """
         return no_errors(poses)
 
@@ -189,7 +189,7 @@ def find_violations(
 def overlaps(segments: Segments, frames: Span | None) -> BoolArray:
     """Return which segments a range of frames selects, shape (n_segments,); None selects all.
 
-    Neighbouring segments share a frame. The range therefore selects a segment if they have two
+    Neighbouring segments share a frame. The range therefore selects a segment only if they have two
     successive frames in common: the first and last frame of a segment select only this segment. A
     range of a single frame selects all segments that contain the frame.
     """

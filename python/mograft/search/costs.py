@@ -61,11 +61,12 @@ class SeamScales:
 class CostModel:
     """Unary and pairwise costs: the weighted sum of all terms.
 
-    A donor k of segment i costs ``length_weight · (1 - shorter / longer) + distance_weight · d(i,
-    k) / sigma``, minus `novelty` if k is not i. Here shorter and longer are the lengths of the two
-    segments, d is their distance in the embedding of the base group, and sigma the cluster diameter
-    threshold. A seam costs ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus
-    `INFEASIBLE_PENALTY` if the angle exceeds `max_angle`.
+    A donor k of segment i costs
+    ``length_weight · (1 - shorter / longer) + distance_weight · d(i, k) / sigma``, minus `novelty`
+    if k is not i. Here shorter and longer are the lengths of the two segments, d is their distance
+    in the embedding of the base group, and sigma the cluster diameter threshold. A seam costs
+    ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus `INFEASIBLE_PENALTY` if the
+    angle exceeds `max_angle`.
     """
 
     config: Config

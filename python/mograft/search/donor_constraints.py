@@ -98,8 +98,8 @@ class _ClipConstraint(Constraint):
 class OnlyFrom(_ClipConstraint):
     """Accept donors from some clips only; segments may also stay as captured.
 
-    It is violated if no segment in its `frames` has a candidate from these clips. To require a
-    donor at a segment, see `Use`.
+    The constraint is violated if none of the segments in `frames` has a candidate from these
+    clips. To require a donor at a segment, see `Use`.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ class Use(_SegmentConstraint):
 class Ban(_SegmentConstraint):
     """Forbid a donor, or the captured motion, for base segments.
 
-    Unlike `NotFrom`, it also excludes a base segment as its own donor.
+    Unlike `NotFrom`, it applies to captured motion, too.
 
     Parameters
     ----------
@@ -356,7 +356,10 @@ class MaxAngle(Constraint):
             raise ValueError("MaxAngle accepts neither weight nor frames: it applies to every seam")
 
     def violation(self, group: str, frame: int, angle: float) -> Violation:
-        """Return the violation by a seam of a group; `angle` is in radians."""
+        """Return the violation at a seam of `group`.
+
+        `frame` is that of the seam in the base motion, `angle` its mean joint angle in radians.
+        """
         message = (
             f"MaxAngle is violated at frame {frame}: seam angle of {group} "
             f"{np.degrees(angle):.1f}°, limit {np.degrees(self.limit):.1f}°"
@@ -372,7 +375,7 @@ class MaxAngle(Constraint):
 
 
 def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
-    """Return the configuration with `max_angle` at most the limit of every `MaxAngle`."""
+    """Return the configuration with `max_angle` reduced to the smallest limit of any `MaxAngle`."""
     angles = [constraint.limit for constraint in constraints if isinstance(constraint, MaxAngle)]
     return replace(config, max_angle=min([config.max_angle, *angles]))
 

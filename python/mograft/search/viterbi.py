@@ -139,7 +139,7 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     """Draw a path with probability proportional to exp(-cost / temperature).
 
     One random number is drawn per position. The method is forward filtering, backward sampling
-    (Carter and Kohn, Biometrika 81, 1994) with both directions reversed, and with logarithms.
+    (Carter and Kohn, Biometrika 81, 1994) with both directions reversed, computed in logarithms.
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
