@@ -1,6 +1,7 @@
 """Skeletons for tests: from one line of text, or from the hierarchy of a recording."""
 
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -217,3 +218,30 @@ def mark_repeated_hierarchies(paths):
         path if path in firsts or path is None else pytest.param(path, marks=pytest.mark.thorough)
         for path in paths
     ]
+
+
+def under_world_root(motion, *, moving_root=False):
+    """Return a motion whose root is a child of a helper joint on the floor, as in Bandai's files.
+
+    World positions are those of the motion. With `moving_root`, the helper moves along the floor.
+    """
+    skeleton, n_frames = motion.skeleton, motion.n_frames
+    below = Skeleton(
+        ["joint_Root", *skeleton.names],
+        [-1, *(skeleton.parents + 1)],
+        np.concatenate([np.zeros((1, 3)), motion.positions[0, :1], skeleton.offsets[1:]]),
+        end_sites=tuple(replace(site, parent=site.parent + 1) for site in skeleton.end_sites),
+    )
+    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (n_frames, 1, 4))
+    path = np.zeros((n_frames, 1, 3))
+    if moving_root:
+        path[:, 0, 0] = np.linspace(-300, 500, n_frames)
+    positions = np.concatenate([path, motion.positions], axis=1)
+    positions[:, 1] -= path[:, 0]
+    return replace(
+        motion,
+        skeleton=below,
+        rotations=np.concatenate([still, motion.rotations], axis=1),
+        positions=positions,
+        channel_values=None,
+    )

@@ -22,6 +22,7 @@ from mograft.io.units import guess_unit
 from mograft.motion import rotations
 from tests import strategies
 from tests.clients import blender, gltf_validator
+from tests.hierarchies import under_world_root
 from tests.io.glb_file import Glb, assert_equal_up_to_rotation
 from tests.strategies import HOSTILE_NAMES
 
@@ -82,6 +83,17 @@ def test_write_glb_mesh_follows_bones_for_any_up_axis(motion, tmp_path):
         expected = np.array([[world[parent], end] for parent, end in bones])
         assert_equal_up_to_rotation(ends, expected, 1e-4)
         np.testing.assert_allclose(ends[..., 1], expected[..., 1], atol=1e-4)
+
+
+def test_write_glb_world_root_has_no_bone_in_mesh(motion, tmp_path):
+    vertices = []
+    for name, moved in (("a", motion), ("b", under_world_root(motion, moving_root=True))):
+        write_glb(moved, tmp_path / f"{name}.glb")
+        file = Glb(tmp_path / f"{name}.glb")
+        vertices.append(file.skinned(file.document["animations"][0], 40))
+    (plain, plain_joints), (rooted, rooted_joints) = vertices
+    np.testing.assert_array_equal(rooted_joints, plain_joints + 1)
+    np.testing.assert_allclose(rooted, plain, atol=1e-4)
 
 
 def test_write_glb_several_motions_become_animations(motion, tmp_path):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Config, Library, Motion, Skeleton, graft, kinetic_energy, segment, write_bvh
+from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
 from mograft.cli import main
 from mograft.cli.commands import PLOT_KINDS
 from mograft.dancer import dance
@@ -17,6 +17,7 @@ matplotlib.use("agg")
 from matplotlib import colors, image, pyplot  # noqa: E402
 
 from mograft import plot  # noqa: E402
+from tests.hierarchies import under_world_root  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -51,26 +52,13 @@ def test_strip_draws_every_bone_of_every_pose(motion, axes):
     assert shown == set(plot.PALETTE[:2])
 
 
-def test_strip_static_world_root_has_no_bone(motion):
-    skeleton = motion.skeleton
-    under = Skeleton(
-        ["World", *skeleton.names],
-        [-1, *(skeleton.parents + 1)],
-        np.concatenate([np.zeros((1, 3)), skeleton.offsets]),
-    )
-    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (motion.n_frames, 1, 4))
-    away = motion.positions + 500.0 * (np.arange(motion.n_joints) == 0)[:, None]
-    rooted = Motion(
-        under,
-        motion.frame_time,
-        np.concatenate([still, motion.rotations], axis=1),
-        np.concatenate([np.zeros((motion.n_frames, 1, 3)), away], axis=1),
-    )
-    axes = plot.strip(rooted, 3)
-    bones = [line for line in axes.lines if len(line.get_xdata()) == 2][:-1]
-    assert len(bones) == 3 * (skeleton.n_joints - 1)
-    lengths = [np.hypot(np.ptp(line.get_xdata()), np.ptp(line.get_ydata())) for line in bones]
-    assert max(lengths) < 0.5  # of the figure's height
+@pytest.mark.parametrize("is_moving", [False, True])
+def test_strip_world_root_has_no_bone(motion, is_moving):
+    drawn = [
+        plot.strip(own, 3) for own in (motion, under_world_root(motion, moving_root=is_moving))
+    ]
+    lines = [[line.get_xydata() for line in axes.lines] for axes in drawn]
+    np.testing.assert_allclose(*lines, atol=1e-9)
     pyplot.close("all")
 
 

@@ -24,8 +24,10 @@ from mograft import (
 from mograft.cli import main
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_scene, quantize
+from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.scene import Scene
 from tests import strategies
+from tests.hierarchies import under_world_root
 from tests.strategies import HOSTILE_NAMES
 from tests.viewing.page_content import Tags, clip_positions, dequantize, page_data
 
@@ -103,6 +105,19 @@ def test_view_end_sites_have_world_positions(motion):
         want = joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
         np.testing.assert_allclose(positions[:, motion.n_joints + index], want, atol=clip["unit"])
         assert clip["parents"][motion.n_joints + index] == site.parent
+
+
+@pytest.mark.parametrize("is_moving", [False, True])
+def test_drawn_skeleton_world_root_adds_no_bone(motion, is_moving):
+    plain = DrawnSkeleton.of(motion)
+    rooted = DrawnSkeleton.of(under_world_root(motion, moving_root=is_moving))
+    assert rooted.parents == [-1, *(p + 1 if p >= 0 else -1 for p in plain.parents)]
+    np.testing.assert_allclose(rooted.positions[:, 1:], plain.positions, atol=1e-9)
+    np.testing.assert_allclose(rooted.positions[:, 0], plain.positions[:, 0], atol=1e-9)
+    assert rooted.root == plain.root + 1
+    assert rooted.tips == [tip + 1 for tip in plain.tips]
+    assert rooted.widths[2:] == plain.widths[1:]
+    assert (rooted.height, rooted.floor) == pytest.approx((plain.height, plain.floor))
 
 
 def test_view_eyes_are_thinner_than_head(motion):

@@ -93,6 +93,16 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     )
 
 
+def root_carriers(skeleton: Skeleton) -> list[int]:
+    """Return the ancestors of the hips of a skeleton with legs, from the hips upwards.
+
+    They are helper joints such as ``joint_Root``, which often stays on the floor. The distance from
+    them to the hips is a translation of the body and not a bone.
+    """
+    known = anatomy(skeleton)
+    return list(skeleton.ancestors(known.hips)) if known.joints(*LEG) else []
+
+
 def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
     """Return those of the given joints whose rotations are compared between segments, in order.
 

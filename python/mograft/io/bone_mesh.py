@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft.body.anatomy import root_carriers
 from mograft.body.groups import JointGroups
 from mograft.body.mass import mass_model
 from mograft.io.units import ExportTransform
@@ -24,14 +25,19 @@ class BoneMesh(NamedTuple):
 def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
     """Return the mesh of the bones in the rest pose, in metres with y up.
 
-    If no bone is long enough to be visible, one bone is added at the root, because a skin needs a
-    mesh.
+    No bone starts at a joint above the hips. If no bone is long enough to be visible, one bone is
+    added at the root, because a skin needs a mesh.
     """
+    carriers = root_carriers(skeleton)
     rest = transform.points(skeleton.rest_positions())
     thickness = 0.016 * transform.scale * mass_model(skeleton).height
-    bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
+    bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents)]
     bones += [(s.parent, rest[s.parent] + transform.points(s.offset)) for s in skeleton.end_sites]
-    bones = [bone for bone in bones if _is_visible(rest[bone[0]], bone[1], thickness)]
+    bones = [
+        (joint, end)
+        for joint, end in bones
+        if joint >= 0 and joint not in carriers and _is_visible(rest[joint], end, thickness)
+    ]
     bones = bones or [(0, rest[0] + [0, max(thickness, 0.01), 0])]
     octahedra = [_octahedron(rest[joint], end, thickness) for joint, end in bones]
     return BoneMesh(

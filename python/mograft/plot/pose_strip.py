@@ -99,16 +99,8 @@ def strip(
 
 
 def _bones(motion: Motion) -> list[tuple[int, int]]:
-    """Return the bones as pairs of a node and its parent, without bones above the locomotion root.
-
-    Joints above this root stay at the origin of the world, however far away the body is.
-    """
-    parents = node_parents(motion)
-    above, joint = set(), motion.locomotion_root()
-    while joint >= 0:
-        above.add(joint)
-        joint = parents[joint]
-    return [(node, p) for node, p in enumerate(parents) if p >= 0 and node not in above]
+    """Return the bones as pairs of a node and its parent."""
+    return [(node, p) for node, p in enumerate(node_parents(motion)) if p >= 0]
 
 
 def _project(motion: Motion, frames: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.body.anatomy import Anatomy, anatomy
+from mograft.body.anatomy import Anatomy, anatomy, root_carriers
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -42,7 +42,7 @@ class DrawnSkeleton:
 
     positions: FloatArray  # World, (n_frames, n_nodes, 3), in the unit of the motion, y up.
     parents: list[int]  # The node at which the bone of each node begins; -1 without a bone.
-    root: int  # The joint that moves the body through the world.
+    root: int  # The joint whose path the camera follows.
     height: float  # Of the body.
     floor: float  # Height of the floor.
     widths: list[float]  # Of each node's bone; 1 is about a fiftieth of the body height.
@@ -64,11 +64,12 @@ class DrawnSkeleton:
             positions = np.concatenate([positions, top[:, None]], axis=1)
             parents.append(mass.head)
         positions = _rotate_to_y_up(positions, motion)
+        root = motion.locomotion_root()
         lowest = positions[:, :, 1].min(axis=1)
         return cls(
             positions=positions,
             parents=parents,
-            root=motion.locomotion_root(),
+            root=known.hips if root in root_carriers(skeleton) else root,
             height=mass.height,
             floor=float(np.percentile(lowest, 5)),
             widths=_bone_widths(known, parents),
@@ -77,19 +78,33 @@ class DrawnSkeleton:
 
 
 def node_parents(motion: Motion) -> list[int]:
-    """Return the index of the parent of each joint, then of each end site; -1 for the root."""
+    """Return the index of the parent of each joint, then of each end site; -1 without a bone.
+
+    No bone ends at the root of the hierarchy, and none starts at a joint above the hips.
+    """
     skeleton = motion.skeleton
-    return [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
+    carriers = root_carriers(skeleton)
+    parents = [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
+    return [-1 if parent in carriers else parent for parent in parents]
 
 
 def node_positions(motion: Motion) -> FloatArray:
-    """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3)."""
+    """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3).
+
+    Nodes without a bone, such as a root on the floor, have the position of the hips: their own may
+    be far from the body and below its floor.
+    """
     turns, joints = motion.world_transforms()
     sites = [
         joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
         for site in motion.skeleton.end_sites
     ]
-    return np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
+    positions = np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
+    bones = [(node, parent) for node, parent in enumerate(node_parents(motion)) if parent >= 0]
+    is_drawn = np.zeros(positions.shape[1], bool)
+    is_drawn[[end for bone in bones for end in bone]] = True
+    positions[:, ~is_drawn] = joints[:, [anatomy(motion.skeleton).hips]]
+    return positions
 
 
 def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
@@ -109,8 +124,8 @@ def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
 
 def _limb_tips(known: Anatomy, parents: list[int]) -> list[int]:
     inner = {parent for parent in parents if parent >= 0}
-    leaves = [node for node in range(len(parents)) if node not in inner]
-    return [node for node in leaves if known.parts[max(parents[node], 0)] != "finger"][:_MAX_TIPS]
+    leaves = [node for node, p in enumerate(parents) if p >= 0 and node not in inner]
+    return [node for node in leaves if known.parts[parents[node]] != "finger"][:_MAX_TIPS]
 
 
 def _rotate_to_y_up(positions: FloatArray, motion: Motion) -> FloatArray:

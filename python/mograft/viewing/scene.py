@@ -73,7 +73,7 @@ class Figure:
         for index, joints in enumerate(self.members.values()):
             groups[joints] = index
         for node in range(self.motion.n_joints, len(parents)):
-            groups[node] = groups[parents[node]]
+            groups[node] = groups[max(parents[node], 0)]
         indices: list[int] = groups.tolist()
         return indices
 
