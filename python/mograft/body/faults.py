@@ -17,6 +17,8 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
 KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
+HARMLESS_FAULTS = ("wrap",)
+"""Kinds that do not change the motion and require no action."""
 
 # Minimum mean joint speed of a teleport, in heights per second. The fastest frames of breakdance
 # reach 2.5.

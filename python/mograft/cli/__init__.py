@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Sequence
 
 from mograft.cli.commands import COMMANDS
-from mograft.cli.output import print_remark
+from mograft.cli.output import print_error, print_remark, set_quiet
 from mograft.cli.parser import parse
 from mograft.errors import BvhError, MograftError
 
@@ -26,16 +26,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # process and of its workers would mostly wait for each other.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    set_quiet(options.quiet)
+    shown: set[str] = set()
+
+    def show_once(message: Warning | str, *_: object, **__: object) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            print_remark(f"warning: {message}")
+
     with warnings.catch_warnings():
         warnings.simplefilter("always")
-        warnings.showwarning = lambda message, *_, **__: print_remark(f"warning: {message}")
+        warnings.showwarning = show_once
         try:
             # Only the module of this command is imported: `mograft --help` needs no NumPy.
             module = importlib.import_module(f"mograft.cli.{options.command.name}")
             code: int = getattr(module, options.function)(options)
             sys.stdout.flush()
         except BvhError as error:
-            print_remark(f"error: {error}")
+            print_error(str(error))
             code = 3
         except BrokenPipeError:
             # The reader, such as `head`, has closed the pipe, which needs no message. The
@@ -46,9 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             text = str(error)
             if isinstance(error, OSError) and error.filename and error.strerror:
                 text = f"{error.filename}: {error.strerror}"
-            print_remark(f"error: {text}")
+            print_error(text)
             code = 1
         except KeyboardInterrupt:
-            print_remark("interrupted")
+            print("interrupted", file=sys.stderr)
             code = 130
     return code

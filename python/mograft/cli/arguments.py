@@ -4,9 +4,12 @@ The parser, the settings that the configuration file and the environment may hol
 completion are derived from these declarations.
 """
 
+import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
+
+from mograft.cli.values import one_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +34,14 @@ class Argument:
     @property
     def is_switch(self) -> bool:
         """Whether the option takes no value."""
-        return self.keywords.get("action") == "store_true"
+        return self.keywords.get("action") in ("store_true", argparse.BooleanOptionalAction)
+
+    @property
+    def all_flags(self) -> tuple[str, ...]:
+        """The flags; for a switch that can be turned off also the flag that does so."""
+        if self.keywords.get("action") is not argparse.BooleanOptionalAction:
+            return self.flags
+        return (*self.flags, f"--no-{self.name}")
 
     @property
     def default(self) -> Any:  # noqa: ANN401 - the type of the option's value
@@ -95,6 +105,8 @@ def positional(name: str, help: str, *, is_path: bool = False, **keywords: Any) 
     `is_path` makes the shell complete the value as a file name. `keywords` are passed to
     `argparse.ArgumentParser.add_argument`.
     """
+    if "choices" in keywords:
+        keywords["type"] = one_of(keywords["choices"])
     return Argument(flags=(name,), keywords={"help": help, **keywords}, is_path=is_path)
 
 
@@ -117,6 +129,8 @@ def option(
     flags = tuple(word for word in words if word.startswith("-"))
     if len(flags) < len(words):
         keywords["metavar"] = words[-1]
+    if "choices" in keywords:
+        convert = one_of(keywords["choices"])
     keywords |= {"help": help, "type": convert, "default": default}
     return Argument(flags=flags, keywords=keywords, is_path=is_path)
 
@@ -140,6 +154,15 @@ def setting_switch(flag: str, help: str) -> Argument:  # noqa: A002 - as add_arg
     The configuration file and the environment may also set it.
     """
     return replace(switch(flag, help), is_setting=True)
+
+
+def setting_flag(flag: str, help: str) -> Argument:  # noqa: A002 - as add_argument
+    """Return an option ``--NAME`` with its opposite ``--no-NAME``; its default is None.
+
+    The configuration file and the environment may also set it.
+    """
+    keywords = {"action": argparse.BooleanOptionalAction, "help": help}
+    return Argument(flags=(flag,), keywords=keywords, is_setting=True)
 
 
 def repeated_option(usage: str, help: str, convert: Callable[[str], Any] = str) -> Argument:  # noqa: A002

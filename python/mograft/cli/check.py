@@ -3,9 +3,9 @@
 import argparse
 from typing import Any
 
-from mograft.body.faults import find_faults
+from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.cli.files import expand_folders
-from mograft.cli.output import print_remark, print_result
+from mograft.cli.output import print_error, print_result
 from mograft.errors import BvhError
 from mograft.io.bvh.reader import read_bvh
 
@@ -19,10 +19,14 @@ def run(options: argparse.Namespace) -> int:
         if options.json:
             continue
         if document["error"] is not None:
-            print_remark(f"error: {document['error']}")
+            print_error(document["error"])
             continue
         lines = [f"tolerated: {repair}" for repair in document["repairs"]]
-        lines += [f"{fault['kind']}: {_describe(fault)}" for fault in document["faults"]]
+        lines += [
+            f"{fault['kind']}: {_describe(fault)}"
+            for fault in document["faults"]
+            if options.verbose or fault["kind"] not in HARMLESS_FAULTS
+        ]
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
     print_result(options, "check", {"files": documents}, [])
     return 3 if any(document["error"] for document in documents) else 0

@@ -10,6 +10,7 @@ from mograft.cli.arguments import (
     positional,
     repeated_option,
     setting,
+    setting_flag,
     setting_switch,
     switch,
 )
@@ -158,6 +159,11 @@ _GRAFT = command(
     config_option("alignment", "time alignment of donors", "uniform"),
     config_option("torso", "orientation of an exchanged trunk", "world", paper="pelvis"),
     config_option("feet", "foot planting", "auto", paper="never"),
+    setting_flag(
+        "--self-repair",
+        "whether to replace donors near frames whose acceleration or jerk exceeds that of the "
+        "recordings (default: on; with --preset paper: off)",
+    ),
     setting_switch("--report", "also write an HTML page that describes the motions"),
     setting_switch(
         "--measure",

@@ -22,6 +22,7 @@ _CONFIG_OPTIONS = (
     "alignment",
     "torso",
     "feet",
+    "self_repair",
 )
 """Options that set the configuration field of the same name."""
 

@@ -11,7 +11,7 @@ from typing import Any
 from mograft.cli.configuration import load_library, options_given
 from mograft.cli.constraints import read_constraints
 from mograft.cli.files import check_writable, expand_folders, library_folder
-from mograft.cli.output import print_remark, print_result
+from mograft.cli.output import print_error, print_remark, print_result
 from mograft.cli.results import GRAFT_ENDINGS, write_graft, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names
@@ -143,16 +143,20 @@ def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
     The last line states whether the grafts are written, which is so if `best_effort` is true.
     """
     violating = [graft for graft in grafts if graft.violations]
-    for graft in violating:
-        for violation in graft.violations:
-            print_remark(f"{graft.motion.name}: {violation.message}")
+    messages = [
+        f"{graft.motion.name}: {violation.message}"
+        for graft in violating
+        for violation in graft.violations
+    ]
     counts = f"{len(violating)} of {len(grafts)} motions"
     if violating and best_effort:
-        print_remark(f"warning: {counts} violate the constraints; all {len(grafts)} are written")
+        warning = f"warning: {counts} violate the constraints; all {len(grafts)} are written"
+        print_remark("\n".join([*messages, warning]))
     elif violating:
-        print_remark(
-            f"error: {counts} violate the constraints, because no donor sequence satisfies them; "
-            "no motion was written; --best-effort writes all"
+        print_error(
+            f"{counts} violate the constraints, because no donor sequence satisfies them; "
+            "no motion was written; --best-effort writes all",
+            messages,
         )
     return bool(violating)
 

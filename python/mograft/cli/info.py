@@ -4,7 +4,7 @@ import argparse
 import os
 from typing import Any
 
-from mograft.body.faults import find_faults
+from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders
 from mograft.cli.output import print_result
@@ -19,7 +19,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     documents = []
     for name in expand_folders(options.files):
-        document = _read(name)
+        document = _read(name, all_faults=options.verbose or options.json)
         documents.append(document)
         if not options.json:
             print(_describe(document))
@@ -27,14 +27,19 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _read(name: str) -> dict[str, Any]:
+def _read(name: str, *, all_faults: bool) -> dict[str, Any]:
+    """Return the contents of a file; without `all_faults`, harmless faults are omitted."""
     faults: list[str] | None = None
     summary: BvhSummary | Motion
     if os.path.getsize(name) > MAX_BYTES_IN_MEMORY:
         summary = scan_bvh(name)
     else:
         summary = motion = read_bvh(name)
-        faults = [fault.message for fault in find_faults(motion)]
+        faults = [
+            fault.message
+            for fault in find_faults(motion)
+            if all_faults or fault.kind not in HARMLESS_FAULTS
+        ]
     skeleton = summary.skeleton
     try:
         members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)

@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 
@@ -22,15 +23,32 @@ def print_result(
             print(line)
 
 
+_is_quiet: ContextVar[bool] = ContextVar("is_quiet", default=False)
+
+
+def set_quiet(is_quiet: bool) -> None:  # noqa: FBT001 - the only argument
+    """Set whether `print_remark` and `show_progress` print nothing, as with ``--quiet``."""
+    _is_quiet.set(is_quiet)
+
+
 def print_remark(text: str) -> None:
-    """Print a line on stderr."""
-    print(text, file=sys.stderr)
+    """Print a line on stderr, unless ``--quiet`` is given."""
+    if not _is_quiet.get():
+        print(text, file=sys.stderr)
+
+
+def print_error(text: str, details: Iterable[str] = ()) -> None:
+    """Print an error on stderr, after one line for each of its `details`."""
+    print(*details, f"error: {text}", sep="\n", file=sys.stderr)
 
 
 @contextmanager
 def show_progress() -> Iterator[Callable[[str, int, int], None] | None]:
-    """Yield a callback that prints progress if stderr is a terminal, otherwise None."""
-    if not sys.stderr.isatty():
+    """Yield a callback that prints progress if stderr is a terminal, otherwise None.
+
+    It is None with ``--quiet``, too.
+    """
+    if _is_quiet.get() or not sys.stderr.isatty():
         yield None
         return
 

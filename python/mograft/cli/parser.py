@@ -1,12 +1,37 @@
 """The argparse parsers, built from the declarations of the commands."""
 
 import argparse
-from collections.abc import Sequence
-from typing import Any
+import sys
+from collections.abc import Collection, Sequence
+from typing import Any, NoReturn
 
 from mograft import __version__
 from mograft.cli.arguments import Argument, ArgumentGroup, Command
 from mograft.cli.settings import find_settings
+from mograft.errors import suggest_name
+
+GENERAL_OPTIONS = (
+    Argument(
+        flags=("-q", "--quiet"),
+        keywords={"action": "store_true", "help": "print only results and errors"},
+    ),
+    Argument(
+        flags=("-v", "--verbose"),
+        keywords={"action": "store_true", "help": "also print remarks that require no action"},
+    ),
+)
+"""Options of every command."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line of usage and one line with the error."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the usage and an error, and end the program with exit code 2."""
+        usage = " ".join(self.format_usage().split())
+        help_words = self.prog if self.prog in usage else "mograft"
+        print(f"{usage} (see {help_words} --help)\nerror: {message}", file=sys.stderr)
+        raise SystemExit(2)
 
 
 def build_parsers(
@@ -18,21 +43,27 @@ def build_parsers(
     `path_completion` is assigned to the attribute ``complete`` of all arguments that are paths;
     shtab reads this attribute.
     """
-    root = argparse.ArgumentParser(
+    root = _Parser(
         prog="mograft",
+        usage="mograft COMMAND [options]",
         description="Create natural motions from captured ones by exchanging body parts.",
     )
     root.add_argument("--version", action="version", version=f"mograft {__version__}")
     parsers: dict[tuple[str, ...], argparse.ArgumentParser] = {(): root}
-    subparsers = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    subparsers = root.add_subparsers(
+        title="commands", prog="mograft", required=True, metavar="COMMAND"
+    )
     for command in commands:
-        parser = _add_parser(subparsers, command, path_completion)
+        parser = _add_parser(subparsers, command, f"mograft {command.name}", path_completion)
         parser.set_defaults(command=command, function="run")
         parsers[command.name,] = parser
         if command.actions:
-            actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
+            prog = parser.prog
+            actions = parser.add_subparsers(
+                title="actions", prog=prog, required=True, metavar="ACTION"
+            )
         for action in command.actions:
-            parser = _add_parser(actions, action, path_completion)
+            parser = _add_parser(actions, action, f"{prog} {action.name}", path_completion)
             parser.set_defaults(command=command, function=f"run_{action.name}")
             parsers[command.name, action.name] = parser
     return parsers
@@ -41,12 +72,17 @@ def build_parsers(
 def _add_parser(
     subparsers: Any,  # noqa: ANN401 - argparse does not publish its type
     command: Command,
+    name: str,
     path_completion: object,
 ) -> argparse.ArgumentParser:
+    """Add the parser of a command; `name` is the command with the name of the program."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
-        command.name, help=command.help, description=command.description
+        command.name,
+        usage=f"{name} {_summarize(command)}",
+        help=command.help,
+        description=command.description,
     )
-    for item in command.arguments:
+    for item in (*command.arguments, *(() if command.actions else GENERAL_OPTIONS)):
         container: Any = parser
         if isinstance(item, ArgumentGroup) and item.title:
             container = parser.add_argument_group(item.title, item.description)
@@ -61,6 +97,70 @@ def _add_parser(
     return parser
 
 
+def _summarize(command: Command) -> str:
+    """Return the arguments of a command that have no default, in one line."""
+    if command.actions:
+        return "ACTION [options]"
+    words = []
+    for item in command.arguments:
+        if isinstance(item, ArgumentGroup) and not item.title:
+            words.append(f"({' | '.join(_show(own) for own in item.arguments)})")
+        elif isinstance(item, Argument) and not item.flags[0].startswith("-"):
+            shown = item.keywords.get("metavar") or item.name.upper()
+            form = {"+": "{} ...", "*": "[{} ...]", "?": "[{}]"}
+            words.append(form.get(item.keywords.get("nargs", ""), "{}").format(shown))
+        elif isinstance(item, Argument) and item.keywords.get("required"):
+            words.append(_show(item))
+    return " ".join([*words, "[options]"])
+
+
+def _show(option: Argument) -> str:
+    """Return the first flag of an option with the placeholder of its value."""
+    value = option.keywords.get("metavar") or option.name.upper()
+    has_value = option.keywords.get("action") is None
+    return f"{option.flags[0]} {value}" if has_value else option.flags[0]
+
+
+def _check_names(
+    parsers: dict[tuple[str, ...], argparse.ArgumentParser],
+    commands: Sequence[Command],
+    words: Sequence[str],
+) -> None:
+    """End with a usage error if a command or a long option in `words` does not exist.
+
+    The message suggests the most similar name.
+    """
+    path: tuple[str, ...] = ()
+    choices: Sequence[Command] = commands
+    while choices and len(path) < len(words) and not words[len(path)].startswith("-"):
+        word, names = words[len(path)], [command.name for command in choices]
+        if word not in names:
+            kind = "ACTION" if path else "COMMAND"
+            hint = suggest_name(word, names)
+            parsers[path].error(f"{kind} must be one of {', '.join(names)}; got {word!r}{hint}")
+        command = choices[names.index(word)]
+        path, choices = (*path, word), command.actions
+    if not path or choices:
+        return
+    flags = [flag for flag in _all_flags(command) if flag.startswith("--")]
+    for word in words[len(path) :]:
+        name = word.partition("=")[0]
+        if word == "--":
+            return
+        if name.startswith("--") and not any(flag.startswith(name) for flag in flags):
+            hint = suggest_name(name, flags)
+            parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
+
+
+def _all_flags(command: Command) -> Collection[str]:
+    """Return the flags of all options of a command."""
+    flags = ["--help"]
+    for item in (*command.arguments, *GENERAL_OPTIONS):
+        for argument in (item,) if isinstance(item, Argument) else item.arguments:
+            flags += argument.all_flags
+    return flags
+
+
 def parse(
     commands: Sequence[Command], arguments: Sequence[str] | None = None
 ) -> argparse.Namespace:
@@ -72,7 +172,9 @@ def parse(
     a variable set to the name of this file or variable.
     """
     parsers = build_parsers(commands)
-    options = parsers[()].parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    _check_names(parsers, commands, words)
+    options = parsers[()].parse_args(words)
     command: Command = options.command
     settings = {}
     if command.has_settings:
@@ -84,7 +186,7 @@ def parse(
         # argparse leaves a default that is no string as it is: an option that still holds its
         # `Setting` after parsing is absent from the command line.
         parser.set_defaults(**settings)
-        options = parsers[()].parse_args(arguments)
+        options = parsers[()].parse_args(words)
     options.commands = commands
     options.origins = {}
     for name, setting in settings.items():

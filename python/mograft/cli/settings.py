@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft.cli.arguments import Argument, Command
+from mograft.errors import suggest_name
 
 CONFIG_FILE = "mograft.toml"
 _VARIABLE_PREFIX = "MOGRAFT_"
@@ -83,18 +84,21 @@ def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dic
         if name not in known:
             raise ValueError(
                 f"{path}: the name of a table must be one of {', '.join(known)}; got [{name}]"
+                f"{suggest_name(name, known)}"
             )
     merged = {}
     for name in [name for name in document if name not in tables]:
         if not any(_dest(name) in dests for dests in known.values()):
+            hint = suggest_name(_dest(name), set().union(*known.values())) or ";"
             raise ValueError(
-                f"{path}: unknown setting {name!r}; mograft config show lists all settings"
+                f"{path}: unknown setting {name!r}{hint} mograft config show lists all settings"
             )
         if _dest(name) in known[command.name]:
             merged[_dest(name)] = document[name]
     for name, value in tables.get(command.name, {}).items():
         if _dest(name) not in known[command.name]:
-            raise ValueError(f"{path}: mograft {command.name} has no setting {name!r}")
+            hint = suggest_name(_dest(name), known[command.name])
+            raise ValueError(f"{path}: mograft {command.name} has no setting {name!r}{hint}")
         merged[_dest(name)] = value
     return merged
 
@@ -130,7 +134,4 @@ def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: AN
         raise ValueError(f"{place}: {error}") from None
     except (ValueError, TypeError):
         raise ValueError(f"{place}: invalid value {text!r}") from None
-    choices = argument.keywords.get("choices")
-    if choices is not None and value not in choices:
-        raise ValueError(f"{place} must be one of {', '.join(map(str, choices))}, got {text!r}")
     return value

@@ -2,9 +2,11 @@
 
 import math
 from argparse import ArgumentTypeError
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
+
+from mograft.errors import suggest_name
 
 SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
 """How many numbers describe a shape of ``--avoid``."""
@@ -60,6 +62,18 @@ def unit(text: str) -> float | str:
         raise ArgumentTypeError(
             f"must be {', '.join(UNITS)} or a number above 0, got {text}"
         ) from None
+
+
+def one_of(choices: Collection[str]) -> Callable[[str], str]:
+    """Return a converter that accepts only the words `choices` and suggests the nearest one."""
+
+    def convert(text: str) -> str:
+        if text not in choices:
+            hint = suggest_name(text, choices)
+            raise ArgumentTypeError(f"must be one of {', '.join(choices)}; got {text!r}{hint}")
+        return text
+
+    return convert
 
 
 def picture_size(text: str) -> tuple[int, int]:

@@ -1,0 +1,132 @@
+"""What commands print: usage errors, suggestions, ``--quiet``, ``--verbose`` and warnings."""
+
+import contextlib
+import io
+import json
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import read_bvh
+from mograft.cli import COMMANDS, main
+from mograft.cli.arguments import ArgumentGroup
+from mograft.cli.parser import GENERAL_OPTIONS
+
+
+def option_flags(command):
+    """Return the long flags of all options of a command."""
+    items = (*command.arguments, *GENERAL_OPTIONS)
+    arguments = [a for i in items for a in (i.arguments if isinstance(i, ArgumentGroup) else (i,))]
+    return [flag for a in arguments for flag in a.all_flags if flag.startswith("--")]
+
+
+LEAVES = [
+    ((command.name, *(action.name for action in actions)), actions[0] if actions else command)
+    for command in COMMANDS
+    for actions in ([(action,) for action in command.actions] or [()])
+]
+
+
+@given(leaf=st.sampled_from(LEAVES), data=st.data())
+def test_option_with_doubled_letter_is_suggested(leaf, data):
+    words, command = leaf
+    flag = data.draw(st.sampled_from(option_flags(command)))
+    index = data.draw(st.integers(2, len(flag) - 1))
+    wrong = flag[:index] + flag[index] + flag[index:]
+    stream = io.StringIO()
+    with contextlib.redirect_stderr(stream), pytest.raises(SystemExit) as stop:
+        main([*words, "a.bvh", wrong])
+    error = stream.getvalue().splitlines()
+    assert stop.value.code == 2
+    assert error[-1].startswith(f"error: {' '.join(words)} has no option {wrong}; did you mean")
+    assert len(error) == 2
+    assert error[0].startswith(f"usage: mograft {' '.join(words)} ")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("grapht a.bvh -o x", "got 'grapht'; did you mean 'graft'?"),
+        ("lib verfy x", "ACTION must be one of info, verify, export; got 'verfy'; did you mean"),
+        ("graft a.bvh -o x --seam ofset", "got 'ofset'; did you mean 'offset'?"),
+        ("plot stripp a.bvh -o x.png", "got 'stripp'; did you mean 'strip'?"),
+        ("groups a.bvh --preset lower_uper", "did you mean 'lower_upper'?"),
+    ],
+)
+def test_misspelt_word_is_suggested(usage_error, words, message):
+    assert message in usage_error(*words.split()).splitlines()[-1]
+
+
+def test_usage_error_is_one_usage_line_and_one_error(usage_error):
+    assert usage_error("graft", "a.bvh").splitlines() == [
+        "usage: mograft graft LIB|FILE ... -o OUTPUT [options] (see mograft graft --help)",
+        "error: the following arguments are required: -o/--output",
+    ]
+    assert usage_error().splitlines()[0] == "usage: mograft COMMAND [options] (see mograft --help)"
+
+
+def test_runtime_error_has_no_usage(run):
+    code, out, err = run("info", "none.bvh")
+    assert (code, out) == (1, "")
+    assert err == "error: none.bvh: No such file or directory\n"
+
+
+def test_quiet_prints_results_and_errors_only(run, clip, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    loud = run("graft", clip, "-o", "a.bvh")
+    assert "segments exchanged" in loud[2]
+    code, out, err = run("graft", clip, "-o", "b.bvh", "--quiet")
+    assert (code, out, err) == (0, "b.bvh\n", "")
+    code, out, err = run("graft", clip, "-o", "b.bvh", "-q")
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    code, _, err = run("graft", clip, "-o", "c.bvh", "-q", "--reach", "5:LeftHand:0,9999,0")
+    assert code == 4
+    assert "LeftHand" in err
+    # Later commands of the same process print remarks again.
+    assert run("graft", clip, "-o", "d.bvh")[2]
+
+
+def test_equal_warnings_are_printed_once(run, clip, monkeypatch):
+    def warn(_):
+        for text in ("first", "second", "first"):
+            warnings.warn(text, stacklevel=1)
+        return 0
+
+    monkeypatch.setattr("mograft.cli.info.run", warn)
+    assert run("info", clip)[2] == "warning: first\nwarning: second\n"
+    assert run("info", clip)[2] == "warning: first\nwarning: second\n"
+
+
+def test_angle_wrap_is_listed_only_with_verbose(run, clip, tmp_path):
+    head, _, rows = clip.read_text().partition("Frame Time:")
+    lines = rows.splitlines()
+    n_before = read_bvh(clip).n_frames // 2
+    for index in range(n_before + 1, len(lines)):
+        numbers = lines[index].split()
+        numbers[3] = repr(float(numbers[3]) + 360.0)
+        lines[index] = " ".join(numbers)
+    path = tmp_path / "wrapped.bvh"
+    path.write_text(f"{head}Frame Time:" + "\n".join(lines) + "\n")
+    for command in ("check", "info"):
+        short, long = run(command, path)[1], run(command, path, "--verbose")[1]
+        assert len(long.splitlines()) == len(short.splitlines()) + 1
+    assert run("check", path)[1] == f"{path}: good\n"
+    assert "wrap: frame" in run("check", path, "-v")[1]
+
+
+def test_no_self_repair_turns_self_repair_off(run, clip, monkeypatch):
+    def setting(name, *words):
+        assert run("graft", clip, "-o", f"{name}.bvh", *words)[0] == 0
+        return json.loads(Path(f"{name}.json").read_text())["config"]["self_repair"]
+
+    assert setting("a") is True
+    assert setting("b", "--no-self-repair") is False
+    assert setting("c", "--preset", "paper") is False
+    assert setting("d", "--preset", "paper", "--self-repair") is True
+    monkeypatch.setenv("MOGRAFT_SELF_REPAIR", "0")
+    assert setting("e") is False
+    assert setting("f", "--self-repair") is True
