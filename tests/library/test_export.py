@@ -5,7 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from mograft.library.export import export_tables, library_tables
+from mograft.library.export import export_tables
+from mograft.library.tables import library_tables
 
 
 @pytest.mark.parametrize("kind", ["csv", "npz", "parquet"])
@@ -37,3 +38,33 @@ def test_export_tables_hold_library_tables(stored_library, tmp_path, kind):
             np.testing.assert_array_equal(actual.astype(expected.dtype), expected)
     with pytest.raises(ValueError, match="`kind` must be"):
         export_tables(stored_library, tmp_path / "x", "xlsx")
+
+
+def test_to_dataframe_columns_agree_with_library(stored_library):
+    library = stored_library
+    assert library.names == tuple(entry.name for entry in library.entries)
+    clips, segments = library.to_dataframe("clips"), library.to_dataframe()
+    assert tuple(clips["name"]) == library.names
+    for index, row in enumerate(
+        zip(segments["clip"], segments["start"], segments["stop"], strict=True)
+    ):
+        clip, start, stop = row
+        assert segments["segment"][index] == index
+        assert 0 <= start < stop < clips["frames"][clip]
+    np.testing.assert_array_equal(segments["label_upper"], library.labels["upper"])
+    points = library.to_dataframe("points")
+    axes = [points[name] for name in points if name.startswith("lower_")]
+    np.testing.assert_array_equal(np.stack(axes, axis=1), library.embedding["lower"].points)
+    with pytest.raises(ValueError, match="`table` must be one of clips, segments, points, got 'x'"):
+        library.to_dataframe("x")
+
+
+@pytest.mark.parametrize("table", ["clips", "segments", "points"])
+def test_to_dataframe_becomes_a_data_frame(stored_library, table):
+    """Of pyarrow, the one data frame library that the tests require."""
+    pyarrow = pytest.importorskip("pyarrow", reason="needs the extra parquet")
+    columns = stored_library.to_dataframe(table)
+    frame = pyarrow.table(columns)
+    assert frame.column_names == list(columns)
+    for name, column in columns.items():
+        np.testing.assert_array_equal(frame[name].to_pylist(), np.asarray(column).tolist())

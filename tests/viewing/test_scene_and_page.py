@@ -264,10 +264,11 @@ def test_view_invalid_items_raise(motion):
         view(motion, groups="wings", show=False)
 
 
-def test_repr_html_is_iframe(motion, new):
+def test_repr_html_is_iframe_and_table_of_grafts(motion, new):
     for value in (motion, new, view(motion, show=False)):
-        ((tag, attributes),) = Tags(value._repr_html_()).found
+        (tag, attributes), *others = Tags(value._repr_html_()).found
         assert tag == "iframe"
+        assert bool(others) == (value is new)  # a table of the exchanged parts
         assert attributes["srcdoc"].startswith("<!doctype html>")
 
 

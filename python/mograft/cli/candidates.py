@@ -44,7 +44,7 @@ def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, i
     The result holds the index of the clip, the index of the segment within the clip, and the
     index of the segment in the library. Raise ValueError if there is no such segment.
     """
-    names = [entry.name for entry in library.entries]
+    names = library.names
     if options.clip is not None and options.clip not in names:
         raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}")
     _, clip = library.resolve_base(options.clip)

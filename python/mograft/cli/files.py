@@ -55,7 +55,7 @@ def select_clips(library: Library, patterns: Sequence[str]) -> list[int]:
     Without patterns, all clips match. Raise ValueError if a pattern matches no clip, or if more
     clips match than can be shown at once.
     """
-    names = [entry.name for entry in library.entries]
+    names = library.names
     selected = set() if patterns else set(range(len(names)))
     for pattern in patterns:
         matches = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}

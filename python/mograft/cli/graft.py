@@ -84,7 +84,7 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
     """
     if name is None:
         return None
-    names = [entry.name for entry in library.entries]
+    names = library.names
     if folder is not None and name in names:
         return name
     path = os.path.realpath(name)

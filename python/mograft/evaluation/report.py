@@ -138,7 +138,7 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
         If matplotlib is not installed.
     """
     library = evaluation.library
-    names = [entry.name for entry in library.entries]
+    names = library.names
     more = f" and {len(names) - 2} more" if len(names) > 2 else ""
     title = title or f"Evaluation of {', '.join(names[:2])}{more}"
     lead = (

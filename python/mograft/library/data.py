@@ -1,9 +1,10 @@
 """The contents of a library, and queries on them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any, Literal, Self, SupportsIndex
 
 import numpy as np
 
@@ -16,10 +17,14 @@ from mograft.config import Config
 from mograft.library.clip_table import ClipInfo
 from mograft.library.spec import LibrarySpec
 from mograft.library.stored_clips import StoredClips, StoredSamples
+from mograft.library.tables import Columns, library_html, library_tables
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.candidates import SegmentPool
+
+_RECIPE = "_recipe"
+"""Name of the attribute with a function and its arguments, whose result is the library."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +46,24 @@ class LibraryData:
     refused: Mapping[str, str]
     folder: Path | None
 
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        """Pickle the recipe of a stored library, and any other library by its fields."""
+        recipe: tuple[Any, ...] | None = self.__dict__.get(_RECIPE)
+        return super().__reduce_ex__(protocol) if recipe is None else recipe
+
+    def set_recipe(self, function: Callable[..., Any], *arguments: object) -> Self:
+        """Let `pickle` store a call that returns this library instead of its fields.
+
+        The recipe belongs to this object: `dataclasses.replace` does not copy it.
+        """
+        self.__dict__[_RECIPE] = (function, arguments)
+        return self
+
+    @property
+    def has_recipe(self) -> bool:
+        """Whether `pickle` stores a call instead of the fields."""
+        return _RECIPE in self.__dict__
+
     def __repr__(self) -> str:
         groups = ", ".join(
             f"{name} {labels.max() + 1} clusters" for name, labels in self.labels.items()
@@ -48,6 +71,9 @@ class LibraryData:
         n = len(self.entries)
         clips = "1 clip" if n == 1 else f"{n} clips"
         return f"{type(self).__name__}({clips}, {len(self.segments)} segments, {groups})"
+
+    def _repr_html_(self) -> str:
+        return library_html(self)
 
     @property
     def skeleton(self) -> Skeleton:
@@ -70,9 +96,51 @@ class LibraryData:
         return self.spec.up
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each clip."""
+        return tuple(info.name for info in self.entries)
+
+    @property
     def tags(self) -> tuple[frozenset[str], ...]:
         """The tags of each clip."""
         return tuple(frozenset(info.tags) for info in self.entries)
+
+    def to_dataframe(self, table: Literal["segments", "clips", "points"] = "segments") -> Columns:
+        """Return a table of the library as columns, from which libraries make a data frame.
+
+        Parameters
+        ----------
+        table : {"segments", "clips", "points"}
+            ``segments`` has a row per segment: its number, its clip, which is a row of ``clips``
+            and an index of `names`, its first and last frame, its duration in seconds, whether it
+            may be a donor, and its cluster ``label_GROUP`` for each joint group. ``clips`` has
+            a row per clip: name, file, SHA-256, number of frames, frames per second of the file,
+            tags and faults. ``points`` has the coordinates ``GROUP_0``, ``GROUP_1``... of each
+            segment in the embedding of each group.
+
+        Returns
+        -------
+        dict of str to ndarray or list of str
+            The columns by name. Pass it to ``pandas.DataFrame``, ``polars.DataFrame`` or
+            ``pyarrow.table``; mograft itself needs none of them.
+
+        Raises
+        ------
+        ValueError
+            If there is no table of this name.
+
+        Examples
+        --------
+        >>> from mograft import Library
+        >>> from mograft.dancer import dance
+        >>> library = Library.build(dance(strides=1).motion)
+        >>> library.to_dataframe()["seconds"].shape == (len(library.segments),)
+        True
+        """
+        tables = library_tables(self)
+        if table not in tables:
+            raise ValueError(f"`table` must be one of {', '.join(tables)}, got {table!r}")
+        return tables[table]
 
     def file_name(self, clip: int) -> str | None:
         """Return the name of the file from which a clip was read, or None if it is unknown."""

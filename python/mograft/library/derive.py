@@ -71,9 +71,13 @@ class DerivableLibrary(LibraryData):
                     f"library was built; got {getattr(config, name)!r}"
                 )
         if (config.sigma, config.sigma_scale) == (current.sigma, current.sigma_scale):
-            return replace(self, config=config)
-        labels, sigma = cluster_groups(self.embedding, len(self.segments), config)
-        return replace(self, config=config, labels=labels, sigma=sigma)
+            relabelled = replace(self, config=config)
+        else:
+            labels, sigma = cluster_groups(self.embedding, len(self.segments), config)
+            relabelled = replace(self, config=config, labels=labels, sigma=sigma)
+        if self.has_recipe:
+            relabelled.set_recipe(type(self).relabelled, self, config)
+        return relabelled
 
     def mirrored(self) -> Self:
         """Return the library with the mirror images of all clips appended.
@@ -96,7 +100,7 @@ class DerivableLibrary(LibraryData):
         from mograft.library.ingest import boundary_states, sample_segments
 
         n = len(self.entries)
-        names = [info.name for info in self.entries]
+        names = list(self.names)
         names = unique_names([*names, *(f"{name}_mirrored" for name in names)])
         clips = MirroredClips(self.clips, tuple(names))
         rows, states = [chunk.packed() for chunk in self.samples.chunks()], []
@@ -151,7 +155,7 @@ class DerivableLibrary(LibraryData):
         if base is None:
             return self, 0
         if isinstance(base, str):
-            names = [info.name for info in self.entries]
+            names = list(self.names)
             if base not in names:
                 raise ValueError(f"`base` must be a clip, one of {join_names(names)}; got {base!r}")
             return self, names.index(base)
@@ -184,8 +188,6 @@ class DerivableLibrary(LibraryData):
         SkeletonMismatchError
             If the hierarchy differs.
         """
-        from mograft.library.ingest import boundary_states, sample_segments
-
         name = motion.name or "the base"
         self.skeleton.check_same_hierarchy(motion.skeleton, name)
         if not rates_match(motion.rate, self.rate):
@@ -195,6 +197,12 @@ class DerivableLibrary(LibraryData):
                 stacklevel=2,
             )
             motion = motion.resample(self.rate)
+        return self._with_clip(motion)
+
+    def _with_clip(self, motion: Motion) -> Self:
+        """Return the library with one more clip, which has the library's hierarchy and rate."""
+        from mograft.library.ingest import boundary_states, sample_segments
+
         segments = segment(motion, self.config)
         samples = sample_segments(motion, segments, self.spec, self.config)
         states = [boundary_states(motion, segments)]
@@ -213,7 +221,7 @@ class DerivableLibrary(LibraryData):
             for group, known in self.labels.items()
         }
         appended = replace(segments, clip=np.full(n, len(self.entries)))
-        return replace(
+        extended = replace(
             self,
             clips=ExtendedClips(self.clips, motion),
             entries=(*self.entries, _clip_info(motion)),
@@ -225,6 +233,9 @@ class DerivableLibrary(LibraryData):
                 states, self.groups, self.skeleton, self.boundary_states
             ),
         )
+        if self.has_recipe:
+            extended.set_recipe(type(self)._with_clip, self, motion)
+        return extended
 
 
 def _clip_info(motion: Motion) -> ClipInfo:

@@ -8,52 +8,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from mograft._util.atomic import atomic_path, draft_folder
 from mograft.library.library import Library
-
-Column = npt.NDArray[Any] | list[Any]
-
-
-def library_tables(library: Library) -> dict[str, dict[str, Column]]:
-    """Return the columns of each table of a library, by the names of table and column.
-
-    The tables are ``clips``; ``segments``, with the cluster ``label_GROUP`` for each joint group;
-    and ``points``, with the coordinates ``GROUP_0``, ``GROUP_1``... of each segment in the
-    embedding of the group. Row `i` of ``segments`` and of ``points`` is segment `i`. The column
-    ``clip`` of ``segments`` holds row numbers of ``clips``.
-    """
-    segments = library.segments
-    points: dict[str, Column] = {"segment": np.arange(len(segments))}
-    for group, embedding in library.embedding.items():
-        if embedding is not None:
-            for axis, column in enumerate(np.ascontiguousarray(embedding.points.T)):
-                points[f"{group}_{axis}"] = column
-    entries = library.entries
-    files = [info.source_file for info in entries]
-    return {
-        "clips": {
-            "clip": np.arange(len(entries)),
-            "name": [info.name for info in entries],
-            "file": ["" if file is None else file.path for file in files],
-            "sha256": ["" if file is None else file.sha256 for file in files],
-            "frames": np.array([info.n_frames for info in entries], np.int64),
-            "own_rate": np.array([info.source_rate for info in entries], np.float64),
-            "tags": [" ".join(info.tags) for info in entries],
-            "faults": ["; ".join(info.faults) for info in entries],
-        },
-        "segments": {
-            "segment": np.arange(len(segments)),
-            "clip": segments.clip,
-            "start": segments.start,
-            "stop": segments.stop,
-            "seconds": segments.lengths / library.rate,
-            "is_donor": library.is_donor,
-            **{f"label_{group}": labels for group, labels in library.labels.items()},
-        },
-        "points": points,
-    }
+from mograft.library.tables import Column, library_tables
 
 
 def export_tables(

@@ -63,6 +63,13 @@ class Library(DerivableLibrary):
         Files that were left out, and the reasons.
     folder : Path or None
         The folder of the library; None in memory.
+
+    Notes
+    -----
+    `pickle` stores the path and the checksum of a library in a folder, and what was derived from
+    it with `relabelled` and `extended`, instead of its arrays. Unpickling opens the folder again,
+    which raises FileNotFoundError if it is missing, and LibraryError if its library has changed.
+    A library in memory is pickled with all arrays.
     """
 
     @classmethod

@@ -1,5 +1,7 @@
 """Open the library of a folder."""
 
+import os
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -8,6 +10,8 @@ from mograft.analysis.embedding import Embedding
 from mograft.analysis.segmentation import Segments
 from mograft.body.groups import JointGroups
 from mograft.config import Config
+from mograft.errors import LibraryError
+from mograft.library import storage
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.data import LibraryData
 from mograft.library.spec import LibrarySpec
@@ -38,7 +42,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
             )
         states[group] = own
     frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
-    return library_type(
+    library = library_type(
         clips=StoredClips(stored.table, frames, manifest["rate"]),
         entries=stored.table.entries,
         segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
@@ -59,3 +63,15 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
         refused=stored.table.refused,
         folder=stored.folder,
     )
+    folder = Path(os.path.abspath(stored.folder))
+    return library.set_recipe(_reopen, library_type, folder, manifest["checksum"])
+
+
+def _reopen(library_type: type[L], folder: Path, checksum: str) -> L:
+    """Open a pickled library; raise LibraryError if the folder has another one by now."""
+    stored = storage.read(folder)
+    if stored.manifest["checksum"] != checksum:
+        raise LibraryError(
+            f"{folder} has changed since the library was pickled; open and pickle it again"
+        )
+    return load_library(library_type, stored)

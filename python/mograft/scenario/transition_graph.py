@@ -182,7 +182,7 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     segments = np.flatnonzero(library.is_donor)
     if clips is not None:
         patterns = [clips] if isinstance(clips, str) else list(clips)
-        names = [entry.name for entry in library.entries]
+        names = library.names
         is_named = np.zeros(len(names), bool)
         for pattern in patterns:
             matches = [fnmatchcase(name, pattern) or name == pattern for name in names]

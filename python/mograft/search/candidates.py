@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
+from mograft._util.html_table import html_table
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.motion import rotations
@@ -87,6 +88,19 @@ class Candidates:
     def __repr__(self) -> str:
         numbers = f"{len(self.allowed)} allowed, {len(self.refused)} refused"
         return f"Candidates({numbers}, {self.elsewhere} outside the neighbourhood)"
+
+    def _repr_html_(self) -> str:
+        listed = (*self.allowed, *self.refused)
+        rows = (
+            (
+                *(c.segment, c.clip, f"{c.start}-{c.stop}", c.cost, c.distance, c.stretch),
+                *(*np.degrees([c.gap_before, c.gap_after]).tolist(), c.refused),
+            )
+            for c in listed
+        )
+        columns = ("segment", "clip", "frames", "cost", "distance", "stretch")
+        seams = ("seam before (°)", "seam after (°)", "refused because")
+        return html_table(repr(self), columns + seams, rows, len(listed))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,11 @@
 """Grafts: new motions with the source of every part."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 from mograft._util.arrays import IntArray
+from mograft._util.html_table import html_table
 from mograft.blend.foot_planting import FeetReport
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -128,7 +130,22 @@ class Graft:
     def _repr_html_(self) -> str:
         from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
 
-        return notebook_view(self)
+        return notebook_view(self) + self._substitution_table()
+
+    def _substitution_table(self) -> str:
+        """Return an HTML table of the exchanged parts, in the order of the frames."""
+        exchanged = sorted(
+            (s for s in self.substitutions if not s.is_own), key=lambda s: (s.start, s.group)
+        )
+        rows = (
+            (
+                *(s.group, f"{s.start}-{s.stop}", s.clip, f"{s.donor_start}-{s.donor_stop}"),
+                *(s.cost, math.degrees(s.gap_before)),
+            )
+            for s in exchanged
+        )
+        columns = ("group", "frames", "donor clip", "donor frames", "cost", "seam before (°)")
+        return html_table(repr(self), columns, rows, len(exchanged))
 
     def report(self, *, each: bool = False) -> str:
         """Return a text summary: exchanged and kept segments, seams, violations and foot planting.

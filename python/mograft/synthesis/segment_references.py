@@ -67,7 +67,7 @@ def _base_frames(constraint: Use | Ban, segments: Segments) -> Span:
 def _donor_frames(constraint: Use | Ban, library: Library) -> DonorReference | None:
     """Return the donor as clip, first and last frame; a clip name alone or None is unchanged."""
     name, donor, segments = type(constraint).__name__, constraint.donor, library.segments
-    clips = [entry.name for entry in library.entries]
+    clips = library.names
     if donor is None:
         return None
     if isinstance(donor, int):

@@ -1,0 +1,40 @@
+"""HTML tables for notebooks."""
+
+import html
+from collections.abc import Iterable, Sequence
+from itertools import islice
+
+MAX_ROWS = 20
+"""Number of rows that a table shows at most."""
+
+
+def html_table(
+    caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]], n_rows: int
+) -> str:
+    """Return an HTML table of the first `MAX_ROWS` of `n_rows` rows; all texts are escaped.
+
+    Numbers are aligned to the right. A caption above the table and, if rows are missing, their
+    number below it are part of the result.
+    """
+    head = "".join(f"<th>{_escape(name)}</th>" for name in columns)
+    body = "".join(
+        f"<tr>{''.join(map(_cell, row))}</tr>" for row in islice(rows, min(n_rows, MAX_ROWS))
+    )
+    more = f"<p>{n_rows - MAX_ROWS:,} more rows</p>" if n_rows > MAX_ROWS else ""
+    return (
+        f"<p>{_escape(caption)}</p><table><thead><tr>{head}</tr></thead>"
+        f"<tbody>{body}</tbody></table>{more}"
+    )
+
+
+def _cell(value: object) -> str:
+    """Return a cell with a value; floats have four significant digits."""
+    if isinstance(value, str | bool):
+        return f'<td style="text-align:left">{_escape(str(value))}</td>'
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f'<td style="text-align:right">{_escape(text)}</td>'
+
+
+def _escape(text: str) -> str:
+    """Escape HTML; replace lone surrogates, which UTF-8 cannot encode."""
+    return html.escape(text).encode("utf-8", "replace").decode("utf-8")

@@ -1,0 +1,78 @@
+"""Properties of HTML tables in notebooks."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft._util.html_table import MAX_ROWS, html_table
+from mograft.dancer import dance
+from tests.strategies import HOSTILE_NAMES
+
+
+class Table(HTMLParser):
+    """The tags and the cells of HTML, as a browser reads them."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.rows, self.texts, self.is_cell = set(), [], [], False
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):  # noqa: ARG002 - the name is the parser's
+        self.tags.add(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+
+        self.is_cell = tag in ("td", "th")
+
+    def handle_endtag(self, tag):
+        self.is_cell = self.is_cell and tag not in ("td", "th")
+
+    def handle_data(self, data):
+        self.texts.append(data)
+        if self.is_cell:
+            self.rows[-1][-1] += data
+
+
+TAGS = {"p", "table", "thead", "tbody", "tr", "th", "td"}
+# The parser, like a browser, joins the two characters of a line end.
+TEXTS = st.text(st.characters(exclude_characters="\r\0"), min_size=1)
+
+
+@given(TEXTS, st.lists(st.tuples(TEXTS, st.integers(), st.booleans()), max_size=40))
+def test_html_table_cells_hold_the_texts_and_no_other_tags(text, rows):
+    table = Table(html_table(text, (text, "n", "b"), rows, len(rows)))
+    assert table.tags <= TAGS
+    header, *cells = table.rows
+    legible = [text.encode("utf-8", "replace").decode() for text, _, _ in rows]
+    assert header[0] == text.encode("utf-8", "replace").decode()
+    assert [row[0] for row in cells] == legible[:MAX_ROWS]
+    assert [row[1:] for row in cells] == [[str(n), str(b)] for _, n, b in rows[:MAX_ROWS]]
+    assert any("more rows" in text for text in table.texts[-1:]) == (len(rows) > MAX_ROWS)
+
+
+@pytest.mark.parametrize("name", HOSTILE_NAMES)
+def test_repr_html_of_hostile_names_has_only_table_tags(name):
+    motion = replace(dance(strides=1).motion, name=name)
+    library = mg.Library.build(motion)
+    graft = mg.graft(library, seed=3)
+    (clip,) = library.names
+    shown = clip.encode("utf-8", "replace").decode()
+    for value in (library, library.to_dataframe("clips"), graft):
+        html = value._repr_html_().rpartition("</iframe>")[2]
+        assert Table(html).tags <= TAGS
+        assert shown in [cell for row in Table(html).rows for cell in row]
+    candidates = library.candidates(17, "upper", [mg.NotFrom(clip)])
+    table = Table(candidates._repr_html_())
+    assert table.tags <= TAGS
+    listed = candidates.allowed + candidates.refused
+    assert [row[0] for row in table.rows[1:]] == [str(c.segment) for c in listed[:MAX_ROWS]]
+    assert [row[-1] for row in table.rows[1:]] == [
+        c.refused.encode("utf-8", "replace").decode() for c in listed[:MAX_ROWS]
+    ]
