@@ -13,6 +13,7 @@ __all__ = [
     "box_clearance",
     "capsule_ends",
     "clearance",
+    "clip_states",
     "cubic",
     "cubic_positions",
     "cut",
@@ -32,6 +33,7 @@ __all__ = [
     "pose_gaps_along",
     "rotate",
     "sample",
+    "sample_clips",
     "scan_numbers",
     "segments",
     "segments_positions",
@@ -127,6 +129,10 @@ def sample(
     temperature: float,
     draws: FloatArray,
 ) -> IntArray: ...
+def sample_clips(clips: Sequence[FloatArray], clip: IntArray, times: FloatArray) -> FloatArray: ...
+def clip_states(
+    clips: Sequence[FloatArray], clip: IntArray, frames: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]: ...
 def add_offsets(
     values: FloatArray,
     times: tuple[IntArray, FloatArray, FloatArray, FloatArray],

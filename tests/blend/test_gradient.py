@@ -11,9 +11,10 @@ from mograft import Config, _core  # noqa: TID251 - the kernel by itself
 from mograft.analysis.segmentation import Segments
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ClosedFrames, DonorFrames
+from mograft.blend.seams import ClosedFrames
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
+from mograft.motion.resample import cubic, cubic_positions
 from tests.oracles import seams as oracle
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, smooth_rotations, tile_segments
 
@@ -46,7 +47,9 @@ def terms(layout, space, tracks):
     for k in range(len(cut)):
         length, own = int(cut.lengths[k]), int(donors.lengths[k])
         times = donors.start[k] + np.arange(length + 1) * own / length
-        rows = space.interpolate(track, times)
+        rows = (cubic if space is ROTATIONS else cubic_positions)(
+            np.arange(len(track)), track, times
+        )
         steps = space.delta(rows[:-1], rows[1:])
         for f in range(length + 1):
             values.setdefault(int(cut.start[k]) + f, []).append(rows[f])
@@ -149,7 +152,8 @@ def test_smooth_gradient_agrees_with_numpy(lengths, seed, blend, is_concatenated
             window=5,
             blend=blend * RATE,
             rate=RATE,
-            donors=lambda: DonorFrames(rows, timeline.seam_accelerations(space, tracks, seams)),  # noqa: B023
+            donor_rows=rows,
+            seam_accelerations=timeline.boundaries(space, tracks, seams).accelerations,
             integrated=(1,),
         )
         found = SEAM_TREATMENTS.get("gradient").smooth(closed)

@@ -8,11 +8,11 @@ from mograft.blend.seams import add_deltas, at_piece_ends
 
 def smooth_gradient(closed, weights):
     """Return the values of `ClosedFrames` after one Gauss-Newton step."""
-    values, is_free, donors = closed.values, _free_frames(closed), closed.donors()
-    moves = (np.abs(donors.rows - donors.rows[0]) > 1e-12).any(axis=(0, 2))
+    values, is_free, rows = closed.values, _free_frames(closed), closed.donor_rows
+    moves = (np.abs(rows - rows[0]) > 1e-12).any(axis=(0, 2))
     moves[list(closed.integrated)] = False
     is_step = _donor_steps(closed.cut)
-    slopes = _slopes(closed, values, donors, is_step, weights) * moves[:, None]
+    slopes = _slopes(closed, values, is_step, weights) * moves[:, None]
     slopes[~is_free] = 0.0
     bands = _normal_matrix(is_step, weights, is_free)
     change = _core.solve_pentadiagonal(bands, -slopes.reshape(len(values), -1))
@@ -46,9 +46,9 @@ def _donor_steps(cut):
     return is_step
 
 
-def _slopes(closed, values, donors, is_step, weights):
+def _slopes(closed, values, is_step, weights):
     """Return half of the gradient of the minimised sum at `values`, (n_frames, n_joints, 3)."""
-    space, rows, cut = closed.space, donors.rows, closed.cut
+    space, rows, cut = closed.space, closed.donor_rows, closed.cut
     last_rows = np.cumsum(cut.lengths + 1) - 1
     shares = cut.stop[:-1] == cut.start[1:]
     is_kept = np.ones(len(rows), bool)  # of a shared frame, the row of the later donor
@@ -67,7 +67,7 @@ def _slopes(closed, values, donors, is_step, weights):
     slopes[:-1] -= errors
     slopes[1:] += errors
     targets = np.diff(targets, axis=0)
-    targets[at_seams - 1] = donors.seam_accelerations[shares[closed.seams]]
+    targets[at_seams - 1] = closed.seam_accelerations[shares[closed.seams]]
     has_acceleration = (is_step[:-1] & is_step[1:])[:, None, None]
     errors = weights[2] * (np.diff(steps, axis=0) - targets) * has_acceleration
     slopes[:-2] += errors

@@ -4,10 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft.blend.donor_timeline import sample_values_and_velocities
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.motion import rotations
-from mograft.motion.resample import cubic
+from mograft.motion.resample import clip_states, cubic
 from mograft.synthesis.placed_donors import (
     VELOCITY_STEP,
     PlacedDonors,
@@ -33,7 +32,7 @@ def test_frames_with_neighbours_give_the_values_and_velocities_of_the_whole_clip
         1e-9,
     )
     ends = np.array([0, stop - start])
-    _, expected = sample_values_and_velocities(ROTATIONS, [clip], np.zeros(2, int), start + ends)
+    _, expected, _ = clip_states([clip], np.zeros(2, int), start + ends)
     before, here, after = (track[ends + 1 + step] for step in (-1, 0, 1))
     velocities = 0.5 * (ROTATIONS.delta(before, here) + ROTATIONS.delta(here, after))
     np.testing.assert_allclose(velocities, expected, atol=1e-9)

@@ -10,11 +10,12 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ClosedFrames, DonorFrames, PieceTimes, SeamBoundaries
+from mograft.blend.seams import ClosedFrames, PieceTimes, SeamBoundaries
 from mograft.blend.time_warp import TimeWarp
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
 from mograft.motion import rotations
+from mograft.motion.resample import clip_states, sample_clips
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +111,7 @@ class DonorTimeline:
             share = self.warp.donor_share(segment, times.frames / self.cut.lengths[segment])
             is_warped = self.warp.is_warped[segment]
             elapsed = np.where(is_warped, share * donors.lengths[segment], elapsed)
-        clip = donors.clip[segment]
-        values = np.empty((len(segment), *tracks[0].shape[1:]))
-        for index in np.unique(clip):
-            rows = np.flatnonzero(clip == index)
-            frames = donors.start[segment[rows]] + elapsed[rows]
-            values[rows] = space.interpolate(np.ascontiguousarray(tracks[index]), frames)
+        values = sample_clips(tracks, donors.clip[segment], donors.start[segment] + elapsed)
         if self.alignment is not None:
             self.alignment.apply(space, values, segment)
         return values
@@ -132,33 +128,21 @@ class DonorTimeline:
         if self.warp is not None:
             speed *= np.where(self.warp.is_warped[:, None], self.warp.slopes[:, [0, -1]], 1.0)
         speed = speed[..., None, None]
-        before, velocity_before = sample_values_and_velocities(
-            space, tracks, ending.clip, ending.stop
-        )
-        after, velocity_after = sample_values_and_velocities(
-            space, tracks, starting.clip, starting.start
+        before, velocity_before, ending_acceleration = clip_states(tracks, ending.clip, ending.stop)
+        after, velocity_after, starting_acceleration = clip_states(
+            tracks, starting.clip, starting.start
         )
         if self.alignment is not None:
             self.alignment.apply(space, before, seams, velocity_before)
             self.alignment.apply(space, after, seams + 1, velocity_after)
         velocity_before *= speed[seams, 1]
         velocity_after *= speed[seams + 1, 0]
-        return SeamBoundaries(space, before, after, velocity_before, velocity_after)
-
-    def seam_accelerations(
-        self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
-    ) -> FloatArray:
-        """Return the mean acceleration of the two donors at each seam, per frame².
-
-        `seams` are the indices of the segments that end with a seam. The result has shape (n_seams,
-        n_joints, 3). The alignment transform is not applied: the axes are those of the clips.
-        """
-        ending, starting = self.donors[seams], self.donors[seams + 1]
-        speed = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
-        before = sample_accelerations(space, tracks, ending.clip, ending.stop)
-        after = sample_accelerations(space, tracks, starting.clip, starting.start)
-        mean: FloatArray = 0.5 * (speed[seams] * before + speed[seams + 1] * after)
-        return mean
+        squared = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
+        accelerations = squared[seams] * ending_acceleration
+        accelerations += squared[seams + 1] * starting_acceleration
+        return SeamBoundaries(
+            space, before, after, velocity_before, velocity_after, 0.5 * accelerations
+        )
 
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Convert times since the start of a segment to times since the start of a piece.
@@ -173,19 +157,22 @@ class DonorTimeline:
         durations = (self.cut.stop[last] - self.cut.start[first]) / self.rate
         return PieceTimes(piece, frames / self.rate, durations, blend)
 
-    def find_seams(self, tracks: Sequence[FloatArray]) -> BoolArray:
+    def find_seams(self, tracks: Sequence[FloatArray], joints: IntArray | None = None) -> BoolArray:
         """Return whether there is a seam after each segment but the last, shape (n_segments - 1,).
 
         Two donors continue each other without a seam if neither is stretched or warped, and the
         last frame of the first donor and its two neighbours in the clip equal, bit for bit, the
         first frame of the second donor and its neighbours. They may be in two copies of a clip.
+        `joints` are the columns of `tracks` that are compared, by default all.
         """
         donors = self.donors
+        if joints is None:
+            joints = np.arange(tracks[0].shape[1])
         is_stretched = donors.lengths != self.cut.lengths
         if self.warp is not None:
             is_stretched |= self.warp.is_warped
-        ends = _three_frames(tracks, donors.clip[:-1], donors.stop[:-1])
-        starts = _three_frames(tracks, donors.clip[1:], donors.start[1:])
+        ends = _three_frames(tracks, joints, donors.clip[:-1], donors.stop[:-1])
+        starts = _three_frames(tracks, joints, donors.clip[1:], donors.start[1:])
         continues = (ends == starts).all(axis=tuple(range(1, ends.ndim)))
         seams: BoolArray = ~continues | is_stretched[1:] | is_stretched[:-1]
         return seams
@@ -233,11 +220,12 @@ class DonorLayout:
             boundaries = timeline.boundaries(space, self._tracks(space), seams)
         else:
             seams = np.flatnonzero(self.seams)
-            boundaries = (
-                self._rotation_boundaries if space is ROTATIONS else self._translation_boundaries
-            )
+            boundaries = self._seam_boundaries(space)
         piece_times = timeline.piece_times(seams, times, self.config.seam_blend)
         return treatment.close(values, piece_times, boundaries)
+
+    def _seam_boundaries(self, space: ValueSpace) -> SeamBoundaries:
+        return self._rotation_boundaries if space is ROTATIONS else self._translation_boundaries
 
     @cached_property
     def _rotation_boundaries(self) -> SeamBoundaries:
@@ -254,7 +242,6 @@ class DonorLayout:
 
     def _smooth(self, space: ValueSpace, values: FloatArray) -> FloatArray:
         timeline, config = self.timeline, self.config
-        tracks, rows = self._tracks(space), self._rows[space is TRANSLATIONS]
         seams = np.flatnonzero(self.seams)
         root = timeline.alignment
         integrated = () if root is None else (root.column(space),)
@@ -266,7 +253,8 @@ class DonorLayout:
             window=round(config.seam_window * timeline.rate),
             blend=config.seam_blend * timeline.rate,
             rate=timeline.rate,
-            donors=lambda: DonorFrames(rows, timeline.seam_accelerations(space, tracks, seams)),
+            donor_rows=self._rows[space is TRANSLATIONS],
+            seam_accelerations=self._seam_boundaries(space).accelerations,
             integrated=integrated,
         )
         return SEAM_TREATMENTS.get(config.seam).smooth(closed)
@@ -280,65 +268,15 @@ class DonorLayout:
         return angles
 
 
-def sample_values_and_velocities(
-    space: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the values and velocities in n frames, given by clip and frame, both of shape (n,).
-
-    Velocities, shape (n, n_joints, 3), are per frame; angular velocities are in the joint's local
-    axes. A velocity is the slope of the parabola through the frame and its two neighbours; in the
-    first or last frame of a clip, through the three nearest frames. `ValueSpace.interpolate` uses
-    the same velocities.
-    """
-    values = np.empty((len(frames), *tracks[0].shape[1:]))
-    velocities = np.empty((*values.shape[:-1], 3))
-    for clip in np.unique(clips):
-        rows = np.flatnonzero(clips == clip)
-        track, frame = tracks[clip], frames[rows]
-        values[rows] = track[frame]
-        last = len(track) - 2
-        before = _steps(space, track, (frame - 1).clip(0))
-        after = _steps(space, track, frame.clip(max=last))
-        mean = 0.5 * (before + after)
-        if last > 0:
-            ends = _steps(space, track, np.array([0, 1, last - 1, last]))
-            mean[frame == 0] = 1.5 * ends[0] - 0.5 * ends[1]
-            mean[frame > last] = 1.5 * ends[3] - 0.5 * ends[2]
-        velocities[rows] = mean
-    return values, velocities
-
-
-def sample_accelerations(
-    space: ValueSpace, tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
+def _three_frames(
+    tracks: Sequence[FloatArray], joints: IntArray, clips: IntArray, frames: IntArray
 ) -> FloatArray:
-    """Return the accelerations in n frames, given by clip and frame, both of shape (n,).
-
-    Accelerations, shape (n, n_joints, 3), are second differences, per frame². The first and last
-    frame of a clip get the acceleration of the adjacent frame. In a clip of fewer than three frames
-    all accelerations are 0.
-    """
-    accelerations = np.zeros((len(frames), *tracks[0].shape[1:-1], 3))
-    for clip in np.unique(clips):
-        rows = np.flatnonzero(clips == clip)
-        track = tracks[clip]
-        if len(track) > 2:
-            inside = frames[rows].clip(1, len(track) - 2)
-            accelerations[rows] = _steps(space, track, inside) - _steps(space, track, inside - 1)
-    return accelerations
-
-
-def _steps(space: ValueSpace, track: FloatArray, frames: IntArray) -> FloatArray:
-    """Return the delta from each of `frames` to the frame after it."""
-    return space.delta(track[frames], track[frames + 1])
-
-
-def _three_frames(tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray) -> FloatArray:
     """Return the values in each given frame and its two neighbours; NaN outside the clip."""
-    near = np.empty((len(frames), 3, *tracks[0].shape[1:]))
+    near = np.empty((len(frames), 3, len(joints), tracks[0].shape[2]))
     for clip in np.unique(clips):
         rows = np.flatnonzero(clips == clip)
         wanted, last = frames[rows][:, None] + [-1, 0, 1], len(tracks[clip]) - 1
-        values = tracks[clip][wanted.clip(0, last)]
+        values = tracks[clip][wanted.clip(0, last)[..., None], joints]
         values[(wanted < 0) | (wanted > last)] = np.nan
         near[rows] = values
     return near

@@ -9,7 +9,6 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, RootAlignment
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.blend.root_motion import blend_root_velocity, integrate_root, yaw_rates
-from mograft.blend.trunk_lean import TrunkLean
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.motion.motion import Motion
 
@@ -35,10 +34,10 @@ class GraftedRoot:
         return cls(joint, up, int(np.argmax(is_root)), int(np.argmax(is_root[moving])))
 
     def close(
-        self, layout: DonorLayout, lean: TrunkLean, base: Motion, clips: Sequence[Motion]
+        self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]
     ) -> tuple[DonorLayout, FloatArray, FloatArray]:
         """Align donors and close seams; return the layout, local rotations and translations."""
-        layout = lean.remove_from(self.align(layout, base, clips), clips)
+        layout = self.align(layout, base, clips)
         quats, positions = layout.close()
         self.integrate(layout, quats, positions)
         quats, positions = layout.smooth(quats, positions)

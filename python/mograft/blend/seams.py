@@ -5,8 +5,8 @@ Treatments are functions of continuous time, so that they can be evaluated betwe
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -49,6 +49,8 @@ class SeamBoundaries:
     after: FloatArray  # first value of the piece after it
     velocity_before: FloatArray
     velocity_after: FloatArray
+    # Mean of both donors, per frame², in the axes of their clips; empty if unknown.
+    accelerations: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     def gaps(self) -> FloatArray:
         """Return the delta from the value before each seam to that after it; 0 if equal."""
@@ -102,21 +104,6 @@ class SeamTreatment(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class DonorFrames:
-    """The donors' values in the frames of the base motion, before gaps are closed."""
-
-    rows: FloatArray  # (n_rows, n_joints, 4 or 3), by segment; a shared frame occurs twice
-    seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors, per frame²
-
-    def take(self, columns: IntArray) -> "DonorFrames":
-        """Return the values of some joints."""
-        rows, accelerations = (
-            values.take(columns, axis=1) for values in (self.rows, self.seam_accelerations)
-        )
-        return DonorFrames(rows, accelerations)
-
-
-@dataclass(frozen=True, eq=False)
 class ClosedFrames:
     """The rotations or translations of all frames after `SeamTreatment.close`."""
 
@@ -127,7 +114,8 @@ class ClosedFrames:
     window: int  # `Config.seam_window` in frames
     blend: float  # `Config.seam_blend` in frames
     rate: float  # frames per second
-    donors: Callable[[], DonorFrames]
+    donor_rows: FloatArray  # (n_rows, n_joints, 4 or 3), by segment; a shared frame occurs twice
+    seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors, per frame²
     # Columns of a root that follows an integrated path instead of its donors.
     integrated: Sequence[int] = ()
 

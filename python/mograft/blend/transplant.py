@@ -13,7 +13,7 @@ from mograft.blend.recombine import Part
 from mograft.blend.root_transplant import GraftedRoot
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import ALIGNMENTS
-from mograft.blend.trunk_lean import HEADING_SMOOTHING, TrunkLean
+from mograft.blend.trunk_lean import TrunkLean
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
@@ -46,6 +46,7 @@ def transplant(
     clips: Sequence[Motion],
     group: GraftedGroup,
     config: Config,
+    lean: TrunkLean | None = None,
 ) -> Part:
     """Return the motion of a joint group in which donor segments replace base segments.
 
@@ -59,6 +60,8 @@ def transplant(
     gap. Unstretched donors that are consecutive in a clip give that clip bit for bit. A joint's
     translation is replaced only if it varies in the clip of a donor; otherwise the base's bone
     length is kept.
+
+    `lean` is that of the group on the base, which is computed by default.
     """
     # Clips of a stored library are read on access, so only those of the donors are accessed.
     used, clip = np.unique(donors.clip, return_inverse=True)
@@ -69,15 +72,15 @@ def transplant(
     if align is not None and group.base_joints is not None:
         warp = align(base, cut, donors, clips, group.base_joints)
         timeline = replace(timeline, warp=warp)
-    lean = TrunkLean.from_config(base, joints, group.up, config)
+    lean = lean or TrunkLean.from_config(base, joints, group.up, config)
     moving: BoolArray = np.any([clip.is_translated[joints] for clip in clips], axis=0)
     if group.root is not None and (joints == group.root).any():
         moving |= joints == group.root
         root = GraftedRoot.from_columns(group.root, group.up, joints, moving)
-        layout = _lay_out(timeline, clips, group, moving, config)
-        layout, quats, moved = root.close(layout, lean, base, clips)
+        layout = _lay_out(timeline, clips, group, lean, moving, config)
+        layout, quats, moved = root.close(layout, base, clips)
     else:
-        layout = lean.remove_from(_lay_out(timeline, clips, group, moving, config), clips)
+        layout = _lay_out(timeline, clips, group, lean, moving, config)
         quats, moved = layout.smooth(*layout.close())
     positions = np.ascontiguousarray(base.positions[:, joints])
     positions[:, moving] = moved
@@ -98,25 +101,27 @@ def seam_reach(config: Config) -> float:
 
     Frames farther away change by at most 1/10,000 of a gap if the donor changes.
     """
-    reach = config.seam_blend + SEAM_TREATMENTS.get(config.seam).coupling
-    return max(reach, 4.0 * HEADING_SMOOTHING) if config.torso == "world" else reach
+    return config.seam_blend + SEAM_TREATMENTS.get(config.seam).coupling
 
 
 def _lay_out(
     timeline: DonorTimeline,
     clips: Sequence[Motion],
     group: GraftedGroup,
+    lean: TrunkLean,
     moving: BoolArray,
     config: Config,
 ) -> DonorLayout:
     """Return the layout of a group; its single channels follow its whole joints."""
     joints = group.whole_joints
-    quats = [clip.rotations.take(joints, axis=1) for clip in clips]
+    quats = [lean.upright_tracks(clip) for clip in clips]
+    seams = timeline.find_seams([clip.rotations for clip in clips], joints)
     if group.held:
         channels = [split_axes(clip, group.held) for clip in clips]
         quats = [np.concatenate(pair, axis=1) for pair in zip(quats, channels, strict=True)]
+        seams |= timeline.find_seams(channels)
     positions = [clip.positions.take(joints[moving], axis=1) for clip in clips]
-    return DonorLayout(timeline, quats, positions, timeline.find_seams(quats), config)
+    return DonorLayout(timeline, quats, positions, seams, config)
 
 
 def _channel_angles(

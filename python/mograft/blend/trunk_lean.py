@@ -1,13 +1,13 @@
 """`Config.torso`: the lean of a grafted trunk whose parent joint belongs to another group."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray, make_read_only
 from mograft._util.gaussian import gaussian_filter
-from mograft.blend.donor_timeline import DonorLayout
+from mograft._util.memo import remember
 from mograft.body.anatomy import anatomy
 from mograft.config import Config
 from mograft.motion import rotations
@@ -28,14 +28,14 @@ class TrunkLean:
     R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world rotation of the parent joint, and Y the
     part of R about the up axis, its heading. Y is smoothed over `HEADING_SMOOTHING` seconds,
     because the pelvis swings about the up axis with every step and the trunk compensates for that.
-    `remove` applies Y_k⁻¹ R_k, `restore` R_i⁻¹ Y_i. After Heck, Kovar and Gleicher (2006).
+    After Heck, Kovar and Gleicher (2006).
     """
 
     joints: IntArray  # the group's joints
     columns: Sequence[int]  # of `joints`: trunk joints whose parent is in another group
     up: int  # the axis that points up
     uprights: FloatArray  # for each column, rotation to the axis of its parent that points up most
-    _known: dict[Motion, FloatArray] = field(default_factory=dict)  # results of `leans`
+    base_leans: FloatArray  # Y_i⁻¹ R_i in each frame of the base, (n_frames, n_columns, 4)
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
@@ -49,33 +49,41 @@ class TrunkLean:
                 if parts[joint] == "trunk" and parents[joint] >= 0 and parents[joint] not in joints
             ]
         if not columns:
-            return cls(joints, [], up, np.empty((0, 4)))
-        world = _world_rotations(base, parents[joints[columns]])
-        return cls(joints, columns, up, _uprights(world, up))
+            return cls(joints, [], up, np.empty((0, 4)), np.empty((base.n_frames, 0, 4)))
+        trunk_parents = parents[joints[columns]]
+        key = ("uprights", trunk_parents.tobytes(), up)
+        uprights = remember(base, key, lambda: _uprights(_world_rotations(base, trunk_parents), up))
+        return cls(joints, columns, up, uprights, _leans(base, trunk_parents, up, uprights))
 
-    def remove_from(self, layout: DonorLayout, clips: Sequence[Motion]) -> DonorLayout:
-        """Return the layout with `remove` applied to the rotations of every clip."""
-        quats = [
-            self.remove(clip, track) for clip, track in zip(clips, layout.rotations, strict=True)
-        ]
-        return replace(layout, rotations=quats)
+    def at(self, frames: IntArray) -> "TrunkLean":
+        """Return the same joints on the base that consists of some frames of this base."""
+        return replace(self, base_leans=self.base_leans[frames])
 
-    def remove(self, clip: Motion, quats: FloatArray) -> FloatArray:
-        """Return `quats` with the trunk joints relative to the heading of their parents only."""
-        if not self.columns:
-            return quats
-        upright = quats.copy()
-        upright[:, self.columns] = rotations.multiply(self.leans(clip), quats[:, self.columns])
-        return upright
+    def upright_tracks(self, clip: Motion) -> FloatArray:
+        """Return the rotations of the group's joints in a clip, relative to headings in the trunk.
+
+        The shape is (n_frames, n_joints, 4). The array is kept with the clip and read-only.
+        """
+        key = ("tracks", self.joints.tobytes(), tuple(self.columns), self.uprights.tobytes())
+        return remember(clip, key, lambda: self._remove(clip))
+
+    def _remove(self, clip: Motion) -> FloatArray:
+        tracks = clip.rotations.take(self.joints, axis=1)
+        if self.columns:
+            parents = clip.skeleton.parents[self.joints[list(self.columns)]]
+            leans = _leans(clip, parents, self.up, self.uprights)
+            tracks[:, self.columns] = rotations.multiply(leans, tracks[:, self.columns])
+        make_read_only(tracks)
+        return tracks
 
     def restore(self, base: Motion, quats: FloatArray) -> FloatArray:
-        """Make the trunk joints relative to their parents in the base: the inverse of `remove`.
+        """Make the trunk joints relative to their parents in the base: R_i⁻¹ Y_i is applied.
 
         Rotations that equal those of the base are kept bit for bit.
         """
         if not self.columns:
             return quats
-        leans, upright = self.leans(base), quats[:, self.columns]
+        leans, upright = self.base_leans, quats[:, self.columns]
         given = base.rotations[:, self.joints[list(self.columns)]]
         is_same = (upright == rotations.multiply(leans, given)).all(axis=2)
         leaning = rotations.multiply(rotations.inverse(leans), upright)
@@ -84,20 +92,20 @@ class TrunkLean:
         local[:, self.columns] = np.where(is_same[..., None], given, leaning)
         return local
 
-    def leans(self, clip: Motion) -> FloatArray:
-        """Return the parents' world rotations without their heading, (n_frames, n_columns, 4)."""
-        if clip not in self._known:
-            self._known[clip] = self._find_leans(clip)
-        return self._known[clip]
 
-    def _find_leans(self, clip: Motion) -> FloatArray:
-        world = _world_rotations(clip, clip.skeleton.parents[self.joints[list(self.columns)]])
-        yaws = rotations.twist(rotations.multiply(world, self.uprights), self.up)
-        angles = np.unwrap(2.0 * np.arctan2(yaws[..., self.up], yaws[..., 3]), axis=0)
+def _leans(clip: Motion, parents: IntArray, up: int, uprights: FloatArray) -> FloatArray:
+    """Return Y⁻¹ R of parents of trunk joints, (n_frames, n_parents, 4); kept with the clip."""
+
+    def compute() -> FloatArray:
+        world = _world_rotations(clip, parents)
+        yaws = rotations.twist(rotations.multiply(world, uprights), up)
+        angles = np.unwrap(2.0 * np.arctan2(yaws[..., up], yaws[..., 3]), axis=0)
         sigma = HEADING_SMOOTHING * clip.rate
         smooth = np.stack([gaussian_filter(np.ascontiguousarray(a), sigma) for a in angles.T], 1)
-        heading = rotations.from_axis_angle(np.eye(3)[self.up], smooth)
+        heading = rotations.from_axis_angle(np.eye(3)[up], smooth)
         return rotations.multiply(rotations.inverse(heading), world)
+
+    return remember(clip, ("leans", parents.tobytes(), up, uprights.tobytes()), compute)
 
 
 def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:

@@ -6,7 +6,6 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.motion import rotations
-from mograft.motion.resample import cubic, cubic_positions
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
@@ -29,9 +28,6 @@ class ValueSpace(Protocol):
 
     def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return the rate of change of a delta whose end moves with a velocity."""
-
-    def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
-        """Interpolate `values`, one per frame, at `frames`; at whole frames the result is exact."""
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         """Return cubics at `t`, 0 to 1, from values and velocities (per unit of t) at both ends."""
@@ -59,9 +55,6 @@ class _Rotations:
         rate: FloatArray = velocity + 0.5 * product + factor * _cross(delta, product)
         return rate
 
-    def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
-        return cubic(np.arange(len(values)), values, frames)
-
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         shape = values[0].shape
         start, end, leaving, reaching = (
@@ -85,9 +78,6 @@ class _Translations:
 
     def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
         return velocity
-
-    def interpolate(self, values: FloatArray, frames: FloatArray) -> FloatArray:
-        return cubic_positions(np.arange(len(values)), values, frames)
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         t = t[:, None, None]

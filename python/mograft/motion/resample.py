@@ -1,5 +1,8 @@
 """Interpolation of rotations and positions at times between frames."""
 
+from collections.abc import Sequence
+
+import numpy as np
 import numpy.typing as npt
 
 from mograft import _core
@@ -134,6 +137,30 @@ def resample_segment_positions(
     """
     vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))
     return _core.segments_positions(vectors, *_bounds(starts, stops, counts))
+
+
+def sample_clips(tracks: Sequence[FloatArray], clips: IntArray, times: FloatArray) -> FloatArray:
+    """Return values of clips at n times in frames, by the curves of `cubic` through each clip.
+
+    `tracks` are the rotations or translations of each clip, shape (n_frames, n_joints, 4 or 3);
+    they are not checked. `clips`, shape (n,), are indices into them. The result has shape
+    (n, n_joints, 4 or 3).
+    """
+    return _core.sample_clips([np.ascontiguousarray(track) for track in tracks], clips, times)
+
+
+def clip_states(
+    tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the values, velocities and accelerations in n frames, given by clip and frame.
+
+    `tracks` are as for `sample_clips`; `clips` and `frames` have shape (n,). Velocities, shape
+    (n, n_joints, 3), are per frame, those of `cubic`; angular velocities are in the joint's local
+    axes. Accelerations, of the same shape, are second differences, per frame². The first and last
+    frame of a clip get the acceleration of the adjacent frame. In a clip of fewer than three frames
+    all accelerations are 0.
+    """
+    return _core.clip_states([np.ascontiguousarray(track) for track in tracks], clips, frames)
 
 
 def _bounds(

@@ -7,15 +7,14 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy
-from mograft.blend.donor_timeline import sample_values_and_velocities
 from mograft.blend.root_motion import root_velocity_weights, yaw_rates
-from mograft.blend.value_spaces import ROTATIONS
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import detect_contacts
 from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.resample import clip_states
 
 _TILT_WEIGHT, _HEIGHT_WEIGHT = 1.0, 2.0  # per radian of root tilt; per skeleton height of the root
 _VELOCITY_SECONDS = 0.1  # cost of a velocity difference, relative to the cost of a pose difference
@@ -119,10 +118,9 @@ class _ClipEnds:
         library, cut = self._library, self._library.segments
         frames = (cut.start if is_start else cut.stop)[segments]
         first = 0 * segments
-        poses, velocities = sample_values_and_velocities(
-            ROTATIONS, [self._clip.rotations[:, self._joints]], first, frames
-        )
-        _, angular = sample_values_and_velocities(ROTATIONS, [self._quats[:, None]], first, frames)
+        joints = self._clip.rotations[:, self._joints]
+        poses, velocities, _ = clip_states([joints], first, frames)
+        _, angular, _ = clip_states([self._quats[:, None]], first, frames)
         inverse_yaws = rotations.inverse(rotations.twist(self._quats[frames], library.up))
         tilts = rotations.multiply(inverse_yaws, self._quats[frames])
         if not self._has_root:

@@ -16,13 +16,19 @@ from mograft.synthesis.search_problem import SearchProblem
 
 
 def transplant_group(
-    problem: SearchProblem, group: str, base: Motion, base_segments: Segments, donors: IntArray
+    problem: SearchProblem,
+    group: str,
+    base: Motion,
+    base_segments: Segments,
+    donors: IntArray,
+    frames: IntArray | None = None,
 ) -> Part:
     """Return the motion of a group in which donors replace the segments of a base motion.
 
     `base_segments` are the segments of `base`; `donors` has one donor for each. Seams are treated.
+    `frames` are the frames of the problem's base of which `base` consists; default: all.
     """
-    library = problem.library
+    library, lean = problem.library, problem.trunk_leans[group]
     return transplant(
         base,
         base_segments,
@@ -30,6 +36,7 @@ def transplant_group(
         library.clips,
         problem.group_specs[group],
         library.config,
+        lean if frames is None else lean.at(frames),
     )
 
 
@@ -160,7 +167,7 @@ def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
         chosen = [own.donors[group][own.first : own.stop] for own in pieces if group in own.donors]
         if chosen:
             donors = np.concatenate(chosen)
-            parts.append(transplant_group(problem, group, motion, joined, donors))
+            parts.append(transplant_group(problem, group, motion, joined, donors, kept))
     return recombine(motion, parts, "")
 
 

@@ -8,7 +8,6 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import merge_axes, split_axes
 from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
-from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -101,12 +100,11 @@ def _insert_rotations(
     library = problem.library
     axes = problem.divided_channels[group]
     joints = problem.group_specs[group].whole_joints
-    lean = TrunkLean.from_config(problem.base, joints, library.up, problem.config)
+    lean = problem.trunk_leans[group]
     clip_of_row = np.repeat(taken.clip, counts)
     for clip in np.unique(taken.clip):
         in_clip, rows, motion = taken.clip == clip, clip_of_row == clip, library.clips[clip]
-        upright = lean.remove(motion, motion.rotations[:, joints])
-        track = np.concatenate([upright, split_axes(motion, axes)], axis=1)
+        track = np.concatenate([lean.upright_tracks(motion), split_axes(motion, axes)], axis=1)
         resampled = resample_segments(
             track, taken.start[in_clip], taken.stop[in_clip], counts[in_clip]
         )
@@ -118,7 +116,7 @@ def _insert_rotations(
             local[rows, joint] = rotations.from_euler(euler, order)
     if lean.columns:
         trunk = joints[list(lean.columns)]
-        inverse = rotations.inverse(lean.leans(problem.base)[frames])
+        inverse = rotations.inverse(lean.base_leans[frames])
         local[:, trunk] = rotations.multiply(inverse, local[:, trunk])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
 from mograft.blend.transplant import GraftedGroup
+from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.anatomy import feature_joints
 from mograft.body.world_poses import Poses
 from mograft.config import Config
@@ -177,6 +178,14 @@ class SearchProblem:
                 held=self.divided_channels[group],
             )
             for group in self.pools
+        }
+
+    @cached_property
+    def trunk_leans(self) -> dict[str, TrunkLean]:
+        """The trunk joints of each grafted group that keep their lean, and the lean of the base."""
+        return {
+            group: TrunkLean.from_config(self.base, spec.whole_joints, spec.up, self.config)
+            for group, spec in self.group_specs.items()
         }
 
     @property

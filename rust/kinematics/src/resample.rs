@@ -12,7 +12,7 @@ use crate::rotation::{self, exp, log};
 use crate::value::Value;
 
 /// A frame of one joint: a value that has a cubic to another one.
-trait Knot: Value {
+pub trait Knot: Value {
     /// The cubic at `t` that starts at `self` with velocity `start_velocity` and ends at `next`
     /// with `end_velocity`.
     fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self;
@@ -174,35 +174,178 @@ impl<'a, K: Knot, G: Fn(usize) -> f64> Span<'a, K, G> {
         self.knots[f * self.n_joints + joint]
     }
 
-    /// The velocities at both ends of the interval from frame `f`, per interval.
-    ///
-    /// Each is that of the parabola through three frames: the frame and both neighbours, or at
-    /// an end the three nearest. With only two frames the velocity is constant.
     fn tangents(&self, f: usize, joint: usize) -> (DVec3, DVec3) {
         let difference = |f: usize| self.knot(f, joint).delta_to(self.knot(f + 1, joint));
-        let interval = (self.interval)(f);
-        let speed = difference(f) / interval;
-        let chord = |f: usize| (difference(f) / (self.interval)(f), (self.interval)(f));
-        let before = (f > self.first).then(|| chord(f - 1));
-        let after = (f + 1 < self.last).then(|| chord(f + 1));
-        // At a frame between two chords: their slopes, each weighted by the length of the other.
-        let inner = |earlier: (DVec3, f64), later: (DVec3, f64)| {
-            (earlier.0 * later.1 + later.0 * earlier.1) / (earlier.1 + later.1)
+        tangents(f, self.first, self.last, self.interval, difference)
+    }
+}
+
+/// The velocities at both ends of the interval from frame `f`, per interval.
+///
+/// Each is that of the parabola through three frames of `first` to `last`: the frame and both
+/// neighbours, or at an end the three nearest. With only two frames the velocity is constant.
+/// `interval` and `difference` are the time and the delta from a frame to the next.
+fn tangents(
+    f: usize,
+    first: usize,
+    last: usize,
+    interval: impl Fn(usize) -> f64,
+    difference: impl Fn(usize) -> DVec3,
+) -> (DVec3, DVec3) {
+    let chord = |f: usize| (difference(f) / interval(f), interval(f));
+    let (speed, interval) = chord(f);
+    let before = (f > first).then(|| chord(f - 1));
+    let after = (f + 1 < last).then(|| chord(f + 1));
+    // At a frame between two chords: their slopes, each weighted by the length of the other.
+    let inner = |earlier: (DVec3, f64), later: (DVec3, f64)| {
+        (earlier.0 * later.1 + later.0 * earlier.1) / (earlier.1 + later.1)
+    };
+    // At an end: the slope of the parabola extrapolated from this chord and the next.
+    let outer = |next: (DVec3, f64)| speed + (speed - next.0) * (interval / (interval + next.1));
+    let start_velocity = match (before, after) {
+        (Some(before), _) => inner(before, (speed, interval)),
+        (None, Some(after)) => outer(after),
+        (None, None) => speed,
+    };
+    let end_velocity = match (before, after) {
+        (_, Some(after)) => inner((speed, interval), after),
+        (Some(before), None) => outer(before),
+        (None, None) => speed,
+    };
+    (start_velocity * interval, end_velocity * interval)
+}
+
+/// Values of several clips at any times, by the curve of [`cubic`] through each clip.
+///
+/// Clips are frame-major, `n_joints` wide. Row `i` of the result is clip `clip[i]` at `times[i]`, in
+/// frames. Times outside the clip, NaN and whole frames are as for [`cubic`]. Takes O(rows × joints)
+/// time; deltas between frames are computed once for successive rows near the same frame.
+///
+/// # Errors
+///
+/// If a clip does not exist, has fewer than two frames or is not a whole number of frames.
+pub fn sample_clips<V: Knot>(
+    clips: &[&[V]],
+    n_joints: usize,
+    clip: &[usize],
+    times: &[f64],
+) -> Result<Vec<V>, Error> {
+    check_len(times.len(), clip.len())?;
+    let counts = frame_counts(clips, n_joints, clip)?;
+    let mut rows = Vec::with_capacity(times.len() * n_joints);
+    let mut steps = Steps::new(clips, n_joints);
+    for (&clip, &time) in clip.iter().zip(times) {
+        let Some(last) = counts[clip].checked_sub(1).filter(|&last| last > 0) else {
+            return Err(Error::TooFewFrames { needed: 2, given: counts[clip] });
         };
-        // At an end: the slope of the parabola extrapolated from this chord and the next.
-        let outer =
-            |next: (DVec3, f64)| speed + (speed - next.0) * (interval / (interval + next.1));
-        let start_velocity = match (before, after) {
-            (Some(before), _) => inner(before, (speed, interval)),
-            (None, Some(after)) => outer(after),
-            (None, None) => speed,
-        };
-        let end_velocity = match (before, after) {
-            (_, Some(after)) => inner((speed, interval), after),
-            (Some(before), None) => outer(before),
-            (None, None) => speed,
-        };
-        (start_velocity * interval, end_velocity * interval)
+        let f = (time.max(0.0) as usize).min(last - 1);
+        let t = (time - f as f64).clamp(0.0, 1.0);
+        let frame = |f: usize| &clips[clip][f * n_joints..(f + 1) * n_joints];
+        if t == 0.0 || t == 1.0 {
+            rows.extend_from_slice(frame(f + usize::from(t == 1.0)));
+            continue;
+        }
+        let near = f.saturating_sub(1)..=(f + 1).min(last - 1);
+        near.for_each(|f| steps.set(clip, f));
+        for (joint, (&start, &end)) in frame(f).iter().zip(frame(f + 1)).enumerate() {
+            let (leaving, reaching) = tangents(f, 0, last, |_| 1.0, |f| steps.get(f)[joint]);
+            rows.push(start.cubic(end, leaving, reaching, t));
+        }
+    }
+    Ok(rows)
+}
+
+/// Values, velocities and accelerations of several clips in given frames.
+///
+/// Clips and rows are as for [`sample_clips`]. Velocities, per frame, are those of the curve of
+/// [`cubic`] at its frames. Accelerations, per frame², are second differences; the first and the
+/// last frame of a clip have that of the nearest other frame. Both are 0 in clips that are too short.
+///
+/// # Errors
+///
+/// If a clip or frame does not exist, or a clip is not a whole number of frames.
+#[expect(clippy::type_complexity, reason = "three parallel buffers")]
+pub fn clip_states<V: Knot>(
+    clips: &[&[V]],
+    n_joints: usize,
+    clip: &[usize],
+    frames: &[usize],
+) -> Result<(Vec<V>, Vec<DVec3>, Vec<DVec3>), Error> {
+    check_len(frames.len(), clip.len())?;
+    let counts = frame_counts(clips, n_joints, clip)?;
+    let size = frames.len() * n_joints;
+    let (mut values, mut velocities) = (Vec::with_capacity(size), Vec::with_capacity(size));
+    let mut accelerations = Vec::with_capacity(size);
+    let mut steps = Steps::new(clips, n_joints);
+    for (row, (&clip, &frame)) in clip.iter().zip(frames).enumerate() {
+        let count = counts[clip];
+        if frame >= count {
+            return Err(Error::InvalidSegment { segment: row });
+        }
+        values.extend_from_slice(&clips[clip][frame * n_joints..(frame + 1) * n_joints]);
+        if count < 3 {
+            let velocity = |joint: usize| {
+                let at = |f: usize| clips[clip][f * n_joints + joint];
+                if count == 2 { at(0).delta_to(at(1)) } else { DVec3::ZERO }
+            };
+            velocities.extend((0..n_joints).map(velocity));
+            accelerations.resize(accelerations.len() + n_joints, DVec3::ZERO);
+            continue;
+        }
+        let inside = frame.clamp(1, count - 2);
+        steps.set(clip, inside - 1);
+        steps.set(clip, inside);
+        for (&before, &after) in steps.get(inside - 1).iter().zip(steps.get(inside)) {
+            velocities.push(match frame {
+                0 => 1.5 * before - 0.5 * after,
+                _ if frame > inside => 1.5 * after - 0.5 * before,
+                _ => 0.5 * (before + after),
+            });
+            accelerations.push(after - before);
+        }
+    }
+    Ok((values, velocities, accelerations))
+}
+
+/// The frames in each clip; an error if one of `used` does not exist.
+fn frame_counts<V>(clips: &[&[V]], n_joints: usize, used: &[usize]) -> Result<Vec<usize>, Error> {
+    if let Some(segment) = used.iter().position(|&clip| clip >= clips.len()) {
+        return Err(Error::InvalidSegment { segment });
+    }
+    let count = |clip: &&[V]| {
+        let count = clip.len().checked_div(n_joints).unwrap_or(usize::MAX);
+        check_len(clip.len(), count.saturating_mul(n_joints)).map(|()| count)
+    };
+    clips.iter().map(count).collect()
+}
+
+/// Deltas from frames to the next, joint by joint, of the last three frames asked for.
+struct Steps<'a, V> {
+    clips: &'a [&'a [V]],
+    n_joints: usize,
+    /// The deltas of frame `f` are in slot `f % 3`, with the clip and frame they belong to.
+    slots: [(Option<(usize, usize)>, Vec<DVec3>); 3],
+}
+
+impl<'a, V: Knot> Steps<'a, V> {
+    fn new(clips: &'a [&'a [V]], n_joints: usize) -> Self {
+        Self { clips, n_joints, slots: Default::default() }
+    }
+
+    /// Compute the deltas of a frame unless they are known.
+    fn set(&mut self, clip: usize, f: usize) {
+        let (key, deltas) = &mut self.slots[f % 3];
+        if key.replace((clip, f)) != Some((clip, f)) {
+            let frames = &self.clips[clip][f * self.n_joints..(f + 2) * self.n_joints];
+            let (start, end) = frames.split_at(self.n_joints);
+            deltas.clear();
+            deltas.extend(start.iter().zip(end).map(|(&a, &b)| a.delta_to(b)));
+        }
+    }
+
+    /// The deltas of a frame that was set last of those in its slot.
+    fn get(&self, f: usize) -> &[DVec3] {
+        &self.slots[f % 3].1
     }
 }
 
@@ -355,6 +498,38 @@ mod tests {
         let resampled = segments(&frames, 1, &[3, 10], &[10, 29], &[8, 20]).unwrap();
         assert_eq!(resampled[..8], frames[3..=10]);
         assert_eq!(resampled[8..], frames[10..=29]);
+    }
+
+    #[test]
+    fn sample_clips_agrees_with_cubic_of_each_clip() {
+        let (long, short) = (random_walk(12), random_walk(2));
+        let times = [0.0, 0.4, 0.9, 1.3, 2.0, 1.9, 7.7, 10.6, 11.0, 12.5, -1.0, 0.2];
+        let clip: Vec<usize> = (0..times.len()).map(|n| n % 5 % 2).collect();
+        let found = sample_clips(&[&long, &short], 1, &clip, &times).unwrap();
+        for (row, (&clip, &time)) in found.iter().zip(clip.iter().zip(&times)) {
+            let frames = [&long, &short][clip];
+            let frame_times: Vec<_> = (0..frames.len()).map(|f| f as f64).collect();
+            assert_eq!(*row, cubic(&frame_times, frames, 1, &[time]).unwrap()[0]);
+        }
+    }
+
+    #[test]
+    fn clip_states_have_velocity_and_acceleration_of_curve() {
+        let frames: Vec<_> = (0..5)
+            .map(|n| DVec3::new(f64::from(n * n), f64::from(n), 0.0))
+            .collect();
+        let (values, velocities, accelerations) =
+            clip_states(&[&frames], 1, &[0; 5], &[0, 1, 2, 3, 4]).unwrap();
+        assert_eq!(values, frames);
+        for (f, velocity) in velocities.iter().enumerate() {
+            assert_eq!(*velocity, DVec3::new(2.0 * f as f64, 1.0, 0.0));
+        }
+        assert_eq!(accelerations, [DVec3::new(2.0, 0.0, 0.0); 5]);
+        let two = clip_states(&[&frames[..2]], 1, &[0], &[1]).unwrap();
+        assert_eq!(two.1, [DVec3::new(1.0, 1.0, 0.0)]);
+        let refused = clip_states(&[&frames], 1, &[0], &[5]).err();
+        assert_eq!(refused, Some(Error::InvalidSegment { segment: 0 }));
+        assert!(sample_clips(&[&frames], 1, &[1], &[0.0]).is_err());
     }
 
     #[test]

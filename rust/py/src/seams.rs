@@ -1,10 +1,11 @@
-//! Bindings of the seam kernels; see `mograft_kinematics`.
+//! Bindings of the kernels of donors and seams; see `mograft_kinematics`.
 //!
 //! Values are rotations if their last axis has four components, else translations.
 
 use mograft_kinematics::gradient::{self, Donors, Objective};
 use mograft_kinematics::offset::{self, Offsets, PieceTimes};
-use numpy::PyUntypedArrayMethods as _;
+use mograft_kinematics::resample;
+use numpy::{PyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 
 use crate::convert::{
@@ -67,4 +68,60 @@ pub fn smooth_gradient<'py>(
     let donors = Donors { starts, stops, rows, seams, accelerations };
     let smooth = py.detach(|| gradient::smooth_gradient(vecs, n_joints, donors, &fixed, objective));
     from_vecs(py, smooth.map_err(value_error)?, &[n, n_joints])
+}
+
+/// See [`resample::sample_clips`].
+#[pyfunction]
+pub fn sample_clips<'py>(
+    py: Python<'py>,
+    clips: Vec<Floats<'py>>,
+    clip: Indices<'py>,
+    times: Floats<'py>,
+) -> Array<'py> {
+    let (clip, times) = (as_usizes(&clip)?, times.as_slice()?);
+    let n_joints = clips.first().map_or(0, |own| own.shape()[1]);
+    let shape = [times.len(), n_joints];
+    if is_rotations(&clips) {
+        let quats = clips.iter().map(as_quats).collect::<PyResult<Vec<_>>>()?;
+        let rows = py.detach(|| resample::sample_clips(&quats, n_joints, &clip, times));
+        return from_quats(py, rows.map_err(value_error)?, &shape);
+    }
+    let vecs = clips.iter().map(as_vecs).collect::<PyResult<Vec<_>>>()?;
+    let rows = py.detach(|| resample::sample_clips(&vecs, n_joints, &clip, times));
+    from_vecs(py, rows.map_err(value_error)?, &shape)
+}
+
+/// Values, velocities and accelerations.
+type States<'py> =
+    (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
+
+/// See [`resample::clip_states`].
+#[pyfunction]
+pub fn clip_states<'py>(
+    py: Python<'py>,
+    clips: Vec<Floats<'py>>,
+    clip: Indices<'py>,
+    frames: Indices<'py>,
+) -> PyResult<States<'py>> {
+    let (clip, frames) = (as_usizes(&clip)?, as_usizes(&frames)?);
+    let n_joints = clips.first().map_or(0, |own| own.shape()[1]);
+    let shape = [frames.len(), n_joints];
+    let (values, velocities, accelerations) = if is_rotations(&clips) {
+        let quats = clips.iter().map(as_quats).collect::<PyResult<Vec<_>>>()?;
+        let found = py.detach(|| resample::clip_states(&quats, n_joints, &clip, &frames));
+        let (values, velocities, accelerations) = found.map_err(value_error)?;
+        (from_quats(py, values, &shape)?, velocities, accelerations)
+    } else {
+        let vecs = clips.iter().map(as_vecs).collect::<PyResult<Vec<_>>>()?;
+        let found = py.detach(|| resample::clip_states(&vecs, n_joints, &clip, &frames));
+        let (values, velocities, accelerations) = found.map_err(value_error)?;
+        (from_vecs(py, values, &shape)?, velocities, accelerations)
+    };
+    Ok((values, from_vecs(py, velocities, &shape)?, from_vecs(py, accelerations, &shape)?))
+}
+
+fn is_rotations(clips: &[Floats<'_>]) -> bool {
+    clips
+        .first()
+        .is_some_and(|own| own.shape().last() == Some(&4))
 }

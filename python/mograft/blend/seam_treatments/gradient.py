@@ -33,10 +33,10 @@ class _Gradient(Offset):
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
         """Return the values, smoothed in the frames near seams."""
-        cut, donors, tau = closed.cut, closed.donors(), _TIME * closed.rate
+        cut, tau = closed.cut, _TIME * closed.rate
         return _core.smooth_gradient(
             closed.values,
-            (cut.start, cut.stop, donors.rows, closed.seams, donors.seam_accelerations),
+            (cut.start, cut.stop, closed.donor_rows, closed.seams, closed.seam_accelerations),
             np.array(closed.integrated, np.int64),
             (1.0, tau**2, tau**4),
             closed.blend,
