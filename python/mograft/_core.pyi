@@ -22,6 +22,7 @@ __all__ = [
     "format_rows",
     "from_channels",
     "from_euler",
+    "greatest_derivatives",
     "hermite",
     "kinetic_energy",
     "linkage",
@@ -44,6 +45,7 @@ __all__ = [
     "velocity_gaps",
     "velocity_gaps_along",
     "world",
+    "world_jerk",
 ]
 
 BUILD_PROFILE: Final[str]
@@ -96,6 +98,12 @@ def segments_positions(
 def world(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
+def greatest_derivatives(
+    rotations: FloatArray, joints: IntArray
+) -> tuple[FloatArray, FloatArray]: ...
+def world_jerk(
+    parents: IntArray, rotations: FloatArray, positions: FloatArray, joints: IntArray
+) -> FloatArray: ...
 def pose_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def pose_gaps_along(
     ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray

@@ -171,10 +171,13 @@ class DonorTimeline:
         is_stretched = donors.lengths != self.cut.lengths
         if self.warp is not None:
             is_stretched |= self.warp.is_warped
-        ends = _three_frames(tracks, joints, donors.clip[:-1], donors.stop[:-1])
-        starts = _three_frames(tracks, joints, donors.clip[1:], donors.start[1:])
-        continues = (ends == starts).all(axis=tuple(range(1, ends.ndim)))
-        seams: BoolArray = ~continues | is_stretched[1:] | is_stretched[:-1]
+        seams: BoolArray = is_stretched[1:] | is_stretched[:-1]
+        follows = donors.clip[1:] == donors.clip[:-1]
+        follows &= donors.start[1:] == donors.stop[:-1]
+        others = np.flatnonzero(~seams & ~follows)
+        ends = _three_frames(tracks, joints, donors.clip[others], donors.stop[others])
+        starts = _three_frames(tracks, joints, donors.clip[others + 1], donors.start[others + 1])
+        seams[others] = (ends != starts).any(axis=tuple(range(1, ends.ndim)))
         return seams
 
 

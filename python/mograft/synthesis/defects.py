@@ -10,8 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.memo import remember
 from mograft._util.runs import dilate
 from mograft.body.anatomy import feature_joints
+from mograft.body.derivatives import greatest_derivatives, world_jerk
+from mograft.body.mass import mass_model
 from mograft.motion.motion import Motion
 from mograft.synthesis.assembly import Piece
 from mograft.synthesis.search_problem import SearchProblem
@@ -71,14 +74,15 @@ class DefectMeasure:
 
         `shifts` are added to frames of the base to get frames of `motion`, one for each piece.
         """
-        cut, peaks = self.problem.base_segments, _derivatives(motion.rotations[:, self._joints])
+        cut, base = self.problem.base_segments, self.problem.base
+        peaks = greatest_derivatives(motion, self._joints)
         amounts = []
         for piece, shift in zip(pieces, shifts, strict=True):
             positions = self._seams(piece)
             frames = cut.stop[positions]
             first, last = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
             peak = self._peaks_about(frames + shift, peaks, first + shift, last + shift)
-            reference = self._peaks_about(frames, self._base_peaks, 0, self.problem.base.n_frames)
+            reference = self._clip_peaks(base, frames)
             # Most seams are within the limit by the base alone.
             above = (peak > MAX_SEAM_RATIO * reference).any(axis=0)
             known = self._donor_peaks(piece.donors[self.group], positions[above])
@@ -110,11 +114,19 @@ class DefectMeasure:
         around = frames[:, None] + np.arange(-self._half_width, self._half_width + 1)
         found = []
         # A second difference reaches one frame to both sides, a third one frame further.
-        for values, reach in zip(derivatives, (1, 2), strict=True):
-            is_inside = (around > first) & (around <= min(last, len(values) + reach) - reach)
-            own = values[np.clip(around - 1, 0, len(values) - 1)] * is_inside
+        for values, reach in zip(derivatives, (0, 1), strict=True):
+            is_inside = (around > first) & (around < last - reach)
+            own = values[around.clip(0, len(values) - 1)] * is_inside
             found.append(own.max(axis=1, initial=0.0))
         return np.stack(found)
+
+    def _clip_peaks(self, clip: Motion, frames: IntArray) -> FloatArray:
+        """Return the greatest acceleration and jerk of a recording about each frame, (2, n)."""
+        joints = self._joints
+        derivatives = remember(
+            clip, ("derivatives", joints.tobytes()), lambda: greatest_derivatives(clip, joints)
+        )
+        return self._peaks_about(frames, derivatives, 0, clip.n_frames - 1)
 
     def _donor_peaks(self, donors: IntArray, positions: IntArray) -> FloatArray:
         """Return the greatest acceleration and jerk near seams in the clips of both donors, (2, n).
@@ -126,22 +138,9 @@ class DefectMeasure:
         clips = segments.clip[np.concatenate([left, right])]
         frames = np.concatenate([segments.stop[left], segments.start[right]])
         peaks = np.zeros((2, len(frames)))
-        if not len(frames):
-            return peaks
-        offsets = np.arange(-self._half_width - 1, self._half_width + 3)[:, None]
-        windows = np.empty((len(offsets), len(frames), len(self._joints), 4))
-        around = frames + offsets
-        is_inside = np.empty(around.shape, bool)
         for clip in np.unique(clips).tolist():
-            of_clip = np.flatnonzero(clips == clip)
-            rotations = library.clips[clip].rotations
-            own = np.clip(around[:, of_clip], 0, len(rotations) - 1)
-            is_inside[:, of_clip] = own == around[:, of_clip]
-            windows[:, of_clip] = rotations[own[..., None], self._joints]
-        acceleration, jerk = _derivatives(windows)
-        is_known = is_inside[:-2] & is_inside[2:]
-        peaks[0] = (acceleration * is_known)[:-1].max(axis=0)
-        peaks[1] = (jerk * (is_known[:-1] & is_inside[3:])).max(axis=0)
+            is_own = clips == clip
+            peaks[:, is_own] = self._clip_peaks(library.clips[clip], frames[is_own])
         return np.maximum(*np.split(peaks, 2, axis=1))
 
     def _jerk_amounts(
@@ -149,7 +148,7 @@ class DefectMeasure:
     ) -> list[FloatArray]:
         """Return the amounts of world jerk by piece; 0 unless at or next to a substitution."""
         cut, (base, limits) = self.problem.base_segments, self._base_jerk
-        jerk = _world_jerk(motion.world_positions()[:, self._driven_joints])
+        jerk = world_jerk(motion, self._driven_joints)
         found = []
         for piece, shift in zip(pieces, shifts, strict=True):
             begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
@@ -168,10 +167,6 @@ class DefectMeasure:
         return max(round(_SEAM_SECONDS * self.problem.base.rate), 1)
 
     @cached_property
-    def _base_peaks(self) -> tuple[FloatArray, FloatArray]:
-        return _derivatives(self.problem.base.rotations[:, self._joints])
-
-    @cached_property
     def _joints(self) -> IntArray:
         """The joints whose rotations are measured."""
         return feature_joints(
@@ -187,41 +182,13 @@ class DefectMeasure:
     @cached_property
     def _base_jerk(self) -> tuple[FloatArray, FloatArray]:
         """The world jerk of the base, (n_frames, n_joints), and the limits, (n_joints,)."""
-        poses = self.problem.base_poses
-        jerk = _world_jerk(poses.positions[:, self._driven_joints])
-        limits = MAX_JERK_RATIO * np.percentile(jerk, _JERK_PERCENTILE, axis=0)
-        return jerk, np.maximum(limits, _LEAST * poses.height)
+        base, joints = self.problem.base, self._driven_joints
 
+        def compute() -> tuple[FloatArray, FloatArray]:
+            jerk = world_jerk(base, joints)
+            limits = np.percentile(jerk, _JERK_PERCENTILE, axis=0)
+            return jerk, limits
 
-def _derivatives(rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the greatest angular acceleration and jerk among the joints, frame by frame.
-
-    `rotations` has shape (n_frames, ..., n_joints, 4), the results (n_frames - 2, ...) and
-    (n_frames - 3, ...); both start with the second frame. The length of the rotation vector from
-    frame to frame is taken as 2 sin(angle / 2), which is 1 % too short at 0.5 rad.
-    """
-    x, y, z, w = np.ascontiguousarray(np.moveaxis(rotations, -1, 0))
-    x0, y0, z0, w0 = x[:-1], y[:-1], z[:-1], w[:-1]
-    x1, y1, z1, w1 = x[1:], y[1:], z[1:], w[1:]
-    sign = np.copysign(2.0, x0 * x1 + y0 * y1 + z0 * z1 + w0 * w1)
-    steps = np.empty((3, *sign.shape))
-    steps[0] = w0 * x1 - w1 * x0 - y0 * z1 + z0 * y1
-    steps[1] = w0 * y1 - w1 * y0 - z0 * x1 + x0 * z1
-    steps[2] = w0 * z1 - w1 * z0 - x0 * y1 + y0 * x1
-    acceleration = np.diff(steps * sign, axis=1)
-    return _greatest(acceleration), _greatest(np.diff(acceleration, axis=1))
-
-
-def _greatest(vectors: FloatArray) -> FloatArray:
-    """Return the length of the longest of all joints' `vectors`, shape (3, ..., n_joints)."""
-    squares = vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2
-    greatest: FloatArray = np.sqrt(squares.max(axis=-1, initial=0.0))
-    return greatest
-
-
-def _world_jerk(positions: FloatArray) -> FloatArray:
-    """Return lengths of third differences of positions, (n_frames, n_joints); 0 at both ends."""
-    jerk = np.zeros(positions.shape[:2])
-    third = np.diff(positions, 3, axis=0)
-    jerk[1:-2] = np.sqrt(np.einsum("fjc,fjc->fj", third, third))
-    return jerk
+        jerk, percentiles = remember(base, ("jerk", joints.tobytes()), compute)
+        least = _LEAST * mass_model(base.skeleton).height
+        return jerk, np.maximum(MAX_JERK_RATIO * percentiles, least)

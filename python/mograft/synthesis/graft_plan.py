@@ -164,6 +164,8 @@ class GraftPlan:
         )
 
     def _total_excess(self, assembly: Assembly) -> float:
+        if not self.problem.constraints:
+            return 0.0
         motion = self._finish(assembly.motion, assembly.donors)
         return sum(own.error - 1.0 for own in self._violations(motion, assembly.donors))
 

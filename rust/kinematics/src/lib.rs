@@ -11,6 +11,7 @@
 //! | [`rotation`] | exponential, logarithm, angle, Euler angles |
 //! | [`resample`] | motion between frames: spherical linear, or a C1 cubic |
 //! | [`forward`] | world rotations and positions |
+//! | [`derivatives`] | accelerations and jerks |
 //! | [`energy`] | angular velocities and kinetic energy |
 //! | [`sample`] | feature vectors of sampled segments |
 //! | [`pose`] | distances between poses |
@@ -22,6 +23,7 @@
 
 pub mod banded;
 pub mod capsule;
+pub mod derivatives;
 pub mod energy;
 mod error;
 pub mod forward;

@@ -9,22 +9,32 @@ use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
 use crate::rotation::{self, exp, log};
-use crate::value::Value;
 
 /// A frame of one joint: a value that has a cubic to another one.
-pub trait Knot: Value {
+pub trait Knot: Copy {
+    /// The delta to another value.
+    fn delta_to(self, other: Self) -> DVec3;
     /// The cubic at `t` that starts at `self` with velocity `start_velocity` and ends at `next`
     /// with `end_velocity`.
+    #[must_use]
     fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self;
 }
 
 impl Knot for DQuat {
+    fn delta_to(self, other: Self) -> DVec3 {
+        log(self.inverse() * other)
+    }
+
     fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self {
         hermite(self, next, start_velocity, end_velocity, t)
     }
 }
 
 impl Knot for DVec3 {
+    fn delta_to(self, other: Self) -> DVec3 {
+        other - self
+    }
+
     fn cubic(self, next: Self, start_velocity: DVec3, end_velocity: DVec3, t: f64) -> Self {
         let s = 1.0 - t;
         // The Hermite basis in a form that is exact at t = 0 and t = 1.
@@ -323,19 +333,21 @@ fn frame_counts<V>(clips: &[&[V]], n_joints: usize, used: &[usize]) -> Result<Ve
 struct Steps<'a, V> {
     clips: &'a [&'a [V]],
     n_joints: usize,
-    /// The deltas of frame `f` are in slot `f % 3`, with the clip and frame they belong to.
-    slots: [(Option<(usize, usize)>, Vec<DVec3>); 3],
+    /// The deltas of frame `f` are in slot `f % 3`.
+    slots: [Vec<DVec3>; 3],
+    /// The clip and frame of each slot.
+    keys: [Option<(usize, usize)>; 3],
 }
 
 impl<'a, V: Knot> Steps<'a, V> {
     fn new(clips: &'a [&'a [V]], n_joints: usize) -> Self {
-        Self { clips, n_joints, slots: Default::default() }
+        Self { clips, n_joints, slots: Default::default(), keys: [None; 3] }
     }
 
     /// Compute the deltas of a frame unless they are known.
     fn set(&mut self, clip: usize, f: usize) {
-        let (key, deltas) = &mut self.slots[f % 3];
-        if key.replace((clip, f)) != Some((clip, f)) {
+        let deltas = &mut self.slots[f % 3];
+        if self.keys[f % 3].replace((clip, f)) != Some((clip, f)) {
             let frames = &self.clips[clip][f * self.n_joints..(f + 2) * self.n_joints];
             let (start, end) = frames.split_at(self.n_joints);
             deltas.clear();
@@ -345,7 +357,7 @@ impl<'a, V: Knot> Steps<'a, V> {
 
     /// The deltas of a frame that was set last of those in its slot.
     fn get(&self, f: usize) -> &[DVec3] {
-        &self.slots[f % 3].1
+        &self.slots[f % 3]
     }
 }
 

@@ -40,6 +40,39 @@ pub fn log(q: DQuat) -> DVec3 {
     if q.w == 0.0 && first < 0.0 { -v } else { v }
 }
 
+/// [`exp`] up to 4e-16, several times faster for angles below 1 rad.
+pub fn exp_small(v: DVec3) -> DQuat {
+    let z = 0.25 * v.length_squared();
+    // NaN is left to `exp`.
+    if z < 0.25 {
+        // The series of sin(x) / x and cos(x) in z = x²; x is half of the angle.
+        let xyz = v * (0.5 * series(z, |k| -1.0 / f64::from((2 * k) * (2 * k + 1))));
+        let w = series(z, |k| -1.0 / f64::from((2 * k - 1) * (2 * k)));
+        DQuat::from_xyzw(xyz.x, xyz.y, xyz.z, w)
+    } else {
+        exp(v)
+    }
+}
+
+/// [`log`] up to a relative error of 1e-15, several times faster for angles below 0.28 rad.
+pub fn log_small(q: DQuat) -> DVec3 {
+    let xyz = q.xyz();
+    let z = xyz.length_squared();
+    if z < 0.02 {
+        // The series of asin(s) / s in z = s²; s is the sine of half of the angle.
+        let ratio = |k: i32| f64::from((2 * k - 1) * (2 * k - 1)) / f64::from(2 * k * (2 * k + 1));
+        xyz * (2.0_f64.copysign(q.w) * series(z, ratio))
+    } else {
+        log(q)
+    }
+}
+
+/// The first nine terms of the power series in `z` whose coefficients have the given ratios.
+#[inline]
+fn series(z: f64, ratio: impl Fn(i32) -> f64) -> f64 {
+    (1..9).rev().fold(1.0, |sum, k| 1.0 + z * ratio(k) * sum)
+}
+
 /// `v` rotated by the unit quaternion `q`: v + 2w u×v + 2u×(u×v), with fewer operations than
 /// glam's `q * v`.
 pub fn rotate(q: DQuat, v: DVec3) -> DVec3 {
@@ -249,6 +282,20 @@ mod tests {
             let back = exp(v);
             assert!(back.abs_diff_eq(q, 1e-14) || back.abs_diff_eq(-q, 1e-14), "{q} {back}");
             assert!((angle(DQuat::IDENTITY, q) - v.length()).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn series_of_small_angles_agree_with_exp_and_log() {
+        for scale in [0.0, 1e-12, 1e-5, 0.02, 0.1, 0.25, 0.33, 0.6] {
+            for q in lattice() {
+                let v = scale * log(q);
+                assert!(exp_small(v).abs_diff_eq(exp(v), 5e-16), "{v}");
+                for q in [exp(v), -exp(v)] {
+                    let (short, exact) = (log_small(q), log(q));
+                    assert!((short - exact).length() <= 1e-15 * exact.length(), "{q}");
+                }
+            }
         }
     }
 

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::rotation::{exp, log};
+use crate::rotation::{exp_small, log_small};
 
 /// The rotation or translation of a joint.
 pub trait Value: Copy + PartialEq {
@@ -17,11 +17,11 @@ pub trait Value: Copy + PartialEq {
 
 impl Value for DQuat {
     fn delta_to(self, other: Self) -> DVec3 {
-        log(self.inverse() * other)
+        log_small(self.inverse() * other)
     }
 
     fn plus(self, delta: DVec3) -> Self {
-        self * exp(delta)
+        self * exp_small(delta)
     }
 
     fn difference(self, other: Self) -> f64 {

@@ -2,7 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
-use mograft_kinematics::{Error, banded, capsule, forward, pose, resample, rotation, sample};
+use mograft_kinematics::{
+    Error, banded, capsule, derivatives, forward, pose, resample, rotation, sample,
+};
 use numpy::{IntoPyArray as _, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -455,4 +457,40 @@ pub fn box_clearance<'py>(
         .detach(|| capsule::box_clearance(end_points, radii, center, half, rotation))
         .map_err(value_error)?;
     into_array(py, distances, &ends.shape()[..2])
+}
+
+/// See [`derivatives::greatest_derivatives`].
+#[pyfunction]
+pub fn greatest_derivatives<'py>(
+    py: Python<'py>,
+    rotations: Floats<'py>,
+    joints: Indices<'py>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let [n_frames, n_joints] = [rotations.shape()[0], rotations.shape()[1]];
+    let (quats, joints) = (as_quats(&rotations)?, as_usizes(&joints)?);
+    let (accelerations, jerks) = py
+        .detach(|| derivatives::greatest_derivatives(quats, n_joints, &joints))
+        .map_err(value_error)?;
+    Ok((
+        into_array(py, accelerations, &[n_frames])?.into_any(),
+        into_array(py, jerks, &[n_frames])?.into_any(),
+    ))
+}
+
+/// See [`derivatives::world_jerk`].
+#[pyfunction]
+pub fn world_jerk<'py>(
+    py: Python<'py>,
+    parents: Indices<'py>,
+    rotations: Floats<'py>,
+    positions: Floats<'py>,
+    joints: Indices<'py>,
+) -> Array<'py> {
+    let (quats, vecs) = (as_quats(&rotations)?, as_vecs(&positions)?);
+    let (parents, joints) = (parents.as_slice()?, as_usizes(&joints)?);
+    let shape = [rotations.shape()[0], joints.len()];
+    let jerks = py
+        .detach(|| derivatives::world_jerk(parents, quats, vecs, &joints))
+        .map_err(value_error)?;
+    into_array(py, jerks, &shape)
 }
