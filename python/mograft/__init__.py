@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mograft.errors import InsufficientDataError as InsufficientDataError
     from mograft.errors import LibraryError as LibraryError
     from mograft.errors import MograftError as MograftError
+    from mograft.errors import ProvenanceError as ProvenanceError
     from mograft.errors import SkeletonMismatchError as SkeletonMismatchError
     from mograft.io.bvh.reader import BvhSummary as BvhSummary
     from mograft.io.bvh.reader import read_bvh as read_bvh
@@ -81,9 +82,12 @@ if TYPE_CHECKING:
     from mograft.synthesis.graft import graft as graft
     from mograft.synthesis.graft import graft_many as graft_many
     from mograft.synthesis.graft import repair as repair
+    from mograft.synthesis.graft_files import write_graft as write_graft
+    from mograft.synthesis.graft_request import GraftRequest as GraftRequest
     from mograft.synthesis.graft_result import Graft as Graft
     from mograft.synthesis.graft_result import Seam as Seam
     from mograft.synthesis.graft_result import Substitution as Substitution
+    from mograft.synthesis.replay import replay as replay
     from mograft.synthesis.self_repair import RepairedWindow as RepairedWindow
     from mograft.synthesis.stream import Stream as Stream
     from mograft.viewing.page import Page as Page
@@ -101,7 +105,8 @@ _HOMES = {
     "search.constraints": "Constraint Violation",
     "search.donor_constraints": "Ban KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom Use",
     "search.pose_constraints": "Avoid AvoidSelf Custom Face KeepOut Reach",
-    "errors": "BvhError InsufficientDataError LibraryError MograftError SkeletonMismatchError",
+    "errors": "BvhError InsufficientDataError LibraryError MograftError ProvenanceError "
+    "SkeletonMismatchError",
     "body.faults": "Fault find_faults",
     "body.contacts": "foot_skate",
     "blend.foot_planting": "FeetReport plant_feet",
@@ -111,6 +116,9 @@ _HOMES = {
     "io.usd": "write_usd",
     "synthesis.graft": "Grafts graft graft_many repair",
     "synthesis.graft_result": "Graft Seam Substitution",
+    "synthesis.graft_files": "write_graft",
+    "synthesis.graft_request": "GraftRequest",
+    "synthesis.replay": "replay",
     "synthesis.self_repair": "RepairedWindow",
     "body.group_entries": "subtree",
     "body.groups": "JointGroups",

@@ -36,6 +36,10 @@ class BvhError(MograftError, ValueError):
         return type(self), (self.message, self.path, self.line, self.column)
 
 
+class ProvenanceError(MograftError, ValueError):
+    """Provenance of a graft that is damaged, or whose library or files are missing or changed."""
+
+
 class SkeletonMismatchError(MograftError, ValueError):
     """Motions have different skeletons; the message names the joints that differ."""
 

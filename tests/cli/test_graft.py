@@ -2,6 +2,9 @@
 
 import hashlib
 import json
+import shlex
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,7 +55,10 @@ def test_graft_provenance_contains_sha256_of_clips(run, folder, tmp_path):
         target = tmp_path / f"{number}.bvh"
         assert run("graft", source, "-o", target)[0] == 0
         clips = json.loads(target.with_suffix(".json").read_text())["clips"]
-        assert {clip["file"]: clip["sha256"] for clip in clips} == expected
+        assert {Path(clip["file"]).name: clip["sha256"] for clip in clips} == expected
+        for clip in clips:
+            path = (folder / f"{clip['name']}.bvh").resolve()
+            assert (tmp_path / clip["file"]).resolve() == path
 
 
 def test_graft_single_file_with_base_groups_and_json(run, folder, tmp_path):
@@ -234,7 +240,7 @@ def test_graft_scenario_options_set_length_path_and_clips(run, folder, tmp_path)
     walked = read_bvh(path)
     assert 12.0 <= walked.duration < 14.1
     document = json.loads(path.with_suffix(".json").read_text())
-    assert {part["clip"] for part in document["scenario"]} <= {"a", "b"}
+    assert {part["clip"] for part in document["scenario"]["segments"]} <= {"a", "b"}
     kinds = {
         "frames": ["--frames", 301],
         "beats": ["--beats", 100, "--duration", 6],
@@ -249,11 +255,11 @@ def test_graft_scenario_options_set_length_path_and_clips(run, folder, tmp_path)
     assert walks["beats"].n_frames == 181
     np.testing.assert_allclose(walks["path"].positions[0, 0, [0, 2]], 0.0, atol=1e-6)
     assert np.linalg.norm(walks["path"].positions[-1, 0, [0, 2]] - [250, -30]) < 60
-    parts = json.loads((tmp_path / "path.json").read_text())["scenario"]
+    parts = json.loads((tmp_path / "path.json").read_text())["scenario"]["segments"]
     assert {part["clip"] for part in parts} == {"b"}
     numbered = tmp_path / "numbered.bvh"
     assert run("graft", folder, "--scenario", "3,4,0", "-o", numbered)[0] == 0
-    assert len(json.loads(numbered.with_suffix(".json").read_text())["scenario"]) == 3
+    assert len(json.loads(numbered.with_suffix(".json").read_text())["scenario"]["segments"]) == 3
 
 
 @pytest.mark.parametrize(
@@ -411,3 +417,89 @@ def test_commands_exclude_grafts_in_folders(run, folder, tmp_path, words):
     else:
         force = ["--force"] if words[0] == "plot" else []
         assert "--include-grafts" not in run(*command, "--include-grafts", *force)[2]
+
+
+def write_first(run, folder, tmp_path, *options):
+    """Make a graft, and return its path."""
+    path = tmp_path / "first" / "new.bvh"
+    path.parent.mkdir()
+    assert run("graft", folder, "-o", path, *options)[0] == 0
+    return path
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--take", "3=b:TAKE", "--ban", "5", "--keep", "100-200"],
+        ["--groups", "lower_torso_arms", "--swap", "arms", "--preset", "paper"],
+        ["--scenario", "graph", "--duration", "3"],
+        ["--base", "b", "--mirror", "--choice", "nearest", "--seed", "5"],
+        ["--avoid", "sphere:0,100,30,5", "--best-effort", "--measure"],
+    ],
+)
+def test_graft_from_provenance_writes_same_bytes(run, folder, tmp_path, options):
+    segments = Library.build(folder).segments
+    first = segments.of_clip(1)[4]
+    span = f"{segments.start[first]}-{segments.stop[first]}"
+    options = [word.replace("TAKE", span) for word in options]
+    path = write_first(run, folder, tmp_path, *options)
+    provenance = path.with_suffix(".json")
+    code, out, _ = run("graft", "--from", provenance, "-o", tmp_path / "second")
+    name = json.loads(provenance.read_text())["name"]
+    again = tmp_path / "second" / f"{name}.bvh"
+    assert (code, out) == (0, f"{again}\n")
+    assert again.read_bytes() == path.read_bytes()
+    documents = [json.loads(own.with_suffix(".json").read_text()) for own in (path, again)]
+    assert documents[0]["request"]["command"] == shlex.join(
+        ["mograft", "graft", str(folder), "-o", str(path), *options]
+    )
+    for document in documents:
+        document.pop("quality", None)
+    assert documents[0] == documents[1]
+
+
+def test_graft_from_provenance_of_stored_library_writes_same_bytes(run, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "clips")
+    assert run("index", tmp_path / "clips", "-o", tmp_path / "lib")[0] == 0
+    path = write_first(run, tmp_path / "lib", tmp_path, "--variety", "0.8")
+    shutil.rmtree(tmp_path / "clips")
+    words = ["graft", "--from", path.with_suffix(".json"), "-o", tmp_path / "second.bvh"]
+    assert run(*words)[0] == 0
+    assert (tmp_path / "second.bvh").read_bytes() == path.read_bytes()
+    shutil.move(tmp_path / "lib", tmp_path / "moved")
+    code, out, err = run(*words, "--force")
+    assert (code, out) == (3, "")
+    assert "lib: no such library" in err
+    assert ".bvh is missing" in err
+    for source in (tmp_path / "moved", folder):
+        assert run("graft", source, *words[1:], "--force")[0] == 0
+        assert (tmp_path / "second.bvh").read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--seed", "3"], "--seed cannot be combined with --from"),
+        (["-n", "2"], "--count cannot be combined with --from"),
+        (["--avoid-self"], "--avoid-self cannot be combined with --from"),
+        (["--base", "b"], "--base cannot be combined with --from"),
+    ],
+)
+def test_graft_from_with_options_of_the_provenance_is_usage_error(usage_error, options, message):
+    assert message in usage_error("graft", "--from", "new.json", "-o", "new.bvh", *options)
+
+
+def test_graft_from_missing_or_damaged_file_writes_nothing(run, tmp_path):
+    words = ["graft", "--from", tmp_path / "new.json", "-o", tmp_path / "out"]
+    code, out, err = run(*words)
+    assert (code, out) == (1, "")
+    assert "new.json" in err
+    (tmp_path / "new.json").write_text("{}")
+    code, out, err = run(*words)
+    assert (code, out) == (3, "")
+    assert "not the provenance of a graft" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_graft_without_files_is_usage_error(usage_error):
+    assert "expected LIB or FILE" in usage_error("graft", "-o", "out")

@@ -31,7 +31,10 @@ def test_index_equals_build(clip_folder, stored_library):
     assert_same_libraries(stored_library, built)
     assert [info.name for info in stored_library.entries] == ["c", "d", "a", "a~2", "b"]
     ours, theirs = graft(stored_library, seed=3), graft(built, seed=3)
-    assert ours.as_dict() == theirs.as_dict()
+    documents = [own.as_dict() for own in (ours, theirs)]
+    for document in documents:
+        del document["library"]["folder"]
+    assert documents[0] == documents[1]
     np.testing.assert_array_equal(ours.motion.rotations, theirs.motion.rotations)
     np.testing.assert_array_equal(ours.motion.channel_values, theirs.motion.channel_values)
     assert len(graft_many(stored_library, "a", 2, seed=1)) == 2

@@ -62,7 +62,7 @@ def test_graft_scenario_keeps_base_group_bit_for_bit(library, graph):
     assert new.motion.n_frames == lengths.sum() + 1
     assert [s.start for s in new.substitutions] == [0, *np.cumsum(lengths)[:-1]]
     document = new.as_dict()
-    assert len(document["scenario"]) == len(new.scenario)
+    assert len(document["scenario"]["segments"]) == len(new.scenario)
 
 
 def test_graft_scenario_joint_above_root_moves_keeps_world_positions(library):

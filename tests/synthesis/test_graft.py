@@ -250,7 +250,7 @@ def test_graft_base_outside_the_library_takes_donors_of_the_library(library):
 def test_as_dict_covers_the_base_with_donors(library):
     new = graft(library, seed=2)
     document = json.loads(json.dumps(new.as_dict()))
-    assert document["schema"] == "mograft.graft/1"
+    assert document["schema"] == "mograft.graft/2"
     assert document["seed"] == 2
     assert Config.from_dict(document["config"]) == library.config
     per_group = [s for s in document["substitutions"] if s["group"] == library.groups.names[1]]

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from mograft.cli.commands import COMMANDS
 from mograft.cli.output import print_error, print_remark, set_quiet
 from mograft.cli.parser import parse
-from mograft.errors import BvhError, MograftError
+from mograft.errors import BvhError, MograftError, ProvenanceError
 
 __all__ = ["COMMANDS", "main"]
 
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             module = importlib.import_module(f"mograft.cli.{options.command.name}")
             code: int = getattr(module, options.function)(options)
             sys.stdout.flush()
-        except BvhError as error:
+        except (BvhError, ProvenanceError) as error:
             print_error(str(error))
             code = 3
         except BrokenPipeError:

@@ -124,7 +124,13 @@ _CANDIDATES = command(
 _GRAFT = command(
     "graft",
     "create motions by exchanging joint groups of a captured motion",
-    files_argument("one library, or BVH files", "LIB|FILE"),
+    files_argument("one library, or BVH files; with --from not required", "LIB|FILE", nargs="*"),
+    option(
+        "--from JSON",
+        "provenance of a graft, the .json file beside it: make this graft again, with the same "
+        "bytes; LIB|FILE is needed only if files have moved",
+        is_path=True,
+    ),
     INCLUDE_GRAFTS,
     option(
         "--base CLIP|FILE",

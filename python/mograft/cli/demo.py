@@ -5,12 +5,13 @@ from pathlib import Path
 
 from mograft.cli.files import check_writable
 from mograft.cli.output import print_result, show_progress
-from mograft.cli.results import GRAFT_ENDINGS, open_page, write_graft, write_report
+from mograft.cli.results import open_page, with_command, write_report
 from mograft.dancer import dance
 from mograft.io.bvh.writer import write_bvh
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 from mograft.synthesis.graft import graft_many
+from mograft.synthesis.graft_files import GRAFT_ENDINGS, write_graft
 
 _N_GRAFTS = 3
 
@@ -36,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
         f"{motion.n_frames} frames, {motion.duration:.0f} s"
     )
     with show_progress() as progress:
-        library = Library.build(motion, progress=progress)
+        library = Library.build(sample, progress=progress)
     n = len(library.segments)
     clusters = {group: int(labels.max()) + 1 for group, labels in library.labels.items()}
     total = count_combinations(library.labels[library.groups.base], len(library.groups.names))
@@ -49,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     grafts = list(graft_many(library, count=_N_GRAFTS, seed=options.seed))
     paths = paths[: len(grafts)]
     for graft, path in zip(grafts, paths, strict=True):
-        write_graft(graft, path)
+        write_graft(with_command(graft, options, [str(sample)]), path)
         new = sum(not s.is_own for s in graft.substitutions)
         describe(f"graft       {path}: {new} of {len(graft.substitutions)} upper bodies are new")
     write_report(grafts, paths, page)

@@ -12,7 +12,8 @@ from mograft.cli.configuration import load_library, options_given
 from mograft.cli.constraints import read_constraints
 from mograft.cli.files import check_writable, expand_folders, library_folder
 from mograft.cli.output import print_error, print_remark, print_result
-from mograft.cli.results import GRAFT_ENDINGS, write_graft, write_report
+from mograft.cli.replayed import replay_graft
+from mograft.cli.results import with_command, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names
 from mograft.io.bvh.reader import read_bvh
@@ -20,6 +21,7 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft import graft_many, repair
+from mograft.synthesis.graft_files import GRAFT_ENDINGS, write_graft
 from mograft.synthesis.graft_result import Graft
 
 _MAX_REPORTED = 20
@@ -31,6 +33,13 @@ _MAX_SIGMA_SCALE = 4.0
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    if getattr(options, "from") is not None:
+        graft, path = replay_graft(options)
+        _write_results([graft], [path], path.with_suffix(".html"), options)
+        return 0
+    if not options.files:
+        options.usage_error("expected LIB or FILE")
+    options.sources = list(options.files)  # `options.files` is expanded below
     is_single = options.output.suffix.lower() == ".bvh"
     if is_single and options.count != 1:
         options.usage_error(f"-o must be a folder if -n is above 1, got {options.output}")
@@ -66,6 +75,14 @@ def run(options: argparse.Namespace) -> int:
         best_effort = options.best_effort
         if _print_violations(grafts, best_effort=best_effort) and not best_effort:
             return 4  # No donor sequence satisfies the constraints.
+    _write_results(grafts, paths, page, options)
+    return 0
+
+
+def _write_results(
+    grafts: Sequence[Graft], paths: Sequence[Path], page: Path, options: argparse.Namespace
+) -> None:
+    """Write grafts and the page that describes them, and print their paths."""
     documents, columns = _write_grafts(grafts, paths, options)
     document: dict[str, Any] = {"grafts": documents}
     if options.report:
@@ -73,7 +90,6 @@ def run(options: argparse.Namespace) -> int:
         write_report(reported, paths[: len(reported)], page, columns[: len(reported)])
         document["report"] = str(page)
     print_result(options, "grafts", document, [page] if options.report else [])
-    return 0
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
@@ -184,8 +200,11 @@ def _write_grafts(
             sections["quality"] = measures.as_dict()
             columns.append(measures.columns())
             lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
+        if getattr(options, "from") is None:
+            graft = with_command(graft, options, options.sources)
         write_graft(graft, path, sections)
-        documents.append({"file": str(path), **graft.as_dict(), **sections})
+        provenance = graft.as_dict(path.parent) if options.json else {}
+        documents.append({"file": str(path), **provenance, **sections})
         print_remark("\n".join(lines))
         if not options.json:
             print(path)

@@ -22,9 +22,12 @@ DEFAULT_DURATION = 60.0
 """Duration of ``--scenario graph`` in seconds."""
 
 
-def files_argument(help: str, metavar: str = "FILE") -> Argument:  # noqa: A002 - as add_argument
-    """Return the positional argument for one or more files, shown as `metavar` in ``--help``."""
-    return positional("files", help, is_path=True, nargs="+", metavar=metavar)
+def files_argument(help: str, metavar: str = "FILE", nargs: str = "+") -> Argument:  # noqa: A002
+    """Return the positional argument for files, shown as `metavar` in ``--help``.
+
+    `nargs` is that of `add_argument`.
+    """
+    return positional("files", help, is_path=True, nargs=nargs, metavar=metavar)
 
 
 def groups_option(subject: str = "joint groups", default: str = "lower_upper") -> Argument:

@@ -168,8 +168,8 @@ def parse(
 
     Options that are not given take their values from environment variables, otherwise from the
     configuration file, otherwise from their defaults. The result has the additional attributes
-    ``commands``, which is the argument, and ``origins``, which maps each option that the file or
-    a variable set to the name of this file or variable.
+    ``commands``, which is the argument, ``words``, the command line, and ``origins``, which maps
+    each option that the file or a variable set to the name of this file or variable.
     """
     parsers = build_parsers(commands)
     words = sys.argv[1:] if arguments is None else arguments
@@ -188,6 +188,7 @@ def parse(
         parser.set_defaults(**settings)
         options = parsers[()].parse_args(words)
     options.commands = commands
+    options.words = ["mograft", *words]
     options.origins = {}
     for name, setting in settings.items():
         if getattr(options, name) is setting:

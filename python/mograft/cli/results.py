@@ -1,32 +1,22 @@
-"""The files of grafts, and pages in the browser."""
+"""The report page of grafts, and pages in the browser."""
 
-import json
+import argparse
 import os
+import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from mograft import __version__
-from mograft._util.atomic import write_text
 from mograft.cli.output import print_remark
-from mograft.io.bvh.writer import write_bvh
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
 
-GRAFT_ENDINGS = (".bvh", ".json")
-"""Endings of the files of a graft: the motion and its provenance."""
 
-
-def write_graft(graft: Graft, path: Path, more: Mapping[str, Any] | None = None) -> None:
-    """Write the motion of a graft to `path`, and its provenance to a .json file beside it.
-
-    `more` holds additional entries of the .json file.
-    """
-    document = {"mograft": __version__, **graft.as_dict(), **(more or {})}
-    # The provenance comes first: an interruption then leaves no motion without it.
-    write_text(path.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
-    write_bvh(graft.motion, path)
+def with_command(graft: Graft, options: argparse.Namespace, sources: Sequence[str]) -> Graft:
+    """Return a graft whose request has the command line and the files that it names."""
+    command = shlex.join(options.words)
+    return replace(graft, request=replace(graft.request, command=command, sources=tuple(sources)))
 
 
 def write_report(

@@ -25,7 +25,7 @@ from mograft.library.spec import ClipProperties, rates_match
 from mograft.library.stored_clips import ExtendedClips
 from mograft.motion.motion import Motion
 
-_BUILD_FIELDS = (
+BUILD_FIELDS = (
     "smoothing",
     "min_length",
     "max_length",
@@ -64,7 +64,7 @@ class DerivableLibrary(LibraryData):
             If an option of segmentation or embedding differs; the message names it.
         """
         current = self.config
-        for name in _BUILD_FIELDS:
+        for name in BUILD_FIELDS:
             if getattr(config, name) != getattr(current, name):
                 raise ValueError(
                     f"`{name}` must be {getattr(current, name)!r}, the value with which the "

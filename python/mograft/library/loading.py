@@ -43,7 +43,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
         states[group] = own
     frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
     library = library_type(
-        clips=StoredClips(stored.table, frames, manifest["rate"]),
+        clips=StoredClips(stored.table, frames, manifest["rate"], stored.folder),
         entries=stored.table.entries,
         segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
         is_donor=arrays["donors"],

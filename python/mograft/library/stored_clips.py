@@ -25,11 +25,13 @@ class StoredClips(Sequence[Motion]):
     """The clips of a stored library, each of which is read from files when it is accessed.
 
     `frames` holds for each shard the memory-mapped array of its packed motions. Clips are resampled
-    to `rate`, the frame rate of the library.
+    to `rate`, the frame rate of the library in `folder`.
     """
 
-    def __init__(self, table: ClipTable, frames: Sequence[FloatArray], rate: float) -> None:
-        self.table = table
+    def __init__(
+        self, table: ClipTable, frames: Sequence[FloatArray], rate: float, folder: Path
+    ) -> None:
+        self.table, self.folder = table, folder
         self._frames, self._rate = frames, rate
         self._cache: OrderedDict[int, Motion] = OrderedDict()
 
@@ -81,10 +83,10 @@ class ExtendedClips(Sequence[Motion]):
     """A sequence of clips followed by one more clip; the others are read only when accessed."""
 
     def __init__(self, clips: Sequence[Motion], last: Motion) -> None:
-        self._clips, self._last = clips, last
+        self.library_clips, self._last = clips, last
 
     def __len__(self) -> int:
-        return len(self._clips) + 1
+        return len(self.library_clips) + 1
 
     @overload
     def __getitem__(self, index: int) -> Motion: ...
@@ -94,7 +96,7 @@ class ExtendedClips(Sequence[Motion]):
         if isinstance(index, slice):
             return tuple(self[clip] for clip in range(*index.indices(len(self))))
         clip = range(len(self))[index]
-        return self._last if clip == len(self._clips) else self._clips[clip]
+        return self._last if clip == len(self.library_clips) else self.library_clips[clip]
 
 
 class RowRange(NamedTuple):

@@ -204,6 +204,7 @@ def repair(
         plan = replace(plan, problem=restrict_to_violations(plan.problem, donors))
         donors = plan.repair(donors)
         graft = plan.build_graft(donors, 0, 0)
+        graft = replace(graft, request=replace(graft.request, method="repair"))
         if best is None or _total_excess(graft) < _total_excess(best):
             best = graft
         config = library.config

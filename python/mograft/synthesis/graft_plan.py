@@ -1,7 +1,7 @@
 """The plan that all grafts on one base share: choose donors, repair them, build the motion."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 
@@ -26,6 +26,7 @@ from mograft.synthesis.assembly import Assembly
 from mograft.synthesis.donor_repair import repair_donors
 from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
 from mograft.synthesis.donor_violations import find_donor_violations
+from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft, Seam, Substitution
 from mograft.synthesis.root_tabu_search import tabu_search
 from mograft.synthesis.search_problem import SearchProblem
@@ -37,22 +38,27 @@ class GraftPlan:
     """The search problem of one base motion and its trellises. Made by `GraftPlan.build`."""
 
     problem: SearchProblem
-    scenario: tuple[int, ...] = ()  # segments that compose the base; empty if it is a clip
+    request: GraftRequest = field(default_factory=GraftRequest)
 
     @classmethod
     def build(
         cls,
         library: Library,
-        base: Motion | str | None,
+        base: Motion | str | int | None,
         swap: Sequence[str] | None,
         constraints: Sequence[Constraint],
         scenario: Sequence[int] | IntArray | Scenario | None = None,
     ) -> "GraftPlan":
-        """Return the plan; the arguments are those of `mograft.graft`."""
+        """Return the plan; the arguments are those of `mograft.graft`.
+
+        `base` may also be the index of a clip.
+        """
         groups = grafted_groups(library, swap)
-        composed: tuple[int, ...] = ()
         if scenario is None:
-            library, clip = library.resolve_base(base)
+            if isinstance(base, int):
+                clip = base
+            else:
+                library, clip = library.resolve_base(base)
             indices = library.segments.of_clip(clip)
             motion, segments = library.clips[clip], library.segments[indices]
         elif base is not None:
@@ -61,9 +67,14 @@ class GraftPlan:
             scenario = _as_scenario(scenario, library)
             indices = scenario.segments
             motion, segments = realize_scenario(library, scenario)
-            composed = tuple(indices.tolist())
         problem = SearchProblem.build(library, motion, indices, segments, groups, constraints)
-        return cls(problem, composed)
+        request = GraftRequest(
+            base=None if base is None else motion.name,
+            swap=None if swap is None else tuple(swap),
+            constraints=problem.constraints,
+            scenario=scenario,
+        )
+        return cls(problem, request)
 
     @property
     def config(self) -> Config:
@@ -120,13 +131,17 @@ class GraftPlan:
         return tabu_search(self.problem, donors, self.trellises, self._finish)
 
     def build_graft(self, donors: DonorSequences, seed: int, index: int) -> Graft:
-        """Return the graft of donor sequences."""
+        """Return the graft of donor sequences, after self-repair."""
         problem = self.problem
         assembly = Assembly.build(problem, donors, f"{problem.base.name}_graft{index}")
         repairs: list[RepairedWindow] = []
         if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
             assembly, repairs = self_repair(assembly, lambda: self.trellises, self._total_excess)
-        donors = assembly.donors
+        return replace(self.finish(assembly, seed, index), repairs=tuple(repairs))
+
+    def finish(self, assembly: Assembly, seed: int, index: int) -> Graft:
+        """Return the graft of an assembly, with planted feet."""
+        problem, donors = self.problem, assembly.donors
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
         for group, part in assembly.parts.items():
@@ -159,8 +174,7 @@ class GraftPlan:
             index=index,
             violations=tuple(self._violations(motion, donors)),
             feet=feet,
-            scenario=self.scenario,
-            repairs=tuple(repairs),
+            request=self.request,
         )
 
     def _total_excess(self, assembly: Assembly) -> float:

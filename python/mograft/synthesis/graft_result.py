@@ -1,7 +1,8 @@
 """Grafts: new motions with the source of every part."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from os import PathLike
 from typing import Any
 
 from mograft._util.arrays import IntArray
@@ -10,7 +11,8 @@ from mograft.blend.foot_planting import FeetReport
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Violation
-from mograft.synthesis import provenance
+from mograft.synthesis import graft_report, provenance
+from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.self_repair import RepairedWindow
 
 
@@ -104,10 +106,10 @@ class Graft:
     feet : FeetReport or None
         Result of foot planting; None with ``Config(feet="never")`` or if no exchanged group drives
         the feet.
-    scenario : tuple of int
-        The segments that form the base; empty if the base is a clip.
     repairs : tuple of RepairedWindow
         The frames in which `Config.self_repair` searched for other donors.
+    request : GraftRequest
+        The arguments with which the graft was made.
     """
 
     motion: Motion
@@ -120,12 +122,18 @@ class Graft:
     index: int
     violations: tuple[Violation, ...] = ()
     feet: FeetReport | None = None
-    scenario: tuple[int, ...] = ()
     repairs: tuple[RepairedWindow, ...] = ()
+    request: GraftRequest = field(default_factory=GraftRequest)
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
         return f"Graft({self.motion.name}: {new} of {len(self.substitutions)} parts exchanged)"
+
+    @property
+    def scenario(self) -> tuple[int, ...]:
+        """The segments that form the base; empty if the base is a clip."""
+        scenario = self.request.scenario
+        return () if scenario is None else tuple(scenario.segments.tolist())
 
     def _repr_html_(self) -> str:
         from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
@@ -155,8 +163,14 @@ class Graft:
         each : bool
             Whether to list every exchanged segment with its donor, cost and seams.
         """
-        return provenance.report(self, each=each)
+        return graft_report.report(self, each=each)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the donors, seams and settings of the graft as a JSON document."""
-        return provenance.document(self)
+    def as_dict(self, folder: str | PathLike[str] = ".") -> dict[str, Any]:
+        """Return the provenance of the motion as a JSON document, from which `replay` remakes it.
+
+        Parameters
+        ----------
+        folder : path
+            The folder to which paths of files are relative: that of the document.
+        """
+        return provenance.document(self, folder)

@@ -1,63 +1,76 @@
-"""The provenance of a graft: as a JSON document and as a summary in text."""
+"""The provenance of a graft as a JSON document."""
 
+from collections.abc import Iterable
 from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mograft.library.discover import SourceFile, relative_path
+from mograft.library.origin import (
+    find_clip_origin,
+    find_library_origin,
+    find_source_file,
+    hash_poses,
+)
+from mograft.motion.motion import Motion
 from mograft.scenario import repetition
-from mograft.search.constraints import Violation
+from mograft.search.constraint_records import constraint_kind, encode_constraint
+from mograft.search.constraints import Constraint, Violation
 
 if TYPE_CHECKING:
+    from mograft.library.library import Library
     from mograft.synthesis.graft_result import Graft, Substitution
     from mograft.synthesis.self_repair import RepairedWindow
 
+Record = dict[str, Any]
 
-def document(graft: "Graft") -> dict[str, Any]:
-    """Return the donors, seams and settings of a graft as JSON, schema ``mograft.graft/1``."""
-    library, segments = graft.library, graft.library.segments
-    repeated = repetition(library, graft.scenario) if graft.scenario else None
+SCHEMA = "mograft.graft/2"
+
+_LICENCE_TAGS = ("licence:", "license:")
+"""How a tag starts that gives the licence of a clip."""
+
+
+def document(graft: "Graft", folder: str | PathLike[str]) -> Record:
+    """Return the provenance of a graft as a JSON document; docs/formats.md describes the keys.
+
+    Paths of files are relative to `folder`.
+    """
+    library, place = graft.library, Path(folder)
     return {
-        "schema": "mograft.graft/1",
+        "schema": SCHEMA,
         "name": graft.motion.name,
         "base": graft.base.name,
         "seed": graft.seed,
         "index": graft.index,
         "frames": graft.motion.n_frames,
         "frame_time": graft.motion.frame_time,
+        "poses_sha256": hash_poses(graft.motion),
+        "request": _request_record(graft, place),
         "config": library.config.as_dict(),
         "groups": {
             name: [library.skeleton.names[j] for j in library.joints(name)]
             for name in library.groups.names
         },
+        "groups_toml": library.groups.to_toml(),
         "base_group": library.groups.base,
-        "clips": [
-            {
-                "name": entry.name,
-                "file": library.file_name(index),
-                "sha256": None if entry.source_file is None else entry.source_file.sha256,
-            }
-            for index, entry in enumerate(library.entries)
+        "library": _library_record(library, place),
+        "clips": _clip_records(graft, place),
+        "scenario": _scenario_record(graft),
+        "repetition": _repetition_record(graft),
+        "substitutions": [
+            {**_substitution_record(own), "alternatives": n}
+            for own, n in zip(graft.substitutions, _alternatives(graft), strict=True)
         ],
-        "scenario": [
-            {
-                "clip": library.entries[segments.clip[index]].name,
-                "clip_frames": [int(segments.start[index]), int(segments.stop[index])],
-            }
-            for index in graft.scenario
-        ],
-        "repetition": None
-        if repeated is None
-        else {
-            "longest_repeat_seconds": round(repeated.longest_repeat, 4),
-            "distinct_share": round(repeated.distinct_share, 4),
-        },
-        "substitutions": [_substitution_record(own) for own in graft.substitutions],
         "seams": [
             {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
             for s in graft.seams
         ],
-        "violations": [_violation_record(own) for own in graft.violations],
+        "violations": [
+            _violation_record(own, graft.request.constraints) for own in graft.violations
+        ],
         "self_repair": [_repair_record(own) for own in graft.repairs],
         "feet": None if graft.feet is None else asdict(graft.feet),
         "kept_without_candidate": {
@@ -66,7 +79,115 @@ def document(graft: "Graft") -> dict[str, Any]:
     }
 
 
-def _substitution_record(substitution: "Substitution") -> dict[str, Any]:
+def _request_record(graft: "Graft", folder: Path) -> Record:
+    request = graft.request
+
+    def encode_motion(motion: Motion) -> Record:
+        return {"name": motion.name, **_file_record(find_source_file(motion), folder)}
+
+    return {
+        "method": request.method,
+        "command": request.command,
+        "sources": list(request.sources),
+        "base": request.base,
+        "swap": None if request.swap is None else list(request.swap),
+        "constraints": [encode_constraint(own, encode_motion) for own in request.constraints],
+    }
+
+
+def _library_record(library: "Library", folder: Path) -> Record:
+    origin = find_library_origin(library)
+    path = origin.folder
+    return {
+        "folder": None if path is None else relative_path(str(path), folder).as_posix(),
+        "sha256": origin.sha256,
+        "clips": origin.n_clips,
+        "is_mirrored": origin.is_mirrored,
+        "rate": origin.rate,
+        "root": origin.root,
+        "up": origin.up,
+    }
+
+
+def _clip_records(graft: "Graft", folder: Path) -> list[Record]:
+    """Return the clips of which the graft is made, in the order of the library."""
+    library, segments = graft.library, graft.library.segments
+    base = [own.segment for own in graft.substitutions]
+    donors = [own.donor for own in graft.substitutions]
+    roles = {
+        role: set(segments.clip[indices].tolist())
+        for role, indices in (("base", base), ("donor", donors))
+    }
+    records = []
+    for clip in sorted(set.union(*roles.values())):
+        info, origin = library.entries[clip], find_clip_origin(library, clip)
+        records.append(
+            {
+                "name": info.name,
+                **_file_record(origin.source_file, folder),
+                "roles": [role for role, clips in roles.items() if clip in clips],
+                "is_mirrored": origin.is_mirrored,
+                "is_in_library": origin.is_in_library,
+                "true_rate": info.rate_override,
+                "licence": _licence(info.tags),
+            }
+        )
+    return records
+
+
+def _file_record(file: SourceFile | None, folder: Path) -> Record:
+    if file is None:
+        return {"file": None, "sha256": None}
+    return {"file": relative_path(file.path, folder).as_posix(), "sha256": file.sha256}
+
+
+def _licence(tags: Iterable[str]) -> str | None:
+    """Return the licence that a tag gives, ``"licence:CC0"``."""
+    for tag in tags:
+        for start in _LICENCE_TAGS:
+            if tag.lower().startswith(start):
+                return tag[len(start) :].strip()
+    return None
+
+
+def _scenario_record(graft: "Graft") -> Record | None:
+    scenario = graft.request.scenario
+    if scenario is None:
+        return None
+    records = [_segment_record(graft.library, segment) for segment in scenario.segments.tolist()]
+    lengths, place = scenario.lengths, scenario.place
+    return {
+        "segments": records,
+        "lengths": None if lengths is None else lengths.tolist(),
+        "place": None if place is None else place.tolist(),
+        "turn": scenario.turn,
+    }
+
+
+def _segment_record(library: "Library", segment: int) -> Record:
+    segments = library.segments
+    return {
+        "clip": library.entries[segments.clip[segment]].name,
+        "clip_frames": [int(segments.start[segment]), int(segments.stop[segment])],
+    }
+
+
+def _repetition_record(graft: "Graft") -> Record | None:
+    if not graft.scenario:
+        return None
+    repeated = repetition(graft.library, graft.scenario)
+    return {
+        "longest_repeat_seconds": round(repeated.longest_repeat, 4),
+        "distinct_share": round(repeated.distinct_share, 4),
+    }
+
+
+def _alternatives(graft: "Graft") -> list[int]:
+    """Return the number of other candidates of each substitution."""
+    return [n for counts in graft.alternatives.values() for n in counts.tolist()]
+
+
+def _substitution_record(substitution: "Substitution") -> Record:
     gaps = (substitution.gap_before, substitution.gap_after)
     return {
         "group": substitution.group,
@@ -80,9 +201,11 @@ def _substitution_record(substitution: "Substitution") -> dict[str, Any]:
     }
 
 
-def _violation_record(violation: Violation) -> dict[str, Any]:
+def _violation_record(violation: Violation, constraints: Iterable[Constraint]) -> Record:
+    numbers = [i for i, own in enumerate(constraints) if own is violation.constraint]
     return {
-        "constraint": type(violation.constraint).__name__,
+        "constraint": constraint_kind(violation.constraint),
+        "number": numbers[0] if numbers else None,
         "frames": list(violation.frames),
         "worst_frame": violation.worst,
         "joint": violation.joint,
@@ -91,7 +214,7 @@ def _violation_record(violation: Violation) -> dict[str, Any]:
     }
 
 
-def _repair_record(window: "RepairedWindow") -> dict[str, Any]:
+def _repair_record(window: "RepairedWindow") -> Record:
     return {
         "group": window.group,
         "frames": [window.start, window.stop],
@@ -99,65 +222,3 @@ def _repair_record(window: "RepairedWindow") -> dict[str, Any]:
         "before": round(window.before, 4),
         "after": round(window.after, 4),
     }
-
-
-def report(graft: "Graft", *, each: bool = False) -> str:
-    """Return a text summary of a graft; with `each`, also a list of all exchanged segments."""
-    lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
-    if graft.scenario:
-        repeated = repetition(graft.library, graft.scenario)
-        lines.append(
-            f"  scenario: {len(graft.scenario)} segments, {repeated.distinct_share:.0%} different; "
-            f"longest repeat {repeated.longest_repeat:.1f} s"
-        )
-    for group in graft.alternatives:
-        lines += _group_lines(graft, group, each=each)
-    lines += [f"  {violation.message}" for violation in graft.violations]
-    lines += [_repair_line(own) for own in graft.repairs]
-    feet = graft.feet
-    if feet is not None:
-        lines.append(
-            f"  feet: {feet.plants} plants; skating frames {feet.skate_before:.1%} before "
-            f"planting, {feet.skate_after:.1%} after"
-        )
-        if feet.unreached_frames:
-            lines.append(
-                f"    out of reach in {feet.unreached_frames} frames, "
-                f"by up to {feet.unreached:.4f} heights"
-            )
-    return "\n".join(lines)
-
-
-def _repair_line(window: "RepairedWindow") -> str:
-    where = f"{window.group}, frames {window.start}-{window.stop}: {window.measure}"
-    if window.after < window.before:
-        result = f"{window.after:.1f} with other donors"
-    else:
-        result = "no better donors"
-    return f"  {where} {window.before:.1f} times its limit; {result}"
-
-
-def _group_lines(graft: "Graft", group: str, *, each: bool) -> list[str]:
-    limit = graft.library.config.max_angle
-    substitutions = [s for s in graft.substitutions if s.group == group]
-    exchanged = [s for s in substitutions if not s.is_own]
-    gaps = np.degrees([seam.gap for seam in graft.seams if seam.group == group])
-    n_wide = int((gaps > np.degrees(limit) + 1e-6).sum())
-    n_without = int((graft.alternatives[group] == 0).sum())
-    lines = [f"  {group}: {len(exchanged)} of {len(substitutions)} segments exchanged"]
-    if n_without:
-        lines.append(f"    {n_without} had no candidate and were kept")
-    if len(gaps):
-        lines.append(
-            f"    {len(gaps)} seams, mean gap {gaps.mean():.1f}°, largest {gaps.max():.1f}°"
-        )
-    if n_wide:
-        lines.append(f"    {n_wide} seams are wider than {np.degrees(limit):.0f}°")
-    if each:
-        lines += [
-            f"    {s.start}-{s.stop} from {s.clip} {s.donor_start}-{s.donor_stop}: "
-            f"cost {s.cost:.2f}, stretch {s.stretch:+.2f}, seams "
-            f"{np.degrees(s.gap_before):.1f}° and {np.degrees(s.gap_after):.1f}°"
-            for s in exchanged
-        ]
-    return lines

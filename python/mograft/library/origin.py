@@ -1,0 +1,180 @@
+"""The origin of a library and of its clips: folder, files, and SHA-256 of what they hold."""
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+
+from mograft.body.mirroring import MirroredClips
+from mograft.errors import MograftError
+from mograft.io.bvh.reader import read_bvh
+from mograft.library.data import LibraryData
+from mograft.library.derive import BUILD_FIELDS
+from mograft.library.discover import SourceFile
+from mograft.library.spec import rates_match
+from mograft.library.stored_clips import ExtendedClips, StoredClips
+from mograft.motion.motion import Motion
+
+
+@dataclass(frozen=True, kw_only=True)
+class LibraryOrigin:
+    """How a library was made, without a base that was appended to it."""
+
+    folder: Path | None  # of a stored library
+    sha256: str  # of `hash_library`
+    n_clips: int  # without mirror images
+    is_mirrored: bool  # whether mirror images were appended by `Library.mirrored`
+    rate: float  # frames per second
+    root: int  # the joint that carries the body through the world
+    up: int  # the axis that points up
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipOrigin:
+    """Where a clip of a library comes from."""
+
+    source_file: SourceFile | None  # None if no file is known that holds the clip
+    is_mirrored: bool = False  # whether the clip is the mirror image of that in the file
+    is_in_library: bool = True  # False for a base that was appended to the library
+
+
+@dataclass(frozen=True, eq=False)
+class PartialClips(Sequence[Motion]):
+    """Some clips of a library, with their origins and that of the library."""
+
+    motions: tuple[Motion, ...]
+    origins: tuple[ClipOrigin, ...]
+    library: LibraryOrigin
+
+    def __len__(self) -> int:
+        return len(self.motions)
+
+    @overload
+    def __getitem__(self, index: int) -> Motion: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
+    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
+        return self.motions[index]
+
+
+@dataclass(frozen=True)
+class _Derivation:
+    """The clips of a library before derivations."""
+
+    clips: Sequence[Motion]
+    is_mirrored: bool
+    is_extended: bool
+
+    @classmethod
+    def of(cls, library: LibraryData) -> "_Derivation":
+        clips = library.clips
+        is_extended = isinstance(clips, ExtendedClips)
+        if isinstance(clips, ExtendedClips):
+            clips = clips.library_clips
+        is_mirrored = isinstance(clips, MirroredClips)
+        if isinstance(clips, MirroredClips):
+            clips = clips.clips
+        return cls(clips, is_mirrored, is_extended)
+
+
+def is_partial(library: LibraryData) -> bool:
+    """Return whether a library has only the clips of a graft."""
+    return isinstance(library.clips, PartialClips)
+
+
+def is_mirrored(library: LibraryData) -> bool:
+    """Return whether a library has the mirror images of its clips, by `Library.mirrored`."""
+    return _Derivation.of(library).is_mirrored
+
+
+def n_library_clips(library: LibraryData) -> int:
+    """Return the number of clips without an appended base."""
+    return len(library.entries) - _Derivation.of(library).is_extended
+
+
+def find_library_origin(library: LibraryData) -> LibraryOrigin:
+    """Return the origin of a library; of some clips of a library, that of the library."""
+    if isinstance(library.clips, PartialClips):
+        return library.clips.library
+    derivation = _Derivation.of(library)
+    clips = derivation.clips
+    return LibraryOrigin(
+        folder=clips.folder if isinstance(clips, StoredClips) else None,
+        sha256=hash_library(library),
+        n_clips=len(clips),
+        is_mirrored=derivation.is_mirrored,
+        rate=float(library.rate),
+        root=int(library.root),
+        up=int(library.up),
+    )
+
+
+def hash_library(library: LibraryData) -> str:
+    """Return the SHA-256 of what determines a library's segments, features and clips.
+
+    These are the clips without mirror images and without an appended base, the joint groups, the
+    specification and the fields of the configuration that are fixed when a library is built. A
+    library has the same hash in memory and in a folder.
+    """
+    clips = []
+    for index in range(len(_Derivation.of(library).clips)):
+        info = library.entries[index]
+        file = info.source_file
+        content = hash_poses(library.clips[index]) if file is None else file.sha256
+        clips.append([info.name, content, info.rate_override, info.n_frames])
+    config = library.config.as_dict()
+    document = {
+        "clips": clips,
+        "groups": library.groups.to_toml(),
+        "rate": library.rate,
+        "root": int(library.root),
+        "up": int(library.up),
+        "config": {name: config[name] for name in BUILD_FIELDS},
+    }
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def hash_poses(motion: Motion) -> str:
+    """Return the SHA-256 of the frame time, rotations and positions of a motion."""
+    digest = hashlib.sha256(np.float64(motion.frame_time).tobytes())
+    for array in (motion.rotations, motion.positions):
+        digest.update(np.ascontiguousarray(array, np.float64).data)
+    return digest.hexdigest()
+
+
+def find_clip_origin(library: LibraryData, clip: int) -> ClipOrigin:
+    """Return the origin of a clip of a library."""
+    if isinstance(library.clips, PartialClips):
+        return library.clips.origins[clip]
+    derivation = _Derivation.of(library)
+    if derivation.is_extended and clip == len(library.entries) - 1:
+        file = find_source_file(library.clips[clip], library.rate)
+        return ClipOrigin(source_file=file, is_in_library=False)
+    index = clip % len(derivation.clips)
+    file = library.entries[index].source_file
+    if file is None:
+        file = find_source_file(library.clips[index], library.rate)
+    return ClipOrigin(source_file=file, is_mirrored=index != clip)
+
+
+def find_source_file(motion: Motion, rate: float | None = None) -> SourceFile | None:
+    """Return the file of a motion if it still holds these poses, after resampling to `rate`."""
+    if motion.path is None:
+        return None
+    try:
+        source_file = SourceFile.from_path(os.path.abspath(motion.path))
+        read = read_bvh(motion.path)
+    except (MograftError, OSError, ValueError):
+        return None
+    if rate is not None and not rates_match(read.rate, rate):
+        read = read.resample(rate)
+    is_same = read.frame_time == motion.frame_time and (
+        np.array_equal(read.rotations, motion.rotations)
+        and np.array_equal(read.positions, motion.positions)
+    )
+    return source_file if is_same else None

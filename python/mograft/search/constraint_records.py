@@ -1,0 +1,112 @@
+"""Constraints as JSON documents."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+from mograft.motion.motion import Motion
+from mograft.search import donor_constraints, obstacles, pose_constraints
+from mograft.search.constraints import Constraint
+
+Record = dict[str, Any]
+
+_KINDS: Mapping[str, type] = {
+    kind.__name__: kind
+    for kind in (
+        donor_constraints.Ban,
+        donor_constraints.KeepOriginal,
+        donor_constraints.MaxAngle,
+        donor_constraints.MaxStretch,
+        donor_constraints.NotFrom,
+        donor_constraints.OnlyFrom,
+        donor_constraints.Use,
+        obstacles.Box,
+        obstacles.Capsule,
+        obstacles.Character,
+        obstacles.HalfSpace,
+        obstacles.Sphere,
+        pose_constraints.Avoid,
+        pose_constraints.AvoidSelf,
+        pose_constraints.Face,
+        pose_constraints.KeepOut,
+        pose_constraints.Reach,
+    )
+}
+
+
+@dataclass(frozen=True)
+class UnrestoredConstraint(Constraint):
+    """A constraint of which a document holds only class and name, such as `Custom`.
+
+    It accepts everything: its Python code is not in the document.
+    """
+
+    kind: str = ""
+    name: str = ""
+
+
+def constraint_kind(constraint: Constraint) -> str:
+    """Return the name of a constraint's class."""
+    if isinstance(constraint, UnrestoredConstraint):
+        return constraint.kind
+    return type(constraint).__name__
+
+
+def encode_constraint(constraint: Constraint, encode_motion: Callable[[Motion], Record]) -> Record:
+    """Return a constraint as a JSON document with its class as ``kind``.
+
+    `encode_motion` returns the document of the motion of a `Character`. Of a constraint that is not
+    a class of mograft, or that is a `Custom`, only the name is in the document.
+    """
+    obstacle = getattr(constraint, "obstacle", getattr(constraint, "region", None))
+    parts = [constraint] if obstacle is None else [constraint, obstacle]
+    if any(_KINDS.get(type(part).__name__) is not type(part) for part in parts):
+        kind = constraint_kind(constraint)
+        return {"kind": kind, "name": str(getattr(constraint, "name", kind)), "is_restored": False}
+    record: Record = _encode(constraint, encode_motion)
+    return record
+
+
+def _encode(value: Any, encode_motion: Callable[[Motion], Record]) -> Any:  # noqa: ANN401 - of JSON
+    if isinstance(value, Motion):
+        return encode_motion(value)
+    if is_dataclass(value):
+        own = {
+            field.name: _encode(getattr(value, field.name), encode_motion)
+            for field in fields(value)
+            if field.init
+        }
+        return {"kind": type(value).__name__, **own}
+    if isinstance(value, set | frozenset):
+        value = sorted(value)
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_encode(item, encode_motion) for item in value]
+    return value
+
+
+def decode_constraint(record: Record, decode_motion: Callable[[Record], Motion]) -> Constraint:
+    """Return the constraint of a document of `encode_constraint`.
+
+    Raise ValueError, TypeError or KeyError if the document is damaged.
+    """
+    if record.get("is_restored") is False:
+        return UnrestoredConstraint(str(record["kind"]), str(record["name"]))
+    constraint = _decode(record, decode_motion)
+    if not isinstance(constraint, Constraint):
+        raise ValueError(f"`kind` must be a constraint, got {record.get('kind')!r}")
+    return constraint
+
+
+def _decode(value: Any, decode_motion: Callable[[Record], Motion]) -> Any:  # noqa: ANN401 - of JSON
+    if isinstance(value, list):
+        return tuple(_decode(item, decode_motion) for item in value)
+    if not isinstance(value, dict):
+        return value
+    if "kind" not in value:
+        return decode_motion(value)
+    kind = _KINDS.get(value["kind"])
+    if kind is None:
+        raise ValueError(f"unknown constraint or obstacle {value['kind']!r}")
+    return kind(
+        **{name: _decode(own, decode_motion) for name, own in value.items() if name != "kind"}
+    )

@@ -1,0 +1,251 @@
+"""`GraftRecord`: the provenance of a graft as read from a JSON document."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Self
+
+from mograft.body.groups import JointGroups
+from mograft.config import Config
+from mograft.errors import ProvenanceError
+from mograft.library.origin import LibraryOrigin
+from mograft.synthesis.provenance import SCHEMA
+
+SCHEMA_1 = "mograft.graft/1"
+DAMAGE = (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError)
+"""What reading a damaged document raises."""
+
+Span = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipRecord:
+    """A clip of which a graft is made."""
+
+    name: str
+    file: str | None  # relative to the folder of the document
+    sha256: str | None
+    is_base: bool
+    is_mirrored: bool
+    is_in_library: bool
+    true_rate: float | None
+    licence: str | None = None
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Read an item of ``clips``."""
+        rate = record["true_rate"]
+        return cls(
+            name=str(record["name"]),
+            file=_optional_str(record["file"]),
+            sha256=_optional_str(record["sha256"]),
+            is_base="base" in record["roles"],
+            is_mirrored=bool(record["is_mirrored"]),
+            is_in_library=bool(record["is_in_library"]),
+            true_rate=None if rate is None else float(rate),
+            licence=_optional_str(record["licence"]),
+        )
+
+    @classmethod
+    def of_file(cls, record: Mapping[str, Any]) -> Self:
+        """Read an object with ``name``, ``file`` and ``sha256``, such as that of a character."""
+        return cls(
+            name=str(record["name"]),
+            file=_optional_str(record["file"]),
+            sha256=_optional_str(record["sha256"]),
+            is_base=False,
+            is_mirrored=False,
+            is_in_library=False,
+            true_rate=None,
+        )
+
+
+@dataclass(frozen=True)
+class SegmentRecord:
+    """A segment by its clip and frames."""
+
+    clip: str
+    frames: Span
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Read an object with ``clip`` and ``clip_frames``."""
+        return cls(str(record["clip"]), _span(record["clip_frames"]))
+
+
+@dataclass(frozen=True)
+class DonorRecord:
+    """The donor of one base segment for one group."""
+
+    group: str
+    frames: Span  # of the base segment in the base
+    donor: SegmentRecord
+    is_own: bool  # whether the donor is the base segment itself
+    cost: float
+    alternatives: int | None  # number of other candidates; None in documents of version 1
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Read an item of ``substitutions``."""
+        n = record.get("alternatives")
+        return cls(
+            str(record["group"]),
+            _span(record["frames"]),
+            SegmentRecord.from_json(record),
+            not record["exchanged"],
+            float(record["cost"]),
+            None if n is None else int(n),
+        )
+
+
+@dataclass(frozen=True)
+class ScenarioRecord:
+    """The segments that compose a base."""
+
+    segments: tuple[SegmentRecord, ...]
+    lengths: tuple[int, ...] | None = None
+    place: tuple[float, ...] | None = None
+    turn: float = 0.0
+
+    @classmethod
+    def from_json(cls, record: Any) -> "ScenarioRecord | None":  # noqa: ANN401 - of JSON
+        """Read ``scenario``: null, an object, or the list of segments of version 1."""
+        if not record:
+            return None
+        if isinstance(record, list):
+            return cls(tuple(SegmentRecord.from_json(own) for own in record))
+        segments = tuple(SegmentRecord.from_json(own) for own in record["segments"])
+        lengths, place = record["lengths"], record["place"]
+        return cls(
+            segments,
+            None if lengths is None else tuple(int(own) for own in lengths),
+            None if place is None else tuple(float(own) for own in place),
+            float(record["turn"]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraftRecord:
+    """The provenance of a graft. Made by `read_record`."""
+
+    label: str  # the file, for messages
+    folder: Path  # to which paths are relative
+    document: Mapping[str, Any]
+    name: str
+    base: str
+    seed: int
+    index: int
+    poses_sha256: str | None  # None in documents of version 1
+    config: Config
+    groups: JointGroups
+    library: LibraryOrigin | None  # None in documents of version 1
+    clips: tuple[ClipRecord, ...]
+    sources: tuple[str, ...]  # as typed
+    scenario: ScenarioRecord | None
+    donors: tuple[DonorRecord, ...]
+
+    def error(self, message: str) -> ProvenanceError:
+        """Return an error that names the document."""
+        return ProvenanceError(f"{self.label}: {message}")
+
+
+def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
+    """Read the provenance of a graft from a file, or from a document as `Graft.as_dict` returns it.
+
+    Raise ProvenanceError if it is not the provenance of a graft or is damaged, and OSError if the
+    file cannot be read.
+    """
+    if isinstance(source, Mapping):
+        return _parse(source, "document", Path())
+    path = Path(fspath(source))
+    try:
+        document = json.loads(path.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise ProvenanceError(f"{path}: not a JSON document: {error}") from None
+    return _parse(document, str(path), path.parent)
+
+
+def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN401 - of JSON
+    schema = document.get("schema") if isinstance(document, Mapping) else None
+    if schema not in (SCHEMA, SCHEMA_1):
+        raise ProvenanceError(
+            f"{label}: not the provenance of a graft: `schema` must be {SCHEMA} or {SCHEMA_1}, "
+            f"got {schema!r}"
+        )
+    try:
+        return _record(document, label, folder, is_first=schema == SCHEMA_1)
+    except DAMAGE as error:
+        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise ProvenanceError(f"{label}: damaged: {reason}") from error
+
+
+def _record(
+    document: Mapping[str, Any], label: str, folder: Path, *, is_first: bool
+) -> GraftRecord:
+    donors = tuple(DonorRecord.from_json(own) for own in document["substitutions"])
+    if not donors:
+        raise ValueError("`substitutions` is empty")
+    request = {} if is_first else document["request"]
+    base = str(document["base"])
+    return GraftRecord(
+        label=label,
+        folder=folder,
+        document=document,
+        name=str(document["name"]),
+        base=base,
+        seed=int(document["seed"]),
+        index=int(document["index"]),
+        poses_sha256=None if is_first else str(document["poses_sha256"]),
+        config=Config.from_dict(document["config"]),
+        groups=_read_groups(document, is_first=is_first),
+        library=None if is_first else _read_library(document["library"], folder),
+        clips=tuple(
+            ClipRecord.from_json(_as_version_2(own, base) if is_first else own)
+            for own in document["clips"]
+        ),
+        sources=tuple(str(own) for own in request.get("sources", ())),
+        scenario=ScenarioRecord.from_json(document["scenario"]),
+        donors=donors,
+    )
+
+
+def _as_version_2(record: Mapping[str, Any], base: str) -> Mapping[str, Any]:
+    """Return an item of ``clips`` of version 1 with the keys of version 2."""
+    return {
+        **record,
+        "roles": ["base"] if record["name"] == base else [],
+        "is_mirrored": False,
+        "is_in_library": True,
+        "true_rate": None,
+        "licence": None,
+    }
+
+
+def _read_groups(document: Mapping[str, Any], *, is_first: bool) -> JointGroups:
+    if is_first:
+        return JointGroups(document["groups"], base=document["base_group"])
+    return JointGroups.from_toml(str(document["groups_toml"]) + "\n")
+
+
+def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
+    path = _optional_str(record["folder"])
+    return LibraryOrigin(
+        folder=None if path is None else folder / path,
+        sha256=str(record["sha256"]),
+        n_clips=int(record["clips"]),
+        is_mirrored=bool(record["is_mirrored"]),
+        rate=float(record["rate"]),
+        root=int(record["root"]),
+        up=int(record["up"]),
+    )
+
+
+def _span(value: Sequence[Any]) -> Span:
+    first, last = value
+    return int(first), int(last)
+
+
+def _optional_str(value: Any) -> str | None:  # noqa: ANN401 - of JSON
+    return None if value is None else str(value)

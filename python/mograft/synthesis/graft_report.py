@@ -1,0 +1,73 @@
+"""The summary of a graft in text."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mograft.scenario import repetition
+
+if TYPE_CHECKING:
+    from mograft.synthesis.graft_result import Graft
+    from mograft.synthesis.self_repair import RepairedWindow
+
+
+def report(graft: "Graft", *, each: bool = False) -> str:
+    """Return a text summary of a graft; with `each`, also a list of all exchanged segments."""
+    lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
+    if graft.scenario:
+        repeated = repetition(graft.library, graft.scenario)
+        lines.append(
+            f"  scenario: {len(graft.scenario)} segments, {repeated.distinct_share:.0%} different; "
+            f"longest repeat {repeated.longest_repeat:.1f} s"
+        )
+    for group in graft.alternatives:
+        lines += _group_lines(graft, group, each=each)
+    lines += [f"  {violation.message}" for violation in graft.violations]
+    lines += [_repair_line(own) for own in graft.repairs]
+    feet = graft.feet
+    if feet is not None:
+        lines.append(
+            f"  feet: {feet.plants} plants; skating frames {feet.skate_before:.1%} before "
+            f"planting, {feet.skate_after:.1%} after"
+        )
+        if feet.unreached_frames:
+            lines.append(
+                f"    out of reach in {feet.unreached_frames} frames, "
+                f"by up to {feet.unreached:.4f} heights"
+            )
+    return "\n".join(lines)
+
+
+def _repair_line(window: "RepairedWindow") -> str:
+    where = f"{window.group}, frames {window.start}-{window.stop}: {window.measure}"
+    if window.after < window.before:
+        result = f"{window.after:.1f} with other donors"
+    else:
+        result = "no better donors"
+    return f"  {where} {window.before:.1f} times its limit; {result}"
+
+
+def _group_lines(graft: "Graft", group: str, *, each: bool) -> list[str]:
+    limit = graft.library.config.max_angle
+    substitutions = [s for s in graft.substitutions if s.group == group]
+    exchanged = [s for s in substitutions if not s.is_own]
+    gaps = np.degrees([seam.gap for seam in graft.seams if seam.group == group])
+    n_wide = int((gaps > np.degrees(limit) + 1e-6).sum())
+    n_without = int((graft.alternatives[group] == 0).sum())
+    lines = [f"  {group}: {len(exchanged)} of {len(substitutions)} segments exchanged"]
+    if n_without:
+        lines.append(f"    {n_without} had no candidate and were kept")
+    if len(gaps):
+        lines.append(
+            f"    {len(gaps)} seams, mean gap {gaps.mean():.1f}°, largest {gaps.max():.1f}°"
+        )
+    if n_wide:
+        lines.append(f"    {n_wide} seams are wider than {np.degrees(limit):.0f}°")
+    if each:
+        lines += [
+            f"    {s.start}-{s.stop} from {s.clip} {s.donor_start}-{s.donor_stop}: "
+            f"cost {s.cost:.2f}, stretch {s.stretch:+.2f}, seams "
+            f"{np.degrees(s.gap_before):.1f}° and {np.degrees(s.gap_after):.1f}°"
+            for s in exchanged
+        ]
+    return lines

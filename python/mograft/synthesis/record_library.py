@@ -1,0 +1,169 @@
+"""The library and the files that the provenance of a graft names."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mograft.errors import LibraryError, ProvenanceError
+from mograft.io.bvh.reader import read_bvh
+from mograft.library.discover import SourceFile, scan_folder
+from mograft.library.library import Library
+from mograft.library.origin import (
+    LibraryOrigin,
+    hash_library,
+    is_mirrored,
+    n_library_clips,
+)
+from mograft.library.partial import PartialClip, build_partial_library
+from mograft.synthesis.graft_record import (
+    SCHEMA_1,
+    ClipRecord,
+    GraftRecord,
+    SegmentRecord,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedLibrary:
+    """The library of a graft, with its base."""
+
+    library: Library
+    base: int | None  # index of the base; None if it is composed of segments
+    clips: Mapping[str, int]  # index of each clip that may provide donors, by name
+
+    def find_segment(self, record: GraftRecord, segment: SegmentRecord) -> int:
+        """Return the index of a segment; raise ProvenanceError if there is none."""
+        clip = self.clips.get(segment.clip)
+        if clip is None:
+            raise record.error(f"the library has no clip {segment.clip!r}")
+        segments = self.library.segments
+        indices = segments.of_clip(clip)
+        ends = np.stack([segments.start[indices], segments.stop[indices]], axis=1)
+        found = indices[(ends == segment.frames).all(axis=1)]
+        if not len(found):
+            first, last = segment.frames
+            raise record.error(f"{segment.clip} has no segment {first}-{last}")
+        return int(found[0])
+
+
+def find_library(
+    record: GraftRecord, library: Library | None, sources: Sequence[str]
+) -> RecordedLibrary:
+    """Return the library of a graft: the given one, the stored one, or one of its clips only.
+
+    The files of clips are searched for beside the document, and then in `sources`, which are files
+    and folders. Raise ProvenanceError if the library and a file are missing or have changed.
+    """
+    if library is not None:
+        return _with_base(record, prepare_library(record, library, "`library`"), sources)
+    if record.library is None:
+        raise record.error(f"the schema {SCHEMA_1} does not name the library: give it")
+    problem = ""
+    if record.library.folder is not None:
+        folder = record.library.folder
+        try:
+            library = prepare_library(record, Library.open(folder), str(folder))
+            return _with_base(record, library, sources)
+        except OSError as error:
+            problem = f"{folder}: {error.strerror}; "
+        except (LibraryError, ProvenanceError) as error:
+            problem = str(error).removeprefix(f"{record.label}: ") + "; "
+    try:
+        paths = [find_file(record, clip, sources) for clip in record.clips]
+    except ProvenanceError as error:
+        reason = str(error).removeprefix(f"{record.label}: ")
+        raise record.error(problem + reason) from error
+    return _partial_library(record, record.library, paths)
+
+
+def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) -> RecordedLibrary:
+    """Return a complete library, extended by the base if it is not a clip of the library."""
+    n_clips = n_library_clips(library)
+    clips = {info.name: index for index, info in enumerate(library.entries[:n_clips])}
+    outside = [clip for clip in record.clips if clip.is_base and not clip.is_in_library]
+    if record.scenario is not None:
+        base = None
+    elif outside:
+        base = n_clips
+        if n_clips == len(library.entries):
+            motion = read_bvh(find_file(record, outside[0], sources))
+            library = library.extended(replace(motion, name=outside[0].name))
+    elif record.base in clips:
+        base = clips[record.base]
+    else:
+        raise record.error(f"the library has no clip {record.base!r}, the base")
+    return RecordedLibrary(library, base, clips)
+
+
+def prepare_library(record: GraftRecord, library: Library, label: str) -> Library:
+    """Return a library with the mirror images and the configuration of a graft.
+
+    Raise ProvenanceError if it has another SHA-256 than the library of the graft.
+    """
+    expected = record.library
+    if expected is not None:
+        found = hash_library(library)
+        if found != expected.sha256:
+            raise record.error(
+                f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
+            )
+        if expected.is_mirrored and not is_mirrored(library):
+            library = library.mirrored()
+    return library if library.config == record.config else library.relabelled(record.config)
+
+
+def find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+    """Return the path of the file of a clip, after comparing its SHA-256.
+
+    Raise ProvenanceError if there is no such file, or if it has changed.
+    """
+    if clip.file is None:
+        raise record.error(
+            f"clip {clip.name} was not read from a file; give the library that holds it"
+        )
+    changed = ""
+    for path in _possible_paths(record, clip.file, sources):
+        if not path.is_file():
+            continue
+        found = SourceFile.from_path(str(path)).sha256
+        if found == clip.sha256:
+            return str(path)
+        changed = changed or f"{path} has changed: SHA-256 {found}, expected {clip.sha256}"
+    raise record.error(changed or f"{record.folder / clip.file} is missing: give its new place")
+
+
+def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> Iterable[Path]:
+    yield record.folder / file
+    name = Path(file).name
+    for source in [*sources, *record.sources]:
+        if Path(source).is_dir():
+            yield from (path for path in scan_folder(source) if path.name == name)
+        elif Path(source).name == name:
+            yield Path(source)
+
+
+def _partial_library(
+    record: GraftRecord, origin: LibraryOrigin, paths: Sequence[str]
+) -> RecordedLibrary:
+    """Return the library of the clips of a graft."""
+    clips = [
+        PartialClip(
+            name=clip.name,
+            path=path,
+            rate_override=clip.true_rate,
+            is_mirrored=clip.is_mirrored,
+            is_in_library=clip.is_in_library,
+            tags=() if clip.licence is None else (f"licence:{clip.licence}",),
+        )
+        for clip, path in zip(record.clips, paths, strict=True)
+    ]
+    library = build_partial_library(Library, clips, record.groups, record.config, origin)
+    numbered = list(enumerate(record.clips))
+    base = next((index for index, clip in numbered if clip.is_base), None)
+    return RecordedLibrary(
+        library,
+        None if record.scenario is not None else base,
+        {clip.name: index for index, clip in numbered if clip.is_in_library},
+    )
