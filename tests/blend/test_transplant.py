@@ -229,7 +229,6 @@ def test_transplant_stretched_neighbours_keep_shared_pose():
         Config(seam="displacement", torso="pelvis"),
     )
     np.testing.assert_array_equal(part.rotations[10], base.rotations[28][JOINTS])
-    assert part.gaps[0].max() == 0.0
 
 
 @given(SEGMENT_LENGTHS, SEEDS)

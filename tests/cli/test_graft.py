@@ -166,8 +166,8 @@ def test_candidates_lists_allowed_and_refused_donors(run, folder):
     options = ["--clip", "a", "--segment", 12]
     code, out, _ = run("candidates", folder, *options)
     assert code == 0
-    assert "a, frames " in out
-    assert " + a" in out
+    assert "a, segment 12, frames " in out
+    assert "\n + " in out
     assert "segments are in other clusters" in out
     code, of_ball, _ = run("candidates", folder, *options, "--neighbourhood", "ball")
     assert code == 0
@@ -176,15 +176,43 @@ def test_candidates_lists_allowed_and_refused_donors(run, folder):
     ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
     code, out, _ = run("candidates", folder, *options, *ball)
     document = json.loads(out)
-    assert document["schema"] == "mograft.candidates/1"
+    assert document["schema"] == "mograft.candidates/2"
     assert document["allowed"] == []
     assert all("Avoid: penetration depth" in c["refused"] for c in document["refused"])
-    last = document["frames"][1]
+    first, last = document["frames"]
+    for frame in (first, last - 1):
+        code, again, _ = run("candidates", folder, "--clip", "a", "--frame", frame, *ball)
+        assert json.loads(again) == document
+    # As on pages, the frame that two segments share belongs to the later one.
     code, again, _ = run("candidates", folder, "--clip", "a", "--frame", last, *ball)
-    assert json.loads(again) == document
+    assert json.loads(again)["segment"] == document["segment"] + 1
     code, _, err = run("candidates", folder, "--segment", 99999)
     assert code == 1
     assert "--segment must be 0 to" in err
+
+
+def test_candidates_and_graft_agree_on_segments_frames_and_gaps(run, folder, tmp_path):
+    code, out, _ = run("candidates", folder, "--segment", 9, "--json")
+    assert code == 0
+    listed = json.loads(out)
+    code, table, _ = run("candidates", folder, "--segment", 9)
+    others = [own for own in listed["allowed"] if own["index"] != listed["index"]]
+    assert len(others) == len(listed["allowed"]) - 1
+    assert f"a, segment 9, frames {listed['frames'][0]} to {listed['frames'][1]}" in table
+    assert f"upper of {len(others)} other segment" in table
+    assert table.count("\n + ") == len(others)
+    assert table.count("\n = ") == 1
+    assert f"seam angle {listed['max_angle_degrees']:.0f}°" in table
+    donor = others[-1]
+    begin, end = donor["frames"]
+    options = ["--take", f"9={donor['clip']}:{begin}-{end}"]
+    before, after = listed["frames"]
+    options += ["--keep", f"0-{before}", "--keep", f"{after}-599", "--no-self-repair"]
+    assert run("graft", folder, *options, "-o", tmp_path / "new.bvh")[0] == 0
+    made = json.loads((tmp_path / "new.json").read_text())["substitutions"][9]
+    assert made["frames"] == listed["frames"]
+    assert (made["clip"], made["clip_frames"]) == (donor["clip"], donor["frames"])
+    assert made["gaps_degrees"] == donor["gaps_degrees"]
 
 
 def test_graft_constraint_options_restrict_donors(run, folder, tmp_path):

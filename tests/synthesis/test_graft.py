@@ -15,6 +15,8 @@ from mograft import (
     Config,
     JointGroups,
     Library,
+    Motion,
+    Skeleton,
     SkeletonMismatchError,
     foot_skate,
     graft,
@@ -102,6 +104,51 @@ def test_graft_donors_are_of_the_cluster_and_within_the_limits(library):
         assert abs(base - donor) <= max(config.max_stretch * base, config.length_slack * 30) + 1e-9
         assert s.stretch == pytest.approx(base / donor - 1)
     assert all(seam.gap <= 1.5 * config.max_angle for seam in new.seams)
+
+
+def test_graft_seam_gaps_are_those_that_max_angle_limits(library):
+    new = graft(library, seed=2)
+    for group in new.alternatives:
+        frames = [seam.frame for seam in new.seams if seam.group == group]
+        gaps = {seam.frame: seam.gap for seam in new.seams if seam.group == group}
+        assert len(gaps) == len(frames)
+        for s in (s for s in new.substitutions if s.group == group):
+            assert gaps.get(s.start, 0.0) == pytest.approx(s.gap_before, abs=1e-12)
+            assert gaps.get(s.stop, 0.0) == pytest.approx(s.gap_after, abs=1e-12)
+    assert max(seam.gap for seam in new.seams) <= library.config.max_angle
+
+
+def test_graft_motionless_fingers_do_not_reduce_seam_gaps(motion):
+    hand = motion.skeleton.index("LeftHand")
+    fingers = [f"LeftHandIndex{index}" for index in range(1, 4)]
+    n, width = motion.n_joints, len(fingers)
+    skeleton = Skeleton(
+        [*motion.skeleton.names, *fingers],
+        [*motion.skeleton.parents, hand, *range(n, n + width - 1)],
+        np.concatenate([motion.skeleton.offsets, np.full((width, 3), 2.0)]),
+    )
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (motion.n_frames, width, 1))
+    offsets = np.full((motion.n_frames, width, 3), 2.0)
+    extended = Motion(
+        skeleton,
+        motion.frame_time,
+        np.concatenate([motion.rotations, still], axis=1),
+        np.concatenate([motion.positions, offsets], axis=1),
+        name="dance",
+    )
+    library = Library.build(extended)
+    new = graft(library, seed=1)
+    moving = [joint for joint in library.joints("upper") if joint < n]
+    gaps = {
+        before.stop: rotations.angle(
+            extended.rotations[before.donor_stop, moving],
+            extended.rotations[after.donor_start, moving],
+        ).mean()
+        for before, after in pairwise(new.substitutions)
+    }
+    assert new.seams
+    for seam in new.seams:
+        assert seam.gap == pytest.approx(gaps[seam.frame], abs=1e-9)
 
 
 def test_graft_poses_away_from_seams_are_near_the_donor(library, motion):

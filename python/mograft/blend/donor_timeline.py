@@ -262,14 +262,6 @@ class DonorLayout:
         )
         return SEAM_TREATMENTS.get(config.seam).smooth(closed)
 
-    def seam_angles(self) -> FloatArray:
-        """Return the angle between the two donors' rotations of each joint at each seam.
-
-        The angles are in radians, shape (n_seams, n_joints).
-        """
-        angles: FloatArray = np.linalg.norm(self._rotation_boundaries.gaps(), axis=-1)
-        return angles
-
 
 def _three_frames(
     tracks: Sequence[FloatArray], joints: IntArray, clips: IntArray, frames: IntArray

@@ -19,9 +19,6 @@ class Part:
     rotations: FloatArray  # local, (n_frames, n_joints, 4)
     positions: FloatArray  # local, (n_frames, n_joints, 3)
     seams: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # (n_seams,): frames
-    # Angle of each joint and single channel across each seam before it was closed, in radians,
-    # shape (n_seams, len(joints) + len(angles)).
-    gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     # Angle of each single channel in radians, (n_frames,); NaN in frames that keep the base's.
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 

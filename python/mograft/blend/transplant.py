@@ -91,7 +91,6 @@ def transplant(
         quats,
         positions,
         cut.stop[:-1][layout.seams],
-        layout.seam_angles(),
         _channel_angles(base, group.held, channel_quats),
     )
 

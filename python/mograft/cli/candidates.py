@@ -2,7 +2,6 @@
 
 import argparse
 import math
-from dataclasses import asdict
 from typing import Any
 
 from mograft.cli.configuration import load_library
@@ -11,6 +10,7 @@ from mograft.cli.output import print_result
 from mograft.errors import join_names
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates
+from mograft.search.donor_constraints import limit_config
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
 
@@ -24,17 +24,30 @@ def run(options: argparse.Namespace) -> int:
     found = library.candidates(segment, group, constraints)
     name = library.entries[clip].name
     frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
+    config = limit_config(library.config, constraints)
     document = {
         "clip": name,
         "segment": number,
+        "index": segment,
         "frames": frames,
         "group": group,
+        "max_angle_degrees": round(math.degrees(config.max_angle), 4),
+        "max_stretch": config.max_stretch,
         "allowed": [_as_dict(library, candidate) for candidate in found.allowed],
         "refused": [_as_dict(library, candidate) for candidate in found.refused],
         "of_other_clusters": found.elsewhere,
     }
-    title = f"{name}, frames {frames[0]} to {frames[1]}: {group} of {len(found)} donors"
-    print_result(options, "candidates", document, [title, *_table(library, found)])
+    n_donors = sum(own.segment != segment for own in found.allowed)
+    title = (
+        f"{name}, segment {number}, frames {frames[0]} to {frames[1]}: {group} of "
+        f"{n_donors} other {'segment' if n_donors == 1 else 'segments'}"
+    )
+    limits = (
+        f"   limits: stretch {config.max_stretch:.2f}, "
+        f"seam angle {math.degrees(config.max_angle):.0f}°"
+    )
+    lines = [title, *_table(library, found, segment), limits]
+    print_result(options, "candidates", document, lines, version=2)
     return 0
 
 
@@ -56,7 +69,8 @@ def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, i
             raise ValueError(
                 f"--frame must be 0 to {stops[-1]} in clip {names[clip]}, got {options.frame}"
             )
-        number = int((stops < options.frame).sum())
+        # Two segments share a frame; as on pages, it belongs to the later one.
+        number = int((library.segments.start[segments] <= options.frame).sum()) - 1
     if number >= len(segments):
         raise ValueError(
             f"--segment must be 0 to {len(segments) - 1} in clip {names[clip]}, got {number}"
@@ -65,15 +79,27 @@ def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, i
 
 
 def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
-    """Return the fields of a candidate as a dict for JSON; NaN becomes None."""
-    values = asdict(candidate) | {"clip": library.entries[candidate.clip].name}
+    """Return a candidate as a dict for JSON."""
+    gaps = (candidate.gap_before, candidate.gap_after)
     return {
-        name: None if isinstance(value, float) and math.isnan(value) else value
-        for name, value in values.items()
+        "clip": library.entries[candidate.clip].name,
+        "segment": _number_in_clip(library, candidate),
+        "index": candidate.segment,
+        "frames": [candidate.start, candidate.stop],
+        "cost": candidate.cost,
+        "stretch": candidate.stretch,
+        "gaps_degrees": [round(math.degrees(gap), 4) for gap in gaps],
+        "distance": None if math.isnan(candidate.distance) else candidate.distance,
+        "refused": candidate.refused,
     }
 
 
-def _table(library: Library, found: Candidates) -> list[str]:
+def _number_in_clip(library: Library, candidate: Candidate) -> int:
+    return candidate.segment - int(library.segments.of_clip(candidate.clip)[0])
+
+
+def _table(library: Library, found: Candidates, segment: int) -> list[str]:
+    """Return one line for each candidate; ``=`` marks the base segment itself."""
     candidates = (*found.allowed, *found.refused)
     names = [library.entries[candidate.clip].name for candidate in candidates]
     width = max((len(name) for name in names), default=0)
@@ -81,7 +107,7 @@ def _table(library: Library, found: Candidates) -> list[str]:
     for name, candidate in zip(names, candidates, strict=True):
         before, after = math.degrees(candidate.gap_before), math.degrees(candidate.gap_after)
         seams = f"{before:.0f}°/{after:.0f}°"
-        mark = "-" if candidate.refused else "+"
+        mark = "-" if candidate.refused else "=" if candidate.segment == segment else "+"
         lines.append(
             f" {mark} {name:{width}} {candidate.start:6}-{candidate.stop:<6} "
             f"cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "

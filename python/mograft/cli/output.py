@@ -10,14 +10,18 @@ from typing import Any
 
 
 def print_result(
-    options: argparse.Namespace, schema: str, document: dict[str, Any], lines: Iterable[object]
+    options: argparse.Namespace,
+    schema: str,
+    document: dict[str, Any],
+    lines: Iterable[object],
+    version: int = 1,
 ) -> None:
     """Print the result of a command: `document` if ``--json`` is given, otherwise `lines`.
 
-    The printed document has the additional entry ``"schema": "mograft.SCHEMA/1"``.
+    The printed document has the additional entry ``"schema": "mograft.SCHEMA/VERSION"``.
     """
     if options.json:
-        print(json.dumps({"schema": f"mograft.{schema}/1", **document}, indent=1))
+        print(json.dumps({"schema": f"mograft.{schema}/{version}", **document}, indent=1))
     else:
         for line in lines:
             print(line)

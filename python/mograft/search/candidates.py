@@ -147,7 +147,8 @@ class SegmentPool:
 
         The result has shape (len(left), len(right)). At the seam, the last frame of the left
         segment meets the first frame of the right segment. The angle is 0 if the right segment
-        follows the left one in its clip.
+        follows the left one in its clip. The mean is over the joints of `boundary`, which are the
+        `feature_joints` of the group. Limits, costs, listings and reports all use this angle.
         """
         return pose_gaps(self.boundary.last[left], self.boundary.first[right])
 

@@ -146,12 +146,7 @@ class GraftPlan:
         seams: list[Seam] = []
         for group, part in assembly.parts.items():
             substitutions += _substitutions(problem, group, donors[group])
-            seams += [
-                Seam(group, frame, gap)
-                for frame, gap in zip(
-                    part.seams.tolist(), part.gaps.mean(axis=1).tolist(), strict=True
-                )
-            ]
+            seams += _seams(problem, group, donors[group], part.seams)
         motion, feet = self._plant_feet(assembly.motion, donors)
         return Graft(
             motion=motion,
@@ -255,6 +250,16 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
     if not wanted:
         raise ValueError(f"`swap` must name at least one of {', '.join(others)}; got none")
     return [name for name in others if name in wanted]
+
+
+def _seams(
+    problem: SearchProblem, group: str, donors: IntArray, frames: IntArray
+) -> Iterator[Seam]:
+    """Return the seams of a group, given their frames, with the gaps that `max_angle` limits."""
+    gaps = problem.pools[group].seam_angles_along(donors)
+    is_seam = np.isin(problem.base_segments.stop[:-1], frames)
+    for frame, gap in zip(frames.tolist(), gaps[is_seam].tolist(), strict=True):
+        yield Seam(group, frame, gap)
 
 
 def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iterator[Substitution]:

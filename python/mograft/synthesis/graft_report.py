@@ -59,7 +59,8 @@ def _group_lines(graft: "Graft", group: str, *, each: bool) -> list[str]:
         lines.append(f"    {n_without} had no candidate and were kept")
     if len(gaps):
         lines.append(
-            f"    {len(gaps)} seams, mean gap {gaps.mean():.1f}°, largest {gaps.max():.1f}°"
+            f"    {len(gaps)} seams, mean gap {gaps.mean():.1f}°, largest {gaps.max():.1f}° "
+            f"(limit {np.degrees(limit):.0f}°)"
         )
     if n_wide:
         lines.append(f"    {n_wide} seams are wider than {np.degrees(limit):.0f}°")

@@ -71,7 +71,8 @@ class Seam:
     frame : int
         The frame in the base.
     gap : float
-        Mean joint angle between the two poses before seam treatment, in radians.
+        Mean joint angle between the two donors' poses, in radians: the angle that
+        `Config.max_angle` limits.
     """
 
     group: str
