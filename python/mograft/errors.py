@@ -53,7 +53,7 @@ class InsufficientDataError(MograftError, ValueError):
 
 
 def suggest_name(name: str, names: Collection[str]) -> str:
-    """Return "; did you mean 'X'?", where X is the most similar of `names`; "" if none is."""
+    """Return "; did you mean 'X'?" for the most similar X of `names`, or "" if none is similar."""
     from difflib import get_close_matches  # only for the message: 20 ms
 
     close = get_close_matches(name, names, n=1)

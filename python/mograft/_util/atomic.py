@@ -79,7 +79,7 @@ if sys.platform == "win32":
     import ctypes
 
     def _is_running(process_id: int) -> bool:
-        """Return whether a process exists; on Windows, ``os.kill(process_id, 0)`` could end it."""
+        """Return whether a process exists, without `os.kill`, which could end it on Windows."""
         synchronize = 0x00100000
         handle = ctypes.windll.kernel32.OpenProcess(synchronize, 0, process_id)
         if handle:

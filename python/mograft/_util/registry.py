@@ -44,7 +44,7 @@ class Registry(Generic[T]):
     def implemented_by(self, implementations: Mapping[str, S]) -> "Registry[S]":
         """Return a registry with the same accepted values and the objects in `implementations`.
 
-        Raises ValueError unless its keys are exactly the accepted values, in any order.
+        Raises ValueError unless the keys of `implementations` are exactly the accepted values.
         """
         if set(implementations) != set(self.entries):
             raise ValueError(

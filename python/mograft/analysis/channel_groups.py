@@ -97,7 +97,7 @@ def restrict_rotations(quats: FloatArray, order: str, axes: str) -> FloatArray:
 def restrict_ends(
     ends: Mapping[str, FloatArray], joints: IntArray, skeleton: Skeleton, channels: DividedChannels
 ) -> Mapping[str, FloatArray]:
-    """Restrict the poses and velocities at the ends of segments to the axes that a group holds.
+    """Restrict the poses and velocities at the ends of segments to the axes in `channels`.
 
     `ends` is the result of `mograft.library.ingest.boundary_states`: arrays of shape
     (n_segments, n_feature_joints, 4) for poses and (n_segments, n_feature_joints, 3) for
@@ -148,6 +148,6 @@ class RestrictedSamples:
         return len(self.samples)
 
     def chunks(self) -> Iterator[Samples]:
-        """Yield the restricted samples, a number of segments at a time."""
+        """Yield the restricted samples in chunks of several segments."""
         for chunk in self.samples.chunks():
             yield restrict_samples(chunk, self.skeleton, self.channels)

@@ -34,8 +34,9 @@ _FADE = 0.8  # duration of the transition from one stride's values to the next, 
 class Plan:
     """The leg style, arm pattern and parameters of each stride, in arrays of shape (n_strides,).
 
-    `legs` and `arms` hold the names of the styles and patterns. `values` holds the randomly varied
-    parameters: each field of `LegStyle` by name, and ``"arms"``, the amplitude of the arm pattern.
+    `legs` and `arms` hold the names of the styles and patterns. `values` holds the parameters, some
+    of them varied randomly: each field of `LegStyle` by name, and ``"arms"``, the amplitude of the
+    arm pattern.
     """
 
     legs: StrArray

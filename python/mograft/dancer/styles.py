@@ -54,7 +54,7 @@ class ArmPattern:
 
     The wrist moves on the curve ``wrist + sway * s + arc * s**2``, where s oscillates between 1 and
     -1. Each coefficient has three components, to the left, up and forward; positions are relative
-    to the lower end of the trunk. The right arm performs the mirrored movement.
+    to the joint `on`, and turn with it. A pattern for the right arm is mirrored.
     """
 
     wrist: Vector
@@ -66,7 +66,7 @@ class ArmPattern:
     start: float = 0.0  # phase of s at the start of a stride, as a fraction of its period
     snap: float = 0.0  # if above 0, s is flattened at its extremes and steeper in between
     shrug: float = 0.0  # elevation of the collar bone
-    on: Literal["Spine", "Hips"] = "Spine"  # the joint to which the wrist positions are relative
+    on: Literal["Spine", "Hips"] = "Spine"  # "Spine" is the lower end of the trunk
 
 
 _SWING = ArmPattern((24, -19, 3), sway=(-2, 2.5, 19), arc=(0, 7, 1), elbow=(0.4, 0, -1))

@@ -47,8 +47,8 @@ class Balance:
     kind : {"static", "dynamic"}
         Whether the reference point is the projected centre of mass or the zero-moment point.
     distance : ndarray, shape (n_frames,)
-        Distance to the edge of the support polygon in skeleton heights, negative inside. NaN
-        in frames that are not grounded.
+        Distance to the edge of the support polygon in skeleton heights, negative inside; if the
+        polygon is a point or a line, 0.01 is subtracted. NaN in frames that are not grounded.
     grounded : ndarray of bool, shape (n_frames,)
         Frames with a foot that carries weight and with a defined reference point.
     model : str
@@ -301,8 +301,8 @@ def balance_row(
     Returns
     -------
     BalanceRow
-        The rates. Their intervals resample blocks of neighbouring segments; each block has its
-        segments in all grafts.
+        The rates. Their intervals resample blocks of neighbouring segments; a block contains
+        these segments of all grafts of a base.
 
     Raises
     ------
@@ -344,9 +344,10 @@ def balance_row(
 def _segment_states(
     sample: BalanceSample, base: int, rule: Rule, margin: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return 1 for unbalanced, 0 for balanced and NaN for segments in flight, of grafts and base.
+    """Return 1 for each unbalanced segment, 0 for each balanced one and NaN for one in flight.
 
-    The shapes are (n_runs, n_segments) for the grafts of base number `base`, and (n_segments,).
+    The first array, shape (n_runs, n_segments), is for the grafts of base number `base`, the second
+    one, shape (n_segments,), for this base.
     """
     cut = sample.cuts[base]
     states = []

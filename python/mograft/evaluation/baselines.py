@@ -238,8 +238,8 @@ def contact_patterns(library: Library) -> BoolArray:
 def contact_sequences(library: Library) -> list[str]:
     """Return the foot contacts of every segment in temporal order, such as "10>11>01".
 
-    Each term has one digit for each leg, 1 if its foot is on the floor. Terms of a single frame
-    are omitted; if a segment has no other terms, its first one is kept. Raises
+    Each term has one digit for each leg, 1 if its foot is on the floor. A term that lasts a single
+    frame is omitted; if all terms of a segment do, the first one is kept. Raises
     InsufficientDataError if no leg is known in the skeleton.
     """
     contacts, cut = _foot_contacts(library), library.segments

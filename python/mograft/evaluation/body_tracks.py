@@ -63,7 +63,8 @@ def jerk(points: FloatArray, rate: float) -> FloatArray:
 
     `points` has shape (n_frames, ..., 3) at `rate` frames per second; the result has its unit per
     s³. It is computed from differences of samples at about 30 per second, so that noise of single
-    frames at higher rates has little effect. It is 0 in the first sample and the last two.
+    frames at higher rates has little effect. With s = ``sample_stride(rate)``, it is 0 in the first
+    s and the last 2 s frames.
     """
     sizes: FloatArray = np.linalg.norm(_derivative(points, rate, 3), axis=-1)
     return sizes
@@ -190,7 +191,7 @@ class FrameBlocks:
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """For each frame of a graft, the captured frame that a joint group comes from.
+    """The captured frames from which the frames of a graft take the motion of one joint group.
 
     Captured frames are numbered over all clips. Donors are assumed to be stretched uniformly.
     """
@@ -223,10 +224,10 @@ def clip_indices(library: Library) -> dict[str, int]:
 
 
 def driving_group(graft: Graft, joints: Iterable[int]) -> str | None:
-    """Return the grafted group that moves the first of `joints` that any grafted group moves.
+    """Return the group that moves the first joint in `joints` that a grafted group moves.
 
-    A joint is moved by its group, if that is grafted, or by the group of its nearest ancestor in a
-    grafted group. Returns None if no grafted group moves any of `joints`.
+    A joint is moved by its group, if that is grafted, and otherwise by the group of its nearest
+    ancestor in a grafted group. Returns None if no grafted group moves any of `joints`.
     """
     library = graft.library
     group_of = {int(j): name for name in graft.alternatives for j in library.joints(name)}

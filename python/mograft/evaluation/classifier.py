@@ -39,9 +39,10 @@ class PairFeatures:
         return cls(_reduce(base, train), _reduce(grafted, train))
 
     def join(self, pairs: IntArray) -> FloatArray:
-        """Return, for each pair (base segment, donor), the base part's and the donor's components.
+        """Return the features of pairs (base segment, donor), shape (n_pairs, 2 * n_components).
 
-        `pairs` has shape (n_pairs, 2), the result (n_pairs, 2 * n_components).
+        They are the components of the base part of the base segment, then those of the grafted part
+        of the donor. `pairs` has shape (n_pairs, 2).
         """
         return np.concatenate([self.base[pairs[:, 0]], self.grafted[pairs[:, 1]]], axis=1)
 

@@ -42,10 +42,12 @@ class Detectability(Record):
     between_seams : Detection
         As `seams`, for windows of 0.3 s in the middle between two seams, in exchanged segments.
     other_moments : Detection
-        Null comparison: instead of each window of a graft, the captured window of the base at
-        another seam in the same block of five seconds.
+        Null comparison for the windows at seams: each window of a graft is replaced by the captured
+        window of the base at another seam in the same block of five seconds.
     donor_windows : Detection
-        Null comparison: instead of each window of a graft, the captured window of its donor.
+        Null comparison for the windows at seams: each window of a graft is replaced by a captured
+        window of a donor, around the donor frame at the centre of the graft's window. The donor is
+        that of the first group that is exchanged at this centre.
     """
 
     method: str
@@ -138,9 +140,10 @@ def detectability(
 
 
 def pair_other_moments(pairs: Pairs, rng: np.random.Generator) -> Pairs:
-    """Return random pairs of captured windows of one block; no window is in two pairs.
+    """Return random pairs of the captured windows in `pairs`; no window is in two pairs.
 
-    The second window of a pair takes the place of the window of a graft.
+    Both windows of a pair are in the same block. The second one, in `Pairs.new`, replaces the
+    window of a graft.
     """
     order = rng.permutation(len(pairs.base))
     order = order[np.argsort(pairs.block[order], kind="stable")]

@@ -72,8 +72,9 @@ def sample_pairs(
 ) -> IntArray:
     """Return pairs of segments and their donors, shape (n_pairs, 2).
 
-    `donors` has the donors of every segment of the library. For each of `segments`, at most 20
-    donors are drawn at random; fewer, but at least 2, if there would be more than 10,000 pairs.
+    `donors` has the donors of every segment of the library. If one of `segments` has more than 20
+    donors, 20 are drawn at random. This limit is lower, but at least 2, if 20 pairs for each of
+    `segments` were more than 10,000 pairs.
     """
     n = _max_donors(len(segments))
     chosen = [
@@ -84,7 +85,10 @@ def sample_pairs(
 
 
 def random_pairs(segments: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return each segment with random other segments, as many as `sample_pairs` draws at most."""
+    """Return pairs of each segment with random other segments, shape (n_pairs, 2).
+
+    The number of pairs of a segment is the limit that `sample_pairs` describes.
+    """
     count = min(_max_donors(len(segments)), len(segments) - 1)
     chosen = [
         rng.choice(np.delete(segments, position), count, replace=False)

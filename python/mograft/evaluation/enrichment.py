@@ -27,11 +27,14 @@ _GROUPS = (2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class Count:
-    """Numbers of combinations of captured parts, for one number of joint groups."""
+    """Numbers of combinations of captured parts, for one number K of joint groups.
+
+    n_i is the number of candidates of segment i; see `enrichment`.
+    """
 
     groups: int  # K, including the base group
     unfiltered: int  # within the clusters c of the base group: Σ |c|^K
-    filtered: int  # parts of similar length (eq. 19) without faults: Σ n_i^(K-1)
+    filtered: int  # only of candidates: similar length (eq. 19), no faults: Σ n_i^(K-1)
     new: int  # those of `filtered` that were not captured
 
 
@@ -202,10 +205,10 @@ def _count_combinations(
 
 
 def cluster_numbers(library: Library) -> dict[int, dict[str, int]]:
-    """Return the number of clusters of each joint group, by the number of groups of a preset.
+    """Cluster the clips for presets of 2, 3, 4 and 5 joint groups; return the numbers of clusters.
 
-    The clips are clustered again for each preset of 2, 3, 4 or 5 joint groups that the skeleton
-    supports, with the configuration of the library.
+    The keys are the number of groups of the preset, then the name of a group. Presets that the
+    skeleton does not support are omitted. The configuration is that of the library.
     """
     found = {}
     skeleton = library.skeleton

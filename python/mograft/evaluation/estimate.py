@@ -26,7 +26,7 @@ _MIN_FINITE_SHARE = 0.9  # share of the resamples that must have a finite value 
 class Record:
     """Base class of result dataclasses that become JSON objects."""
 
-    JSON_KEYS: ClassVar[Mapping[str, str]] = {}  # keys of the fields whose names are not the keys
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {}  # field name to JSON key, if they differ
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON, with the fields in their order."""
@@ -127,8 +127,9 @@ def proportion(hits: int, n: int, unit: str) -> Estimate:
 def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
     """Return the block of each segment; the bootstrap resamples whole blocks.
 
-    A block has `size` neighbouring segments of one clip; with 10 clips or more, each clip is one
-    block. Blocks are numbered from 0. The segments in `cut` must be ordered by clip and time.
+    A block has at most `size` neighbouring segments of one clip; with 10 clips or more, each clip
+    is one block. Blocks are numbered from 0. The segments in `cut` must be ordered by clip and
+    time.
     """
     clips, clip = np.unique(cut.clip, return_inverse=True)
     if len(clips) >= MIN_CLIPS_AS_BLOCKS:
@@ -206,7 +207,7 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
 
 
 def block_sums(values: FloatArray, blocks: npt.NDArray[Any]) -> tuple[FloatArray, FloatArray]:
-    """Return the sum and the number of finite values in each block with at least one of them."""
+    """Return the sum and the number of the finite values of each block that has such a value."""
     is_finite = np.isfinite(values)
     _, index = np.unique(blocks[is_finite], return_inverse=True)
     sums, counts = np.bincount(index, values[is_finite]), np.bincount(index)

@@ -39,9 +39,10 @@ class Difference(Record):
 class Kappas:
     """Acceptance rates of pairs (base segment, donor), from which κ is computed.
 
-    κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate. The rates
-    have shape (n_splits, n_segments), with NaN for segments without a score or without a donor. The
-    intervals resample blocks and splits.
+    κ = (a_method - a_random) / (a_captured - a_random), where a is the acceptance rate of the
+    donors that a method selects, of random donors, or of base segments as their own donors. The
+    rates have shape (n_splits, n_segments), with NaN for segments without a score or without a
+    donor. The intervals resample blocks and splits.
     """
 
     captured: FloatArray
@@ -51,15 +52,15 @@ class Kappas:
     seed: int
 
     def mean(self, values: FloatArray, unit: str) -> Estimate:
-        """Return the mean of `values`, shape (n_splits, n_segments); `unit` names the segments."""
+        """Return the mean of `values`, shape (n_splits, n_segments), as an `Estimate` in `unit`."""
         terms = [self._block_sums(values, values)]
         return self._estimate(terms, lambda means: means[0], values, unit)
 
     def kappa(self, method: str, *, is_matched: bool = False) -> Estimate:
         """Return κ of a method; `Estimate.n` is the number of segments with a donor.
 
-        If `is_matched`, the rates of captured and random parts are computed from the segments with
-        a donor only, instead of from all segments.
+        If `is_matched`, a_captured and a_random are computed from the segments with a donor only,
+        instead of from all segments.
         """
         terms = self._kappa_terms(method, is_matched=is_matched)
         return self._estimate(terms, _kappa, self.accepted[method], "segments with a donor")

@@ -30,8 +30,8 @@ _TRAIN_SHARE = 0.6
 class Verdict(Record):
     """Share of the exchanged parts of one method that a classifier predicts to be natural.
 
-    `called` is the share of these predictions. `corrected` also accounts for the errors of the
-    classifier on the test labels (`rogan_gladen`). It may be outside of 0 to 1, and is NaN if the
+    `called` is this share. `corrected` is this share after a correction for the errors of the
+    classifier on the test labels (`rogan_gladen`); it may be outside of 0 to 1, and is NaN if the
     classifier is not significantly better than chance.
     """
 
@@ -49,8 +49,8 @@ class Judgement(Record):
     group: str
     learned: int  # number of training labels
     tested: int  # number of test labels
-    natural: Estimate  # share of pieces with random donors that the person labelled natural
-    captured: Estimate  # the same share of captured pieces: the upper limit for every method
+    natural: Estimate  # share of natural labels among the pieces with an exchanged part
+    captured: Estimate  # this share among the captured pieces: the upper limit for every method
     accuracy: Estimate
     sensitivity: Estimate
     specificity: Estimate
@@ -85,8 +85,9 @@ def judgement(
     ImportError
         If scikit-learn is not installed.
     InsufficientDataError
-        If there are fewer than 100 labels of pieces with an exchanged part, fewer than 20 of them
-        natural or unnatural, or if all training labels or all test labels are equal.
+        If there are fewer than 100 labels of pieces with an exchanged part, fewer than 20 natural
+        or fewer than 20 unnatural ones among them, or if all training labels or all test labels are
+        equal.
 
     Notes
     -----

@@ -39,8 +39,8 @@ class Score(Record):
     method: str
     accepted: Estimate  # share of the exchanged parts that the classifier accepts as captured
     kappa: Estimate  # κ: 0 for random parts, 1 for captured parts, over all segments
-    matched: Estimate
-    exchangeable: float
+    matched: Estimate  # κ whose three acceptance rates are all from segments with a donor
+    exchangeable: float  # share of the segments that have a donor
 
     JSON_KEYS: ClassVar[Mapping[str, str]] = {"matched": "kappa_matched"}
 
@@ -100,7 +100,7 @@ class Compatibility(Record):
 
 
 def fold_groups(library: Library) -> IntArray:
-    """Return the number of the clip or block of each segment, which folds do not divide.
+    """Return, for each segment, the index of its clip or block, which folds do not divide.
 
     These are clips if there are ten or more, and blocks of 40 consecutive segments otherwise.
     """
@@ -127,7 +127,7 @@ def compatibility(
     methods : sequence of Method, optional
         Methods that select donors. Default: `default_methods` of the library.
     seed : int
-        Seed of the random pairs, the donors that are scored and the resampling.
+        Seed of the folds, the random pairs, the donors that are scored and the resampling.
     splits : int
         Number of random assignments of segments to folds. Each has its own classifiers and
         random pairs.

@@ -66,8 +66,8 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
     Returns
     -------
     Novelty
-        The measures. Their intervals resample blocks of five seconds of the bases, for coverage
-        of all clips.
+        The measures. Their intervals resample blocks of five seconds: blocks of the bases, and
+        for `Novelty.coverage` blocks of all clips.
 
     Raises
     ------

@@ -77,10 +77,10 @@ def draw_world(rows: Sequence[WorldQuality]) -> "Figure":
 
 
 def draw_detectability(rows: Sequence[Detectability]) -> "Figure":
-    """Draw the AUC of each method for windows at seams, between seams and at other moments.
+    """Draw the AUC of each method at seams and between seams, and that of a null comparison.
 
-    The windows at other moments are captured ones. Each AUC has a 95 % interval. A line marks
-    chance, 0.5.
+    The null comparison is `Detectability.other_moments`. Each AUC has a 95 % interval. A line
+    marks chance, 0.5.
     """
     panels = {
         f"{title}, {kind}": [(row.method, getattr(getattr(row, place), kind)) for row in rows]

@@ -272,7 +272,7 @@ def evaluate(
 
 @contextmanager
 def _recorded_refusal(refusals: dict[str, str], topic: str) -> Iterator[None]:
-    """If the block raises InsufficientDataError, store the message in `refusals` by `topic`."""
+    """Catch InsufficientDataError of the `with` block; store its message in `refusals[topic]`."""
     try:
         yield
     except InsufficientDataError as error:

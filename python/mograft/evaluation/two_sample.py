@@ -47,10 +47,10 @@ def block_folds(frames: FrameBlocks, seed: tuple[int, ...]) -> IntArray:
 class TestedFold:
     """Scores of the test windows of one fold: first windows of grafts, then captured windows."""
 
-    scores: tuple[FloatArray, FloatArray]  # gross and fine
-    is_new: FloatArray
+    scores: tuple[FloatArray, FloatArray]  # of the gross and of the fine classifier
+    is_new: FloatArray  # 1 for windows of grafts, 0 for captured windows
     weight: FloatArray
-    block: IntArray
+    block: IntArray  # block of the base frame
     rows: IntArray  # indices of the windows of grafts in their `Pairs`
 
 

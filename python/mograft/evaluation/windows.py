@@ -62,8 +62,9 @@ def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Wind
     """Return the features of windows around the frames `centers`, relative to the heading there.
 
     Samples are 1/30 s apart. Positions are those at nine instants of the window. Velocities and
-    accelerations are those of the nine samples about the centre. The magnitudes are, for each
-    point, the maximum within two samples of the centre and the root mean square over nine samples.
+    accelerations are those of the nine samples about the centre. The magnitudes of velocity,
+    acceleration and jerk are, for each point, the maximum within two samples of the centre and the
+    root mean square over nine samples.
     """
     half, stride = HALF_WINDOW[place], tracks.stride
     wide = np.linspace(-half, half, _POSITIONS).round().astype(np.int64)
@@ -98,16 +99,20 @@ def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Wind
 class Pairs:
     """Windows of grafts, each with the captured window at the same frame of its base."""
 
-    base: Windows  # one row for each distinct base frame
-    new: Windows
-    row: IntArray  # row of `base` of each new window
+    base: Windows  # the captured windows, one row for each distinct base frame
+    new: Windows  # the windows of grafts
+    row: IntArray  # for each window in `new`, the row of its captured window in `base`
     block: IntArray  # block of the base frame of each row of `base`
-    blocks_used: tuple[IntArray, ...]  # blocks of base and donors of each new window
+    blocks_used: tuple[IntArray, ...]  # for each window in `new`, the blocks of base and donors
 
 
 @dataclass(frozen=True, eq=False)
 class GraftWindows:
-    """The windows at or between the seams of several grafts: their centres and origins."""
+    """The windows of several grafts at their seams, or between the seams.
+
+    `origins` has, for each graft and each of its grafted groups, the captured frames that the group
+    comes from.
+    """
 
     library: Library
     frames: FrameBlocks
@@ -115,13 +120,13 @@ class GraftWindows:
     place: Place
     graft: IntArray  # index of the graft of each window
     center: IntArray  # frame of each window
-    origins: tuple[tuple[Origin, ...], ...]  # of the grafted groups of each graft
+    origins: tuple[tuple[Origin, ...], ...]  # by graft, then by grafted group
 
     @classmethod
     def of(
         cls, grafts: Sequence[Graft], place: Place, max_count: int, rng: np.random.Generator
     ) -> "GraftWindows":
-        """Return the windows of grafts at `place`; of more than `max_count`, a random choice."""
+        """Return at most `max_count` windows of grafts at `place`, drawn at random if necessary."""
         library = grafts[0].library
         frames = FrameBlocks.of(library)
         origins = tuple(
@@ -150,9 +155,11 @@ class GraftWindows:
         return self._pair(Windows.concatenate(new), self._donor_blocks())
 
     def donor_pairs(self) -> Pairs:
-        """Return the captured windows of the donors instead of those of the grafts.
+        """Return the result of `pairs` with captured windows of donors in place of those of grafts.
 
-        The donor is that of the first group that is exchanged at the centre of the window.
+        Each is centred at the donor frame that the centre of the graft's window comes from, in the
+        first group that is exchanged there. If no group is exchanged there, it is the window of the
+        base.
         """
         source = np.empty(len(self), np.int64)
         for row, (graft, center) in enumerate(zip(self.graft, self.center, strict=True)):

@@ -55,7 +55,8 @@ class WorldMeasures(Record):
         `mograft.foot_skate`.
     balance : float
         Share of the exchanged frames with the zero-moment point outside of the support polygon,
-        minus that of the base. Only frames in which both are grounded count; see `Balance`.
+        minus that of the base. Only frames in which graft and base are both grounded count; see
+        `Balance`.
     frames : int
         Number of exchanged frames.
     """
@@ -237,7 +238,7 @@ class _Feet:
     """Measures of the feet of a motion relative to a given floor; NaN without a known leg."""
 
     depth: float  # largest depth of a heel or toe below its floor, in heights; 0 above the floor
-    under: float  # share of heels and toes below UNDER_FLOOR
+    under: float  # share of heels and toes deeper than UNDER_FLOOR below their floor
     skate: float
 
     @classmethod
