@@ -99,7 +99,7 @@ class Config:
         a cluster if that is smaller, as in libraries of small movements.
     velocity_scale : float
         Mean difference of joint velocities at a seam, in radians per second, at which the pairwise
-        cost is 1; it is reduced like `angle_scale`.
+        cost is 1; this scale is reduced like `angle_scale`.
     novelty : float
         Reduction of the unary cost for every donor that is not the base segment itself. At 0
         the captured motion has the lowest cost.

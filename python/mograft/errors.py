@@ -37,7 +37,7 @@ class BvhError(MograftError, ValueError):
 
 
 class ProvenanceError(MograftError, ValueError):
-    """Provenance of a graft that is damaged, or whose library or files are missing or changed."""
+    """The provenance of a graft is damaged, or its library or files are missing or have changed."""
 
 
 class SkeletonMismatchError(MograftError, ValueError):

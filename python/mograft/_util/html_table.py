@@ -13,8 +13,8 @@ def html_table(
 ) -> str:
     """Return an HTML table of the first `MAX_ROWS` of `n_rows` rows; all texts are escaped.
 
-    Numbers are aligned to the right. A caption above the table and, if rows are missing, their
-    number below it are part of the result.
+    Numbers are aligned to the right. The result begins with a paragraph that has the caption. If
+    there are more than `MAX_ROWS` rows, it ends with the number of rows that are not shown.
     """
     head = "".join(f"<th>{_escape(name)}</th>" for name in columns)
     body = "".join(
@@ -28,7 +28,7 @@ def html_table(
 
 
 def _cell(value: object) -> str:
-    """Return a cell with a value; floats have four significant digits."""
+    """Return an HTML table cell with a value; floats have four significant digits."""
     if isinstance(value, str | bool):
         return f'<td style="text-align:left">{_escape(str(value))}</td>'
     text = f"{value:.4g}" if isinstance(value, float) else str(value)

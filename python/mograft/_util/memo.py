@@ -9,9 +9,10 @@ _KEPT: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
 
 
 def remember(owner: object, key: Hashable, compute: Callable[[], _Result]) -> _Result:
-    """Return ``compute()``, which is called once for each owner and key.
+    """Return the result of `compute`, which is called once for each pair of owner and key.
 
-    The owner is an immutable object, compared by identity. The result is discarded with it.
+    `owner` is an immutable object, compared by identity. The results for an owner are discarded
+    when the owner is.
 
     >>> class Owner: ...
     >>> owner = Owner()

@@ -113,9 +113,9 @@ def static_balance(
     motion : Motion
         The motion to measure.
     support : Support, optional
-        Support polygons of the motion, if they are already computed. For example, a graft whose
-        base group has the legs and the root has those of its base. Default: `support_polygons`
-        of `motion`.
+        Support polygons of the motion, if they are already computed. For example, a graft has the
+        support polygons of its base if the base group contains the legs and the root. Default:
+        `support_polygons` of `motion`.
     floor_reference : Motion, optional
         As for `support_polygons`.
 

@@ -91,7 +91,7 @@ def _derivative(points: FloatArray, rate: float, order: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BodyTracks:
-    """Hips, heading and bone ends relative to the hips of a motion, in every frame.
+    """Hips and heading of a motion, and its bone ends relative to the hips, in every frame.
 
     Lengths are in skeleton heights. The first two axes are horizontal, the third points up.
     """

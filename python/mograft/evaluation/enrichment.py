@@ -29,12 +29,13 @@ _GROUPS = (2, 3, 4, 5)
 class Count:
     """Numbers of combinations of captured parts, for one number K of joint groups.
 
-    n_i is the number of candidates of segment i; see `enrichment`.
+    n_i is the number of candidates of segment i: the segments in its cluster that have a similar
+    length (eq. 19) and no faults.
     """
 
     groups: int  # K, including the base group
     unfiltered: int  # within the clusters c of the base group: Σ |c|^K
-    filtered: int  # only of candidates: similar length (eq. 19), no faults: Σ n_i^(K-1)
+    filtered: int  # only of base segments and their candidates: Σ n_i^(K-1)
     new: int  # those of `filtered` that were not captured
 
 

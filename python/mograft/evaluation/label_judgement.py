@@ -178,7 +178,7 @@ def _split_labels(blocks: IntArray, seed: int) -> BoolArray:
 def _verdict(
     method: str, rates: FloatArray, blocks: IntArray, errors: tuple[Estimate, Estimate], seed: int
 ) -> Verdict:
-    """Return the share of natural parts of a method, as predicted and corrected for errors.
+    """Return two shares of natural parts of a method: as predicted, and corrected for errors.
 
     `rates` has the predicted share of each segment, NaN without a donor. `errors` are the
     sensitivity and the specificity of the classifier.

@@ -45,7 +45,7 @@ def block_folds(frames: FrameBlocks, seed: tuple[int, ...]) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class TestedFold:
-    """Scores of the test windows of one fold: first windows of grafts, then captured windows."""
+    """Scores of the test windows of one fold: those of grafts, followed by the captured ones."""
 
     scores: tuple[FloatArray, FloatArray]  # of the gross and of the fine classifier
     is_new: FloatArray  # 1 for windows of grafts, 0 for captured windows
