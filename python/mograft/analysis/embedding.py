@@ -82,7 +82,7 @@ class Embedding:
 
     points: FloatArray  # principal component scores, (n_segments, n_components)
     joints: IntArray  # the joints whose rotations are features
-    has_root: bool  # whether the root's rotation, without heading, and displacements are features
+    has_root: bool  # whether rotation and displacements of the locomotion root are features
     reference: FloatArray  # mean rotations (n_joints, 4); features are relative to them
     mean: FloatArray  # (n_features,); a standardised feature is (x - mean) / scale
     scale: FloatArray  # (n_features,); infinite for dropped features

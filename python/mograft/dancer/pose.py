@@ -137,9 +137,9 @@ def _pattern_pose(
     """Return the poses of the left arm in a pattern, as numbers that can be interpolated.
 
     The shape is (n_frames, 8). The columns hold the angle of the shoulder (1), the rotation vector
-    of the arm relative to `_ARM_HOME` (3), the angle of the elbow (1) and the rotation vector of
-    the hand (3), in radians. `size` is the amplitude in each frame, 1 for the original pattern;
-    `spine` holds the local rotations of the spine.
+    of the arm relative to the constant rotation `_ARM_HOME` (3), the angle of the elbow (1) and the
+    rotation vector of the hand (3), in radians. `size` is the amplitude in each frame, 1 for the
+    original pattern; `spine` holds the local rotations of the spine.
     """
     wave = np.cos(2 * np.pi * (pattern.beats * clock + pattern.start))
     if pattern.snap:

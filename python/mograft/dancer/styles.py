@@ -22,7 +22,7 @@ class LegStyle:
     width: float = 9.0  # lateral distance of each ankle from the midline
     height: float = 89.0  # mean height of the pelvis
     bounce: float = 1.5  # amplitude of the pelvis's vertical motion
-    lag: float = 0.03  # delay of the lowest point after a foot lands, as a fraction of a stride
+    lag: float = 0.03  # delay of the pelvis's lowest point after a foot lands, in strides
     surge: float = 0.0  # amplitude of the forward speed, as a fraction of the speed
     sway: float = 2.5  # lateral motion of the pelvis towards the standing foot
     twist: float = 5.0  # rotation of the pelvis about y

@@ -17,7 +17,7 @@ _CHUNK = 500  # segments whose candidates are in memory at the same time
 def selected_donors(
     library: Library, group: str, methods: Sequence[Method], seed: int
 ) -> dict[str, list[IntArray]]:
-    """Return the donors that each method selects for each segment in 20 sequences per clip.
+    """Return the donors that each method selects for each segment in 20 donor sequences per clip.
 
     A donor may occur several times. Methods whose `uses_cost` is False are omitted.
     """
@@ -108,9 +108,10 @@ def _max_donors(n_segments: int) -> int:
 
 
 def mean_by_segment(values: FloatArray | BoolArray, pairs: IntArray, n: int) -> FloatArray:
-    """Return the mean of `values`, one for each pair, over the pairs of each of `n` segments.
+    """Return, for each of `n` segments, the mean of `values` over the pairs of the segment.
 
-    The first column of `pairs` has the segment. The result is NaN for a segment without a pair.
+    `values` has one value for each pair; `pairs` has the segment in its first column. The mean is
+    NaN for a segment without a pair.
     """
     counts = np.bincount(pairs[:, 0], minlength=n)
     sums = np.bincount(pairs[:, 0], values, minlength=n)

@@ -34,8 +34,8 @@ class Novelty(Record):
     Attributes
     ----------
     changed : Estimate
-        Share of the windows of grafts whose distance from the base's window at the same frame
-        is at least 0.003 skeleton heights. They are the changed windows.
+        Share of changed windows among the windows of grafts. A window is changed if its distance
+        from the base's window at the same frame is at least 0.003 skeleton heights.
     novelty : Estimate
         Mean distance of the changed windows from the nearest captured window, divided by the
         median distance of a captured window from the nearest one 1.5 s or more away.

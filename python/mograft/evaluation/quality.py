@@ -171,7 +171,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
 
 
 def _measure(motion: Motion, joints: IntArray, ground: Ground) -> dict[str, float]:
-    """Return the measures of a motion that `quality` compares with its base, by field."""
+    """Return the measures, by field of `Quality`, that are compared between graft and base."""
     acceleration, jerk = angular_derivatives(motion.rotations[:, joints], motion.rate)
     correlation, lag = coordination(motion)
     has_legs = bool(find_legs(motion.skeleton))
