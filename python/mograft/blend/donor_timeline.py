@@ -147,8 +147,8 @@ class DonorTimeline:
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Convert times since the start of a segment to times since the start of a piece.
 
-        `seams` are the indices of the segments that end with a seam; `blend` is
-        `Config.seam_blend` in seconds.
+        A piece is the motion between two successive seams. `seams` are the indices of the segments
+        that end with a seam; `blend` is `Config.seam_blend` in seconds.
         """
         first = np.concatenate([[0], seams + 1])
         last = np.append(seams, len(self.cut) - 1)

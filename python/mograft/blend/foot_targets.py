@@ -227,8 +227,9 @@ def _fade(
     """Return the displacements of a heel or toe to its plants, and the weights of the plants.
 
     The weight is 1 during a plant. Before and after it, weight and displacement fall to 0 within
-    `width` frames, or before the next plant. They start with slope 0, so that the velocity is
-    continuous. A downward displacement fades faster, so that a lifted foot does not drag.
+    `width` frames, or before the next plant. Their slope is 0 next to the plant, so that the
+    velocity is continuous. A downward displacement fades faster, so that a lifted foot does not
+    drag.
     """
     displacements, holds = np.zeros_like(track), np.zeros(len(track))
     for plant in plants:

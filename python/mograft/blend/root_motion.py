@@ -19,8 +19,8 @@ def root_velocity_weights(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the weights of `SeamTreatment.root_velocity_weights`, before and after a seam.
 
-    `frames` are distances from the seam, `lengths` the lengths of the segments on that side of the
-    seam, both in frames; the shapes broadcast. `rate` is in frames per second.
+    `frames` are distances of points in time from the seam, `lengths` the lengths of the segments
+    that contain these points, both in frames; the shapes broadcast. `rate` is in frames per second.
     """
     remaining = np.maximum(1.0 - frames / np.minimum(config.seam_blend * rate, lengths), 0.0)
     return SEAM_TREATMENTS.get(config.seam).root_velocity_weights(remaining)

@@ -18,7 +18,10 @@ from mograft.blend.value_spaces import ValueSpace
 
 @dataclass(frozen=True, eq=False)
 class PieceTimes:
-    """n points in time, each given as a piece and the seconds since its start."""
+    """n points in time, each given as a piece and the seconds since its start.
+
+    A piece is the motion between two successive seams.
+    """
 
     piece: IntArray  # (n,): index of the piece
     seconds: FloatArray  # (n,): seconds since the start of that piece
@@ -99,7 +102,7 @@ class SeamTreatment(ABC):
         """
 
     def smooth(self, closed: "ClosedFrames") -> FloatArray:
-        """Return the values after a final pass over all frames; by default it changes nothing."""
+        """Return the values after a final pass over all frames; the base class changes nothing."""
         return closed.values
 
 

@@ -57,11 +57,11 @@ def transplant(
     Every donor is resampled to the length of its base segment, by a curve that also depends on the
     neighbouring frames of its clip. There is a seam between two successive donors if either is
     stretched or they are not consecutive in a clip; there the treatment of `Config.seam` closes the
-    gap. Unstretched donors that are consecutive in a clip give that clip bit for bit. A joint's
-    translation is replaced only if it varies in the clip of a donor; otherwise the base's bone
-    length is kept.
+    gap. Unstretched donors that are consecutive in a clip give that clip bit for bit, except for an
+    aligned root and for the joints of `TrunkLean`. A joint's translation is replaced only if it
+    varies in the clip of a donor; otherwise the base's bone length is kept.
 
-    `lean` is that of the group on the base, which is computed by default.
+    `lean` is the `TrunkLean` of the group on the base; by default it is computed.
     """
     # Clips of a stored library are read on access, so only those of the donors are accessed.
     used, clip = np.unique(donors.clip, return_inverse=True)
@@ -111,7 +111,7 @@ def _lay_out(
     moving: BoolArray,
     config: Config,
 ) -> DonorLayout:
-    """Return the layout of a group; its single channels follow its whole joints."""
+    """Return the layout of a group; in its arrays, single channels come after whole joints."""
     joints = group.whole_joints
     quats = [lean.upright_tracks(clip) for clip in clips]
     seams = timeline.find_seams([clip.rotations for clip in clips], joints)

@@ -32,9 +32,9 @@ class TrunkLean:
     """
 
     joints: IntArray  # the group's joints
-    columns: Sequence[int]  # of `joints`: trunk joints whose parent is in another group
+    columns: Sequence[int]  # indices in `joints` of trunk joints whose parent is in another group
     up: int  # the axis that points up
-    uprights: FloatArray  # for each column, rotation to the axis of its parent that points up most
+    uprights: FloatArray  # result of `_uprights` for the parent of each trunk joint
     base_leans: FloatArray  # Y_i⁻¹ R_i in each frame of the base, (n_frames, n_columns, 4)
 
     @classmethod
@@ -56,13 +56,14 @@ class TrunkLean:
         return cls(joints, columns, up, uprights, _leans(base, trunk_parents, up, uprights))
 
     def at(self, frames: IntArray) -> "TrunkLean":
-        """Return the same joints on the base that consists of some frames of this base."""
+        """Return the `TrunkLean` of a base that consists of the given frames of this base."""
         return replace(self, base_leans=self.base_leans[frames])
 
     def upright_tracks(self, clip: Motion) -> FloatArray:
-        """Return the rotations of the group's joints in a clip, relative to headings in the trunk.
+        """Return the rotations of the group's joints in a clip, shape (n_frames, n_joints, 4).
 
-        The shape is (n_frames, n_joints, 4). The array is kept with the clip and read-only.
+        Rotations of the trunk joints in `columns` are relative to the heading of the parent and
+        include its lean; the others are local. The array is cached for the clip and read-only.
         """
         key = ("tracks", self.joints.tobytes(), tuple(self.columns), self.uprights.tobytes())
         return remember(clip, key, lambda: self._remove(clip))
@@ -94,7 +95,10 @@ class TrunkLean:
 
 
 def _leans(clip: Motion, parents: IntArray, up: int, uprights: FloatArray) -> FloatArray:
-    """Return Y⁻¹ R of parents of trunk joints, (n_frames, n_parents, 4); kept with the clip."""
+    """Return the lean of each of `parents`: its world rotation without its heading, Y⁻¹ R.
+
+    The shape is (n_frames, n_parents, 4). The array is cached for the clip.
+    """
 
     def compute() -> FloatArray:
         world = _world_rotations(clip, parents)
@@ -120,8 +124,9 @@ def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:
 def _uprights(world: FloatArray, up: int) -> FloatArray:
     """Return for each joint the rotation from the up axis to its local axis that points up most.
 
-    `world`, shape (n_frames, n_joints, 4), are world rotations, of which the mean is used. Without
-    the result, a lean would change the heading of joints with another vertical axis.
+    `world`, shape (n_frames, n_joints, 4), are the world rotations; their mean decides. If headings
+    were computed without the result, a lean would change the heading of a joint whose vertical
+    axis is another one.
     """
     axis = np.eye(3)[up]
     local = rotations.rotate(rotations.inverse(world), np.broadcast_to(axis, (*world.shape[:2], 3)))

@@ -87,12 +87,12 @@ class _Beam:
     node: IntArray  # the segment
     previous: IntArray  # the segment before it; -1 at the start
     initial_turn: FloatArray  # of the first segment about the up axis, in radians
-    turn: FloatArray  # of this segment about the up axis, in radians
+    turn: FloatArray  # of the segment `node` about the up axis, in radians
     position: ComplexArray  # of the root
     progress: FloatArray  # arc length of the nearest point of the path
     cost: FloatArray
     seconds: FloatArray
-    parent: IntArray  # row, in the previous beam, of the sequence without this segment
+    parent: IntArray  # row, in the previous beam, of the sequence without the segment `node`
 
     @classmethod
     def start(cls, n: int) -> "_Beam":

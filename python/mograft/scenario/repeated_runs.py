@@ -89,7 +89,7 @@ class RepeatedRuns:
         return max(self._runs.values(), default=0)
 
     def lengths_before(self) -> dict[int, int]:
-        """Return each item that would extend a repeated run, and the longest such run's length."""
+        """Return, for each item that would extend repeated runs, the length of the longest one."""
         lengths: dict[int, int] = {}
         for position, length in self._runs.items():
             item = self._items[position + 1]

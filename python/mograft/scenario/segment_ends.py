@@ -39,7 +39,7 @@ class SegmentEnds:
     heights: FloatArray  # (n,): of the root, in skeleton heights
     root_velocities: FloatArray  # (n, 3): seen from its heading, in heights per second
     root_angular_velocities: FloatArray  # (n, 3): in radians per second
-    root_accelerations: FloatArray  # (n,): greatest within 0.15 s inward, over the floor, 1/s²
+    root_accelerations: FloatArray  # (n,): greatest over the floor within 0.15 s, heights/s²
     contacts: BoolArray  # (n, n_feet): which feet are on the floor
     is_at_rest: BoolArray  # (n,): whether the segment ends at a minimum of kinetic energy
     steps: FloatArray  # (n, 4): floor displacement and yaw between the two frames at this end
@@ -49,8 +49,9 @@ class SegmentEnds:
     def feature_points(self) -> FloatArray:
         """Return one point per segment, shape (n, n_features), to find transitions of low cost.
 
-        The distance between the points of an end and a start is the root of the sum of the squared
-        terms of the transition cost, joints averaged. For large angles the distance is smaller.
+        The distance between the points of an end and a start is the square root of the sum of the
+        squared terms of the transition cost; for joints it is the mean square. For large angles the
+        distance is smaller.
         """
         n, n_joints = self.poses.shape[:2]
         share = max(n_joints, 1) ** -0.5

@@ -14,7 +14,7 @@ from mograft.scenario.strong_components import largest_strong_component
 
 _CHEAPEST_SHARE = 0.1  # share of all allowed pairs whose costs are within the limit
 _MAX_LIMIT = np.radians(25.0)
-_MIN_SEGMENT_SHARE = 0.5  # if fewer segments remain, the limit grows up to _MAX_WIDENED_LIMIT
+_MIN_SEGMENT_SHARE = 0.5  # if fewer segments remain, the limit grows to _MAX_WIDENED_LIMIT or more
 _MAX_WIDENED_LIMIT = np.radians(45.0)
 _STEADY_SHARE = 0.95  # share of starts and ends, those of least root acceleration, with transitions
 _MAX_EXIT_COST = np.radians(60.0)
@@ -115,20 +115,22 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     first pose of the target, plus the angle between the tilts of the root, plus twice the
     difference in root height (in skeleton heights), plus 0.1 s times the same sum over velocities:
     mean difference of joint angular velocities, difference of root angular velocity, and twice that
-    of root velocity relative to the root's heading. The cheapest tenth of the transitions with
-    equal foot contacts is allowed, up to 25°. If less than half of the segments would be reachable
-    from one another, the limit is raised, up to 45°. A segment's successor in the clip is always
+    of root velocity relative to the root's heading. Of the transitions with equal foot contacts,
+    the cheapest tenth is allowed, but only those with a cost of at most 25°. If less than half of
+    the segments would be reachable from one another, this limit of the cost is raised in steps of
+    25 % until half are, or until it is 45° or more. A segment's successor in the clip is always
     allowed. A segment is never followed by itself or by its predecessor in the clip.
 
-    In a run of segments with only one transition each, after its first 2 s, the cheapest other
-    transition in every 2 s is allowed too, up to 60°. Otherwise walks would repeat such runs.
+    A run of segments with only one transition each is divided into intervals of 2 s. In every
+    interval except the first, the cheapest other transition is allowed too, if its cost is at most
+    60°. Otherwise walks would repeat such runs.
 
-    The twentieth of all starts and ends with the greatest acceleration of the root over the floor,
-    within 0.15 s inward, has no transitions except the one within the clip: a transition could
+    The 5 % of all starts and ends at which the root accelerates most over the floor, within 0.15 s
+    inside the segment, have no transitions except those within the clip: a transition could
     increase the acceleration beyond that of the recording.
 
     From each segment, transitions to only the 64 nearest others are considered. The distance is the
-    root of the sum of the squared terms of the cost.
+    square root of the sum of the squared terms of the cost.
 
     Examples
     --------
@@ -223,10 +225,11 @@ def _candidate_edges(
 def _exits(
     sources: IntArray, costs: FloatArray, is_edge: BoolArray, seconds: FloatArray
 ) -> BoolArray:
-    """Return which further transitions lead out of runs of segments with one transition each.
+    """Return which further transitions to allow in runs of segments with one transition each.
 
-    After the first 2 s of such a run they are the cheapest in every 2 s, up to 60°. `is_edge` marks
-    the allowed transitions; `seconds` are the durations of all segments.
+    Such a run is divided into intervals of 2 s. In every interval except the first, one is added:
+    the cheapest transition that is not allowed yet, if its cost is at most 60°. `is_edge` marks the
+    transitions allowed so far; `seconds` are the durations of all segments.
     """
     has_choice = np.bincount(sources[is_edge], minlength=len(seconds)) != 1
     stops = np.cumsum(seconds)

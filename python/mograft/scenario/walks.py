@@ -154,7 +154,8 @@ def _end_probabilities(path: "_WalkPath", total: int) -> Weights:
     """Return the probability that a segment ends with the last frame of a walk.
 
     Rows are numbers of remaining frame intervals, columns the first segment of the remaining walk.
-    If no walk has `total` intervals, the rows after it show which greater numbers are possible.
+    If no walk has `total` intervals, the rows after row `total` show which greater numbers are
+    possible.
     """
     lengths = path.lengths
     n_rows = total + int(lengths.max()) + 1
@@ -256,9 +257,9 @@ def _plan_beats(
 ) -> tuple[Weights, list[Weights]]:
     """Return the probabilities that a walk meets all later beats, computed from the last beat back.
 
-    The first result, shape (n_beats, n_segments), is for walks of which the segment starts at the
+    The first result, shape (n_beats, n_segments), has the probability if the segment starts at the
     beat; each row is scaled to a maximum of 1. The second has an array for every beat but the last,
-    shape (n_frames, n_segments): for walks of which the segment starts that many frames after the
+    shape (n_frames, n_segments): the probability if the segment starts that many frames after the
     beat.
     """
     lengths = path.lengths

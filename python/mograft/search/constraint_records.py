@@ -36,9 +36,9 @@ _KINDS: Mapping[str, type] = {
 
 @dataclass(frozen=True)
 class UnrestoredConstraint(Constraint):
-    """A constraint of which a document holds only class and name, such as `Custom`.
+    """A constraint of which the document holds only the class and the name, such as `Custom`.
 
-    It accepts everything: its Python code is not in the document.
+    It accepts every motion, because the document does not hold the Python code of the constraint.
     """
 
     kind: str = ""
@@ -55,8 +55,8 @@ def constraint_kind(constraint: Constraint) -> str:
 def encode_constraint(constraint: Constraint, encode_motion: Callable[[Motion], Record]) -> Record:
     """Return a constraint as a JSON document with its class as ``kind``.
 
-    `encode_motion` returns the document of the motion of a `Character`. Of a constraint that is not
-    a class of mograft, or that is a `Custom`, only the name is in the document.
+    `encode_motion` returns the document of the motion of a `Character`. If the constraint is a
+    `Custom`, or its class is not one of mograft's, the document holds only the class and the name.
     """
     obstacle = getattr(constraint, "obstacle", getattr(constraint, "region", None))
     parts = [constraint] if obstacle is None else [constraint, obstacle]
@@ -85,7 +85,7 @@ def _encode(value: Any, encode_motion: Callable[[Motion], Record]) -> Any:  # no
 
 
 def decode_constraint(record: Record, decode_motion: Callable[[Record], Motion]) -> Constraint:
-    """Return the constraint of a document of `encode_constraint`.
+    """Return the constraint, given a document that `encode_constraint` returned.
 
     Raise ValueError, TypeError or KeyError if the document is damaged.
     """
@@ -93,7 +93,7 @@ def decode_constraint(record: Record, decode_motion: Callable[[Record], Motion])
         return UnrestoredConstraint(str(record["kind"]), str(record["name"]))
     constraint = _decode(record, decode_motion)
     if not isinstance(constraint, Constraint):
-        raise ValueError(f"`kind` must be a constraint, got {record.get('kind')!r}")
+        raise ValueError(f"`kind` must name a constraint, got {record.get('kind')!r}")
     return constraint
 
 

@@ -26,7 +26,7 @@ def transplant_group(
     """Return the motion of a group in which donors replace the segments of a base motion.
 
     `base_segments` are the segments of `base`; `donors` has one donor for each. Seams are treated.
-    `frames` are the frames of the problem's base of which `base` consists; default: all.
+    `base` consists of the frames `frames` of the problem's base, by default of all frames.
     """
     library, lean = problem.library, problem.trunk_leans[group]
     return transplant(
@@ -172,9 +172,9 @@ def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
 
 
 def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int]:
-    """Widen a range of positions by all positions whose donors affect its frames at seams.
+    """Extend a range of positions by all positions whose donors can change frames in the range.
 
-    The result is the whole motion if a grafted group contains the root: the root transform depends
+    If a grafted group contains the root, the result has all positions: the root transform depends
     on all earlier donors.
     """
     segments = problem.base_segments

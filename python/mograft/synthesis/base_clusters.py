@@ -13,7 +13,7 @@ from mograft.search.neighbourhoods import NEIGHBOURHOODS, ClusterMembers
 
 
 class BaseClusters:
-    """The clusters of a library's base group, to find the neighbourhoods of other base segments.
+    """The clusters of a library's base group, with which segments outside the library are compared.
 
     `height` is the skeleton height of the base motion, in the file's unit.
     """
@@ -30,10 +30,10 @@ class BaseClusters:
         """Find the library's segments in the neighbourhood of a segment of another motion.
 
         `segment` is one segment in frames of `motion`, which may be just the segment and a few
-        frames on both sides. The first result has the neighbours, ascending. By
-        `Config.neighbourhood` they are the members of the cluster that the segment would join in
-        `Library.extended`, or the segments in a ball around it. The second result has their
-        distances from the segment, divided by the cluster diameter threshold.
+        frames on both sides. The first result has the neighbours, ascending: the members of the
+        cluster that the segment would join in `Library.extended` if `Config.neighbourhood` is
+        "cluster", the segments in a ball around the segment if it is "ball". The second result has
+        the distances of the neighbours, divided by the cluster diameter threshold.
         """
         library, embedding, sigma = self._library, self._embedding, self._sigma
         if embedding is None:

@@ -22,9 +22,9 @@ def judge_candidates(
 ) -> ConstraintVerdicts:
     """Evaluate constraints for every member of the neighbourhood of a base segment.
 
-    The result has constraint costs and violated hard constraints, members ascending. The base
-    motion is the clip of `segment`. If the group contains the root, every member is moved to the
-    root transform with which the base segment starts.
+    The result has the constraint costs and the violated hard constraints of every member, in
+    ascending order of the members. The base motion is the clip of `segment`. If the group contains
+    the root, every member is moved to the root transform with which the base segment starts.
     """
     clip = int(library.segments.clip[segment])
     scenario = library.segments.of_clip(clip)

@@ -72,7 +72,8 @@ class DefectMeasure:
     ) -> list[FloatArray]:
         """Return the amounts of acceleration and jerk near seams, shape (2, n_positions) per piece.
 
-        `shifts` are added to frames of the base to get frames of `motion`, one for each piece.
+        `shifts` has one number for each piece. A frame of the base plus the number of its piece is
+        the frame of `motion`.
         """
         cut, base = self.problem.base_segments, self.problem.base
         peaks = greatest_derivatives(motion, self._joints)
@@ -121,7 +122,10 @@ class DefectMeasure:
         return np.stack(found)
 
     def _clip_peaks(self, clip: Motion, frames: IntArray) -> FloatArray:
-        """Return the greatest acceleration and jerk of a recording about each frame, (2, n)."""
+        """Return the greatest acceleration and jerk of a recording near each frame, (2, n).
+
+        Near means within `_SEAM_SECONDS`.
+        """
         joints = self._joints
         derivatives = remember(
             clip, ("derivatives", joints.tobytes()), lambda: greatest_derivatives(clip, joints)

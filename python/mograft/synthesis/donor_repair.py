@@ -120,8 +120,8 @@ def _try_sequences(
 ) -> DonorSequences:
     """Assemble many sequences around each remaining violation and keep the best.
 
-    These are first the cheapest sequences, then those with the smallest sum of violation amounts
-    before seam treatment and of seam costs: the wider the gap at a seam, the more poses change.
+    The cheapest sequences come first. Then follow those for which the violation amounts before seam
+    treatment plus the seam costs are smallest: seam treatment changes poses more at a wider gap.
     """
     chosen = dict(donors)
     for group, trellis in trellises.items():

@@ -166,7 +166,8 @@ def repair(
         As for `graft`.
     widest : float
         Largest `Config.sigma_scale` to try. The clusters are enlarged step by step as long as
-        violations remain; the scale used is ``graft.library.config.sigma_scale``.
+        violations remain. The scale that was used is ``library.config.sigma_scale`` of the returned
+        graft. If `Config.sigma` is a number, the clusters are not enlarged.
 
     Returns
     -------

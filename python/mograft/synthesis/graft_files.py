@@ -18,7 +18,7 @@ GRAFT_ENDINGS = (".bvh", ".json")
 def write_graft(
     graft: Graft, path: str | PathLike[str], sections: Mapping[str, Any] | None = None
 ) -> None:
-    """Write the motion of a graft, and beside it its provenance, from which `replay` remakes it.
+    """Write the motion of a graft, and a file with the provenance from which `replay` remakes it.
 
     Parameters
     ----------

@@ -104,9 +104,9 @@ class GraftPlan:
     def feasible_candidates(self, group: str) -> list[IntArray]:
         """Return for each position the candidates that satisfy all hard constraints.
 
-        If none does, all candidates of the position are returned. If a group contains the root,
-        all candidates of all positions are returned: the root transform at a position depends
-        on the donors before it.
+        If none does, all candidates of the position are returned. If any grafted group contains
+        the root, all candidates of all positions are returned: the root transform at a position
+        depends on the donors before it.
         """
         candidates = self.problem.candidates[group]
         if self.problem.root_group is not None:
@@ -198,10 +198,11 @@ class GraftPlan:
     def _plant_feet(
         self, motion: Motion, donors: DonorSequences
     ) -> tuple[Motion, FeetReport | None]:
-        """Plant each foot in the frames in which it, or the foot of its donor, is on the floor.
+        """Plant each foot in its contacts of the new motion and in those of its donors' clips.
 
-        The motion is not changed if `Config.feet` is "never" or if no exchanged group drives
-        the feet.
+        A foot is planted in every frame in which it touches the floor in the new motion or touched
+        it in its donor's clip. The motion is not changed if `Config.feet` is "never" or if no
+        exchanged group drives the feet.
         """
         problem, library = self.problem, self.problem.library
         if library.config.feet == "never":
@@ -306,7 +307,7 @@ def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library
     n = len(library.segments)
     wrong = scenario.segments[(scenario.segments < 0) | (scenario.segments >= n)]
     if len(wrong):
-        raise ValueError(f"`scenario` must contain segments 0 to {n - 1}, got {wrong[0]}")
+        raise ValueError(f"`scenario` must contain only segments 0 to {n - 1}, got {wrong[0]}")
     return scenario
 
 

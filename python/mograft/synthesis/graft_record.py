@@ -50,7 +50,7 @@ class ClipRecord:
 
     @classmethod
     def of_file(cls, record: Mapping[str, Any]) -> Self:
-        """Read an object with ``name``, ``file`` and ``sha256``, such as that of a character."""
+        """Read an object with ``name``, ``file`` and ``sha256``: the motion of a `Character`."""
         return cls(
             name=str(record["name"]),
             file=_optional_str(record["file"]),
@@ -71,7 +71,7 @@ class SegmentRecord:
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
-        """Read an object with ``clip`` and ``clip_frames``."""
+        """Read a JSON object with ``clip`` and ``clip_frames``."""
         return cls(str(record["clip"]), _span(record["clip_frames"]))
 
 
@@ -111,7 +111,7 @@ class ScenarioRecord:
 
     @classmethod
     def from_json(cls, record: Any) -> "ScenarioRecord | None":  # noqa: ANN401 - of JSON
-        """Read ``scenario``: null, an object, or the list of segments of version 1."""
+        """Read ``scenario``: null, a JSON object, or in version 1 a list of segments."""
         if not record:
             return None
         if isinstance(record, list):
@@ -142,7 +142,7 @@ class GraftRecord:
     groups: JointGroups
     library: LibraryOrigin | None  # None in documents of version 1
     clips: tuple[ClipRecord, ...]
-    sources: tuple[str, ...]  # as typed
+    sources: tuple[str, ...]  # files and folders, as typed on the command line
     scenario: ScenarioRecord | None
     donors: tuple[DonorRecord, ...]
 

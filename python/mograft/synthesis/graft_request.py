@@ -20,7 +20,7 @@ class GraftRequest:
     swap : tuple of str or None
         The groups to exchange; None for all but the base group.
     constraints : tuple of Constraint
-        The constraints, with base segments and donors by their frames.
+        The constraints. They give base segments and donors by their frames, not by number.
     scenario : Scenario or None
         The base, if it is composed of segments.
     command : str or None

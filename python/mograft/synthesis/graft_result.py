@@ -62,7 +62,7 @@ class Substitution:
 
 @dataclass(frozen=True)
 class Seam:
-    """A frame at which two segments meet that are not consecutive in a clip.
+    """A frame at which two donors meet that are not consecutive in a clip, or one is stretched.
 
     Attributes
     ----------

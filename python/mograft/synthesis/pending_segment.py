@@ -35,7 +35,7 @@ class PendingSegment:
 
     base: Motion  # the segment's frames with a margin, from `BaseBuffer.motion_with_margin`
     offset: int  # index in `base` of the segment's first frame
-    segment: Segments  # in frames of the stream; its clip follows the library's clips
+    segment: Segments  # in frames of the stream; clip index: number of clips in the library
     donors: IntArray  # shape (n_candidates,); the last is -1, the base segment itself
     unary_costs: FloatArray  # shape (n_candidates,); without seams and constraints
     origin_costs: FloatArray  # shape (n_candidates,); soft constraints on clip and length

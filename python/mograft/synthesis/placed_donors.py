@@ -89,8 +89,8 @@ def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArr
 
     `track` has the rotations in all frames of the clip, at least two, shape (n_frames, n_joints,
     4); the result has shape (stop - start + 3, n_joints, 4). A frame outside the clip is
-    extrapolated from the three frames nearest to it. The velocities at both ends, and `cubic`
-    between the frames, are then the same as in the whole clip.
+    extrapolated from the three frames nearest to it. The velocities at both ends, and the values
+    that `cubic` interpolates between the frames, are then the same as in the whole clip.
     """
     rows = [track[start : stop + 1]]
     n_steps = min(2, max(len(track) - 1, 1))

@@ -142,7 +142,7 @@ def _file_record(file: SourceFile | None, folder: Path) -> Record:
 
 
 def _licence(tags: Iterable[str]) -> str | None:
-    """Return the licence that a tag gives, ``"licence:CC0"``."""
+    """Return the licence that a tag names, such as CC0 for ``"licence:CC0"``; None without one."""
     for tag in tags:
         for start in _LICENCE_TAGS:
             if tag.lower().startswith(start):

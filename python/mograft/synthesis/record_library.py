@@ -51,15 +51,16 @@ class RecordedLibrary:
 def find_library(
     record: GraftRecord, library: Library | None, sources: Sequence[str]
 ) -> RecordedLibrary:
-    """Return the library of a graft: the given one, the stored one, or one of its clips only.
+    """Return the library of a graft: `library`, or the stored library that the provenance names.
 
-    The files of clips are searched for beside the document, and then in `sources`, which are files
-    and folders. Raise ProvenanceError if the library and a file are missing or have changed.
+    If there is no stored library, or if it has changed, return a library of only the clips of the
+    graft. Their files are searched for beside the document, and then in `sources`, which are files
+    and folders. Raise ProvenanceError if a file, too, is missing or has changed.
     """
     if library is not None:
         return _with_base(record, prepare_library(record, library, "`library`"), sources)
     if record.library is None:
-        raise record.error(f"the schema {SCHEMA_1} does not name the library: give it")
+        raise record.error(f"documents of schema {SCHEMA_1} do not name the library: give it")
     problem = ""
     if record.library.folder is not None:
         folder = record.library.folder
@@ -98,9 +99,9 @@ def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) ->
 
 
 def prepare_library(record: GraftRecord, library: Library, label: str) -> Library:
-    """Return a library with the mirror images and the configuration of a graft.
+    """Return `library` with the mirror images and the configuration of a graft.
 
-    Raise ProvenanceError if it has another SHA-256 than the library of the graft.
+    Raise ProvenanceError if `library` has another SHA-256 than the library of the graft.
     """
     expected = record.library
     if expected is not None:
@@ -131,7 +132,7 @@ def find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> 
         if found == clip.sha256:
             return str(path)
         changed = changed or f"{path} has changed: SHA-256 {found}, expected {clip.sha256}"
-    raise record.error(changed or f"{record.folder / clip.file} is missing: give its new place")
+    raise record.error(changed or f"{record.folder / clip.file} is missing: give its new path")
 
 
 def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> Iterable[Path]:
@@ -147,7 +148,7 @@ def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> I
 def _partial_library(
     record: GraftRecord, origin: LibraryOrigin, paths: Sequence[str]
 ) -> RecordedLibrary:
-    """Return the library of the clips of a graft."""
+    """Return a library of only the clips of a graft, read from `paths`."""
     clips = [
         PartialClip(
             name=clip.name,

@@ -44,13 +44,14 @@ def replay(
         The library of the graft. Default: the stored library that the provenance names, or else
         the files of the clips of which the graft is made.
     sources : sequence of str
-        Files, and folders of files, in which the clips are searched for that are not where the
-        provenance says.
+        Files and folders. The files of clips that are not at the path in the provenance are
+        searched for among them.
 
     Returns
     -------
     Graft
-        The graft. Without a stored library its `library` has the clips of the graft only.
+        The graft. If no complete library was found, `Graft.library` has only the clips of the
+        graft.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def replay(
 
 
 def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]) -> Graft:
-    """Return the graft of a record; values that do not fit raise one of `DAMAGE`."""
+    """Return the graft of a record; damaged values raise one of the exceptions in `DAMAGE`."""
     recorded = find_library(record, library, sources)
     plan = GraftPlan.build(
         recorded.library, recorded.base, _groups(record), (), _read_scenario(record, recorded)
@@ -136,7 +137,7 @@ def _find_donors(record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan
 
 
 def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
-    """Return the recorded request, without the scenario; that of `graft` for version 1."""
+    """Return the recorded request without its scenario; the default for documents of version 1."""
     request = record.document.get("request")
     if request is None:
         return GraftRequest()
@@ -158,7 +159,7 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
 
 
 def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> Graft:
-    """Return the graft with what depends on the search: costs, alternatives, violations."""
+    """Return the graft with the recorded results of the search, which replay does not repeat."""
     costs = {(own.group, own.frames): own.cost for own in record.donors}
     alternatives = dict(graft.alternatives)
     for group in alternatives:

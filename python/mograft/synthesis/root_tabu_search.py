@@ -29,7 +29,7 @@ _MAX_RANKING_POSES = 200_000  # approximate, for one ranking; larger motions are
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Donor sequences, their motion after `finish`, and the total violation of this motion."""
+    """Donor sequences, their motion after `finish` of `tabu_search`, and its total violation."""
 
     violation: float
     donors: DonorSequences
@@ -152,7 +152,10 @@ def _add_excess_after(
     moves: AlignmentTransform,
     violations: FloatArray,
 ) -> None:
-    """Add to `violations` an estimate for the frames after each of `ends`, moved by `moves`."""
+    """Add to each of `violations` the estimated excess in all frames after a substitution.
+
+    `ends` are the last frames of the substitutions, `moves` the transforms of all later frames.
+    """
     frames = np.flatnonzero(problem.is_constrained_frame)
     stride = max(1, int(np.ceil(len(frames) * len(ends) / (2 * _MAX_RANKING_POSES))))
     frames = frames[::stride]

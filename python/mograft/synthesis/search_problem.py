@@ -45,7 +45,10 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
 
 
 def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> list[Constraint]:
-    """Check constraints on a base motion; return them with the captured depth of `AvoidSelf`."""
+    """Check constraints on a base motion, and return them.
+
+    `AvoidSelf` without a captured depth gets the depth in the base motion.
+    """
     poses = Poses.from_motion(base)
     check_constraints(constraints, poses)
     for constraint in constraints:
@@ -93,7 +96,7 @@ class SearchProblem:
         groups: Sequence[str],
         constraints: Sequence[Constraint],
     ) -> "SearchProblem":
-        """Find the candidates within the limits on cluster and length and the donor constraints.
+        """Find the candidates that satisfy limits on cluster and length, and donor constraints.
 
         `AvoidSelf` without a captured depth gets the depth in the base motion. An item that is not
         a constraint raises TypeError; a constraint with an unknown joint, clip or frame raises

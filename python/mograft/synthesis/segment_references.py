@@ -41,7 +41,10 @@ def add_used_donors(
     base_segments: Segments,
     library: Library,
 ) -> list[IntArray]:
-    """Add the donors that resolved `Use` constraints name to the candidates of each position."""
+    """Return the candidates of each position with the donors of all `Use` constraints added.
+
+    The constraints are results of `resolve_segments`.
+    """
     lists = list(candidates)
     for constraint in constraints:
         if isinstance(constraint, Use):

@@ -196,7 +196,7 @@ def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) ->
 
 
 def _keep_better(before: _Defects, donors: IntArray) -> _Defects:
-    """Assemble the motion with other donors, but only in the windows that become better by it."""
+    """Assemble the motion with `donors`, but keep the old donors in windows that do not improve."""
     group = before.measure.group
     for _ in range(_MAX_ASSEMBLIES):
         if (donors == before.donors).all():

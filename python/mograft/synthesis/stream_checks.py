@@ -35,7 +35,7 @@ def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
             joints = ", ".join(names[joint] for joint in single_channels[group])
             raise ValueError(
                 f"`swap` must name groups of whole joints in a stream, got {group!r}, "
-                f"which contains only single channels of {joints}"
+                f"which contains single channels of {joints}, not the whole joints"
             )
     legs = find_legs(library.skeleton)
     kept = {library.root, *(joint for leg in legs for joint in (leg.hip, leg.knee, leg.ankle))}

@@ -196,7 +196,10 @@ class StreamSearch:
     def _pose_constraints(
         self, segment: PendingSegment, rules: StreamRules
     ) -> tuple[Constraint, ...]:
-        """Return the pose constraints in a segment; `AvoidSelf` gets the depth in the base."""
+        """Return the pose constraints that apply in a segment.
+
+        `AvoidSelf` gets the captured depth in the base segment.
+        """
         constraints = [
             constraint
             for constraint in rules.constraints
