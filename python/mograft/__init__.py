@@ -89,7 +89,9 @@ if TYPE_CHECKING:
     from mograft.synthesis.graft_result import Substitution as Substitution
     from mograft.synthesis.replay import replay as replay
     from mograft.synthesis.self_repair import RepairedWindow as RepairedWindow
+    from mograft.synthesis.stream import Piece as Piece
     from mograft.synthesis.stream import Stream as Stream
+    from mograft.synthesis.stream import join_pieces as join_pieces
     from mograft.viewing.page import Page as Page
     from mograft.viewing.page import view as view
     from mograft.viewing.report import report_page as report_page
@@ -130,7 +132,7 @@ _HOMES = {
     "body.world_poses": "Poses",
     "analysis.segmentation": "Segments kinetic_energy segment",
     "motion.skeleton": "EndSite Skeleton",
-    "synthesis.stream": "Stream",
+    "synthesis.stream": "Piece Stream join_pieces",
     "search.candidates": "Candidate Candidates",
     "viewing.page": "Page view",
     "viewing.report": "report_page",

@@ -14,7 +14,6 @@ from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.synthesis.donor_trellis import build_trellis
 from mograft.synthesis.search_problem import SearchProblem
-from mograft.synthesis.stream import join_pieces
 from mograft.synthesis.stream_search import StreamSearch
 from tests.oracles import search as oracle
 from tests.strategies import assert_same_rotations
@@ -86,7 +85,7 @@ def test_stream_any_chunks_give_identical_pieces(
     pieces = stream_pieces(configured, base, chunks, **options)
     assert repr([p.substitutions for p in pieces]) == repr([p.substitutions for p in expected])
     assert [p.violations for p in pieces] == [p.violations for p in expected]
-    assert_identical(join_pieces(pieces), join_pieces(expected))
+    assert_identical(mg.join_pieces(pieces), mg.join_pieces(expected))
 
 
 @FEW_EXAMPLES
@@ -111,9 +110,15 @@ def test_stream_pieces_cover_the_base_and_keep_its_other_joints(library, base, c
     pieces = stream_pieces(with_choice(library, choice), base, (17,))
     assert pieces[0].start == 0
     assert pieces[-1].stop == base.n_frames - 1
-    assert all(a.stop == b.start for a, b in pairwise(pieces))
-    assert [p.motion.n_frames for p in pieces[1:]] == [p.stop - p.start for p in pieces[1:]]
-    motion = join_pieces(pieces)
+    assert all(a.stop + 1 == b.start for a, b in pairwise(pieces))
+    for piece in pieces:
+        assert piece.motion.n_frames == piece.stop - piece.start + 1
+        np.testing.assert_array_equal(
+            piece.motion.positions, base.positions[piece.start : piece.stop + 1]
+        )
+        for substitution in piece.substitutions:
+            assert (substitution.start, substitution.stop) == (max(piece.start - 1, 0), piece.stop)
+    motion = mg.join_pieces(pieces)
     assert motion.n_frames == base.n_frames
     kept = library.joints("lower")
     np.testing.assert_array_equal(motion.rotations[:, kept], base.rotations[:, kept])
@@ -126,13 +131,13 @@ def test_stream_pieces_cover_the_base_and_keep_its_other_joints(library, base, c
 
 def test_stream_equal_seeds_give_identical_motions_and_other_seeds_other_donors(library, base):
     first, again, other = (stream_pieces(library, base, seed=seed) for seed in (5, 5, 6))
-    assert_identical(join_pieces(first), join_pieces(again))
+    assert_identical(mg.join_pieces(first), mg.join_pieces(again))
     assert list_donors(first) != list_donors(other)
 
 
 def test_stream_all_donors_excluded_returns_the_base(library, base):
     pieces = stream_pieces(library, base, (9,), constraints=[mg.NotFrom("*")])
-    motion = join_pieces(pieces)
+    motion = mg.join_pieces(pieces)
     assert_identical(motion, base)
     np.testing.assert_array_equal(motion.channel_numbers(), base.channel_numbers())
     assert all(s.is_own and s.clip == "base" for p in pieces for s in p.substitutions)
@@ -189,7 +194,7 @@ def test_stream_several_groups_with_pose_constraints_violates_fewer_frames_than_
     constraints = [ball_at_hand(base), mg.AvoidSelf()]
     pieces = stream_pieces(several, base, (11,), constraints=constraints)
     expected = stream_pieces(several, base, constraints=constraints)
-    assert_identical(join_pieces(pieces), join_pieces(expected))
+    assert_identical(mg.join_pieces(pieces), mg.join_pieces(expected))
     n_frames = sum(v.frames[1] - v.frames[0] + 1 for p in pieces for v in p.violations)
     assert n_frames < (constraints[0].errors(mg.Poses.from_motion(base))[0] > 1).sum()
 
@@ -226,7 +231,7 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base, s
     problem, _ = whole_base_search(configured, base)
     longer, joints = problem.library, problem.library.joints("upper")
     pieces = stream_pieces(configured, base)
-    motion, donors = join_pieces(pieces), np.array(list_donors(pieces))
+    motion, donors = mg.join_pieces(pieces), np.array(list_donors(pieces))
     for left, right in pairwise(range(len(donors))):
         pair = problem.base_segments[np.array([left, right])]
         start, stop = int(pair.start[0]), int(pair.stop[1])
@@ -255,7 +260,7 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base, s
 def test_stream_frames_beside_seams_are_as_smooth_as_those_of_graft(library, base, seam):
     configured = with_choice(library, "viterbi", seam=seam)
     graft = mg.graft(configured, base)
-    motion = join_pieces(stream_pieces(configured, base, horizon=1000))
+    motion = mg.join_pieces(stream_pieces(configured, base, horizon=1000))
 
     def velocity_changes(quats):
         steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
@@ -270,7 +275,7 @@ def test_stream_frames_beside_seams_are_as_smooth_as_those_of_graft(library, bas
 def test_stream_quaternions_of_opposite_signs_continue_between_pieces(library, base):
     quats = base.rotations.copy()
     quats[:, library.joints("upper")[1::2]] *= -1.0
-    motion = join_pieces(stream_pieces(library, replace(base, rotations=quats)))
+    motion = mg.join_pieces(stream_pieces(library, replace(base, rotations=quats)))
     assert (np.einsum("fji,fji->fj", motion.rotations[1:], motion.rotations[:-1]) > 0).all()
 
 
@@ -280,12 +285,12 @@ def test_stream_quaternions_of_opposite_signs_continue_between_pieces(library, b
 @pytest.mark.parametrize("choice", ["viterbi", "sample"])
 def test_stream_hard_constraint_violations_are_listed_and_fewer_than_without(library, base, choice):
     configured = with_choice(library, choice)
-    unconstrained = mg.Poses.from_motion(join_pieces(stream_pieces(configured, base)))
+    unconstrained = mg.Poses.from_motion(mg.join_pieces(stream_pieces(configured, base)))
     n_without, n_with = 0, 0
     for frame in (40, 100, 160, 220):
         avoid = ball_at_hand(base, frame)
         pieces = stream_pieces(configured, base, constraints=[avoid])
-        errors, _ = avoid.errors(mg.Poses.from_motion(join_pieces(pieces)))
+        errors, _ = avoid.errors(mg.Poses.from_motion(mg.join_pieces(pieces)))
         is_violated = np.zeros(base.n_frames, bool)
         for violation in (v for piece in pieces for v in piece.violations):
             is_violated[violation.frames[0] : violation.frames[1] + 1] = True
@@ -313,7 +318,7 @@ def test_stream_horizon_1_violates_a_constraint_only_if_all_candidates_do(
     last_costs = dict(calls)  # the last call for a segment is after seam treatment
     assert any((costs > 0).any() and (costs == 0).any() for costs in last_costs.values())
     for piece in pieces:
-        assert bool(piece.violations) == (last_costs[piece.start] > 0).all()
+        assert bool(piece.violations) == (last_costs[piece.substitutions[0].start] > 0).all()
 
 
 @FEW_EXAMPLES
@@ -331,7 +336,9 @@ def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
     expected = stream_pieces(configured, base, horizon=horizon)
     pieces = stream_pieces(configured, base, horizon=horizon, constraints=[far])
     assert list_donors(pieces) == list_donors(expected)
-    assert_same_rotations(join_pieces(pieces).rotations, join_pieces(expected).rotations, 1e-9)
+    assert_same_rotations(
+        mg.join_pieces(pieces).rotations, mg.join_pieces(expected).rotations, 1e-9
+    )
 
 
 def test_stream_changed_constraints_apply_to_segments_that_are_not_committed(library, base):
@@ -349,7 +356,7 @@ def test_stream_changed_constraints_apply_to_segments_that_are_not_committed(lib
     assert "clip0" in {s.clip for p in unconstrained for s in p.substitutions}
     assert {s.clip for p in from_one_clip for s in p.substitutions} <= {"clip1", "base"}
     assert all(s.is_own for p in kept for s in p.substitutions)
-    assert join_pieces(unconstrained + from_one_clip + kept).n_frames == base.n_frames
+    assert mg.join_pieces(unconstrained + from_one_clip + kept).n_frames == base.n_frames
 
 
 def test_stream_max_angle_set_after_a_donor_lists_the_violated_seam(library, base):
@@ -365,10 +372,98 @@ def test_stream_max_angle_set_after_a_donor_lists_the_violated_seam(library, bas
         wide = [s for s in piece.substitutions if s.gap_before > limit]
         assert len(piece.violations) == len(wide)
         for violation, substitution in zip(piece.violations, wide, strict=True):
-            assert violation.frames == (piece.start, piece.start)
+            assert violation.frames == (substitution.start, substitution.start)
             assert violation.error == pytest.approx(substitution.gap_before / limit)
     assert pieces[0].violations
     assert not pieces[-1].violations
+
+
+@FEW_EXAMPLES
+@given(st.integers(1, 8), st.integers(0, 259), st.integers(0, 30), st.booleans())
+def test_stream_target_before_the_first_free_frame_raises_error_that_names_it(
+    library, base, horizon, frame, length, has_span
+):
+    stream = mg.Stream(library, horizon=horizon)
+    stream.push(base[:200])
+    old = mg.Reach(HAND, (0.0, 0.0, 0.0), 3)
+    stream.constraints = [old]
+    pieces = stream.pieces()
+    free = stream.first_free_frame
+    assert free == (pieces[-1].stop + 1 if pieces else 0)
+    target, last = mg.Reach(HAND, (0.0, 0.0, 0.0), frame, tolerance=0.5), frame
+    if has_span:
+        last = frame + length
+        target = mg.Face((0.0, 0.0, 0.0), frames=(frame, last))
+    if last >= free:
+        stream.constraints = [old, target]
+        return
+    frames = f"frame {frame}" if frame == last else f"frames {frame} to {last}"
+    name = type(target).__name__
+    message = f"{name} applies to {frames}, and the first free frame is {free}"
+    with pytest.raises(ValueError, match=message):
+        stream.constraints = [old, target]
+    assert stream.constraints == (old,)
+
+
+# Arrays
+
+
+@FEW_EXAMPLES
+@given(st.lists(st.integers(1, 60), min_size=1, max_size=8), st.booleans())
+def test_stream_arrays_give_the_pieces_of_motions(library, base, chunks, has_root_only):
+    """A chunk of one frame is pushed without the axis of frames."""
+    base = replace(base, channel_values=None)
+    stream, pieces, first = mg.Stream(library), [], 0
+    while first < base.n_frames:
+        size = chunks[first % len(chunks)]
+        rows = slice(first, first + size) if size > 1 else first
+        positions = base.positions[rows]
+        if has_root_only:
+            positions = positions[..., library.root, :]
+        stream.push(base.rotations[rows], positions)
+        pieces += stream.pieces()
+        first += size
+    stream.close()
+    pieces += stream.pieces()
+    expected = stream_pieces(library, base)
+    assert_identical(mg.join_pieces(pieces), mg.join_pieces(expected))
+    assert list_donors(pieces) == list_donors(expected)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda q, _: (q, None), TypeError, "`positions` must be given with an array"),
+        (lambda q, p: (q[:, :-1], p), ValueError, r"`frames` must have shape \(n_frames, 18, 4\)"),
+        (lambda q, p: (q[0, 0], p), ValueError, r"`frames` must have shape .*got \(4,\)"),
+        (lambda q, p: (q[..., :3], p), ValueError, r"`frames` must have shape \(\.\.\., 4\)"),
+        (lambda q, p: (q * 2, p), ValueError, "`frames` must be unit quaternions, got norm 2"),
+        (lambda q, p: (q * np.nan, p), ValueError, "`frames` must be finite"),
+        (lambda q, p: (q, p + np.inf), ValueError, "`positions` must be finite"),
+        (
+            lambda q, p: (q, p[:1]),
+            ValueError,
+            r"`positions` must have shape \(3, 18, 3\) or \(3, 3",
+        ),
+        (lambda q, p: (q[0], p), ValueError, r"`positions` must have shape \(18, 3\) or \(3\)"),
+        (lambda q, p: (q[:0], p[:0]), ValueError, "at least one frame"),
+        (lambda _, p: ("walk.bvh", p), TypeError, "`frames` must"),
+    ],
+)
+def test_stream_push_of_invalid_arrays_raises_error_and_keeps_the_frames(
+    library, base, change, error, message
+):
+    stream = mg.Stream(library)
+    stream.push(base[:50])
+    with pytest.raises(error, match=message):
+        stream.push(*change(base.rotations[50:53], base.positions[50:53]))
+    with pytest.raises(TypeError, match="`positions` must be None if `frames` is a motion"):
+        stream.push(base[50:53], base.positions[50:53])
+    assert stream.n_known == 50
+    stream.push(base[50:])
+    stream.close()
+    expected = stream_pieces(library, base)
+    assert_identical(mg.join_pieces(stream.pieces()), mg.join_pieces(expected))
 
 
 # Stored libraries and memory
@@ -378,7 +473,7 @@ def test_stream_stored_library_gives_identical_motion(library, base, tmp_path):
     library.save(tmp_path / "two.mograft")
     stored = mg.Library.open(tmp_path / "two.mograft")
     assert_identical(
-        join_pieces(stream_pieces(stored, base)), join_pieces(stream_pieces(library, base))
+        mg.join_pieces(stream_pieces(stored, base)), mg.join_pieces(stream_pieces(library, base))
     )
 
 
@@ -445,7 +540,7 @@ def test_stream_close_below_two_frames_raises_value_error(library, base):
     stream.push(base[1:2])
     stream.close()
     stream.close()
-    assert join_pieces(stream.pieces()).n_frames == 2
+    assert mg.join_pieces(stream.pieces()).n_frames == 2
     assert stream.advance() is None
     with pytest.raises(ValueError, match="`frames` must be pushed before the stream is closed"):
         stream.push(base[2:4])
@@ -503,5 +598,5 @@ def test_stream_grafted_group_of_single_channels_raises_value_error(base):
         mg.Stream(library, swap=["arm", "roll"])
     pieces = stream_pieces(library, short, swap=["arm", "head"])
     joint = short.skeleton.index(divided)
-    motion = join_pieces(pieces)
+    motion = mg.join_pieces(pieces)
     np.testing.assert_array_equal(motion.rotations[:, joint], short.rotations[:, joint])

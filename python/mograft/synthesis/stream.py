@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.validate import as_integer, check_type
@@ -12,6 +13,7 @@ from mograft.analysis.online_segmentation import OnlineSegmenter
 from mograft.blend.recombine import Part, recombine
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import find_seam_violations
@@ -21,10 +23,12 @@ from mograft.synthesis.graft_result import Substitution
 from mograft.synthesis.pending_segment import PendingSegment
 from mograft.synthesis.placed_donors import CommittedEnd
 from mograft.synthesis.stream_checks import (
+    check_free_frames,
     check_stream_config,
     check_stream_constraints,
     check_stream_frames,
     check_stream_groups,
+    motion_from_arrays,
 )
 from mograft.synthesis.stream_donors import StreamDonors, StreamRules
 from mograft.synthesis.stream_search import ChosenDonors, StreamSearch
@@ -32,17 +36,31 @@ from mograft.synthesis.stream_search import ChosenDonors, StreamSearch
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A committed segment of a stream.
+    """A committed segment of a stream, as `Stream.advance` and `Stream.pieces` return it.
 
-    In `substitutions`, the base segments are numbered on from the last segment of the library.
-    `gap_after` is NaN, because the next donor is not known yet.
+    All frames are numbered from the first pushed frame. Successive pieces have successive frames:
+    the first piece starts at frame 0, every other one at the `stop` of the previous piece plus 1.
+
+    Attributes
+    ----------
+    motion : Motion
+        The new motion in the frames `start` to `stop`.
+    start, stop : int
+        First and last frame of `motion`, both included.
+    substitutions : tuple of Substitution
+        The donor of each grafted group. Their `start` and `stop` are those of the base segment:
+        neighbouring segments share a frame, so that a segment starts at the last frame of the
+        previous piece. Base segments are numbered on from the last segment of the library.
+        `gap_after` is NaN, because the next donor is not known yet.
+    violations : tuple of Violation
+        Violations of hard constraints in these frames and at the seam before them.
     """
 
-    motion: Motion  # the frames after the last frame of the previous piece, up to `stop`
-    start: int  # first frame of the base segment, which is the last of the previous piece
-    stop: int  # last frame of the base segment
-    substitutions: tuple[Substitution, ...]  # one per grafted group
-    violations: tuple[Violation, ...]  # of hard constraints in these frames
+    motion: Motion
+    start: int
+    stop: int
+    substitutions: tuple[Substitution, ...]
+    violations: tuple[Violation, ...]
 
 
 def join_pieces(pieces: Sequence[Piece], name: str = "stream") -> Motion:
@@ -140,7 +158,8 @@ class Stream:
         self._pending: list[PendingSegment] = []
         self._ends: dict[str, CommittedEnd] = {}
         self._last_rotations: FloatArray | None = None
-        self._n_committed = 0
+        self._n_committed = self._first_free_frame = 0
+        self._rules = StreamRules.build(self._donors, ())
         self._is_closed = False
         self.constraints = constraints
 
@@ -149,51 +168,93 @@ class Stream:
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The constraints on all segments that are not committed yet."""
+        """The constraints on all segments that are not committed yet.
+
+        Setting a constraint whose `frames` are all before `first_free_frame` raises ValueError,
+        unless it was set before.
+        """
         return self._rules.constraints
 
     @constraints.setter
     def constraints(self, constraints: Sequence[Constraint]) -> None:
-        frames = self._library if self._base is None else self._base.first_frame
-        check_stream_constraints(constraints, frames.skeleton, self._donors.clips)
+        check_stream_constraints(constraints, self._skeleton, self._donors.clips)
+        new = [own for own in constraints if own not in self.constraints]
+        check_free_frames(new, self.first_free_frame)
         self._rules = StreamRules.build(self._donors, constraints)
         self._pending = []
+
+    @property
+    def first_free_frame(self) -> int:
+        """The first frame that no piece contains yet, counted from the first pushed frame.
+
+        Constraints and donors of the frames before it cannot change any more.
+        """
+        return self._first_free_frame
 
     @property
     def n_known(self) -> int:
         """Number of frames of the base that have been pushed."""
         return 0 if self._base is None else self._base.n_frames
 
-    def push(self, frames: Motion) -> None:
+    def push(self, frames: Motion | npt.ArrayLike, positions: npt.ArrayLike | None = None) -> None:
         """Append the next frames of the base.
 
         Parameters
         ----------
-        frames : Motion
-            One or more frames, with the library's hierarchy and frame rate.
+        frames : Motion, or array_like of shape (n_frames, n_joints, 4)
+            One or more frames, as a motion with the library's hierarchy and frame rate, or as
+            local rotations of all joints: unit quaternions, xyzw, in the order of
+            ``library.skeleton.names``, at the library's frame rate. An array of shape
+            (n_joints, 4) is one frame.
+        positions : array_like, shape (n_frames, n_joints, 3) or (n_frames, 3)
+            With an array of rotations, the local translations of all joints in the unit of the
+            library, or only those of the joint ``library.root``. The other joints then have the
+            offsets of the skeleton. The axis of frames is missing for one frame.
 
         Raises
         ------
         SkeletonMismatchError
             If the hierarchy differs from the library's.
+        TypeError
+            If `positions` are missing beside an array, or given beside a motion.
         ValueError
             If the rate differs from the library's, the skeleton differs from that of the frames
-            before, or the stream is closed.
+            before, an array has another shape, is not finite or holds quaternions whose norm is
+            not 1, or the stream is closed. The frames before stay valid.
+
+        Examples
+        --------
+        >>> from mograft.dancer import dance
+        >>> library, base = Library.build(dance(strides=1).motion), dance(seed=1, strides=1).motion
+        >>> stream = Stream(library)
+        >>> stream.push(base.rotations[:2], base.positions[:2])
+        >>> stream.push(base.rotations[2], base.positions[2, library.root])
+        >>> stream.n_known
+        3
         """
         if self._is_closed:
             raise ValueError("`frames` must be pushed before the stream is closed")
+        first = None if self._base is None else self._base.first_frame
+        if not isinstance(frames, Motion):
+            frames = motion_from_arrays(frames, positions, self._library, self._skeleton)
+        elif positions is not None:
+            raise TypeError("`positions` must be None if `frames` is a motion")
+        check_stream_frames(frames, self._library, None if first is None else first.skeleton)
         if self._base is None:
-            check_stream_frames(frames, self._library, None)
             self._base = BaseBuffer(frames)
             self._search = StreamSearch(self._donors, self._base.first_frame)
         else:
-            check_stream_frames(frames, self._library, self._base.first_frame.skeleton)
             self._base.push(frames)
         # The energy of the last frame is not final before the next frame.
         n_known, n_final = self._segmenter.n_frames, self._base.n_frames - 1
         if n_final > n_known:
             energies = self._base.next_energies(self._rules.config)
             self._segmenter.push(energies[: n_final - n_known])
+
+    @property
+    def _skeleton(self) -> Skeleton:
+        """The skeleton of the base, or that of the library before frames are pushed."""
+        return (self._library if self._base is None else self._base.first_frame).skeleton
 
     def close(self) -> None:
         """Declare the base motion complete, so that all remaining segments can be committed.
@@ -243,6 +304,7 @@ class Stream:
         del bounds[0]
         del self._pending[0]
         self._n_committed += 1
+        self._first_free_frame = piece.stop + 1
         self._base.discard_before(bounds[0] - BOUNDARY_MARGIN)
         return piece
 
@@ -275,7 +337,7 @@ class Stream:
             violations += find_violations(segment.pose_constraints, new_poses)
         return Piece(
             motion=motion,
-            start=segment.start,
+            start=segment.start + new.start,
             stop=segment.stop,
             substitutions=tuple(substitutions),
             violations=tuple(violations),

@@ -1,9 +1,11 @@
-"""Checks of a stream's arguments: configuration, grafted groups, constraints, frames."""
+"""Checks of a stream's arguments: configuration, grafted groups, constraints, frames, arrays."""
 
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
+from mograft._util.arrays import as_floats, as_quaternions
 from mograft.analysis.segmentation import Segments
 from mograft.body.contacts import find_legs
 from mograft.body.world_poses import Poses
@@ -65,6 +67,51 @@ def check_stream_constraints(
                 f"`constraints` of a stream must not contain {name}; use OnlyFrom or NotFrom"
             )
         constraint.donor_errors(no_segments, no_segments, clips)
+
+
+def check_free_frames(constraints: Sequence[Constraint], first_free_frame: int) -> None:
+    """Raise ValueError for a constraint that applies only to frames that are committed."""
+    for constraint in constraints:
+        if constraint.frames is not None and constraint.frames[1] < first_free_frame:
+            first, last = constraint.frames
+            frames = f"frame {first}" if first == last else f"frames {first} to {last}"
+            raise ValueError(
+                f"`constraints` must apply to frames that are not committed: "
+                f"{type(constraint).__name__} applies to {frames}, and the first free frame is "
+                f"{first_free_frame}"
+            )
+
+
+def motion_from_arrays(
+    frames: npt.ArrayLike, positions: npt.ArrayLike | None, library: Library, skeleton: Skeleton
+) -> Motion:
+    """Return frames that are pushed as arrays as a motion at the library's frame rate.
+
+    `Stream.push` documents the shapes and errors.
+    """
+    if positions is None:
+        raise TypeError("`positions` must be given with an array of rotations")
+    quats = as_quaternions("frames", frames)
+    places = as_floats("positions", positions)
+    n_joints = skeleton.n_joints
+    if quats.ndim == 2:
+        quats, places = quats[None], places[None]
+    if quats.ndim != 3 or quats.shape[1] != n_joints:
+        raise ValueError(
+            f"`frames` must have shape (n_frames, {n_joints}, 4) or ({n_joints}, 4), "
+            f"got {np.shape(frames)}"
+        )
+    n_frames = len(quats)
+    if places.shape == (n_frames, 3):
+        root, places = places, np.tile(skeleton.offsets, (n_frames, 1, 1))
+        places[:, library.root] = root
+    elif places.shape != (n_frames, n_joints, 3):
+        axis = "" if np.ndim(frames) == 2 else f"{n_frames}, "
+        raise ValueError(
+            f"`positions` must have shape ({axis}{n_joints}, 3) or ({axis}3), "
+            f"got {np.shape(positions)}"
+        )
+    return Motion(skeleton, 1.0 / library.rate, quats, places)
 
 
 def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | None) -> None:
