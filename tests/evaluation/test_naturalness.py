@@ -77,7 +77,7 @@ def test_compatibility_method_without_exchanges_has_no_score(monkeypatch, librar
     assert score.kappa.n == 0
     assert score.as_dict()["kappa"]["value"] is None
     assert found.difference("captured", "random").verdict == "undecided"
-    with pytest.raises(KeyError, match="no difference of random minus wings"):
+    with pytest.raises(KeyError, match="difference random minus wings was not computed"):
         found.difference("random", "wings")
 
 

@@ -96,7 +96,7 @@ class Compatibility(Record):
         for difference in self.differences:
             if (difference.first, difference.second) == (first, second):
                 return difference
-        raise KeyError(f"the difference of {first} and {second} was not computed")
+        raise KeyError(f"the difference {first} minus {second} was not computed")
 
 
 def fold_groups(library: Library) -> IntArray:
