@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mograft._util.arrays import FloatArray, IntArray, Packed
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
 
 __all__ = [
     "BUILD_PROFILE",
@@ -32,6 +32,7 @@ __all__ = [
     "multiply",
     "pose_gaps",
     "pose_gaps_along",
+    "replace_joints",
     "rotate",
     "sample",
     "sample_clips",
@@ -137,6 +138,9 @@ def sample(
     temperature: float,
     draws: FloatArray,
 ) -> IntArray: ...
+def replace_joints(
+    base: FloatArray, part: FloatArray, joints: IntArray
+) -> tuple[FloatArray, BoolArray]: ...
 def sample_clips(clips: Sequence[FloatArray], clip: IntArray, times: FloatArray) -> FloatArray: ...
 def clip_states(
     clips: Sequence[FloatArray], clip: IntArray, frames: IntArray

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, Item
 from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
@@ -85,15 +86,19 @@ class DonorTimeline:
         frames = np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]
         return SegmentTimes(segment, frames.astype(np.float64))
 
-    def merge_frames(self, values: FloatArray) -> FloatArray:
+    def merge_frames(self, values: npt.NDArray[Item]) -> npt.NDArray[Item]:
         """Return one value per frame, given `values` at the times of `frame_times`.
 
         A frame that two segments share has two values; that of the later segment is returned.
         """
-        times = self.frame_times()
-        frames = np.empty((self.cut.stop[-1] + 1, *values.shape[1:]))
-        frames[self.cut.start[times.segment] + times.frames.astype(np.int64)] = values
-        return frames
+        return values.take(self._kept_rows, axis=0)
+
+    @cached_property
+    def _kept_rows(self) -> IntArray:
+        """The indices into `frame_times` without the last frames that the next segment shares."""
+        last = np.cumsum(self.cut.lengths + 1) - 1
+        is_shared = self.cut.stop[:-1] == self.cut.start[1:]
+        return np.delete(np.arange(last[-1] + 1), last[:-1][is_shared])
 
     def sample(
         self, space: ValueSpace, tracks: Sequence[FloatArray], times: SegmentTimes
@@ -193,12 +198,13 @@ class DonorLayout:
 
     def close(self) -> tuple[FloatArray, FloatArray]:
         """Return the rotations and translations in all frames, with the gaps at seams closed."""
-        times = self.timeline.frame_times()
+        merge, times = self.timeline.merge_frames, self.timeline.frame_times()
+        times = SegmentTimes(merge(times.segment), merge(times.frames))
         quats, positions = (
-            self._close(space, times, rows)
+            self._close(space, times, merge(rows))
             for space, rows in zip((ROTATIONS, TRANSLATIONS), self._rows, strict=True)
         )
-        return self.timeline.merge_frames(quats), self.timeline.merge_frames(positions)
+        return quats, positions
 
     def close_at(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
         """Return rotations or translations at n points in time, with the gaps at seams closed."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray, any_component
+from mograft import _core
+from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -30,23 +31,30 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
     keeps each channel value whose rotation or translation equals that of the base.
     """
     skeleton = base.skeleton
-    quats, positions = base.rotations.copy(), base.positions.copy()
+    quats, positions = base.rotations, base.positions
     values = None if base.channel_values is None else base.channel_values.copy()
     for part in parts:
-        rotated = any_component(part.rotations != base.rotations.take(part.joints, axis=1))
-        moved = any_component(part.positions != base.positions.take(part.joints, axis=1))
-        rotates, moves = rotated.any(axis=0), moved.any(axis=0)
-        quats[:, part.joints[rotates]] = rotations.continuous_signs(part.rotations[:, rotates])
-        positions[:, part.joints[moves]] = part.positions[:, moves]
-        if values is None:
-            continue
-        for column in np.flatnonzero(rotates | moves).tolist():
-            joint = part.joints[column]
-            changed = {"rotation": rotated[:, column], "position": moved[:, column]}
-            for index, channel in zip(
-                skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
-            ):
-                values[changed[channel[1:]], index] = np.nan
+        quats, rotated = _core.replace_joints(
+            quats, np.ascontiguousarray(part.rotations), part.joints
+        )
+        positions, moved = _core.replace_joints(
+            positions, np.ascontiguousarray(part.positions), part.joints
+        )
+        for kind, is_changed in (("rotation", rotated), ("position", moved)):
+            if values is None or not is_changed.any():
+                continue
+            pairs = [
+                (index, column)
+                for column, joint in enumerate(part.joints.tolist())
+                for index, channel in zip(
+                    skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
+                )
+                if channel.endswith(kind)
+            ]
+            indices, columns = np.array(pairs, np.int64).reshape(-1, 2).T
+            is_unknown = np.zeros(values.shape, bool)
+            is_unknown[:, indices] = is_changed[:, columns]
+            np.copyto(values, np.nan, where=is_unknown)
     single = {key: angle for part in parts for key, angle in part.angles.items()}
     for joint in dict.fromkeys(joint for joint, _ in single):
         _replace_channels(base, joint, single, quats, values)

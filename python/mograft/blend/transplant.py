@@ -82,7 +82,7 @@ def transplant(
     else:
         layout = _lay_out(timeline, clips, group, lean, moving, config)
         quats, moved = layout.smooth(*layout.close())
-    positions = np.ascontiguousarray(base.positions[:, joints])
+    positions = base.positions.take(joints, axis=1)
     positions[:, moving] = moved
     channel_quats = quats[:, len(joints) :]
     quats = lean.restore(base, np.ascontiguousarray(quats[:, : len(joints)]))

@@ -292,7 +292,7 @@ def _draw_different(
     """Call `draw` until `count` different results exist, and return these.
 
     Drawing ends early after `_MAX_REPEATED_DRAWS` draws in a row without a new result. `use` is
-    called with each new result before the next draw.
+    called with each new result if another draw follows.
     """
     results: dict[bytes, DonorSequences] = {}
     while len(results) < count:
@@ -303,7 +303,7 @@ def _draw_different(
         else:
             break
         results[_key(donors)] = donors
-        if use is not None:
+        if use is not None and len(results) < count:
             use(donors)
     return list(results.values())
 

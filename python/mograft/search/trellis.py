@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray, split_by_counts
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft.search.candidates import SegmentPool
 from mograft.search.costs import CostModel
 from mograft.search.viterbi import Trellis
@@ -56,10 +57,28 @@ class DonorTrellis:
 
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""
-        pairs = zip(self.candidates, path.tolist(), strict=True)
-        return np.array([segments[index] for segments, index in pairs], np.int64)
+        segments, starts, _ = self._flat
+        donors: IntArray = segments[starts + path]
+        return donors
 
     def path(self, donors: IntArray) -> IntArray:
         """Return the path that visits a donor sequence; each donor must be among the candidates."""
-        pairs = zip(self.candidates, donors.tolist(), strict=True)
-        return np.array([np.searchsorted(segments, donor) for segments, donor in pairs], np.int64)
+        _, starts, keys = self._flat
+        return np.searchsorted(keys, self._keys(np.arange(len(donors)), donors)) - starts
+
+    def is_listed(self, donors: IntArray) -> BoolArray:
+        """Return whether the donor at each position is among the candidates."""
+        return np.isin(self._keys(np.arange(len(donors)), donors), self._flat[2])
+
+    @cached_property
+    def _flat(self) -> tuple[IntArray, IntArray, IntArray]:
+        """All candidates, the index of the first of each position, and ascending keys of all."""
+        counts = np.array([len(own) for own in self.candidates], np.int64)
+        segments = np.concatenate(self.candidates)
+        keys = self._keys(np.repeat(np.arange(len(counts)), counts), segments)
+        return segments, np.cumsum(counts) - counts, keys
+
+    @staticmethod
+    def _keys(positions: IntArray, segments: IntArray) -> IntArray:
+        """Return numbers that are in order of position, then of segment."""
+        return (positions << 32) + segments

@@ -87,11 +87,10 @@ def replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
     The base segment replaces them; if it is not a candidate either, the cheapest candidate does.
     """
     replaced = donors.copy()
-    for position, candidates in enumerate(trellis.candidates):
-        base = trellis.scenario[position]
-        if donors[position] not in candidates:
-            cheapest = candidates[trellis.costs.unary[position].argmin()]
-            replaced[position] = base if base in candidates else cheapest
+    for position in np.flatnonzero(~trellis.is_listed(donors)).tolist():
+        base, candidates = trellis.scenario[position], trellis.candidates[position]
+        cheapest = candidates[trellis.costs.unary[position].argmin()]
+        replaced[position] = base if base in candidates else cheapest
     return replaced
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
+from itertools import chain, repeat
 
 import numpy as np
 
@@ -154,17 +154,7 @@ class GraftPlan:
             library=problem.library,
             substitutions=tuple(substitutions),
             seams=tuple(seams),
-            alternatives={
-                group: np.array(
-                    [
-                        np.count_nonzero(own != base)
-                        for own, base in zip(
-                            problem.candidates[group], problem.scenario, strict=True
-                        )
-                    ]
-                )
-                for group in donors
-            },
+            alternatives={group: problem.count_alternatives(group) for group in donors},
             seed=seed,
             index=index,
             violations=tuple(self._violations(motion, donors)),
@@ -268,33 +258,23 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
     origins, clips = problem.library.segments[donors], problem.library.entries
     costs = pool.unary_costs(problem.scenario, donors, problem.cost_models[group])
     gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
-    columns = (
-        frames.start,
-        frames.stop,
-        problem.scenario,
-        donors,
-        origins.clip,
-        origins.start,
-        origins.stop,
-        frames.lengths / origins.lengths - 1.0,
-        costs,
+    names = [clips[clip].name for clip in origins.clip.tolist()]
+    stretches = frames.lengths / origins.lengths - 1.0
+    return map(
+        Substitution,
+        repeat(group),
+        frames.start.tolist(),
+        frames.stop.tolist(),
+        problem.scenario.tolist(),
+        donors.tolist(),
+        names,
+        origins.start.tolist(),
+        origins.stop.tolist(),
+        stretches.tolist(),
+        costs.tolist(),
+        gaps[:-1],
+        gaps[1:],
     )
-    rows = zip(*(column.tolist() for column in columns), gaps[:-1], gaps[1:], strict=True)
-    for start, stop, segment, donor, clip, first, last, stretch, cost, before, after in rows:
-        yield Substitution(
-            group=group,
-            start=start,
-            stop=stop,
-            segment=segment,
-            donor=donor,
-            clip=clips[clip].name,
-            donor_start=first,
-            donor_stop=last,
-            stretch=stretch,
-            cost=cost,
-            gap_before=before,
-            gap_after=after,
-        )
 
 
 def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:

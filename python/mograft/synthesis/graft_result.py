@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 from mograft._util.arrays import IntArray
 from mograft._util.html_table import html_table
@@ -16,8 +16,7 @@ from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.self_repair import RepairedWindow
 
 
-@dataclass(frozen=True, kw_only=True)
-class Substitution:
+class Substitution(NamedTuple):
     """The donor of one base segment for one joint group.
 
     Attributes

@@ -171,7 +171,7 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
     return replace(
         graft,
         substitutions=tuple(
-            replace(own, cost=costs[own.group, (own.start, own.stop)])
+            own._replace(cost=costs[own.group, (own.start, own.stop)])
             for own in graft.substitutions
         ),
         alternatives=alternatives,

@@ -217,6 +217,13 @@ class SearchProblem:
         applies = [own.applies(frames) for own in self.pose_constraints if own.is_hard]
         return np.any(applies, axis=0) if applies else np.zeros(len(frames), bool)
 
+    def count_alternatives(self, group: str) -> IntArray:
+        """Return how many candidates other than the base segment each position has."""
+        lists = self.candidates[group]
+        positions = np.repeat(np.arange(len(lists)), [len(own) for own in lists])
+        is_other = np.concatenate(lists) != self.scenario[positions]
+        return np.bincount(positions[is_other], minlength=len(lists))
+
     def positions_with(self, excess: FloatArray) -> BoolArray:
         """Return whether each position has a frame in which `excess` is above 0.
 

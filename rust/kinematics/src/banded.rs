@@ -18,8 +18,15 @@ pub fn solve_pentadiagonal(
     rhs: &[f64],
     width: usize,
 ) -> Result<Vec<f64>, Error> {
+    let mut x = rhs.to_vec();
+    solve_in_place(bands, &mut x, width)?;
+    Ok(x)
+}
+
+/// [`solve_pentadiagonal`] that replaces the right-hand sides by the solution.
+pub(crate) fn solve_in_place(bands: &[[f64; 3]], x: &mut [f64], width: usize) -> Result<(), Error> {
     let n = bands.len();
-    check_len(rhs.len(), n * width)?;
+    check_len(x.len(), n * width)?;
     let mut pivots = vec![0.0; n];
     // Columns 1 and 2 below the diagonal of L.
     let mut lower = vec![[0.0; 2]; n];
@@ -38,7 +45,6 @@ pub fn solve_pentadiagonal(
         pivots[row] = pivot;
         lower[row] = [first / pivot, second / pivot];
     }
-    let mut x = rhs.to_vec();
     for row in 0..n {
         for back in 1..=2.min(row) {
             let factor = lower[row - back][back - 1];
@@ -62,7 +68,7 @@ pub fn solve_pentadiagonal(
             }
         }
     }
-    Ok(x)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::banded::solve_pentadiagonal;
+use crate::banded::solve_in_place;
 use crate::error::{Error, check_len};
 use crate::value::{Value, add};
 
@@ -60,9 +60,9 @@ pub fn smooth_gradient<V: Value>(
         return Ok(smooth);
     }
     let system = System { values, n_joints, donors, frames: &frames, is_free: &is_free };
-    let slopes = system.slopes(&joints, objective.weights);
+    let mut change = system.slopes(&joints, objective.weights);
     let bands = normal_matrix(&frames, &is_free, objective.weights);
-    let change = solve_pentadiagonal(&bands, &slopes, 3 * joints.len())?;
+    solve_in_place(&bands, &mut change, 3 * joints.len())?;
     for (frame, change) in change.chunks_exact(3 * joints.len()).enumerate() {
         for (&joint, delta) in joints.iter().zip(change.chunks_exact(3)) {
             let value = &mut smooth[frame * n_joints + joint];
@@ -163,64 +163,50 @@ impl<V: Value> System<'_, V> {
     ///
     /// It is 0 in frames that are not free.
     fn slopes(&self, joints: &[usize], weights: [f64; 3]) -> Vec<f64> {
-        let (steps, targets) = self.steps(joints);
         let (n, width) = (self.frames.len(), joints.len());
-        let is_step = |f: usize| self.frames[f].is_step;
-        let velocity_error = |f: usize, column: usize| {
-            let at = f * width + column;
-            if is_step(f) { weights[1] * (steps[at] - targets[at]) } else { DVec3::ZERO }
-        };
-        // At the frame after `f`.
-        let acceleration_error = |f: usize, column: usize| {
-            if !(is_step(f) && is_step(f + 1)) {
-                return DVec3::ZERO;
-            }
-            let at = f * width + column;
-            let target = match self.frames[f + 1].seam {
-                Some((_, seam)) => self.donors.accelerations[seam * self.n_joints + joints[column]],
-                None => targets[at + width] - targets[at],
-            };
-            weights[2] * (steps[at + width] - steps[at] - target)
-        };
         let mut slopes = vec![0.0; 3 * n * width];
-        let rows = slopes.chunks_exact_mut(3 * width).enumerate();
-        for (f, slopes) in rows.filter(|&(f, _)| self.is_free[f]) {
-            for (column, (&joint, out)) in joints.iter().zip(slopes.chunks_exact_mut(3)).enumerate()
-            {
-                let mut slope = self.value_error(f, joint);
-                // A free frame is neither the first nor the last.
-                slope -= velocity_error(f, column);
-                slope += velocity_error(f - 1, column);
-                if f + 2 < n {
-                    slope += acceleration_error(f, column);
+        let mut add = |f: usize, column: usize, slope: DVec3| {
+            if self.is_free[f] {
+                let at = 3 * (f * width + column);
+                for (sum, term) in slopes[at..at + 3].iter_mut().zip(slope.to_array()) {
+                    *sum += term;
                 }
-                slope -= 2.0 * acceleration_error(f - 1, column);
-                if f >= 2 {
-                    slope += acceleration_error(f - 2, column);
+            }
+        };
+        // Of each joint, the steps from the frame before, of `values` and of the donors.
+        let mut last = vec![(DVec3::ZERO, DVec3::ZERO); width];
+        for (f, frame) in self.frames.iter().enumerate() {
+            let near = f.saturating_sub(1)..(f + 3).min(n);
+            let has_step = frame.is_step && self.is_free[near].contains(&true);
+            let has_acceleration = has_step && f > 0 && self.frames[f - 1].is_step;
+            for (column, (&joint, last)) in joints.iter().zip(&mut last).enumerate() {
+                if self.is_free[f] {
+                    add(f, column, self.value_error(f, joint));
                 }
-                slope.write_to_slice(out);
+                if !has_step {
+                    continue;
+                }
+                let at = |values: &[V], row: usize| values[row * self.n_joints + joint];
+                let step = at(self.values, f).delta_to(at(self.values, f + 1));
+                let rows = self.donors.rows;
+                let target = at(rows, frame.row).delta_to(at(rows, frame.row + 1));
+                let error = weights[1] * (step - target);
+                add(f, column, -error);
+                add(f + 1, column, error);
+                if has_acceleration {
+                    let mean = frame
+                        .seam
+                        .map(|(_, seam)| self.donors.accelerations[seam * self.n_joints + joint]);
+                    let wanted = mean.unwrap_or(target - last.1);
+                    let error = weights[2] * (step - last.0 - wanted);
+                    add(f - 1, column, error);
+                    add(f, column, -2.0 * error);
+                    add(f + 1, column, error);
+                }
+                *last = (step, target);
             }
         }
         slopes
-    }
-
-    /// The steps to the next frame of `values` and of the donors; 0 where they are not needed.
-    fn steps(&self, joints: &[usize]) -> (Vec<DVec3>, Vec<DVec3>) {
-        let size = self.frames.len() * joints.len();
-        let (mut steps, mut targets) = (vec![DVec3::ZERO; size], vec![DVec3::ZERO; size]);
-        for (f, frame) in self.frames.iter().enumerate() {
-            let near = f.saturating_sub(1)..(f + 3).min(self.frames.len());
-            if !frame.is_step || !self.is_free[near].contains(&true) {
-                continue;
-            }
-            for (column, &joint) in joints.iter().enumerate() {
-                let at = |values: &[V], row: usize| values[row * self.n_joints + joint];
-                let (row, index) = (frame.row, f * joints.len() + column);
-                steps[index] = at(self.values, f).delta_to(at(self.values, f + 1));
-                targets[index] = at(self.donors.rows, row).delta_to(at(self.donors.rows, row + 1));
-            }
-        }
-        (steps, targets)
     }
 
     fn value_error(&self, f: usize, joint: usize) -> DVec3 {
@@ -236,7 +222,7 @@ impl<V: Value> System<'_, V> {
     }
 }
 
-/// The matrix of the normal equations for [`solve_pentadiagonal`].
+/// The matrix of the normal equations for [`crate::banded::solve_pentadiagonal`].
 ///
 /// Rows and columns of fixed frames are those of the identity.
 fn normal_matrix(frames: &[Frame], is_free: &[bool], weights: [f64; 3]) -> Vec<[f64; 3]> {

@@ -40,15 +40,46 @@ pub fn log(q: DQuat) -> DVec3 {
     if q.w == 0.0 && first < 0.0 { -v } else { v }
 }
 
+/// Coefficients of sin(x) / x, of cos(x) and of asin(x) / x in powers of x².
+const SINE: [f64; 8] = [
+    1.0,
+    -1.0 / 6.0,
+    1.0 / 120.0,
+    -1.0 / 5_040.0,
+    1.0 / 362_880.0,
+    -1.0 / 39_916_800.0,
+    1.0 / 6_227_020_800.0,
+    -1.0 / 1_307_674_368_000.0,
+];
+const COSINE: [f64; 8] = [
+    1.0,
+    -1.0 / 2.0,
+    1.0 / 24.0,
+    -1.0 / 720.0,
+    1.0 / 40_320.0,
+    -1.0 / 3_628_800.0,
+    1.0 / 479_001_600.0,
+    -1.0 / 87_178_291_200.0,
+];
+const ARCSINE: [f64; 9] = [
+    1.0,
+    1.0 / 6.0,
+    3.0 / 40.0,
+    15.0 / 336.0,
+    105.0 / 3_456.0,
+    945.0 / 42_240.0,
+    10_395.0 / 599_040.0,
+    135_135.0 / 9_676_800.0,
+    2_027_025.0 / 175_472_640.0,
+];
+
 /// [`exp`] up to 4e-16, several times faster for angles below 1 rad.
 pub fn exp_small(v: DVec3) -> DQuat {
     let z = 0.25 * v.length_squared();
     // NaN is left to `exp`.
     if z < 0.25 {
-        // The series of sin(x) / x and cos(x) in z = x²; x is half of the angle.
-        let xyz = v * (0.5 * series(z, |k| -1.0 / f64::from((2 * k) * (2 * k + 1))));
-        let w = series(z, |k| -1.0 / f64::from((2 * k - 1) * (2 * k)));
-        DQuat::from_xyzw(xyz.x, xyz.y, xyz.z, w)
+        let xyz = v * (0.5 * polynomial(&SINE, z));
+        DQuat::from_xyzw(xyz.x, xyz.y, xyz.z, polynomial(&COSINE, z))
     } else {
         exp(v)
     }
@@ -58,19 +89,13 @@ pub fn exp_small(v: DVec3) -> DQuat {
 pub fn log_small(q: DQuat) -> DVec3 {
     let xyz = q.xyz();
     let z = xyz.length_squared();
-    if z < 0.02 {
-        // The series of asin(s) / s in z = s²; s is the sine of half of the angle.
-        let ratio = |k: i32| f64::from((2 * k - 1) * (2 * k - 1)) / f64::from(2 * k * (2 * k + 1));
-        xyz * (2.0_f64.copysign(q.w) * series(z, ratio))
-    } else {
-        log(q)
-    }
+    if z < 0.02 { xyz * (2.0_f64.copysign(q.w) * polynomial(&ARCSINE, z)) } else { log(q) }
 }
 
-/// The first nine terms of the power series in `z` whose coefficients have the given ratios.
+/// The polynomial with the given coefficients at `z`, by Horner's method.
 #[inline]
-fn series(z: f64, ratio: impl Fn(i32) -> f64) -> f64 {
-    (1..9).rev().fold(1.0, |sum, k| 1.0 + z * ratio(k) * sum)
+fn polynomial(coefficients: &[f64], z: f64) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, c| sum * z + c)
 }
 
 /// `v` rotated by the unit quaternion `q`: v + 2w u×v + 2u×(u×v), with fewer operations than

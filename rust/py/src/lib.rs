@@ -41,7 +41,7 @@ mod _core {
     use crate::linkage::{cut, linkage, linkage_condensed};
 
     #[pymodule_export]
-    use crate::seams::{add_offsets, clip_states, sample_clips, smooth_gradient};
+    use crate::seams::{add_offsets, clip_states, replace_joints, sample_clips, smooth_gradient};
 
     #[pymodule_export]
     use crate::text::{format_rows, scan_numbers};

@@ -2,10 +2,11 @@
 //!
 //! Values are rotations if their last axis has four components, else translations.
 
+use glam::{DQuat, DVec3};
 use mograft_kinematics::gradient::{self, Donors, Objective};
 use mograft_kinematics::offset::{self, Offsets, PieceTimes};
-use mograft_kinematics::resample;
-use numpy::{PyArrayDyn, PyUntypedArrayMethods as _};
+use mograft_kinematics::{resample, value};
+use numpy::{IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 
 use crate::convert::{
@@ -124,4 +125,30 @@ fn is_rotations(clips: &[Floats<'_>]) -> bool {
     clips
         .first()
         .is_some_and(|own| own.shape().last() == Some(&4))
+}
+
+/// See [`value::replace_joints`]. The mask has one entry per frame and joint of `part`.
+#[pyfunction]
+pub fn replace_joints<'py>(
+    py: Python<'py>,
+    base: Floats<'py>,
+    part: Floats<'py>,
+    joints: Indices<'py>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let [n, n_joints] = [base.shape()[0], base.shape()[1]];
+    let joints = as_usizes(&joints)?;
+    let (values, mask) = if base.shape().last() == Some(&4) {
+        let (quats, part) = (as_quats(&base)?, as_quats(&part)?);
+        let found =
+            py.detach(|| value::replace_joints(quats, n_joints, part, &joints, DQuat::IDENTITY));
+        let (quats, mask) = found.map_err(value_error)?;
+        (from_quats(py, quats, &[n, n_joints])?, mask)
+    } else {
+        let (vecs, part) = (as_vecs(&base)?, as_vecs(&part)?);
+        let found = py.detach(|| value::replace_joints(vecs, n_joints, part, &joints, DVec3::ZERO));
+        let (vecs, mask) = found.map_err(value_error)?;
+        (from_vecs(py, vecs, &[n, n_joints])?, mask)
+    };
+    let mask = mask.into_pyarray(py).reshape([n, joints.len()])?;
+    Ok((values.into_any(), mask.into_any()))
 }
