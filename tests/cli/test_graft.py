@@ -301,7 +301,7 @@ def test_graft_scenario_options_set_length_path_and_clips(run, folder, tmp_path)
         (["--duration", "5"], "--duration requires --scenario graph"),
         (["--scenario", "graph", "--duration", "0"], "--duration: must be a number above 0, got 0"),
         (["--frames", "9"], "--frames requires --scenario graph"),
-        (["--scenario", "graph", "--frames", "1"], "--frames must be at least 2, got 1"),
+        (["--scenario", "graph", "--frames", "1"], "--frames: must be at least 2 frames or a time"),
         (
             ["--scenario", "graph", "--frames", "9", "--beats", "90"],
             "--frames cannot be combined with --beats",

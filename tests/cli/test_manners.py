@@ -62,8 +62,8 @@ def test_misspelt_word_is_suggested(usage_error, words, message):
 
 
 def test_usage_error_is_one_usage_line_and_one_error(usage_error):
-    assert usage_error("graft", "a.bvh").splitlines() == [
-        "usage: mograft graft LIB|FILE ... -o OUTPUT [options] (see mograft graft --help)",
+    assert usage_error("plot", "pca", "a.bvh").splitlines() == [
+        "usage: mograft plot KIND FILE ... -o OUTPUT [options] (see mograft plot --help)",
         "error: the following arguments are required: -o/--output",
     ]
     assert usage_error().splitlines()[0] == "usage: mograft COMMAND [options] (see mograft --help)"

@@ -235,3 +235,17 @@ def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, cap
     write_bvh(motion[:20], tmp_path / "a.bvh")
     assert main(["plot", "energy", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "x.png")]) == 1
     assert "pip install 'mograft[plot]'" in capsys.readouterr().err
+
+
+def test_strip_and_energy_of_frames_show_true_frames_and_times():
+    motion = dance(seed=1, strides=1).motion
+    axes = plot.strip(motion, 5, frames=(400, 520))
+    assert [text.get_text() for text in axes.texts] == ["400", "430", "460", "490", "520"]
+    assert [text.get_text() for text in plot.strip(motion[400:521], 5).texts][0] == "0"
+    axes = plot.energy(motion, frames=(300, 600))
+    assert axes.get_xlim() == pytest.approx((300 / motion.rate, 600 / motion.rate))
+    for wrong in ((5, 5), (9, 3)):
+        with pytest.raises(ValueError, match="`frames` must be"):
+            plot.energy(motion, frames=wrong)
+    with pytest.raises(ValueError, match="`frames` must be ascending within 0 to"):
+        plot.strip(motion, frames=(0, motion.n_frames))

@@ -5,9 +5,10 @@ import math
 from typing import Any
 
 from mograft.cli.configuration import load_library
-from mograft.cli.constraints import read_constraints
+from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
+from mograft.cli.frame_times import resolve_frame
 from mograft.cli.output import print_result
-from mograft.errors import join_names
+from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates
 from mograft.search.donor_constraints import limit_config
@@ -16,9 +17,11 @@ from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    constraints = read_constraints(options)
+    obstacles = read_obstacles(options)
     library = load_library(options)
+    constraints = read_constraints(options, library, obstacles)
     clip, number, segment = _find_segment(library, options)
+    check_frames(options, library.rate, library.entries[clip].n_frames)
     others = [name for name in library.groups.names if name != library.groups.base]
     group = options.group or others[0]
     found = library.candidates(segment, group, constraints)
@@ -59,18 +62,18 @@ def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, i
     """
     names = library.names
     if options.clip is not None and options.clip not in names:
-        raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}")
+        hint = suggest_name(options.clip, names)
+        raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}{hint}")
     _, clip = library.resolve_base(options.clip)
     segments = library.segments.of_clip(clip)
     number = options.segment
     if number is None:
         stops = library.segments.stop[segments]
-        if options.frame > stops[-1]:
-            raise ValueError(
-                f"--frame must be 0 to {stops[-1]} in clip {names[clip]}, got {options.frame}"
-            )
+        frame = resolve_frame(options.frame, library.rate)
+        if frame > stops[-1]:
+            raise ValueError(f"--frame must be 0 to {stops[-1]} in clip {names[clip]}, got {frame}")
         # Two segments share a frame; as on pages, it belongs to the later one.
-        number = int((library.segments.start[segments] <= options.frame).sum()) - 1
+        number = int((library.segments.start[segments] <= frame).sum()) - 1
     if number >= len(segments):
         raise ValueError(
             f"--segment must be 0 to {len(segments) - 1} in clip {names[clip]}, got {number}"

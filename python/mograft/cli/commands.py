@@ -14,6 +14,7 @@ from mograft.cli.arguments import (
     setting_switch,
     switch,
 )
+from mograft.cli.frame_times import frame, frames
 from mograft.cli.options import (
     BVH_FILES,
     FIGURE_COLOURS,
@@ -37,7 +38,6 @@ from mograft.cli.options import (
 )
 from mograft.cli.values import (
     UNITS,
-    frame_range,
     non_negative_integer,
     picture_size,
     positive_integer,
@@ -109,7 +109,9 @@ _CANDIDATES = command(
     exclusive(
         option("--segment N", "index of the segment in the clip, from 0", non_negative_integer),
         option(
-            "--frame N", "a frame of the segment, counted from 0 in the clip", non_negative_integer
+            "--frame N|S",
+            "a frame of the segment, counted from 0 in the clip, or a time such as 10.5s",
+            frame,
         ),
     ),
     GROUPS,
@@ -217,8 +219,9 @@ _PLOT = command(
     setting("--poses", "number of poses that strip draws (default: 12)", positive_integer, 12),
     option(
         "--frames FIRST-LAST",
-        "range of frames that strip, timeline or energy draws (default: all frames)",
-        frame_range,
+        "frames, or times such as 3.3s-13.3s, that strip, timeline or energy draws (default: all "
+        "frames)",
+        frames,
     ),
     setting_switch("--dark", "draw in light colours on a dark background"),
     setting("--dpi", "resolution of a .png in dots per inch (default: 150)", positive_integer, 150),
@@ -233,7 +236,11 @@ _EXPORT = command(
         "skeleton"
     ),
     output_option("file to write", required=True, metavar="FILE"),
-    option("--frames FIRST-LAST", "frames to write (default: all)", frame_range),
+    option(
+        "--frames FIRST-LAST",
+        "frames, or times such as 3.3s-13.3s, to write (default: all)",
+        frames,
+    ),
     setting(
         "--rate FPS",
         "frame rate of the output in frames per second (default: the rate of the input; for an "

@@ -1,34 +1,58 @@
 """The constraints that the options of a command describe."""
 
 import argparse
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
 
 import numpy as np
 
+from mograft.cli.frame_times import Range, resolve_frames
 from mograft.cli.values import SHAPE_NUMBERS
+from mograft.errors import join_names, suggest_name
 from mograft.io.bvh.reader import read_bvh
+from mograft.library.library import Library
 from mograft.search import donor_constraints, pose_constraints
-from mograft.search.constraints import Constraint
+from mograft.search.constraints import Constraint, Span
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 
 
-def read_constraints(options: argparse.Namespace) -> list[Constraint]:
-    """Return the constraints that the options describe."""
+def read_obstacles(options: argparse.Namespace) -> list[Obstacle]:
+    """Return the obstacles of ``--avoid``; end with a usage error if one is invalid."""
+    return [_read_obstacle(kind, numbers, options) for kind, numbers, _ in options.avoid]
+
+
+def read_constraints(
+    options: argparse.Namespace, library: Library, obstacles: Sequence[Obstacle]
+) -> list[Constraint]:
+    """Return the constraints that the options describe; `obstacles` are those of ``--avoid``.
+
+    Raise ValueError if an option names a clip or tag that `library` does not have.
+    """
+    _check_names(options, library)
+
+    def span(given: Range | None) -> Span | None:
+        return None if given is None else resolve_frames(given, library.rate)
+
     found: list[Constraint] = [
-        pose_constraints.Avoid(_read_obstacle(kind, numbers, options))
-        for kind, numbers in options.avoid
+        pose_constraints.Avoid(obstacle, frames=span(given))
+        for obstacle, (*_, given) in zip(obstacles, options.avoid, strict=True)
     ]
     if options.avoid_self:
         found.append(pose_constraints.AvoidSelf())
-    for frame, joint, target, tolerance in options.reach:
-        found.append(pose_constraints.Reach(joint, target, frame, tolerance))
-    for target, frames in options.face:
-        found.append(pose_constraints.Face(target, frames=frames))
-    found += [donor_constraints.KeepOriginal(frames=frames) for frames in options.keep]
+    for given, joint, target, tolerance in options.reach:
+        reach = pose_constraints.Reach(joint, target, tolerance=tolerance, frames=span(given))
+        found.append(reach)
+    for target, given in options.face:
+        found.append(pose_constraints.Face(target, frames=span(given)))
+    found += [donor_constraints.KeepOriginal(frames=span(given)) for given in options.keep]
     for options_of, kind_of in (
         (options.take, donor_constraints.Use),
         (options.ban, donor_constraints.Ban),
     ):
-        found += [kind_of(number, donor, frames=span) for number, span, donor in options_of]
+        for number, given, donor in options_of:
+            if isinstance(donor, tuple):
+                donor = (donor[0], *resolve_frames(donor[1:], library.rate))
+            found.append(kind_of(number, donor, frames=span(given)))
     for clips, tags, kind in (
         (options.only_from, options.only_tagged, donor_constraints.OnlyFrom),
         (options.not_from, options.not_tagged, donor_constraints.NotFrom),
@@ -40,6 +64,44 @@ def read_constraints(options: argparse.Namespace) -> list[Constraint]:
     if options.max_angle is not None:
         found.append(donor_constraints.MaxAngle(float(np.radians(options.max_angle))))
     return found
+
+
+def _check_names(options: argparse.Namespace, library: Library) -> None:
+    """Raise ValueError if an option for clips or tags of donors names none of the library."""
+    tags = sorted({tag for entry in library.entries for tag in entry.tags})
+    for option, names in (("only_from", library.names), ("not_from", library.names)):
+        for word in _words(getattr(options, option)):
+            if not any(fnmatchcase(name, word) for name in names):
+                raise ValueError(
+                    f"--{option.replace('_', '-')} must match one of {join_names(names)}; "
+                    f"got {word!r}{suggest_name(word, names)}"
+                )
+    for option in ("only_tagged", "not_tagged"):
+        for word in _words(getattr(options, option)):
+            if word not in tags:
+                expected = f"one of {join_names(tags)}" if tags else "omitted: no clip has a tag"
+                raise ValueError(
+                    f"--{option.replace('_', '-')} must be {expected}; "
+                    f"got {word!r}{suggest_name(word, tags)}"
+                )
+
+
+def check_frames(options: argparse.Namespace, rate: float, n_frames: int) -> None:
+    """Raise ValueError if a range of frames starts after the end of a base motion.
+
+    `rate` is in frames per second, `n_frames` the length of the base motion.
+    """
+    ranges = [("avoid", given) for *_, given in options.avoid]
+    ranges += [("reach", given) for given, *_ in options.reach]
+    ranges += [("face", given) for _, given in options.face]
+    ranges += [("keep", given) for given in options.keep]
+    for name, given in ranges:
+        if given is not None and resolve_frames(given, rate)[0] >= n_frames:
+            first, last = resolve_frames(given, rate)
+            raise ValueError(
+                f"frames of --{name} must be within 0-{n_frames - 1}, the frames of the base "
+                f"motion ({(n_frames - 1) / rate:.6g} s), got {first}-{last}"
+            )
 
 
 def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace) -> Obstacle:

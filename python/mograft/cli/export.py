@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from mograft.cli.configuration import refuse_useless_options, selected_groups
-from mograft.cli.files import check_writable, expand_folders, select_frames
+from mograft.cli.files import check_writable, expand_folders, frame_range
+from mograft.cli.frame_times import Range
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.io.bvh.reader import read_bvh
 from mograft.io.bvh.writer import write_bvh
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     check_writable([target], force=options.force)
     if options.groups is not None:
         options.groups = selected_groups(options)
-    motions = [select_frames(read_bvh(name), options.frames) for name in files]
+    motions = [_select_frames(read_bvh(name), options.frames) for name in files]
     target.parent.mkdir(parents=True, exist_ok=True)
     document: dict[str, Any] = {"file": str(target)}
     if ending in _FILMS:
@@ -58,6 +59,13 @@ def run(options: argparse.Namespace) -> int:
             print_remark(f"{target.name}: unit and axes of {files[0]}")
     print_result(options, "export", document, [target])
     return 0
+
+
+def _select_frames(motion: Motion, given: Range | None) -> Motion:
+    if given is None:
+        return motion
+    first, last = frame_range(motion, given)
+    return motion[first : last + 1]
 
 
 def _write_figure(

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from mograft.errors import join_names
+from mograft.cli.frame_times import Range, resolve_frames
+from mograft.errors import join_names, suggest_name
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -60,7 +61,8 @@ def select_clips(library: Library, patterns: Sequence[str]) -> list[int]:
     for pattern in patterns:
         matches = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}
         if not matches:
-            raise ValueError(f"--clip must match one of {join_names(names)}; got {pattern!r}")
+            hint = suggest_name(pattern, names)
+            raise ValueError(f"--clip must match one of {join_names(names)}; got {pattern!r}{hint}")
         selected |= matches
     if len(selected) > _MAX_SHOWN_CLIPS:
         raise ValueError(
@@ -70,20 +72,20 @@ def select_clips(library: Library, patterns: Sequence[str]) -> list[int]:
     return sorted(selected)
 
 
-def select_frames(motion: Motion, frames: tuple[int, int] | None) -> Motion:
-    """Return the part of a motion from the first to the last of `frames`, both inclusive.
+def frame_range(motion: Motion, given: Range | None) -> tuple[int, int]:
+    """Return the first and last frame of ``--frames`` in a motion; all frames if `given` is None.
 
-    If `frames` is None, return the whole motion. Raise ValueError if the motion ends earlier.
+    Raise ValueError if the motion ends earlier, or if the range has a single frame.
     """
-    if frames is None:
-        return motion
-    first, last = frames
-    if last >= motion.n_frames:
+    if given is None:
+        return 0, motion.n_frames - 1
+    first, last = resolve_frames(given, motion.rate)
+    if last >= motion.n_frames or first == last:
         raise ValueError(
-            f"--frames must be within 0-{motion.n_frames - 1}, the frames of {motion.name}, "
-            f"got {first}-{last}"
+            f"--frames must be two or more frames within 0-{motion.n_frames - 1}, the frames of "
+            f"{motion.name} ({motion.duration:.6g} s), got {first}-{last}"
         )
-    return motion[first : last + 1]
+    return first, last
 
 
 def check_writable(paths: Sequence[Path], *, force: bool) -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from mograft.cli.configuration import load_library, options_given
-from mograft.cli.constraints import read_constraints
+from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
 from mograft.cli.files import check_writable, expand_folders, library_folder
 from mograft.cli.output import print_error, print_remark, print_result
 from mograft.cli.replayed import replay_graft
 from mograft.cli.results import with_command, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
-from mograft.errors import join_names
+from mograft.errors import join_names, suggest_name
 from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -61,14 +61,17 @@ def run(options: argparse.Namespace) -> int:
     check_writable([*files, page] if options.report else files, force=options.force)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
-    constraints = read_constraints(options)
+    obstacles = read_obstacles(options)
     if library is None:
         library = load_library(options)
+    constraints = read_constraints(options, library, obstacles)
     if options_given(options, "temperature") and library.config.choice != "sample":
         options.usage_error(f"--temperature requires --choice sample, got {library.config.choice}")
     if options.mirror:
         library = library.mirrored()
     base = _find_base(library, options.base, folder)
+    if options.scenario == "original":
+        check_frames(options, library.rate, _count_frames(library, base))
     grafts = _make_grafts(library, base, constraints, options)
     if constraints:
         grafts = list(grafts)
@@ -117,7 +120,15 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
     where = "" if folder is None else f" of {folder}"
     raise ValueError(
         f"--base must be a clip{where}, one of {join_names(names)}, or a file; got {name!r}"
+        f"{suggest_name(name, names)}"
     )
+
+
+def _count_frames(library: Library, base: Motion | str | None) -> int:
+    """Return the number of frames of a base motion at the rate of the library."""
+    if isinstance(base, Motion):
+        return round(base.duration * library.rate) + 1
+    return library.entries[0 if base is None else library.names.index(base)].n_frames
 
 
 def _make_grafts(

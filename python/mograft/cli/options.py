@@ -15,6 +15,7 @@ from mograft.cli.arguments import (
     setting_switch,
     switch,
 )
+from mograft.cli.frame_times import frame_count, frames
 from mograft.cli.values import non_negative_integer, non_negative_number, positive_number, share
 
 PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
@@ -108,9 +109,10 @@ SCENARIO_OPTIONS = (
         positive_number,
     ),
     option(
-        "--frames N",
-        "exact number of frames of --scenario graph (default: --duration sets the length)",
-        int,
+        "--frames N|S",
+        "exact number of frames of --scenario graph, or a time such as 30s (default: --duration "
+        "sets the length)",
+        frame_count,
     ),
     setting(
         "--path X,Z:X,Z:...",
@@ -137,7 +139,8 @@ def constraint_options(*more: Argument) -> ArgumentGroup:
     return ArgumentGroup(
         (*_POSE_OPTIONS, *_SEGMENT_OPTIONS, *_DONOR_OPTIONS, *more),
         "constraints",
-        "Positions are in the unit of the file. Frames are counted from 0 in the base motion. If "
+        "Positions are in the unit of the file. Frames are counted from 0 in the base motion; a "
+        "time in seconds has the suffix s, such as 3.3s-13.3s. If "
         "no donor sequence satisfies all constraints, mograft graft prints the remaining "
         "violations to stderr and returns exit code 4.",
     )
@@ -145,11 +148,12 @@ def constraint_options(*more: Argument) -> ArgumentGroup:
 
 _POSE_OPTIONS = (
     repeated_option(
-        "--avoid WHAT",
+        "--avoid WHAT[@FIRST-LAST]",
         "obstacle that the body must not touch: FILE.bvh[@X,Y,Z[,YAW]] (another character, turned "
         "by YAW degrees, then moved by X,Y,Z), sphere:X,Y,Z,RADIUS, capsule:X,Y,Z,X,Y,Z,RADIUS "
         "(its two ends), box:X,Y,Z,HX,HY,HZ (its centre and half of its sizes) or "
-        "wall:X,Y,Z,NX,NY,NZ (a point and the normal); may be repeated",
+        "wall:X,Y,Z,NX,NY,NZ (a point and the normal); in all frames or from FIRST to LAST; may be "
+        "repeated",
         values.obstacle,
     ),
     setting(
@@ -163,8 +167,8 @@ _POSE_OPTIONS = (
         "forbid contact of hands and forearms with trunk, head, thighs and each other",
     ),
     repeated_option(
-        "--reach FRAME:JOINT:X,Y,Z[~TOL]",
-        "position of a joint in a frame, within TOL skeleton heights "
+        "--reach FRAME[-LAST]:JOINT:X,Y,Z[~TOL]",
+        "position of a joint in a frame, or in all frames to LAST, within TOL skeleton heights "
         f"(default: {values.REACH_TOLERANCE}); may be repeated",
         values.reach,
     ),
@@ -177,7 +181,7 @@ _POSE_OPTIONS = (
     repeated_option(
         "--keep FIRST-LAST",
         "range of frames whose segments are not exchanged; may be repeated",
-        values.frames,
+        frames,
     ),
 )
 _SEGMENT_OPTIONS = (

@@ -16,10 +16,11 @@ from mograft.cli.configuration import (
 from mograft.cli.files import (
     check_writable,
     expand_folders,
+    frame_range,
     library_folder,
     select_clips,
-    select_frames,
 )
+from mograft.cli.frame_times import resolve_frames
 from mograft.cli.output import print_result
 from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
@@ -75,15 +76,18 @@ def _draw(options: argparse.Namespace) -> "Axes":
     refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups = _single_motion(options, folder)
+        frames = frame_range(motion, options.frames)
         if options.kind == "energy":
-            return plot.energy(motion)
-        return plot.strip(motion, options.poses, groups=groups)
+            return plot.energy(motion, frames=frames)
+        return plot.strip(motion, options.poses, groups=groups, frames=frames)
     library = load_library(options)
     if options.kind == "timeline":
+        given = options.frames
+        shown = None if given is None else resolve_frames(given, library.rate)
         if folder is None:
-            return plot.timeline(library, frames=options.frames)
+            return plot.timeline(library, frames=shown)
         clips = Scene.of_clips(library, select_clips(library, options.clip))
-        return plot.timeline(clips, frames=options.frames)
+        return plot.timeline(clips, frames=shown)
     draw = {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}
     return draw[options.kind](library, options.group)
 
@@ -106,4 +110,4 @@ def _single_motion(
         motions = [read_bvh(file) for file in expand_folders(options.files)]
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
-    return select_frames(motions[0], options.frames), groups
+    return motions[0], groups

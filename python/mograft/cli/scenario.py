@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft.cli.frame_times import Seconds, resolve_frame
 from mograft.cli.options import DEFAULT_DURATION
 from mograft.library.library import Library
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
@@ -31,8 +32,6 @@ def check_scenario(options: argparse.Namespace) -> None:
         options.usage_error(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
     if "beats" in given and lengths not in ([], ["duration"]):
         options.usage_error(f"--{lengths[0]} cannot be combined with --beats")
-    if options.frames is not None and options.frames < 2:
-        options.usage_error(f"--frames must be at least 2, got {options.frames}")
 
 
 def read_scenario(
@@ -46,7 +45,9 @@ def read_scenario(
     seed, duration = options.seed, options.duration or DEFAULT_DURATION
     graph = transitions(library, options.among and options.among.split(","))
     if options.frames is not None:
-        return fill(library, options.frames, seed, graph=graph)
+        is_time = isinstance(options.frames, Seconds)
+        n_frames = resolve_frame(options.frames, library.rate) + is_time
+        return fill(library, n_frames, seed, graph=graph)
     if options.path is not None:
         return follow(library, options.path, graph=graph)
     if options.beats is not None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
+from mograft.cli.frame_times import Frame, Range, frame_or_frames, frames
 from mograft.errors import suggest_name
 
 SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
@@ -84,29 +85,11 @@ def picture_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def frame_range(text: str) -> tuple[int, int]:
-    """Parse ``FIRST-LAST``, a range of at least two frames, into its first and last frame."""
-    first, dash, last = text.partition("-")
-    if not (dash and first.isdigit() and last.isdigit() and int(first) < int(last)):
-        raise ArgumentTypeError(f"must be FIRST-LAST, such as 100-400, got {text}")
-    return int(first), int(last)
-
-
-def frames(text: str) -> tuple[int, int]:
-    """Parse ``FIRST-LAST``, a range of at least one frame, into its first and last frame."""
-    first, dash, last = text.partition("-")
-    if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
-        raise ArgumentTypeError(
-            f"expected FIRST-LAST with FIRST not above LAST, such as 100-400, got {text!r}"
-        )
-    return int(first), int(last)
-
-
-BaseSegment = tuple[int | None, tuple[int, int] | None]
+BaseSegment = tuple[int | None, Range | None]
 """Number of a base segment, or its first and last frame."""
 
 
-def take(text: str) -> tuple[int | None, tuple[int, int] | None, tuple[str, int, int]]:
+def take(text: str) -> tuple[int | None, Range | None, tuple[str, Frame, Frame]]:
     """Parse a value of ``--take``, such as ``24=walk:242-275``.
 
     Return the index of the base segment or None, its first and last frame or None, and the clip,
@@ -126,7 +109,7 @@ def take(text: str) -> tuple[int | None, tuple[int, int] | None, tuple[str, int,
 
 def ban(
     text: str,
-) -> tuple[int | None, tuple[int, int] | None, str | tuple[str, int, int] | None]:
+) -> tuple[int | None, Range | None, str | tuple[str, Frame, Frame] | None]:
     """Parse a value of ``--ban``: ``24``, ``24=walk`` or ``24=walk:242-275``.
 
     Return the index of the base segment or None, its first and last frame or None, and the
@@ -137,7 +120,7 @@ def ban(
         if equals and clip:
             number, span = _base_segment(segment)
             name, colon, clip_frames = clip.rpartition(":")
-            if colon and name and clip_frames[:1].isdigit():
+            if colon and name and clip_frames[:1].isdecimal():
                 return number, span, (name, *frames(clip_frames))
             return number, span, clip
         if not equals:
@@ -176,17 +159,29 @@ def corners(text: str) -> list[list[float]]:
     return found
 
 
-def obstacle(text: str) -> tuple[str, list[float]]:
-    """Parse a value of ``--avoid``: ``SHAPE:NUMBERS`` or ``FILE[@X,Y,Z[,YAW]]``.
+def obstacle(text: str) -> tuple[str, list[float], Range | None]:
+    """Parse a value of ``--avoid``: ``SHAPE:NUMBERS`` or ``FILE[@X,Y,Z[,YAW]]``, then ``@FRAMES``.
 
-    Return the name of the shape with its numbers, or the file with x, y, z and yaw in degrees.
+    Return the name of the shape with its numbers, or the file with x, y, z and yaw in degrees; and
+    the first and last frame in which it is avoided, or None.
     """
+    what, span = text, None
+    if not Path(text).exists():
+        before, separator, range_text = text.rpartition("@")
+        if separator and "," not in range_text and range_text[:1].isdecimal():
+            what, span = before, frames(range_text)
+    return (*_shape(what), span)
+
+
+def _shape(text: str) -> tuple[str, list[float]]:
+    """Parse a shape or the file of a character into its name and numbers."""
     kind, colon, rest = text.partition(":")
     if colon and kind in SHAPE_NUMBERS:
         return kind, _numbers(rest, SHAPE_NUMBERS[kind])
     if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
         raise ArgumentTypeError(
             f"expected a file or one of the shapes {', '.join(SHAPE_NUMBERS)}, got {kind}"
+            f"{suggest_name(kind, SHAPE_NUMBERS)}"
         )
     name, separator, place = text.rpartition("@")
     if not separator or Path(text).exists():
@@ -194,18 +189,25 @@ def obstacle(text: str) -> tuple[str, list[float]]:
     return name, [*_numbers(place, 3, 4), 0.0][:4]
 
 
-def reach(text: str) -> tuple[int, str, tuple[float, ...], float]:
-    """Parse ``FRAME:JOINT:X,Y,Z[~TOL]``; the tolerance TOL is in skeleton heights."""
-    frame, _, rest = text.partition(":")
+def reach(text: str) -> tuple[Range, str, tuple[float, ...], float]:
+    """Parse ``FRAMES:JOINT:X,Y,Z[~TOL]``; the tolerance TOL is in skeleton heights."""
+    when, _, rest = text.partition(":")
     joint, colon, place = rest.rpartition(":")  # The name of a joint may contain colons.
-    if not colon or not frame.isdigit():
-        raise ArgumentTypeError(f"expected FRAME:JOINT:X,Y,Z[~TOL], got {text!r}")
+    try:
+        span = frame_or_frames(when)
+    except ArgumentTypeError:
+        colon = ""
+    if not colon:
+        raise ArgumentTypeError(
+            "expected FRAME:JOINT:X,Y,Z[~TOL] or FIRST-LAST:JOINT:X,Y,Z[~TOL], with frames such as "
+            f"315 or 10.5s, got {text!r}"
+        )
     place, tilde, tolerance = place.partition("~")
     within = positive_number(tolerance) if tilde else REACH_TOLERANCE
-    return int(frame), joint, tuple(_numbers(place, 3)), within
+    return span, joint, tuple(_numbers(place, 3)), within
 
 
-def face(text: str) -> tuple[tuple[float, ...], tuple[int, int] | None]:
+def face(text: str) -> tuple[tuple[float, ...], Range | None]:
     """Parse ``X,Y,Z[@FIRST-LAST]`` into a position, and a range of frames or None."""
     place, separator, range_text = text.partition("@")
     return tuple(_numbers(place, 3)), frames(range_text) if separator else None

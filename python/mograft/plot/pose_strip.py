@@ -25,6 +25,7 @@ def strip(
     poses: int = 12,
     *,
     groups: JointGroups | str | None = None,
+    frames: tuple[int, int] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
     """Draw poses of a motion at equal time intervals, side by side.
@@ -38,6 +39,8 @@ def strip(
     groups : JointGroups or str, optional
         Joint groups that set the colours, or the name of a preset. Default: trunk, arms and
         legs.
+    frames : tuple of int, optional
+        First and last frame to draw. Default: all.
     ax : matplotlib Axes, optional
         Axes to draw into. Default: new axes.
 
@@ -51,7 +54,7 @@ def strip(
     Raises
     ------
     ValueError
-        If `poses` is below 1, or the groups do not fit.
+        If `poses` is below 1, the groups do not fit, or `frames` are not frames of the motion.
 
     Examples
     --------
@@ -63,21 +66,26 @@ def strip(
     """
     if poses < 1:
         raise ValueError(f"`poses` must be at least 1, got {poses}")
-    frames = np.unique(np.linspace(0, motion.n_frames - 1, poses).round().astype(int))
+    first, last = (0, motion.n_frames - 1) if frames is None else frames
+    if not 0 <= first <= last < motion.n_frames:
+        raise ValueError(
+            f"`frames` must be ascending within 0 to {motion.n_frames - 1}, got {first} to {last}"
+        )
+    drawn = np.unique(np.linspace(first, last, poses).round().astype(int))
     members = Scene.of([motion], groups).figures[0].members
-    sideways, upright = _project(motion, frames)
+    sideways, upright = _project(motion, drawn)
     bones = _bones(motion)
     ends = sorted({end for bone in bones for end in bone})
     spacing = 1.15 * max(float(np.ptp(sideways[:, ends], axis=1).max(initial=0.0)), 0.5)
     height = max(float(upright.max()), 0.5) + 0.3
-    size = (max(1.1 * len(frames), 3), max(1.1 * height / spacing, 1.0) + 0.2)
+    size = (max(1.1 * len(drawn), 3), max(1.1 * height / spacing, 1.0) + 0.2)
     axes = ensure_axes(ax, size)
     group_of_joint = np.zeros(motion.n_joints, int)
     for index, joints in enumerate(members.values()):
         group_of_joint[joints] = index
     names = list(members)
     labelled: set[int] = set()
-    for pose, frame in enumerate(frames.tolist()):
+    for pose, frame in enumerate(drawn.tolist()):
         for node, parent in bones:
             group = int(group_of_joint[parent])
             axes.plot(

@@ -18,7 +18,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = None) -> "Axes":
+def energy(
+    motion: Motion,
+    config: Config | None = None,
+    *,
+    frames: tuple[int, int] | None = None,
+    ax: "Axes | None" = None,
+) -> "Axes":
     """Draw the kinetic energy of a motion and the boundaries of its segments.
 
     Parameters
@@ -27,6 +33,9 @@ def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = 
         The motion, of at least two frames.
     config : Config, optional
         Parameters of the segmentation.
+    frames : tuple of int, optional
+        First and last frame that the axes show. Energy and segments are those of the whole motion.
+        Default: all.
     ax : matplotlib Axes, optional
         Axes to draw into. Default: new axes.
 
@@ -40,7 +49,7 @@ def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = 
     Raises
     ------
     ValueError
-        If the motion has a single frame.
+        If the motion has a single frame, or the first of `frames` is not before the last.
     """
     config = Config() if config is None else config
     axes = ensure_axes(ax, (10, 2.8))
@@ -55,8 +64,10 @@ def energy(motion: Motion, config: Config | None = None, *, ax: "Axes | None" = 
     axes.plot(time, smooth, color=PALETTE[0], linewidth=1.4, label="smoothed")
     x, y = time[bounds], smooth[bounds]
     axes.plot(x, y, ".", color=PALETTE[1], markersize=4, label="segment boundaries")
-    axes.set_xlim(time[0], time[-1])
-    axes.set_ylim(bottom=0)
+    first, last = (0, motion.n_frames - 1) if frames is None else frames
+    _check_ascending(first, last)
+    axes.set_xlim(first * motion.frame_time, last * motion.frame_time)
+    axes.set_ylim(0, 1.05 * max(float(values[first : last + 1].max()), 1e-9))
     axes.set_xlabel("time (s)")
     axes.set_ylabel("kinetic energy")
     axes.set_title(f"{motion.name or 'motion'}: {len(segments)} segments", loc="left", fontsize=10)
@@ -95,8 +106,7 @@ def timeline(
     lines = [(figure, row) for figure in figures for row in figure.rows]
     longest = max(figure.motion.n_frames for figure in figures) - 1
     first, last = (0, longest) if frames is None else frames
-    if not first < last:
-        raise ValueError(f"`frames` must be two ascending numbers, got {frames}")
+    _check_ascending(first, last)
     axes = ensure_axes(ax, (10, 0.5 + 0.32 * max(len(lines), 1)))
     canvas = axes.get_figure(root=True)
     if canvas is None:
@@ -113,6 +123,11 @@ def timeline(
     for side in ("top", "left", "right"):
         axes.spines[side].set_visible(False)
     return axes
+
+
+def _check_ascending(first: int, last: int) -> None:
+    if not first < last:
+        raise ValueError(f"`frames` must be two ascending numbers, got {(first, last)}")
 
 
 def _draw_row(

@@ -140,7 +140,7 @@ class AvoidSelf(PoseConstraint):
 
 @dataclass(frozen=True)
 class Reach(PoseConstraint):
-    """Bring a joint to a position at a frame.
+    """Bring a joint to a position at a frame, or hold it there.
 
     Parameters
     ----------
@@ -148,10 +148,15 @@ class Reach(PoseConstraint):
         Name of the joint.
     target : tuple of float
         World position, in the unit of the file.
-    frame : int
-        The frame of the base motion.
+    frame : int, optional
+        The frame of the base motion; `frames` gives a range of frames instead.
     tolerance : float
         Allowed distance from the target, in skeleton heights.
+
+    Raises
+    ------
+    ValueError
+        If neither or both of `frame` and `frames` are given, unless they are equal.
 
     Examples
     --------
@@ -161,15 +166,21 @@ class Reach(PoseConstraint):
 
     joint: str
     target: Vector
-    frame: int
+    frame: int | None = None
     tolerance: float = 0.03
 
     def __post_init__(self) -> None:
         super().__post_init__()
         coerce_vector(self, "target")
         check_positive(self, "tolerance")
-        object.__setattr__(self, "frame", as_integer("frame", self.frame))
-        object.__setattr__(self, "frames", (self.frame, self.frame))
+        if self.frame is not None:
+            frame = as_integer("frame", self.frame)
+            if self.frames not in (None, (frame, frame)):
+                raise ValueError("`frame` and `frames` must not both be given")
+            object.__setattr__(self, "frame", frame)
+            object.__setattr__(self, "frames", (frame, frame))
+        elif self.frames is None:
+            raise ValueError("`frame` or `frames` must be given, got neither")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         at = poses.skeleton.index(self.joint)

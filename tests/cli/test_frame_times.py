@@ -1,0 +1,138 @@
+"""Frames and times in options, and the numbers of frames that they select."""
+
+import json
+from argparse import ArgumentTypeError
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import read_bvh
+from mograft.cli.frame_times import (
+    Seconds,
+    frame,
+    frame_count,
+    frame_or_frames,
+    frames,
+    resolve_frame,
+    resolve_frames,
+)
+from mograft.cli.values import obstacle, reach
+
+NUMBERS = st.integers(0, 10**6)
+RATES = st.floats(1, 1000)
+
+
+@given(NUMBERS, RATES)
+def test_time_of_a_frame_resolves_to_the_frame(number, rate):
+    assert resolve_frame(frame(f"{number / rate:.9f}s"), rate) == number
+    assert resolve_frame(frame(str(number)), rate) == number
+
+
+@given(NUMBERS, NUMBERS, st.sampled_from(["", "s"]))
+def test_range_is_accepted_only_if_ascending(first, last, suffix):
+    text = f"{first}{suffix}-{last}{suffix}"
+    if first > last:
+        with pytest.raises(ArgumentTypeError, match="FIRST not above LAST"):
+            frames(text)
+    else:
+        factor = 7 if suffix else 1
+        assert resolve_frames(frames(text), 7.0) == (factor * first, factor * last)
+
+
+@given(st.text(alphabet="0123456789.s-e+_ ", max_size=6))
+def test_frame_accepts_digits_and_one_point_only(text):
+    digits = text.removesuffix("s")
+    is_time = text.endswith("s") and digits.replace(".", "", 1).isdigit()
+    if text.isdigit() or is_time:
+        assert frame(text) == (Seconds(float(digits)) if is_time else int(text))
+    else:
+        with pytest.raises(ArgumentTypeError, match="must be a frame such as"):
+            frame(text)
+
+
+@pytest.mark.parametrize("text", ["5-10s", "5s-10", "5s", "-5s", "5s-", "1s-2s-3s"])
+def test_range_with_one_time_or_one_end_is_refused(text):
+    with pytest.raises(ArgumentTypeError):
+        frames(text)
+
+
+@pytest.mark.parametrize("text", ["1", "0", "0s", "x", "-3"])
+def test_frame_count_below_two_is_refused(text):
+    with pytest.raises(ArgumentTypeError, match="at least 2 frames"):
+        frame_count(text)
+
+
+def test_avoid_and_reach_accept_ranges():
+    assert obstacle("sphere:0,90,0,20") == ("sphere", [0.0, 90.0, 0.0, 20.0], None)
+    assert obstacle("sphere:0,90,0,20@5-9") == ("sphere", [0.0, 90.0, 0.0, 20.0], (5, 9))
+    assert obstacle("b.bvh@1s-2s") == ("b.bvh", [0.0] * 4, (Seconds(1.0), Seconds(2.0)))
+    assert obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", [1.0, 2.0, 3.0, 0.0], (4, 5))
+    assert obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", [1.0, 2.0, 3.0, 0.0], None)
+    assert frame_or_frames("7") == (7, 7)
+    assert reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", (1.0, 2.0, 3.0), 0.03)
+    assert reach("1.5s:a:b:1,2,3~0.1") == (
+        (Seconds(1.5), Seconds(1.5)),
+        "a:b",
+        (1.0, 2.0, 3.0),
+        0.1,
+    )
+
+
+def graft_constraints(run, folder, *words):
+    code, _, err = run("graft", folder, "-o", "x.bvh", "--force", "--best-effort", *words)
+    assert code == 0, err
+    with open("x.json") as file:
+        return json.load(file)
+
+
+@pytest.mark.parametrize(
+    ("in_frames", "in_seconds"),
+    [
+        (["--keep", "60-90"], ["--keep", "2s-3s"]),
+        (["--reach", "60-63:LeftHand:0,100,0"], ["--reach", "2s-2.1s:LeftHand:0,100,0"]),
+        (["--face", "0,150,300@60-90"], ["--face", "0,150,300@2s-3s"]),
+        (["--avoid", "sphere:0,90,0,9@60-90"], ["--avoid", "sphere:0,90,0,9@2s-3s"]),
+    ],
+    ids=lambda words: words[0],
+)
+def test_graft_seconds_equal_frames(run, folder, working_folder, in_frames, in_seconds):
+    documents = [graft_constraints(run, folder, *words) for words in (in_frames, in_seconds)]
+    for document in documents:
+        document["request"].pop("command")
+    assert documents[0] == documents[1]
+    first = documents[0]["request"]["constraints"][0]
+    assert first["frames"] == ([60, 63] if "--reach" in in_frames else [60, 90])
+
+
+def test_commands_accept_seconds_for_frames(run, folder, tmp_path):
+    clip = folder / "a.bvh"
+    for command, target in (("export", "a.npz"), ("export", "a.bvh")):
+        assert run(command, clip, "-o", target, "--frames", "1s-2.5s")[0] == 0
+    assert read_bvh("a.bvh").n_frames == 46
+    outputs = [run("candidates", folder, "--frame", at)[1] for at in ("120", "4s")]
+    assert outputs[0] == outputs[1]
+    words = ("graft", folder, "--scenario", "graph", "--json", "-o")
+    for length, n_frames in (("90", 90), ("3s", 91)):
+        code, out, _ = run(*words, f"{length}.bvh", "--frames", length)
+        assert code == 0
+        assert json.loads(out)["grafts"][0]["frames"] == n_frames
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--keep", "9000-9100"], "frames of --keep must be within 0-599"),
+        (["--keep", "300s-310s"], "frames of --keep must be within 0-599"),
+        (["--reach", "9000:LeftHand:0,0,0"], "frames of --reach must be within 0-599"),
+        (["--face", "0,0,0@9000-9100"], "frames of --face must be within 0-599"),
+        (["--avoid", "sphere:0,0,0,1@9000-9100"], "frames of --avoid must be within 0-599"),
+    ],
+)
+def test_range_after_the_base_names_the_option(run, folder, tmp_path, words, message):
+    for command in (["graft", folder, "-o", "x.bvh"], ["candidates", folder, "--segment", "3"]):
+        code, _, err = run(*command, *words)
+        assert code == 1
+        assert message in err
+        assert err.count("\n") == 1
+    assert not (tmp_path / "x.bvh").exists()
