@@ -96,7 +96,7 @@ def graft_constraints(run, folder, *words):
     ],
     ids=lambda words: words[0],
 )
-def test_graft_seconds_equal_frames(run, folder, working_folder, in_frames, in_seconds):
+def test_graft_seconds_equal_frames(run, folder, in_frames, in_seconds):
     documents = [graft_constraints(run, folder, *words) for words in (in_frames, in_seconds)]
     for document in documents:
         document["request"].pop("command")
@@ -105,7 +105,7 @@ def test_graft_seconds_equal_frames(run, folder, working_folder, in_frames, in_s
     assert first["frames"] == ([60, 63] if "--reach" in in_frames else [60, 90])
 
 
-def test_commands_accept_seconds_for_frames(run, folder, tmp_path):
+def test_commands_accept_seconds_for_frames(run, folder):
     clip = folder / "a.bvh"
     for command, target in (("export", "a.npz"), ("export", "a.bvh")):
         assert run(command, clip, "-o", target, "--frames", "1s-2.5s")[0] == 0

@@ -9,7 +9,7 @@ import pytest
 
 from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
 from mograft.cli import main
-from mograft.cli.commands import PLOT_KINDS
+from mograft.cli.picture_commands import PLOT_KINDS
 from mograft.dancer import dance
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
@@ -241,7 +241,6 @@ def test_strip_and_energy_of_frames_show_true_frames_and_times():
     motion = dance(seed=1, strides=1).motion
     axes = plot.strip(motion, 5, frames=(400, 520))
     assert [text.get_text() for text in axes.texts] == ["400", "430", "460", "490", "520"]
-    assert [text.get_text() for text in plot.strip(motion[400:521], 5).texts][0] == "0"
     axes = plot.energy(motion, frames=(300, 600))
     assert axes.get_xlim() == pytest.approx((300 / motion.rate, 600 / motion.rate))
     for wrong in ((5, 5), (9, 3)):
