@@ -71,7 +71,7 @@ def limit_descent(shift: FloatArray, room: FloatArray, up: FloatArray) -> FloatA
 
 
 def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
-    """Limit a shift so that the shifted path never exceeds the maximum speed of the given path.
+    """Limit a shift so that the speed of the shifted path never exceeds the maximum of `path`.
 
     Only the speed over the floor counts. `shift` is added to `path`; both have shape (n_frames, 3);
     `up` is a unit vector. A shift that is slow enough is returned unchanged. Otherwise successive

@@ -125,8 +125,8 @@ def _uprights(world: FloatArray, up: int) -> FloatArray:
     """Return for each joint the rotation from the up axis to its local axis that points up most.
 
     `world`, shape (n_frames, n_joints, 4), are the world rotations; their mean decides. If headings
-    were computed without the result, a lean would change the heading of a joint whose vertical
-    axis is another one.
+    were computed without the result, a lean would change the heading of a joint whose
+    vertical local axis is not the axis `up`.
     """
     axis = np.eye(3)[up]
     local = rotations.rotate(rotations.inverse(world), np.broadcast_to(axis, (*world.shape[:2], 3)))

@@ -47,7 +47,7 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
 
 
 def joints_of_donors(library: Library, joints: IntArray) -> IntArray:
-    """Return the joints whose motion is replaced by donors: all but the ancestors of the root.
+    """Return the joints whose motion donors replace: `joints` without the ancestors of the root.
 
     The ancestors keep the motion of the base. The root moves in the world as in the donors.
     """

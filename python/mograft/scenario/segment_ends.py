@@ -50,8 +50,8 @@ class SegmentEnds:
         """Return one point per segment, shape (n, n_features), to find transitions of low cost.
 
         The distance between the points of an end and a start is the square root of the sum of the
-        squared terms of the transition cost; for joints it is the mean square. For large angles the
-        distance is smaller.
+        squared terms of the transition cost, in which the squares of the joints are averaged. For
+        large angles the distance is smaller.
         """
         n, n_joints = self.poses.shape[:2]
         share = max(n_joints, 1) ** -0.5

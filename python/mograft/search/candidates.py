@@ -251,7 +251,7 @@ class SegmentPool:
         return left, np.where(is_captured, shift(right, np.ones_like(right)), right)
 
     def seam_scales(self, config: Config) -> SeamScales:
-        """Return the gaps that cost 1 at a seam: twice the typical gaps, limited by `config`."""
+        """Return the gaps that cost 1 at a seam: twice the typical gaps, at most as in `config`."""
         return SeamScales.from_typical_gaps(*self.typical_gaps, config)
 
 

@@ -92,7 +92,7 @@ class Constraint:
         return no_errors(poses)
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
-        """Return the error of each donor that follows from its clip, frames and length.
+        """Return the error that follows from the clip, frames and length of each donor.
 
         Parameters
         ----------

@@ -118,9 +118,9 @@ class CostModel:
 class SimilarityCostModel(CostModel):
     """Unary and pairwise costs: the similarity of the segments in the base group alone.
 
-    A donor k of segment i costs d(i, k) / sigma, as in `CostModel`; the base segment itself costs
-    `INFEASIBLE_PENALTY`. A seam costs 0 if its angle is at most `max_angle`, and otherwise
-    `INFEASIBLE_PENALTY`.
+    A donor k of segment i costs d(i, k) / sigma, with the distance d and the threshold sigma of
+    `CostModel`; the base segment itself costs `INFEASIBLE_PENALTY`. A seam costs 0 if its angle is
+    at most `max_angle`, and otherwise `INFEASIBLE_PENALTY`.
     """
 
     def unary(

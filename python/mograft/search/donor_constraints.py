@@ -186,7 +186,7 @@ class _SegmentConstraint(Constraint):
         if isinstance(self.donor, int):
             raise ValueError(
                 "`donor` can be a segment index only in `graft`; "
-                f"here give the clip with its first and last frame, got {self.donor}"
+                f"here give the clip and the first and last frame of the donor, got {self.donor}"
             )
         name, span = self.donor, None
         if isinstance(self.donor, tuple):
@@ -214,8 +214,8 @@ class Use(_SegmentConstraint):
     segment : int, optional
         Number of the base segment in the base motion, from 0.
     donor : int or tuple of (str, int, int)
-        Index of the donor in the library, such as `Candidate.segment`, or its clip with its first
-        and last frame.
+        Index of the donor in the library, such as `Candidate.segment`, or the name of its clip and
+        the first and last frame of the donor.
     frames : tuple of int, optional
         First and last frame of the base segment, instead of `segment`.
 

@@ -24,7 +24,7 @@ class Obstacle(Protocol):
     """An object whose distance from a body can be computed."""
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-        """Return for each pose the distance to the nearest of some capsules, and its index.
+        """Return for each pose the distance to the nearest capsule, and the index of this capsule.
 
         `capsule_indices` selects the capsules. Distances, shape (n,), are in the unit of the file;
         they are minus the penetration depth if the capsule penetrates the object. Ties go to the

@@ -22,7 +22,7 @@ class PoseConstraint(Constraint):
     """Base class of constraints on poses."""
 
     def errors(self, poses: Poses, joints: BoolArray | None = None) -> Errors:
-        """As `Constraint.errors`; computed only in the frames in which it applies."""
+        """As `Constraint.errors`; computed only in the frames in which the constraint applies."""
         applies = self.applies(poses.frames)
         if applies.all():
             return self._applied_errors(poses, joints)

@@ -61,7 +61,9 @@ class Substitution(NamedTuple):
 
 @dataclass(frozen=True)
 class Seam:
-    """A frame at which two donors meet that are not consecutive in a clip, or one is stretched.
+    """A frame at which the gap between two donors was closed.
+
+    The donors are not consecutive in a clip, or one of them was stretched.
 
     Attributes
     ----------
@@ -96,7 +98,8 @@ class Graft:
     seams : tuple of Seam
         The treated seams.
     alternatives : dict of str to ndarray of int
-        For each grafted group, the number of candidates of every base segment except itself.
+        For each grafted group, the number of candidates for every base segment, not counting the
+        base segment itself.
     seed : int
         The seed of the donor choice.
     index : int

@@ -111,7 +111,7 @@ def rank_substitutions(
 
     The results, each of shape (n,), are positions that start before the last violating frame, a new
     donor for each, and the predicted total violations in tolerances, ascending; ties are in order
-    of cost. No substitution adds a seam above the limit. The prediction omits seam treatment, and
+    of cost. No substitution adds a seam above `max_angle`. The prediction omits seam treatment, and
     evaluates large motions only at every k-th frame.
     """
     group, segments = problem.root_group, problem.base_segments
