@@ -95,7 +95,7 @@ class DonorTimeline:
 
     @cached_property
     def _kept_rows(self) -> IntArray:
-        """The indices into `frame_times` without the last frames that the next segment shares."""
+        """The indices of `frame_times` without the last frames that the next segments share."""
         last = np.cumsum(self.cut.lengths + 1) - 1
         is_shared = self.cut.stop[:-1] == self.cut.start[1:]
         return np.delete(np.arange(last[-1] + 1), last[:-1][is_shared])

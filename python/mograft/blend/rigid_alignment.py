@@ -22,7 +22,7 @@ class RootTransforms:
     def from_motion(cls, motion: Motion, joint: int) -> "RootTransforms":
         """Return the world transforms of a joint in all frames of a motion.
 
-        For a joint without a parent they are the motion's arrays, unchanged.
+        For a joint without a parent they are its values in the motion, unchanged.
         """
         chain = [joint]
         while (parent := int(motion.skeleton.parents[chain[-1]])) >= 0:

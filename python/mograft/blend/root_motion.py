@@ -52,7 +52,7 @@ def blend_root_velocity(
 
 
 def yaw_rates(quats: FloatArray, up: int) -> FloatArray:
-    """Return the angle in radians by which a joint turns about the up axis in each frame."""
+    """Return the angles in radians by which a joint turns about the up axis from frame to frame."""
     steps = rotations.multiply(quats[1:], rotations.inverse(quats[:-1]))
     rates: FloatArray = rotations.log(rotations.twist(steps, up))[:, up]
     return rates
@@ -69,11 +69,11 @@ def integrate_root(
 
     `source` is the root in n frames before seams are closed, `closed` after that. `captured`, shape
     (n - 1, 4), has the displacement of `source` over the floor from each frame to the next, in
-    world axes, and its rotation about the up axis in radians; `velocities` is `captured` with
-    blended seams. The displacements are rotated by the difference between the new heading and that
-    of `source`. The result has the lean and height of `closed`, and its yaw rate never exceeds the
-    maximum of `captured`. Its floor positions equal those of `source`, bit for bit, up to the first
-    frame in which `velocities` and `captured` differ.
+    world axes, and the rotation of `source` about the up axis in radians; `velocities` is
+    `captured` with blended seams. The displacements are rotated by the difference between the new
+    heading and that of `source`. The result has the lean and height of `closed`, and its yaw rate
+    never exceeds the maximum of `captured`. Its floor positions equal those of `source`, bit for
+    bit, up to the first frame in which `velocities` and `captured` differ.
     """
     leaning = closed.rotations
     change = rotations.multiply(leaning, rotations.inverse(source.rotations))

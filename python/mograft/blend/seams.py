@@ -96,9 +96,9 @@ class SeamTreatment(ABC):
 
         The root velocity near a seam is a weighted mean of the captured velocity and of the
         velocity that the donor on the other side has at the seam. `remaining` is 1 at the seam and
-        falls to 0 at the end of the blend time. Both weights have its shape and are 0 where it is
-        0. Their sum at the seam is 1, or 0 if the treatment does not blend root velocities. See
-        `crossfade_both_sides`, `crossfade_after` and `no_crossfade`.
+        falls to 0 at the end of the blend time. Both weights have the shape of `remaining` and are
+        0 where `remaining` is 0. Their sum at the seam is 1, or 0 if the treatment does not blend
+        root velocities. See `crossfade_both_sides`, `crossfade_after` and `no_crossfade`.
         """
 
     def smooth(self, closed: "ClosedFrames") -> FloatArray:

@@ -72,7 +72,7 @@ class DonorTrellis:
 
     @cached_property
     def _flat(self) -> tuple[IntArray, IntArray, IntArray]:
-        """All candidates, the index of the first of each position, and ascending keys of all."""
+        """All candidates, the index of the first one of each position, and the `_keys` of all."""
         counts = np.array([len(own) for own in self.candidates], np.int64)
         segments = np.concatenate(self.candidates)
         keys = self._keys(np.repeat(np.arange(len(counts)), counts), segments)
@@ -80,5 +80,5 @@ class DonorTrellis:
 
     @staticmethod
     def _keys(positions: IntArray, segments: IntArray) -> IntArray:
-        """Return numbers that are in order of position, then of segment."""
+        """Return one number per candidate; the numbers ascend by position, then by segment."""
         return (positions << 32) + segments

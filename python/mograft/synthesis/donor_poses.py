@@ -94,8 +94,8 @@ def _insert_rotations(
 ) -> None:
     """Write the resampled rotations of donors to the group's joints in `local`, in place.
 
-    `taken` are the donors and `counts` their frames after resampling. `frames` has the frame of the
-    base for each row of `local`.
+    `taken` are the donors and `counts` their numbers of frames after resampling. `frames` has the
+    frame of the base for each row of `local`.
     """
     library = problem.library
     axes = problem.divided_channels[group]

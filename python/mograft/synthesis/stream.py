@@ -209,7 +209,8 @@ class Stream:
         positions : array_like, shape (n_frames, n_joints, 3) or (n_frames, 3)
             With an array of rotations, the local translations of all joints in the unit of the
             library, or only those of the joint ``library.root``. The other joints then have the
-            offsets of the skeleton. The axis of frames is missing for one frame.
+            offsets of the skeleton. If `frames` is an array of one frame, the first axis is missing
+            here, too.
 
         Raises
         ------

@@ -85,7 +85,7 @@ def check_free_frames(constraints: Sequence[Constraint], first_free_frame: int) 
 def motion_from_arrays(
     frames: npt.ArrayLike, positions: npt.ArrayLike | None, library: Library, skeleton: Skeleton
 ) -> Motion:
-    """Return frames that are pushed as arrays as a motion at the library's frame rate.
+    """Convert arrays that `Stream.push` receives to a motion at the library's frame rate.
 
     `Stream.push` documents the shapes and errors.
     """
