@@ -56,6 +56,8 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
             is_unknown[:, indices] = is_changed[:, columns]
             np.copyto(values, np.nan, where=is_unknown)
     single = {key: angle for part in parts for key, angle in part.angles.items()}
+    if single and quats is base.rotations:
+        quats = quats.copy()
     for joint in dict.fromkeys(joint for joint, _ in single):
         _replace_channels(base, joint, single, quats, values)
     return replace(

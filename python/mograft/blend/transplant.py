@@ -85,7 +85,8 @@ def transplant(
     positions = base.positions.take(joints, axis=1)
     positions[:, moving] = moved
     channel_quats = quats[:, len(joints) :]
-    quats = lean.restore(base, np.ascontiguousarray(quats[:, : len(joints)]))
+    quats = np.ascontiguousarray(quats[:, : len(joints)])
+    lean.restore(base, quats)
     return Part(
         joints,
         quats,

@@ -77,21 +77,19 @@ class TrunkLean:
         make_read_only(tracks)
         return tracks
 
-    def restore(self, base: Motion, quats: FloatArray) -> FloatArray:
-        """Make the trunk joints relative to their parents in the base: R_i⁻¹ Y_i is applied.
+    def restore(self, base: Motion, quats: FloatArray) -> None:
+        """Make the trunk joints relative to their parents in the base, in place.
 
-        Rotations that equal those of the base are kept bit for bit.
+        R_i⁻¹ Y_i is applied. Rotations that equal those of the base are kept bit for bit.
         """
         if not self.columns:
-            return quats
+            return
         leans, upright = self.base_leans, quats[:, self.columns]
         given = base.rotations[:, self.joints[list(self.columns)]]
         is_same = (upright == rotations.multiply(leans, given)).all(axis=2)
         leaning = rotations.multiply(rotations.inverse(leans), upright)
         leaning /= np.linalg.norm(leaning, axis=-1, keepdims=True)
-        local = quats.copy()
-        local[:, self.columns] = np.where(is_same[..., None], given, leaning)
-        return local
+        quats[:, self.columns] = np.where(is_same[..., None], given, leaning)
 
 
 def _leans(clip: Motion, parents: IntArray, up: int, uprights: FloatArray) -> FloatArray:

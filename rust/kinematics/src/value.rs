@@ -74,7 +74,7 @@ pub(crate) fn add<V: Value>(value: V, delta: DVec3) -> V {
 /// Frames of a body in which those of some joints are replaced, and which values differ.
 ///
 /// `base` is frame-major, `n_joints` wide, `part` is `joints.len()` wide; the second result has one
-/// entry for each value of `part`. A joint without a different value keeps the values of `base`. Of
+/// entry for each value of `part`. The first is None if no value differs. A joint without a different value keeps the values of `base`. Of
 /// the values q and -q of a rotation, the nearer one to the frame before is returned; in the first
 /// frame, the one with w ≥ 0. Takes O(frames × joints) time.
 ///
@@ -87,14 +87,13 @@ pub fn replace_joints<V: Value>(
     part: &[V],
     joints: &[usize],
     identity: V,
-) -> Result<(Vec<V>, Vec<bool>), Error> {
+) -> Result<(Option<Vec<V>>, Vec<bool>), Error> {
     let (n_frames, width) = (base.len().checked_div(n_joints).unwrap_or(0), joints.len());
     check_len(base.len(), n_frames * n_joints)?;
     check_len(part.len(), n_frames * width)?;
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= n_joints) {
         return Err(Error::InvalidJoint { joint });
     }
-    let mut replaced = base.to_vec();
     let mut is_changed = Vec::with_capacity(part.len());
     for (frame, part) in base
         .chunks_exact(n_joints.max(1))
@@ -107,6 +106,10 @@ pub fn replace_joints<V: Value>(
                 .map(|(&joint, own)| frame[joint] != *own),
         );
     }
+    if !is_changed.contains(&true) {
+        return Ok((None, is_changed));
+    }
+    let mut replaced = base.to_vec();
     for (column, &joint) in joints.iter().enumerate() {
         if !is_changed
             .iter()
@@ -123,7 +126,7 @@ pub fn replace_joints<V: Value>(
             last = own;
         }
     }
-    Ok((replaced, is_changed))
+    Ok((Some(replaced), is_changed))
 }
 
 #[cfg(test)]
@@ -137,8 +140,10 @@ mod tests {
         let part = [-q(0.3), -q(0.5), q(0.4), q(0.5)];
         let (found, is_changed) =
             replace_joints(&base, 2, &part, &[0, 1], DQuat::IDENTITY).unwrap();
-        assert_eq!(found, [q(0.3), -q(0.5), q(0.4), q(0.5)]);
+        assert_eq!(found.unwrap(), [q(0.3), -q(0.5), q(0.4), q(0.5)]);
         assert_eq!(is_changed, [true, false, true, false]);
+        let (kept, _) = replace_joints(&base, 2, &base, &[0, 1], DQuat::IDENTITY).unwrap();
+        assert_eq!(kept, None);
         let refused = replace_joints(&base, 2, &part, &[0, 2], DQuat::IDENTITY).err();
         assert_eq!(refused, Some(Error::InvalidJoint { joint: 2 }));
     }

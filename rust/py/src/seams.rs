@@ -127,7 +127,7 @@ fn is_rotations(clips: &[Floats<'_>]) -> bool {
         .is_some_and(|own| own.shape().last() == Some(&4))
 }
 
-/// See [`value::replace_joints`]. The mask has one entry per frame and joint of `part`.
+/// See [`value::replace_joints`]. Without a different value, the first result is `base` itself.
 #[pyfunction]
 pub fn replace_joints<'py>(
     py: Python<'py>,
@@ -142,13 +142,16 @@ pub fn replace_joints<'py>(
         let found =
             py.detach(|| value::replace_joints(quats, n_joints, part, &joints, DQuat::IDENTITY));
         let (quats, mask) = found.map_err(value_error)?;
-        (from_quats(py, quats, &[n, n_joints])?, mask)
+        (quats.map(|quats| from_quats(py, quats, &[n, n_joints])), mask)
     } else {
         let (vecs, part) = (as_vecs(&base)?, as_vecs(&part)?);
         let found = py.detach(|| value::replace_joints(vecs, n_joints, part, &joints, DVec3::ZERO));
         let (vecs, mask) = found.map_err(value_error)?;
-        (from_vecs(py, vecs, &[n, n_joints])?, mask)
+        (vecs.map(|vecs| from_vecs(py, vecs, &[n, n_joints])), mask)
     };
     let mask = mask.into_pyarray(py).reshape([n, joints.len()])?;
-    Ok((values.into_any(), mask.into_any()))
+    let values = values
+        .transpose()?
+        .map_or_else(|| base.as_any().clone(), Bound::into_any);
+    Ok((values, mask.into_any()))
 }
