@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import InsufficientDataError, Library
+from mograft import InsufficientDataError, Library, graft
 from mograft.dancer import dance
 from mograft.evaluation import two_sample
 from mograft.evaluation.baselines import Captured, RandomLength, grafts_by
@@ -177,6 +177,6 @@ def test_detectability_without_grafts_raises_insufficient_data_error():
 
 
 def test_detectability_scenario_base_raises_value_error(grafts):
-    walk = replace(grafts[0][0], scenario=(0, 1))
+    walk = graft(grafts[0][0].library, scenario=[0, 1])
     with pytest.raises(ValueError, match="`grafts` must have clips of the library as bases"):
         detectability("x", [[walk]])

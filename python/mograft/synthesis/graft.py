@@ -146,6 +146,7 @@ def graft_many(
     """
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
     check_type("library", library, Library)
+    _check_base(base)
     plan = GraftPlan.build(library, base, swap, constraints, scenario)
     return Grafts(plan, tuple(plan.choose_donors(count, seed)), seed)
 
@@ -193,6 +194,7 @@ def repair(
     >>> any(not s.is_own for s in repair(Library.build(motion), constraints=[far]).substitutions)
     False
     """
+    _check_base(base)
     # Without novelty the captured parts are the cheapest.
     config = replace(library.config, novelty=0.0, choice="viterbi", self_repair=False)
     library = replace(library, config=config)
@@ -217,3 +219,8 @@ def repair(
 
 def _total_excess(graft: Graft) -> float:
     return sum(violation.error - 1.0 for violation in graft.violations)
+
+
+def _check_base(base: object) -> None:
+    if base is not None and not isinstance(base, str):
+        check_type("base", base, Motion)
