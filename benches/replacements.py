@@ -27,7 +27,8 @@ from benches import _common
 from mograft import _core
 from mograft._util.linalg import GRID
 from mograft.analysis.segmentation import kinetic_energy
-from mograft.evaluation import estimate, support_polygon
+from mograft.body import support_polygon
+from mograft.evaluation import estimate
 from mograft.library.array_files import map_array
 
 # Prints the correlation matrices of all recordings as pickles: the matrix, its loadings before

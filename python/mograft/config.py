@@ -23,6 +23,7 @@ _NOT_NEGATIVE = (
     "seam_window",
     "length_weight",
     "distance_weight",
+    "balance_weight",
     "novelty",
     "diversity",
 )
@@ -93,6 +94,10 @@ class Config:
     distance_weight : float
         Weight, in the unary cost, of the distance between the base group's motion in the donor and
         in the base segment, as a multiple of the cluster diameter threshold.
+    balance_weight : float
+        Weight, in the unary cost, of the share of the base segment by which a donor prolongs the
+        time that the zero-moment point is outside of the support polygon. 0 disables it. It applies
+        to groups that move neither the root nor a foot, and not in streams.
     angle_scale : float
         Seam angle, in radians, at which the pairwise cost is 1; the cost is proportional to the
         square of the angle. The scale is reduced to twice the mean seam angle between members of
@@ -177,9 +182,10 @@ class Config:
     choice: Literal["viterbi", "best", "sample", "nearest", "random"] = "sample"
     length_weight: float = 1.0
     distance_weight: float = 0.25
+    balance_weight: float = 30.0
     angle_scale: float = math.radians(20.0)
     velocity_scale: float = math.radians(200.0)
-    novelty: float = 3.0
+    novelty: float = 5.0
     temperature: float = 1.0
     diversity: float = 1.0
     max_candidates: int = 32
@@ -253,6 +259,7 @@ class Config:
             sigma_scale=1.0,
             length_slack=0.0,
             choice="random",
+            balance_weight=0.0,
             seam="paper",
             torso="pelvis",
             self_repair=False,

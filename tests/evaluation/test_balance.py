@@ -10,6 +10,7 @@ from hypothesis.extra import numpy as npst
 
 from mograft import InsufficientDataError, Motion, Segments, Skeleton, segment
 from mograft.body.mass import center_of_mass, mass_model
+from mograft.body.support_polygon import signed_distance, support_polygons
 from mograft.dancer import dance
 from mograft.evaluation.balance import (
     RULES,
@@ -19,7 +20,6 @@ from mograft.evaluation.balance import (
     dynamic_balance,
     static_balance,
 )
-from mograft.evaluation.support_polygon import signed_distance, support_polygons
 from mograft.motion import rotations
 from tests.hierarchies import recording
 from tests.strategies import SEEDS, transform_motion

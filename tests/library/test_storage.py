@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from mograft import Config, JointGroups, Library, LibraryError
 from mograft.analysis import embedding
+from mograft.analysis.embedding import Samples
 from mograft.library import storage, stored_clips
 from mograft.library.packing import pack, unpack
 from mograft.library.stored_clips import RowRange
@@ -77,6 +78,22 @@ def test_save_any_number_of_blas_threads_writes_the_same_files(tmp_path):
         files.append(storage.read_manifest(folder)["files"])
     assert files[1] == files[0]
     assert files[2] == files[0]
+
+
+@given(st.lists(st.integers(0, 31), max_size=9))
+def test_stored_samples_select_returns_rows_of_the_chunks(stored_library, indices):
+    samples = replace(
+        stored_library.samples,
+        ranges=(RowRange(0, 5, 20), RowRange(0, 0, 3), RowRange(0, 40, 9)),
+    )
+    rows = np.concatenate([chunk.rows for chunk in samples.chunks()])
+    indices = np.array(indices, int)
+    np.testing.assert_array_equal(samples.select(indices).rows, rows[indices])
+    appended = stored_clips.ExtendedSamples(samples, Samples(rows[:4] + 1, 10, samples.n_joints))
+    expected = np.concatenate([chunk.rows for chunk in appended.chunks()])
+    further = np.concatenate([indices + 4, indices])
+    assert len(appended) == 36
+    np.testing.assert_array_equal(appended.select(further).rows, expected[further])
 
 
 def test_stored_samples_chunks_do_not_depend_on_row_ranges(stored_library, monkeypatch):

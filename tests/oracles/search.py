@@ -104,3 +104,32 @@ def sampled_sequence(unary, pairwise, temperature, draws):
         shares = np.cumsum(weights)
         sequence.append(int((shares <= draw * shares[-1]).sum()))
     return np.array(sequence)
+
+
+def zero_moment_shift(base, donor, seconds, steps=40):
+    """Return d - (z/g) d̈ at the samples, shape (n_samples, 2), by quadrature and differences.
+
+    d is the difference of two tracks, shape (n_samples, 2): a line and a sine polynomial. It is
+    continued by point reflection and convolved with a Gaussian of 1/15 s.
+    """
+    difference = donor - base
+    n = len(difference)
+    u = np.arange(n) / (n - 1)
+    line = np.outer(1 - u, difference[0]) + np.outer(u, difference[-1])
+    modes = np.arange(1, n - 1)
+    weights = 2 / (n - 1) * np.sin(np.pi * np.outer(modes, u)) @ (difference - line)
+    offsets = np.linspace(-8, 8, 16 * steps + 1) / 15  # seconds
+    kernel = np.exp(-0.5 * (15 * offsets) ** 2)
+    kernel /= kernel.sum()
+
+    def smoothed(time):
+        v = (time - offsets) / seconds
+        values = np.outer(1 - v, difference[0]) + np.outer(v, difference[-1])
+        return kernel @ (values + np.sin(np.pi * np.outer(v, modes)) @ weights)
+
+    h = 0.01 * seconds / n
+    moved = []
+    for time in u * seconds:
+        before, here, after = smoothed(time - h), smoothed(time), smoothed(time + h)
+        moved.append(here - 0.56 * 1.75 / 9.81 * (before - 2 * here + after) / h**2)
+    return np.array(moved)

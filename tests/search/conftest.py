@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from mograft import Segments
+from mograft.analysis.zero_moment import N_DIRECTIONS
 from mograft.search.boundary_states import BoundaryStates
-from mograft.search.candidates import SegmentPool
+from mograft.search.candidates import SegmentBalance, SegmentPool
 from tests.strategies import smooth_rotations
 
 
@@ -32,6 +33,10 @@ def make_pool():
             rate=30.0,
             points=rng.normal(size=(n, 4)),
             sigma=2.0,
+            balance=SegmentBalance(
+                mass_offsets=(0.01 * rng.normal(size=(n, 10, 2))).__getitem__,
+                support_margins=rng.normal(0.05, 0.05, (n, 10, N_DIRECTIONS)).__getitem__,
+            ),
         )
 
     return make

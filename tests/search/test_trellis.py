@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config
+from mograft.analysis.zero_moment import added_imbalances, zero_moment_shifts
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import cost_model
 from mograft.search.trellis import DonorTrellis
@@ -36,7 +37,11 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
     def unary(i, k):
         ratio = min(lengths[i], lengths[k]) / max(lengths[i], lengths[k])
         distance = np.linalg.norm(pool.points[i] - pool.points[k]) / pool.sigma
-        return 1 - ratio + 0.25 * distance - config.novelty * (i != k)
+        offsets = pool.balance.mass_offsets([[i], [k]])
+        shift = zero_moment_shifts(*offsets, np.array([lengths[i] / pool.rate]))
+        added = added_imbalances(shift, pool.balance.support_margins([i]), np.array([0]))[0]
+        balance = config.balance_weight * added * (i != k)
+        return 1 - ratio + 0.25 * distance + balance - config.novelty * (i != k)
 
     for i, (kept, costs) in enumerate(zip(trellis.candidates, trellis.costs.unary, strict=True)):
         np.testing.assert_allclose(costs, [unary(i, k) for k in kept], atol=1e-12)
@@ -55,6 +60,19 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
                 expected += (np.linalg.norm(jump, axis=1).mean() / scales.velocity) ** 2
                 expected += INFEASIBLE_PENALTY * (angle > 0.5)
                 assert costs[a, b] == pytest.approx(expected, abs=1e-9)
+
+
+@given(SEEDS, st.floats(0.0, 20.0), st.floats(0.0, 20.0))
+def test_cheapest_sequence_of_larger_balance_weight_adds_less_imbalance(
+    make_pool, seed, weight, increase
+):
+    pool = make_pool(seed, n_labels=1)
+    added = []
+    for balance_weight in (weight, weight + increase):
+        trellis = build(pool, Config(max_stretch=2.0, balance_weight=balance_weight))
+        donors = trellis.donor_sequence(viterbi(trellis.costs))
+        added.append(pool.added_imbalances(trellis.scenario, donors).sum())
+    assert added[1] <= added[0] + 1e-9
 
 
 @given(SEEDS)

@@ -25,7 +25,9 @@ FEW_EXAMPLES = settings(max_examples=12)
 @pytest.fixture(scope="module")
 def library():
     clips = [dance(seed=seed, strides=1).motion for seed in (0, 1)]
-    return mg.Library.build([replace(clip, name=f"clip{i}") for i, clip in enumerate(clips)])
+    # Streams have no balance costs.
+    named = [replace(clip, name=f"clip{i}") for i, clip in enumerate(clips)]
+    return mg.Library.build(named, config=mg.Config(balance_weight=0.0))
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +178,7 @@ def test_stream_horizon_beyond_the_end_chooses_the_donors_of_graft(library, base
 
 
 def test_stream_several_groups_chooses_the_donors_of_graft_for_each(library, base):
-    several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm")
+    several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm", library.config)
     configured = with_choice(several, "viterbi", self_repair=False)
     pieces = stream_pieces(configured, base, (11,), horizon=1000)
     graft = mg.graft(configured, base)
@@ -190,7 +192,7 @@ def test_stream_several_groups_chooses_the_donors_of_graft_for_each(library, bas
 def test_stream_several_groups_with_pose_constraints_violates_fewer_frames_than_the_base(
     library, base
 ):
-    several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm")
+    several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm", library.config)
     constraints = [ball_at_hand(base), mg.AvoidSelf()]
     pieces = stream_pieces(several, base, (11,), constraints=constraints)
     expected = stream_pieces(several, base, constraints=constraints)

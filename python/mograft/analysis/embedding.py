@@ -60,6 +60,10 @@ class Samples:
         """Return the rows in single precision, as libraries store them."""
         return self.rows.astype(np.float32, copy=False)
 
+    def select(self, indices: IntArray) -> "Samples":
+        """Return the samples of some segments, in the order of `indices`."""
+        return replace(self, rows=self.rows[indices])
+
     def chunks(self) -> "Iterator[Samples]":
         """Yield `CHUNK` segments at a time."""
         for start in range(0, len(self), CHUNK):
@@ -146,6 +150,12 @@ def normalise(
         parts = [sampled.reshape(n, -1), steps.reshape(n, -1), lengths[:, None]]
         rows.append(np.concatenate(parts, axis=1))
     return Samples(np.concatenate(rows), m, clips[0].n_joints)
+
+
+def segment_headings(motion: Motion, cut: Segments, *, root: int, up: int) -> FloatArray:
+    """Return the headings that `normalise` removes, shape (n_segments, 4)."""
+    world = motion.rotations if root == 0 else motion.world_transforms()[0]
+    return _headings(world[cut.start, root], up)
 
 
 def _headings(first: FloatArray, up: int) -> FloatArray:

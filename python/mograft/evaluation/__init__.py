@@ -6,6 +6,7 @@ data does not support a measure, it raises `InsufficientDataError`. No measure i
 natural motions, except for the judgement that a person's labels give.
 """
 
+from mograft.body.support_polygon import Support, convex_hull, support_polygons
 from mograft.evaluation.balance import (
     Balance,
     BalanceRow,
@@ -37,7 +38,6 @@ from mograft.evaluation.novelty import Novelty, novelty
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.report import evaluation_page
 from mograft.evaluation.suite import Evaluation, evaluate
-from mograft.evaluation.support_polygon import Support, convex_hull, support_polygons
 from mograft.evaluation.two_sample import Detection
 from mograft.evaluation.world_measures import WorldMeasures, world_measures
 from mograft.evaluation.world_quality import WorldQuality, world_quality

@@ -14,11 +14,12 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.analysis.segmentation import Segments
 from mograft.body.mass import center_of_mass, mass_model
+from mograft.body.support_polygon import Support, signed_distance, support_polygons
+from mograft.body.zero_moment_point import zero_moment_points
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.estimate import Estimate, Record
-from mograft.evaluation.support_polygon import Support, signed_distance, support_polygons
 from mograft.motion.motion import Motion
 
 PAPER_TABLE: Mapping[str, tuple[float, int]] = {
@@ -32,10 +33,7 @@ Rule = Literal["all", "majority", "any"]
 RULES: tuple[Rule, ...] = ("all", "majority", "any")
 
 _DEGENERATE_MARGIN = 0.01  # distance, in heights, from a point or line of support that is inside
-_STATURE_METERS = 1.75
-_GRAVITY = 9.81  # m/s²
 _SMOOTHING_SECONDS = 0.2
-_MIN_LOAD = 0.2  # share of gravity that the floor must carry for a zero-moment point to exist
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,14 +181,10 @@ def dynamic_balance(
     center = center_of_mass(motion)
     position = savgol_filter(center, window, 3, axis=0)
     acceleration = savgol_filter(center, window, 3, deriv=2, delta=motion.frame_time, axis=0)
-    gravity = _GRAVITY * support.height / _STATURE_METERS
-    load = acceleration @ support.up + gravity
-    is_loaded = load > _MIN_LOAD * gravity
-    lever = (position @ support.up - support.floor) / np.where(is_loaded, load, np.inf)
-    zero_moment_point = position - lever[:, None] * acceleration
-    return _balance_of_points(
-        "dynamic", motion, support, zero_moment_point, is_loaded & (support.sizes > 0)
+    points, is_loaded = zero_moment_points(
+        position, acceleration, support.up, support.floor, support.height
     )
+    return _balance_of_points("dynamic", motion, support, points, is_loaded & (support.sizes > 0))
 
 
 def _balance_of_points(

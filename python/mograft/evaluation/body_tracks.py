@@ -11,7 +11,7 @@ from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.body_parts import ARM
 from mograft.body.contacts import Ground
 from mograft.body.mass import mass_model
-from mograft.evaluation.support_polygon import facing_directions, horizontal_axes
+from mograft.body.support_polygon import facing_directions, horizontal_axes
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion

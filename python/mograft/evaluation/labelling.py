@@ -12,10 +12,10 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft.body.contacts import Ground
 from mograft.body.mass import mass_model
+from mograft.body.support_polygon import facing_directions
 from mograft.errors import InsufficientDataError
 from mograft.evaluation.baselines import Captured, Method, RandomLength, grafted_group, grafts_by
 from mograft.evaluation.label_table import COLUMNS, label_row
-from mograft.evaluation.support_polygon import facing_directions
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion

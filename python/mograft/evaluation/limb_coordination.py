@@ -7,7 +7,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import up_axis
-from mograft.evaluation.support_polygon import normalize
+from mograft.body.support_polygon import normalize
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 

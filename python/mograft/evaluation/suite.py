@@ -12,6 +12,7 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import BoolArray
 from mograft.analysis.segmentation import Segments
 from mograft.body.mass import mass_model
+from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
 from mograft.evaluation.balance import (
     RULES,
@@ -37,7 +38,6 @@ from mograft.evaluation.label_judgement import Judgement, judgement
 from mograft.evaluation.label_table import Labels
 from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.quality import Quality, quality
-from mograft.evaluation.support_polygon import Support, support_polygons
 from mograft.evaluation.world_measures import has_base_legs
 from mograft.evaluation.world_quality import WorldQuality, world_quality
 from mograft.library.clusters import Progress

@@ -13,6 +13,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.contacts import Ground, find_legs, skating_share
+from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
 from mograft.evaluation.balance import Balance, dynamic_balance
 from mograft.evaluation.body_tracks import (
@@ -25,7 +26,6 @@ from mograft.evaluation.body_tracks import (
     sample_stride,
 )
 from mograft.evaluation.estimate import Record
-from mograft.evaluation.support_polygon import Support, support_polygons
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, Self, SupportsIndex
 
@@ -12,16 +12,18 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import restrict_ends
 from mograft.analysis.embedding import Embedding, Samples
 from mograft.analysis.segmentation import Segments
+from mograft.body.contacts import find_legs
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library.clip_table import ClipInfo
+from mograft.library.segment_balance import LibraryBalance
 from mograft.library.spec import LibrarySpec
-from mograft.library.stored_clips import StoredClips, StoredSamples
+from mograft.library.stored_clips import ExtendedSamples, StoredClips, StoredSamples
 from mograft.library.tables import Columns, library_html, library_tables
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.boundary_states import BoundaryStates
-from mograft.search.candidates import SegmentPool
+from mograft.search.candidates import SegmentBalance, SegmentPool
 
 _RECIPE = "_recipe"
 """Name of the attribute with a function and its arguments, whose result is the library."""
@@ -42,7 +44,7 @@ class LibraryData:
     labels: Mapping[str, IntArray]
     sigma: Mapping[str, float]
     boundary_states: Mapping[str, Mapping[str, FloatArray]]
-    samples: Samples | StoredSamples
+    samples: Samples | StoredSamples | ExtendedSamples
     refused: Mapping[str, str]
     folder: Path | None
 
@@ -185,6 +187,26 @@ class LibraryData:
             rate=self.rate,
             points=None if embedding is None else embedding.points,
             sigma=self.sigma[base],
+            balance=self._balance_of(joints),
+        )
+
+    def _balance_of(self, joints: IntArray) -> SegmentBalance | None:
+        """Return the balance for donors of a group; None if the group moves the root or a foot."""
+        fixed = [self.root, *(leg.ankle for leg in find_legs(self.skeleton))]
+        if len(fixed) == 1 or np.isin(fixed, joints).any():
+            return None
+        known = self._balance
+        return SegmentBalance(partial(known.mass_offsets, joints), known.support_margins)
+
+    @cached_property
+    def _balance(self) -> LibraryBalance:
+        return LibraryBalance(
+            clips=self.clips,
+            segments=self.segments,
+            samples=self.samples,
+            skeleton=self.skeleton,
+            spec=self.spec,
+            config=self.config,
         )
 
     def find_clip(self, motion: Motion) -> int | None:

@@ -22,7 +22,7 @@ from mograft.library.clusters import (
 from mograft.library.data import LibraryData
 from mograft.library.discover import unique_names
 from mograft.library.spec import ClipProperties, rates_match
-from mograft.library.stored_clips import ExtendedClips
+from mograft.library.stored_clips import ExtendedClips, ExtendedSamples
 from mograft.motion.motion import Motion
 
 BUILD_FIELDS = (
@@ -227,6 +227,7 @@ class DerivableLibrary(LibraryData):
             entries=(*self.entries, _clip_info(motion)),
             segments=Segments.concatenate([self.segments, appended]),
             is_donor=np.concatenate([self.is_donor, np.zeros(n, bool)]),
+            samples=ExtendedSamples(self.samples, samples),
             embedding=embedding,
             labels=labels,
             boundary_states=join_boundary_states(

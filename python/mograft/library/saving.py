@@ -13,7 +13,7 @@ from mograft.library.data import LibraryData
 from mograft.library.generation import GenerationWriter, write_generation
 from mograft.library.loading import EMBEDDING_ARRAYS
 from mograft.library.packing import pack
-from mograft.library.stored_clips import StoredClips
+from mograft.library.stored_clips import ExtendedClips, StoredClips
 from mograft.motion.motion import Motion
 
 BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
@@ -22,7 +22,7 @@ BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
 
 def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
     """Write a library to a folder; see `Library.save`."""
-    if len(library.samples) != len(library.segments):
+    if isinstance(library.clips, ExtendedClips):
         raise ValueError("a library with an appended base motion cannot be saved")
     with write_generation(path, force=force) as writer:
         entries: list[ClipInfo] = []

@@ -3,13 +3,13 @@
 import contextlib
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, overload
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, Packed
+from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.library.array_files import HEADER_BYTES
 from mograft.library.clip_table import ClipTable
@@ -134,13 +134,31 @@ class StoredSamples:
     def __len__(self) -> int:
         return sum(item.n for item in self.ranges)
 
+    @property
+    def _row_width(self) -> int:
+        return self.n_samples * (4 * self.n_joints + 3) + 1
+
+    def select(self, indices: IntArray) -> Samples:
+        """Return the samples of some segments, in the order of `indices`."""
+        rows = np.empty((len(indices), self._row_width), np.float32)
+        starts = np.cumsum([0, *(item.n for item in self.ranges)])
+        range_of = np.searchsorted(starts, indices, side="right") - 1
+        with contextlib.ExitStack() as stack:
+            streams = [stack.enter_context(path.open("rb")) for path in self.files]
+            for target, index, number in zip(rows, indices.tolist(), range_of, strict=True):
+                shard, first, _ = self.ranges[number]
+                row = first + index - int(starts[number])
+                streams[shard].seek(HEADER_BYTES + target.nbytes * row)
+                target[:] = np.fromfile(streams[shard], "<f4", len(target))
+        return Samples(rows, self.n_samples, self.n_joints)
+
     def chunks(self) -> Iterator[Samples]:
         """Yield the samples of `CHUNK` segments at a time, whichever files hold them."""
         for rows in self._row_chunks():
             yield Samples(rows, self.n_samples, self.n_joints)
 
     def _row_chunks(self) -> Iterator[Packed]:
-        width = self.n_samples * (4 * self.n_joints + 3) + 1
+        width = self._row_width
         with contextlib.ExitStack() as stack:
             streams = [stack.enter_context(path.open("rb")) for path in self.files]
             parts: list[Packed] = []
@@ -158,3 +176,27 @@ class StoredSamples:
                         parts, n_collected = [], 0
             if parts:
                 yield np.concatenate(parts)
+
+
+@dataclass(frozen=True)
+class ExtendedSamples:
+    """The samples of a library with those of a clip behind them."""
+
+    known: "Samples | StoredSamples | ExtendedSamples"
+    appended: Samples
+
+    def __len__(self) -> int:
+        return len(self.known) + len(self.appended)
+
+    def select(self, indices: IntArray) -> Samples:
+        """Return the samples of some segments, in the order of `indices`."""
+        is_known = indices < len(self.known)
+        rows = np.empty((len(indices), self.appended.rows.shape[1]), np.float32)
+        rows[is_known] = self.known.select(indices[is_known]).rows
+        rows[~is_known] = self.appended.select(indices[~is_known] - len(self.known)).rows
+        return replace(self.appended, rows=rows)
+
+    def chunks(self) -> Iterator[Samples]:
+        """Yield some segments at a time."""
+        yield from self.known.chunks()
+        yield from self.appended.chunks()

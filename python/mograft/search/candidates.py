@@ -1,6 +1,6 @@
 """Candidate donors: their generation by neighbourhood and length, and their listing with costs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +10,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft._util.html_table import html_table
 from mograft.analysis.segmentation import Segments
+from mograft.analysis.zero_moment import added_imbalances, zero_moment_shifts
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.search.boundary_states import (
@@ -104,6 +105,17 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
+class SegmentBalance:
+    """Functions of segment indices, shape (n,), that state how donors change the balance.
+
+    They return what the functions of `mograft.analysis.zero_moment` with these names return.
+    """
+
+    mass_offsets: Callable[[IntArray], FloatArray]  # of the grafted group
+    support_margins: Callable[[IntArray], FloatArray]  # of the whole body
+
+
+@dataclass(frozen=True, eq=False)
 class SegmentPool:
     """All segments of a library, with the data for the search for donors of one joint group."""
 
@@ -114,6 +126,7 @@ class SegmentPool:
     rate: float  # frames per second
     points: FloatArray | None = None  # embedding of the base parts; None: all distances are 0
     sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
+    balance: SegmentBalance | None = None  # None: all donors keep the balance
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
         """Return the indices of the segments in the neighbourhood of each base segment.
@@ -168,14 +181,36 @@ class SegmentPool:
         distances: FloatArray = np.linalg.norm(self.points[donors] - self.points[base], axis=1)
         return distances / self.sigma
 
+    def added_imbalances(self, base: IntArray, donors: IntArray) -> FloatArray:
+        """Return by how much donors raise the unbalanced share of base segments, shape (n,).
+
+        See `mograft.analysis.zero_moment.added_imbalances`. The arguments have shape (n,).
+        """
+        found = np.zeros(len(base))
+        others = np.flatnonzero(donors != base)
+        if self.balance is None or not len(others):
+            return found
+        pairs = np.stack([base[others], donors[others]])
+        segments, members = np.unique(pairs, return_inverse=True)
+        of_base, of_donors = self.balance.mass_offsets(segments)[members.reshape(pairs.shape)]
+        seconds = self.segments.lengths[pairs[0]] / self.rate
+        shifts = zero_moment_shifts(of_base, of_donors, seconds)
+        positions, rows = np.unique(pairs[0], return_inverse=True)
+        found[others] = added_imbalances(shifts, self.balance.support_margins(positions), rows)
+        return found
+
     def unary_costs(self, base: IntArray, donors: IntArray, model: CostModel) -> FloatArray:
         """Return the unary cost of each donor for its base segment, shape (n,).
 
         Costs of seams and constraints are not included.
         """
         lengths = self.segments.lengths
-        distances = self.distances(base, donors)
-        return model.unary(lengths[base], lengths[donors], distances, donors == base)
+        costs = model.unary(
+            lengths[base], lengths[donors], self.distances(base, donors), donors == base
+        )
+        if model.config.balance_weight > 0:
+            costs = costs + model.balance(self.added_imbalances(base, donors))
+        return costs
 
     def pairwise_costs(self, left: IntArray, right: IntArray, model: CostModel) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""

@@ -61,10 +61,10 @@ class SeamScales:
 class CostModel:
     """Unary and pairwise costs: the weighted sum of all terms.
 
-    A donor k of segment i costs
-    ``length_weight · (1 - shorter / longer) + distance_weight · d(i, k) / sigma``, minus `novelty`
-    if k is not i. Here shorter and longer are the lengths of the two segments, d is their distance
-    in the embedding of the base group, and sigma the cluster diameter threshold. A seam costs
+    A donor k of segment i costs ``length_weight · (1 - shorter / longer) + distance_weight · d(i,
+    k) / sigma + balance_weight · u``, minus `novelty` if k is not i. Here shorter and longer are
+    the lengths of the two segments, d is their distance in the embedding of the base group, sigma
+    the cluster diameter threshold and u the result of `added_imbalances`. A seam costs
     ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus `INFEASIBLE_PENALTY` if the
     angle exceeds `max_angle`.
     """
@@ -85,6 +85,10 @@ class CostModel:
         costs = self.config.length_weight * (1.0 - ratio)
         costs = costs + self.config.distance_weight * distances
         return costs - np.where(is_base, 0.0, self.config.novelty)
+
+    def balance(self, imbalances: FloatArray) -> FloatArray:
+        """Return the unary costs of the results of `added_imbalances`."""
+        return self.config.balance_weight * imbalances
 
     def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
         """Return the costs of seams, in the shape of `angles`.
@@ -128,6 +132,10 @@ class SimilarityCostModel(CostModel):
     ) -> FloatArray:
         """As `CostModel.unary`."""
         return np.where(is_base, INFEASIBLE_PENALTY, distances)
+
+    def balance(self, imbalances: FloatArray) -> FloatArray:
+        """Return zeros."""
+        return np.zeros(len(imbalances))
 
     def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
         """As `CostModel.pairwise`."""

@@ -8,8 +8,8 @@ from hypothesis.extra import numpy as npst
 from scipy.spatial import ConvexHull
 
 from mograft.body.mass import mass_model
+from mograft.body.support_polygon import convex_hull, signed_distance, support_polygons
 from mograft.dancer import dance
-from mograft.evaluation.support_polygon import convex_hull, signed_distance, support_polygons
 
 
 def planar_points(min_size=1, max_size=12):

@@ -152,16 +152,7 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
             f"balance needs legs, but no leg is known among the joints {shown}, ..."
         )
     axes = horizontal_axes(ground.up)
-    joints = ground.points(motion)
-    touches = ground.above(joints) < _MAX_CONTACT_HEIGHT * ground.height
-    horizontal = joints[..., axes]
-    forward = facing_directions(motion, ground)[:, axes]
-    soles = [
-        _sole_corners(horizontal[:, i], touches[:, i], joints[:, i], forward, ground.height)
-        for i in range(len(ground.limbs))
-    ]
-    corners = np.concatenate([points for points, _ in soles], axis=1)
-    carries = np.concatenate([is_used for _, is_used in soles], axis=1)
+    touches, corners, carries = _soles(motion, ground)
     hulls = [convex_hull(points[is_used]) for points, is_used in zip(corners, carries, strict=True)]
     sizes = np.array([len(hull) for hull in hulls], np.int64)
     polygons = np.zeros((len(hulls), max(int(sizes.max(initial=1)), 1), 2))
@@ -207,6 +198,42 @@ def normalize(vectors: FloatArray) -> FloatArray:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     units: FloatArray = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
     return units
+
+
+def support_extents(
+    motion: Motion, ground: Ground, frames: IntArray, directions: FloatArray
+) -> FloatArray:
+    """Return how far the support polygons of some frames extend along horizontal directions.
+
+    `directions` are unit vectors for each of `frames`, shape (n, n_directions, 3). The result,
+    shape (n, n_directions), has the greatest coordinate of the polygon along each, in the unit of
+    the file: the support function of the polygon. It is -inf if no foot carries weight.
+    """
+    _, corners, carries = _soles(motion, ground)
+    along = corners[frames] @ directions[..., horizontal_axes(ground.up)].swapaxes(1, 2)
+    extents: FloatArray = np.where(carries[frames, :, None], along, -np.inf).max(
+        axis=1, initial=-np.inf
+    )
+    return extents
+
+
+def _soles(motion: Motion, ground: Ground) -> tuple[BoolArray, FloatArray, BoolArray]:
+    """Return which ankles and toes touch the floor, and the corners of all soles.
+
+    The shapes are (n_frames, n_legs, 2), (n_frames, 6 * n_legs, 2) and (n_frames, 6 * n_legs); the
+    last states which corners carry weight. Corners are along `horizontal_axes`.
+    """
+    axes = horizontal_axes(ground.up)
+    joints = ground.points(motion)
+    touches = ground.above(joints) < _MAX_CONTACT_HEIGHT * ground.height
+    horizontal = joints[..., axes]
+    forward = facing_directions(motion, ground)[:, axes]
+    soles = [
+        _sole_corners(horizontal[:, i], touches[:, i], joints[:, i], forward, ground.height)
+        for i in range(len(ground.limbs))
+    ]
+    corners = np.concatenate([points for points, _ in soles], axis=1)
+    return touches, corners, np.concatenate([is_used for _, is_used in soles], axis=1)
 
 
 def _sole_corners(

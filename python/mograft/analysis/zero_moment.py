@@ -1,0 +1,149 @@
+"""How donors change the balance of the base motion: the zero-moment point against the support.
+
+The zero-moment point is where the floor reaction acts (`mograft.body.zero_moment_point`). A graft
+keeps the feet of the base, and with them the support polygon. A donor moves the zero-moment point
+by d - (z/g) d̈ along each horizontal axis, where d is the displacement of the centre of mass and z
+its height; vertical accelerations of the donor are ignored.
+"""
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.gaussian import gaussian_kernel
+from mograft.analysis.embedding import Samples, segment_headings
+from mograft.analysis.segmentation import Segments
+from mograft.body.contacts import Ground
+from mograft.body.mass import center_of_mass, mass_model
+from mograft.body.support_polygon import support_extents
+from mograft.body.zero_moment_point import GRAVITY, STATURE_METERS, zero_moment_points
+from mograft.config import Config
+from mograft.motion import rotations
+from mograft.motion.motion import Motion, world_transforms
+from mograft.motion.skeleton import Skeleton
+
+# Squared seconds: height of the centre of mass, 0.56 statures, over gravity.
+PENDULUM_TIME_SQUARED = 0.56 * STATURE_METERS / GRAVITY
+SMOOTHING_SECONDS = 2.0 / 30.0  # standard deviation of the Gaussian before differentiation
+N_DIRECTIONS = 48  # half-planes that approximate a support polygon
+# Heights: the zero-moment points of two mass models differ by about this distance.
+DISTANCE_SCALE = 0.01
+_BATCH = 4096  # pairs of segments
+
+
+def mass_offsets(
+    samples: Samples, skeleton: Skeleton, joints: IntArray, root: int, up: int
+) -> FloatArray:
+    """Return the horizontal mass moment of a joint group about the root, in heights.
+
+    It is the sum of the group's masses, as shares of the body, times their offsets from the root
+    joint; shape (n_segments, n_samples, 2). Axes are those of the samples.
+    """
+    poses = np.array(samples.rotations, float).reshape(-1, samples.n_joints, 4)
+    above = [joint for joint in skeleton.ancestors(root) if joint != root]
+    poses[:, above] = rotations.IDENTITY  # the samples hold the root's rotation in the world
+    offsets = np.broadcast_to(skeleton.offsets, (len(poses), samples.n_joints, 3))
+    world_rotations, positions = world_transforms(skeleton, poses, offsets)
+    body = mass_model(skeleton)
+    moments = np.zeros((len(poses), 3))
+    for joint in joints[body.mass[joints] > 0].tolist():
+        arm = rotations.rotate(world_rotations[:, joint], body.bone[joint] * body.center[joint])
+        moments += body.mass[joint] * (positions[:, joint] + arm - positions[:, root])
+    horizontal = np.delete(moments, up, axis=1) / body.height
+    return horizontal.reshape(-1, samples.n_samples, 2)
+
+
+def support_margins(
+    motion: Motion, cut: Segments, ground: Ground, config: Config, *, root: int, up: int
+) -> FloatArray:
+    """Return how far the zero-moment point may move in segments of a motion, in heights.
+
+    The result, shape (n_segments, n_samples, N_DIRECTIONS), is the distance from the zero-moment
+    point to the edge of the support polygon along directions at equal angles from the first
+    horizontal axis, in the axes of the samples of `normalise`. One of them is negative if the point
+    is outside. All are infinite in frames in which no foot carries weight. Samples are those of the
+    nearest frames.
+    """
+    height = mass_model(motion.skeleton).height
+    center = _smooth(center_of_mass(motion), SMOOTHING_SECONDS * motion.rate)
+    acceleration = np.gradient(np.gradient(center, axis=0), axis=0) * motion.rate**2
+    floor = float(ground.floors.min())
+    points, is_loaded = zero_moment_points(center, acceleration, ground.up, floor, height)
+    times = np.linspace(0.0, 1.0, config.samples)
+    frames = np.rint(cut.start[:, None] + cut.lengths[:, None] * times).astype(np.int64)
+    axes = np.insert(_directions(), up, 0.0, axis=1)
+    axes = np.broadcast_to(axes, (len(cut), N_DIRECTIONS, 3))
+    if not config.keep_heading:
+        headings = segment_headings(motion, cut, root=root, up=up)
+        axes = rotations.rotate(np.repeat(headings[:, None], N_DIRECTIONS, axis=1), axes)
+    axes = np.repeat(axes, config.samples, axis=0)
+    frames = frames.ravel()
+    extents = support_extents(motion, ground, frames, axes)
+    margins = (extents - np.einsum("nkd,nd->nk", axes, points[frames])) / height
+    margins[np.isinf(extents) | ~is_loaded[frames, None]] = np.inf
+    shaped: FloatArray = margins.reshape(len(cut), config.samples, N_DIRECTIONS)
+    return shaped
+
+
+def zero_moment_shifts(base: FloatArray, donors: FloatArray, seconds: FloatArray) -> FloatArray:
+    """Return how donors move the zero-moment point, in heights, shape (n, n_samples, 2).
+
+    `base` and `donors` are results of `mass_offsets`, shape (n, n_samples, 2); `seconds` are the
+    durations of the base segments. The shift is d - (z/g) d̈, where d is the difference of the
+    offsets, smoothed by a Gaussian. Beyond both ends of the segment, d continues by point
+    reflection: it is a line and a sum of sines.
+    """
+    gaps = donors - base
+    times = np.linspace(0.0, 1.0, gaps.shape[1])[:, None]
+    line = gaps[:, :1] * (1.0 - times) + gaps[:, -1:] * times
+    modes = np.arange(1, len(times) - 1)
+    sines = np.sin(np.pi * times * modes)
+    squared_frequencies = np.square(np.pi * modes / seconds[:, None])
+    gains = np.exp(-0.5 * SMOOTHING_SECONDS**2 * squared_frequencies)
+    gains *= 1.0 + PENDULUM_TIME_SQUARED * squared_frequencies
+    amplitudes = np.linalg.inv(sines[1:-1]) @ (gaps - line)[:, 1:-1]
+    shifts: FloatArray = line + sines @ (gains[:, :, None] * amplitudes)
+    return shifts
+
+
+def added_imbalances(shifts: FloatArray, margins: FloatArray, rows: IntArray) -> FloatArray:
+    """Return by how much shifts raise the imbalance of base segments, shape (n,), 0 to 1.
+
+    The imbalance is the mean over the samples of 1 / (1 + exp(-d / `DISTANCE_SCALE`)), where d is
+    the distance of the zero-moment point to the support polygon, negative inside: about the share
+    of the time that the point is outside. `shifts` are those of `zero_moment_shifts`, and `rows`
+    the index of each base segment in `margins`, the result of `support_margins`. The result is 0 if
+    the imbalance falls.
+    """
+    axes = _directions()
+    known = _imbalances(-margins)
+    found = np.empty(len(shifts))
+    for start in range(0, len(shifts), _BATCH):
+        batch = slice(start, start + _BATCH)
+        excesses = shifts[batch] @ axes.T - margins[rows[batch]]
+        found[batch] = _imbalances(excesses) - known[rows[batch]]
+    return np.maximum(found, 0.0)
+
+
+def _imbalances(excesses: FloatArray) -> FloatArray:
+    """Return the imbalance from the distances beyond each half-plane, shape (n, n_samples, k)."""
+    distances = excesses.max(axis=2)
+    shares = 0.5 + 0.5 * np.tanh(distances / (2.0 * DISTANCE_SCALE))
+    means: FloatArray = shares.mean(axis=1)
+    return means
+
+
+def _smooth(tracks: FloatArray, sigma: float) -> FloatArray:
+    """Smooth tracks, shape (n_frames, n), by a Gaussian of `sigma` frames.
+
+    Beyond both ends they continue by point reflection, so the velocity there stays.
+    """
+    kernel = gaussian_kernel(sigma)
+    radius = len(kernel) // 2
+    padded = np.pad(tracks, ((radius, radius), (0, 0)), "reflect", reflect_type="odd")
+    return np.stack([np.convolve(track, kernel, "valid") for track in padded.T], axis=1)
+
+
+def _directions() -> FloatArray:
+    """Return unit vectors at equal angles, shape (N_DIRECTIONS, 2)."""
+    angles = 2.0 * np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)

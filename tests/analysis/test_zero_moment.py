@@ -1,0 +1,200 @@
+"""Properties of zero-moment shifts, support margins and added imbalances."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import expit
+
+from mograft import Config, Segments
+from mograft.analysis.embedding import normalise
+from mograft.analysis.zero_moment import (
+    N_DIRECTIONS,
+    added_imbalances,
+    mass_offsets,
+    support_margins,
+    zero_moment_shifts,
+)
+from mograft.body.contacts import Ground
+from mograft.body.mass import center_of_mass, mass_model
+from mograft.body.support_polygon import support_polygons
+from mograft.dancer import dance
+from mograft.evaluation.balance import dynamic_balance
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from tests.oracles import search as oracle
+from tests.strategies import SEEDS, few_examples
+
+CAPTURED = Config(keep_heading=True)
+CUT = Segments(np.array([0, 45, 90]), np.array([45, 90, 180]))
+ANGLES = 2.0 * np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
+AXES = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
+
+
+@few_examples(20)
+@given(SEEDS, st.floats(0.1, 2.0))
+def test_zero_moment_shifts_match_the_oracle(seed, seconds):
+    base, donors = 0.01 * np.random.default_rng(seed).normal(size=(2, 3, 10, 2))
+    expected = [oracle.zero_moment_shift(*pair, seconds) for pair in zip(base, donors, strict=True)]
+    found = zero_moment_shifts(base, donors, np.full(3, seconds))
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+
+
+@given(SEEDS, st.floats(0.05, 3.0), st.floats(-2.0, 2.0))
+def test_zero_moment_shifts_of_a_constant_displacement_are_the_displacement(seed, seconds, shift):
+    base = np.random.default_rng(seed).normal(size=(1, 10, 2))
+    displacement = np.array([shift, 0.5 * shift])
+    found = zero_moment_shifts(base, base + displacement, np.array([seconds]))
+    np.testing.assert_allclose(found, np.broadcast_to(displacement, found.shape), atol=1e-9)
+
+
+@given(SEEDS, st.floats(0.2, 2.0))
+def test_zero_moment_shifts_of_the_same_path_in_less_time_are_not_smaller(seed, seconds):
+    """The smoothing time is short against the duration, so acceleration outweighs smoothing."""
+    path = np.sin(np.pi * np.linspace(0.0, 1.0, 10))[:, None] * [1.0, 0.0]
+    path = np.random.default_rng(seed).uniform(0.1, 1.0) * path[None]
+    still = np.zeros_like(path)
+    slow, fast = zero_moment_shifts(
+        np.repeat(still, 2, 0), np.repeat(path, 2, 0), np.array([1.25 * seconds, seconds])
+    )
+    assert np.linalg.norm(fast) >= np.linalg.norm(slow)
+
+
+def margins_of(motion, config=CAPTURED):
+    ground = Ground.of(motion)
+    return support_margins(motion, CUT, ground, config, root=0, up=1)
+
+
+def test_support_margins_tell_points_inside_from_points_outside_of_the_polygon(motion):
+    """Points farther than 0.01 heights from the edge, about the zero-moment point of the base."""
+    margins = margins_of(motion).reshape(-1, N_DIRECTIONS)
+    balance = dynamic_balance(motion)
+    frames = np.rint(CUT.start[:, None] + CUT.lengths[:, None] * np.linspace(0, 1, 10))
+    distance = balance.distance[frames.ravel().astype(int)]
+    known = np.isfinite(margins).all(axis=1) & (np.abs(distance) > 0.02)
+    assert known.sum() > 10
+    np.testing.assert_array_equal((margins[known] < 0).any(axis=1), distance[known] > 0)
+
+
+def test_support_margins_are_distances_of_one_point_to_the_support_polygon(motion):
+    margins, support = margins_of(motion).reshape(-1, N_DIRECTIONS), support_polygons(motion)
+    frames = np.rint(CUT.start[:, None] + CUT.lengths[:, None] * np.linspace(0, 1, 10))
+    frames = frames.ravel().astype(int)
+    quarter = N_DIRECTIONS // 4
+    for margin, frame in zip(margins, frames, strict=True):
+        polygon = support.polygons[frame][: support.sizes[frame], ::-1]  # x, z
+        if not np.isfinite(margin).all():
+            continue
+        extents = (polygon @ AXES.T).max(axis=0) / support.height
+        # The zero-moment point of the base, from the margins along both axes.
+        base = extents[[0, quarter]] - margin[[0, quarter]]
+        np.testing.assert_allclose(extents - AXES @ base, margin, atol=1e-9)
+    assert support.axes == (2, 0)
+
+
+@given(st.floats(-3.0, 3.0))
+def test_support_margins_do_not_depend_on_position_and_heading(motion, angle):
+    expected = margins_of(motion, Config())
+    np.testing.assert_allclose(margins_of(moved(motion, angle), Config()), expected, atol=1e-9)
+
+
+def test_support_margins_are_infinite_in_flight(motion):
+    ground = Ground.of(motion)
+    lifted = replace(motion, positions=motion.positions + np.array([0.0, ground.height, 0.0]))
+    margins = support_margins(lifted, CUT, ground, Config(), root=0, up=1)
+    assert (margins == np.inf).all()
+
+
+@given(SEEDS, st.floats(0.0, 0.2))
+def test_added_imbalances_match_the_definition_for_support_of_a_disc(seed, size):
+    """The support is a disc of radius 0.1 about a point away from the base's zero-moment point."""
+    rng = np.random.default_rng(seed)
+    shifts, centers = size * rng.normal(size=(6, 10, 2)), 0.1 * rng.normal(size=(2, 10, 2))
+    margins, rows = 0.1 + centers @ AXES.T, rng.integers(0, 2, 6)
+
+    def imbalance(points, disc):
+        return expit((np.linalg.norm(points - centers[disc], axis=1) - 0.1) / 0.01).mean()
+
+    expected = [
+        imbalance(own, row) - imbalance(0 * own, row) for own, row in zip(shifts, rows, strict=True)
+    ]
+    found = added_imbalances(shifts, margins, rows)
+    # Every direction is within pi / 48 of a sampled one, so distances err by 0.2 % of the radius.
+    np.testing.assert_allclose(found, np.maximum(expected, 0.0), atol=0.02)
+
+
+@given(SEEDS)
+def test_added_imbalances_without_shift_or_support_are_zero(seed):
+    margins = np.random.default_rng(seed).normal(size=(3, 10, N_DIRECTIONS))
+    rows = np.arange(3)
+    assert (added_imbalances(np.zeros((3, 10, 2)), margins, rows) == 0.0).all()
+    flight = np.full(margins.shape, np.inf)
+    assert (added_imbalances(np.ones((3, 10, 2)), flight, rows) == 0.0).all()
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(strides=1).motion[:200]
+
+
+def sampled_offsets(motion, joints, root=0):
+    cut = CUT
+    height = mass_model(motion.skeleton).height
+    samples = normalise([motion], cut, Config(), root=root, up=1, heights=[height])
+    return cut, mass_offsets(samples, motion.skeleton, joints, root, 1)
+
+
+def test_mass_offsets_of_all_joints_are_those_of_the_center_of_mass(motion):
+    cut, offsets = sampled_offsets(motion, np.arange(motion.n_joints))
+    height = mass_model(motion.skeleton).height
+    center = (center_of_mass(motion) - motion.world_positions()[:, 0]) / height
+    for start, stop, found in zip(cut.start, cut.stop, offsets, strict=True):
+        turn = rotations.inverse(rotations.twist(motion.rotations[start : start + 1, 0], 1))
+        frames = np.arange(start, stop + 1, (stop - start) // 9)
+        expected = rotations.rotate(turn, center[frames])[:, [0, 2]]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_mass_offsets_of_disjoint_groups_add_up(motion):
+    joints = np.arange(motion.n_joints)
+    parts = [sampled_offsets(motion, part)[1] for part in (joints[:7], joints[7:])]
+    np.testing.assert_allclose(sum(parts), sampled_offsets(motion, joints)[1], atol=1e-12)
+
+
+def test_mass_offsets_do_not_depend_on_a_joint_above_the_root(motion):
+    known, n = motion.skeleton, motion.n_frames
+    plain = Skeleton(known.names, known.parents, known.offsets)
+    offsets = np.concatenate([np.zeros((1, 3)), known.offsets])
+    offsets[1] = [7.0, 0.0, 3.0]
+    skeleton = Skeleton(("World", *known.names), [-1, *(known.parents + 1)], offsets)
+    angles = np.linspace(0.0, 2.0, n)
+    turns = rotations.from_axis_angle([1.0, 0.0, 0.0], angles)[:, None]
+    quats = np.concatenate([turns, motion.rotations], axis=1)
+    quats[:, 1:2] = rotations.multiply(rotations.inverse(turns), motion.rotations[:, :1])
+    positions = np.broadcast_to(offsets, (n, len(offsets), 3))
+    below = Motion(skeleton, motion.frame_time, quats, positions)
+    by_itself = Motion(plain, motion.frame_time, motion.rotations, motion.positions)
+    joints = np.arange(5, motion.n_joints)
+    expected = sampled_offsets(by_itself, joints)[1]
+    np.testing.assert_allclose(sampled_offsets(below, joints + 1, root=1)[1], expected, atol=1e-9)
+
+
+def moved(motion, angle):
+    """The motion turned about the vertical axis and shifted over the floor."""
+    turn = rotations.from_axis_angle([0.0, 1.0, 0.0], np.array([angle]))
+    quats, positions = motion.rotations.copy(), motion.positions.copy()
+    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.array([100.0, 0.0, -30.0])
+    return replace(motion, rotations=quats, positions=positions)
+
+
+@given(st.floats(-3.0, 3.0))
+def test_mass_offsets_do_not_depend_on_position_and_heading(motion, angle):
+    joints = np.arange(5, motion.n_joints)
+    expected = sampled_offsets(motion, joints)[1]
+    np.testing.assert_allclose(
+        sampled_offsets(moved(motion, angle), joints)[1], expected, atol=1e-9
+    )
