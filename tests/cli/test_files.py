@@ -63,6 +63,7 @@ def test_groups_output_is_accepted_by_graft(run, folder, tmp_path):
     code, out, _ = run("groups", folder / "a.bvh", "--preset", "lower_torso_arms")
     assert code == 0
     assert "LeftForeArm" in out
+    assert run("groups", folder, "--preset", "lower_torso_arms")[1] == out
     path = tmp_path / "groups.toml"
     code, out, _ = run("groups", folder / "a.bvh", "-o", path)
     assert out.strip() == str(path)
@@ -144,9 +145,11 @@ def test_output_file_in_place_of_folder_returns_1(run, folder, tmp_path):
         assert code == 1
         assert f"{file} is a file; expected a folder" in err
     assert file.read_text() == "text"
-    code, _, err = run("view", folder, "-o", tmp_path, "--force")
+    page = tmp_path / "page.html"
+    page.mkdir()
+    code, _, err = run("view", folder, "-o", page, "--force")
     assert code == 1
-    assert f"{tmp_path}: is a folder, expected a file" in err
+    assert f"{page}: is a folder, expected a file" in err
 
 
 def test_library_in_place_of_files_is_refused(run, usage_error, folder, tmp_path):

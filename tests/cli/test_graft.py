@@ -287,6 +287,11 @@ def test_graft_scenario_options_set_length_path_and_clips(run, folder, tmp_path)
     assert {part["clip"] for part in parts} == {"b"}
     numbered = tmp_path / "numbered.bvh"
     assert run("graft", folder, "--scenario", "3,4,0", "-o", numbered)[0] == 0
+    code, out, _ = run("graft", folder, "--scenario", "4,3", "-o", tmp_path / "several", "-n", 2)
+    assert code == 0
+    for line in out.splitlines():
+        document = json.loads(Path(line).with_suffix(".json").read_text())
+        assert document["name"] == Path(line).stem
     assert len(json.loads(numbered.with_suffix(".json").read_text())["scenario"]["segments"]) == 3
 
 

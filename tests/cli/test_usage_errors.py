@@ -83,7 +83,7 @@ def test_main_number_out_of_range_names_option_and_range(capsys, command, option
     ],
 )
 def test_main_option_without_effect_is_usage_error(capsys, folder, tmp_path, words, message):
-    target = tmp_path / "new.png"
+    target = tmp_path / {"graft": "new", "view": "new.html"}.get(words.split()[0], "new.png")
     words = [word.format(folder / "a.bvh") for word in words.split()]
     with pytest.raises(SystemExit) as stop:
         main([*words, "-o", str(target)])

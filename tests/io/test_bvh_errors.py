@@ -236,9 +236,9 @@ REFUSALS = {
     "no frames at all": (
         TEXT[TEXT.index("Frames: 3") :],
         "Frames: 0\nFrame Time: 1\n",
-        19,
-        1,
-        "expected 1 frames, got the end of the file",
+        17,
+        9,
+        "expected at least 1 frame, got Frames: 0",
     ),
     "no rows": (TEXT[TEXT.index("0.0 90") :], "", 19, 1, "expected 3 frames, got the end of"),
     "channels doubled": (

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -121,6 +122,14 @@ def test_paper_table_names_existing_code():
                 value = getattr(value, part)
     for row in rows:
         assert re.search(r"`tests/[\w/]+\.py`", row), row
+
+
+def test_documentation_table_lists_every_extra():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    text = (ROOT / "docs" / "settings.md").read_text(encoding="utf-8").partition("## Extras")[2]
+    cells = [line.split("|")[1] for line in text.splitlines() if line.startswith("| `")]
+    listed = [name for cell in cells[1:] for name in re.findall(r"`([a-z]+)`", cell)]
+    assert sorted(listed) == sorted(project["optional-dependencies"])
 
 
 def test_documentation_builds_without_warnings(tmp_path):

@@ -194,7 +194,7 @@ def test_transitions_is_at_rest_marks_energy_minima(library, graph):
 
 @pytest.mark.filterwarnings("ignore:group")  # twenty frames are too few for an embedding
 def test_transitions_invalid_clips_raise_value_error(library):
-    with pytest.raises(ValueError, match="`clips` must name clips of the library, got 'waltz'"):
+    with pytest.raises(ValueError, match="`clips` must match at least one of dance; got 'waltz'"):
         transitions(library, "waltz")
     short = replace(library.clips[0][:20], name="short")
     with pytest.raises(ValueError, match=r"reachable from one another|needs transitions"):

@@ -264,7 +264,9 @@ COMMANDS = (
     command(
         "groups",
         "print the joint groups of a file as TOML, which can be edited and passed to --groups",
-        positional("file", "BVH file", is_path=True, metavar="FILE"),
+        positional(
+            "file", "BVH file, or a folder, whose first file is used", is_path=True, metavar="FILE"
+        ),
         setting(
             "--preset",
             "preset of joint groups (default: lower_upper)",

@@ -10,6 +10,7 @@ from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.options import PRESETS
 from mograft.cli.output import show_progress
 from mograft.config import Config, variety_fields
+from mograft.errors import suggest_name
 from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 
@@ -91,6 +92,7 @@ def selected_groups(options: argparse.Namespace) -> JointGroups | str:
     if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
         options.usage_error(
             f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}"
+            f"{suggest_name(name, PRESETS)}"
         )
     return JointGroups.from_toml(Path(name))
 

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from mograft.cli.files import check_writable
+from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_result, show_progress
 from mograft.cli.results import open_page, with_command, write_report
 from mograft.dancer import dance
@@ -18,6 +18,7 @@ _N_GRAFTS = 3
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    check_suffix(options, is_folder=True)
     folder: Path = options.output
     sample = folder / "dance.bvh"
     page = folder / "index.html"

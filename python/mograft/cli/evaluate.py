@@ -8,7 +8,7 @@ from pathlib import Path
 from mograft._util.atomic import write_text
 from mograft.cli.commands import EVALUATION_TOPICS, LABEL
 from mograft.cli.configuration import load_library
-from mograft.cli.files import check_writable
+from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.evaluation import evaluate, evaluation_page, label_items, label_page, read_labels
 from mograft.evaluation.report import summarize
@@ -24,6 +24,8 @@ def run(options: argparse.Namespace) -> int:
             options.usage_error(f"{LABEL} cannot be combined with {', '.join(_WORDS[:-1])}")
         return _write_label_page(options)
     folder: Path | None = options.output
+    if folder is not None:
+        check_suffix(options, is_folder=True)
     paths = [] if folder is None else [folder / "evaluation.json", folder / "index.html"]
     check_writable(paths, force=options.force)
     if folder is not None and find_spec("matplotlib") is None:

@@ -12,6 +12,13 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 
 _MAX_SHOWN_CLIPS = 12
+_EXPORTED = (".glb", ".usd", ".usda", ".usdc", ".mp4", ".gif", ".npz", ".csv")
+_FILE_SUFFIXES = (
+    *_EXPORTED,
+    *(".bvh", ".json", ".html", ".htm", ".txt", ".png", ".svg", ".pdf", ".toml", ".parquet"),
+    *(".gltf", ".fbx", ".usdz", ".mov", ".avi", ".c3d", ".amc", ".asf", ".zip"),
+)
+"""Suffixes of file formats, which the name of a folder does not have."""
 
 
 def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list[str]:
@@ -86,6 +93,22 @@ def frame_range(motion: Motion, given: Range | None) -> tuple[int, int]:
             f"{motion.name} ({motion.duration:.6g} s), got {first}-{last}"
         )
     return first, last
+
+
+def check_suffix(options: argparse.Namespace, *suffixes: str, is_folder: bool = False) -> None:
+    """End with a usage error if ``-o`` has a suffix that does not fit what is written.
+
+    `suffixes` are those of the files that the command can write. If `is_folder`, ``-o`` may also be
+    a folder, whose name may have any suffix that is not that of a known file format.
+    """
+    target: Path = options.output
+    suffix = target.suffix.lower()
+    if suffix in suffixes or (is_folder and (suffix not in _FILE_SUFFIXES or target.is_dir())):
+        return
+    file = f"a file that ends in {', '.join(suffixes)}"
+    expected = " or ".join(["a folder"] * is_folder + [file] * bool(suffixes))
+    hint = "" if suffix not in _EXPORTED else f"; mograft export writes {suffix} from a .bvh file"
+    options.usage_error(f"-o must be {expected}, got {target.name}{hint}")
 
 
 def check_writable(paths: Sequence[Path], *, force: bool) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from mograft.cli.configuration import load_library, options_given
 from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
-from mograft.cli.files import check_writable, expand_folders, library_folder
+from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
 from mograft.cli.output import print_error, print_remark, print_result
 from mograft.cli.replayed import replay_graft
 from mograft.cli.results import with_command, write_report
@@ -33,6 +33,7 @@ _MAX_SIGMA_SCALE = 4.0
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    check_suffix(options, ".bvh", is_folder=True)
     if getattr(options, "from") is not None:
         graft, path = replay_graft(options)
         _write_results([graft], [path], path.with_suffix(".html"), options)
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     if is_single:
         paths, page = [options.output], options.output.with_suffix(".html")
     else:
-        stem = Path(options.base or first).stem
+        stem = _base_stem(options, first)
         paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
         page = options.output / "index.html"
     files = [path.with_suffix(ending) for path in paths for ending in GRAFT_ENDINGS]
@@ -93,6 +94,17 @@ def _write_results(
         write_report(reported, paths[: len(reported)], page, columns[: len(reported)])
         document["report"] = str(page)
     print_result(options, "grafts", document, [page] if options.report else [])
+
+
+def _base_stem(options: argparse.Namespace, first: str) -> str:
+    """Return the name of the base motion, with which the names of the new motions begin.
+
+    `first` is the first file, or the name of the first clip of a library.
+    """
+    if options.scenario != "original":
+        return "scenario"
+    name: str = options.base or first
+    return Path(name).stem if Path(name).suffix.lower() == ".bvh" else Path(name).name
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:

@@ -5,16 +5,19 @@ from pathlib import Path
 
 from mograft._util.atomic import write_text
 from mograft.body.groups import JointGroups
-from mograft.cli.files import check_writable
+from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_result
 from mograft.io.bvh.reader import read_bvh
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    skeleton = read_bvh(options.file).skeleton
-    groups = JointGroups.preset(options.preset, skeleton)
     target: Path | None = options.output
+    if target is not None:
+        check_suffix(options, ".toml")
+    (file,) = expand_folders([options.file])[:1]
+    skeleton = read_bvh(file).skeleton
+    groups = JointGroups.preset(options.preset, skeleton)
     if target is not None:
         check_writable([target], force=options.force)
         target.parent.mkdir(parents=True, exist_ok=True)

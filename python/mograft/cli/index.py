@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any, ParamSpec, TypeVar
 
 from mograft.cli.configuration import options_given, selected_config, selected_groups
+from mograft.cli.files import check_suffix
 from mograft.cli.lib import describe_library
 from mograft.cli.output import describe_excluded_file, print_remark, print_result, show_progress
 from mograft.errors import join_names
@@ -23,6 +24,7 @@ T = TypeVar("T")
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    check_suffix(options, is_folder=True)
     if options.add:
         fixed = options_given(options, "groups", "preset", "sigma_scale", "rate", "force")
         if fixed:

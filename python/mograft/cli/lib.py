@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mograft.cli.files import check_writable
+from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import describe_excluded_file, print_remark, print_result
 from mograft.library import storage
 from mograft.library.clip_table import ClipInfo
@@ -107,6 +107,10 @@ def _verify_sources(folder: Path) -> list[str]:
 
 def run_export(options: argparse.Namespace) -> int:
     """Run ``lib export``."""
+    if options.kind == "npz":
+        check_suffix(options, ".npz")
+    else:
+        check_suffix(options, is_folder=True)
     library = Library.open(options.library)
     check_writable([options.output], force=options.force)
     options.output.parent.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,13 @@ import argparse
 from pathlib import Path
 
 from mograft.cli.configuration import refuse_fixed_options, selected_groups
-from mograft.cli.files import check_writable, expand_folders, library_folder, select_clips
+from mograft.cli.files import (
+    check_suffix,
+    check_writable,
+    expand_folders,
+    library_folder,
+    select_clips,
+)
 from mograft.cli.output import print_result
 from mograft.cli.results import open_page
 from mograft.library.library import Library
@@ -15,6 +21,7 @@ from mograft.viewing.scene import Scene
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     if options.output is not None:
+        check_suffix(options, ".html", ".htm")
         check_writable([options.output], force=options.force)
     folder = library_folder(options)
     if options.clip and folder is None:

@@ -15,6 +15,7 @@ from mograft.analysis.segmentation import Segments
 from mograft.body.contacts import find_legs
 from mograft.body.groups import JointGroups
 from mograft.config import Config
+from mograft.errors import suggest_name
 from mograft.library.clip_table import ClipInfo
 from mograft.library.segment_balance import LibraryBalance
 from mograft.library.spec import LibrarySpec
@@ -225,4 +226,5 @@ class LibraryData:
 
 def _check_group(group: str, groups: Mapping[str, object]) -> None:
     if group not in groups:
-        raise ValueError(f"`group` must be one of {', '.join(groups)}, got {group!r}")
+        hint = suggest_name(group, groups)
+        raise ValueError(f"`group` must be one of {', '.join(groups)}, got {group!r}{hint}")

@@ -11,7 +11,7 @@ from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
 from mograft.analysis.segmentation import Segments, segment
 from mograft.config import Config
-from mograft.errors import join_names
+from mograft.errors import join_names, suggest_name
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import (
     cluster_groups,
@@ -157,7 +157,10 @@ class DerivableLibrary(LibraryData):
         if isinstance(base, str):
             names = list(self.names)
             if base not in names:
-                raise ValueError(f"`base` must be a clip, one of {join_names(names)}; got {base!r}")
+                hint = suggest_name(base, names)
+                raise ValueError(
+                    f"`base` must be a clip, one of {join_names(names)}; got {base!r}{hint}"
+                )
             return self, names.index(base)
         check_type("base", base, Motion)
         self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol, TypedDict
 import numpy as np
 
 from mograft.config import Config
-from mograft.errors import join_names
+from mograft.errors import SkeletonMismatchError, join_names
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
 from mograft.library.discover import (
@@ -28,7 +28,13 @@ from mograft.library.ingest import (
     ingest_all,
     read_properties,
 )
-from mograft.library.spec import ClipProperties, LibrarySpec, choose_spec, rates_match
+from mograft.library.spec import (
+    ClipProperties,
+    LibrarySpec,
+    choose_spec,
+    has_same_hierarchy,
+    rates_match,
+)
 
 _MAX_SAMPLED_CLIPS = 9
 """Clips from which the library specification is guessed before all clips are read."""
@@ -202,7 +208,27 @@ class IngestRun:
             self.errors[result.label] = result.error
             if result.properties is None and self.strict:
                 raise result.error
+        self._name_reference_clip(clips, properties, spec)
         return properties
+
+    def _name_reference_clip(
+        self,
+        clips: Sequence[PendingClip],
+        properties: Sequence[tuple[ClipOrder, ClipProperties]],
+        spec: LibrarySpec,
+    ) -> None:
+        """Add to the errors of clips with another hierarchy which clip has that of `spec`."""
+        fitting = {
+            order for order, own in properties if has_same_hierarchy(own.skeleton, spec.skeleton)
+        }
+        label = next((c.task().label for c in clips if c.found and c.order in fitting), None)
+        if label is None:
+            return
+        more = f" and {len(fitting) - 1} more" if len(fitting) > 1 else ""
+        remedy = f", unlike {label}{more}; each library or graft takes clips of one hierarchy"
+        for refused, error in self.errors.items():
+            if isinstance(error, SkeletonMismatchError):
+                self.errors[refused] = SkeletonMismatchError(f"{error}{remedy}")
 
     def choose_spec(self, properties: Sequence[tuple[ClipOrder, ClipProperties]]) -> LibrarySpec:
         """Choose the library specification; the order of ingest does not affect it."""

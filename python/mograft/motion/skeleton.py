@@ -16,7 +16,7 @@ from mograft._util.arrays import (
     as_vectors,
     set_fields,
 )
-from mograft.errors import SkeletonMismatchError, join_names
+from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 
@@ -204,7 +204,8 @@ class Skeleton:
         """
         found = [joint for joint, known in enumerate(self.names) if known == name]
         if not found:
-            raise ValueError(f"no joint is named {name!r} in {', '.join(self.names)}")
+            hint = suggest_name(name, self.names) or f" in {join_names(self.names)}"
+            raise ValueError(f"no joint is named {name!r}{hint}")
         if len(found) > 1:
             raise ValueError(f"expected one joint named {name!r}, got joints {found}")
         return found[0]

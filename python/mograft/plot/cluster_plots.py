@@ -7,6 +7,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.clustering import linkage
 from mograft.analysis.embedding import Embedding
+from mograft.errors import suggest_name
 from mograft.io.palette import PALETTE
 from mograft.library.library import Library
 from mograft.plot.figure_axes import cluster_colour, ensure_axes
@@ -198,7 +199,8 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
 def _labels(library: Library, group: str | None) -> tuple[str, IntArray]:
     name = library.groups.base if group is None else group
     if name not in library.labels:
-        raise ValueError(f"`group` must be one of {', '.join(library.labels)}, got {name!r}")
+        hint = suggest_name(name, library.labels)
+        raise ValueError(f"`group` must be one of {', '.join(library.labels)}, got {name!r}{hint}")
     return name, library.labels[name]
 
 

@@ -91,7 +91,7 @@ def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
         rotations=np.repeat(clip.rotations[[frame]], n_frames, axis=0),
         positions=np.repeat(clip.positions[[frame]], n_frames, axis=0),
         channel_values=None,
-        name=f"{clip.name}_scenario",
+        name="scenario",
         path=None,
         repairs=(),
     )

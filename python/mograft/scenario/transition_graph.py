@@ -7,6 +7,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.scenario.segment_ends import SegmentEnds, segment_ends, transition_costs
@@ -189,7 +190,10 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
         for pattern in patterns:
             matches = [fnmatchcase(name, pattern) or name == pattern for name in names]
             if not any(matches):
-                raise ValueError(f"`clips` must name clips of the library, got {pattern!r}")
+                raise ValueError(
+                    f"`clips` must match at least one of {join_names(names)}; got {pattern!r}"
+                    f"{suggest_name(pattern, names)}"
+                )
             is_named |= matches
         segments = segments[is_named[library.segments.clip[segments]]]
     if len(segments) > _MAX_SEGMENTS:

@@ -10,7 +10,7 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.validate import as_integer, check_not_negative, check_positive, is_integer
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
-from mograft.errors import join_names
+from mograft.errors import join_names, suggest_name
 from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
 
 
@@ -68,6 +68,7 @@ class _ClipConstraint(Constraint):
             if not any(matches):
                 raise ValueError(
                     f"`clips` must match at least one of {join_names(names)}; got {pattern!r}"
+                    f"{suggest_name(pattern, names)}"
                 )
             selected |= matches
         for tag in _as_names(self.tags):

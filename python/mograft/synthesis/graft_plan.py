@@ -11,6 +11,7 @@ from mograft._util.arrays import IntArray, as_indices
 from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.body.contacts import detect_contacts, find_legs
 from mograft.config import Config
+from mograft.errors import suggest_name
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -236,7 +237,7 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
         if name not in others:
             raise ValueError(
                 f"`swap` must name groups other than the base group {base!r}, got {name!r}: "
-                f"choose from {', '.join(others)}"
+                f"choose from {', '.join(others)}{suggest_name(name, others)}"
             )
     if not wanted:
         raise ValueError(f"`swap` must name at least one of {', '.join(others)}; got none")

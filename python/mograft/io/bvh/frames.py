@@ -137,10 +137,12 @@ class _LineCheck:
         """
         self.add(np.array([0]), 0)
         cursor, declared, width = self._cursor, self._header.n_frames, self._width
+        if not self._n_numbers and not declared:
+            cursor.fail("expected at least 1 frame, got Frames: 0", self._header.frames_position)
         if not self._n_numbers:
             cursor.skip_white_space()
             word = describe_word(cursor.take_word())
-            cursor.fail(f"expected {max(declared, 1)} frames, got {word}")
+            cursor.fail(f"expected {declared} frames, got {word}")
         n_frames, n_left = divmod(self._n_numbers, width)
         is_declared = self._n_numbers == declared * width
         position = (self._straddling_line or self._wrapped_line or self._joined_line, 1)

@@ -1,0 +1,123 @@
+"""Typical mistakes on the command line: exit code, message, and that nothing is written."""
+
+import pytest
+
+from mograft import write_bvh
+from mograft.cli import main
+from mograft.dancer import dance
+
+USAGE, RUNTIME, INVALID, INFEASIBLE = 2, 1, 3, 4
+
+MISTAKES = [
+    # Names
+    ("grapht a.bvh -o x", USAGE, "got 'grapht'; did you mean 'graft'?"),
+    ("lib verfy lib", USAGE, "got 'verfy'; did you mean 'verify'?"),
+    ("graft a.bvh -o x --varity 1", USAGE, "no option --varity; did you mean '--variety'?"),
+    ("graft a.bvh -o x --seam ofset", USAGE, "got 'ofset'; did you mean 'offset'?"),
+    ("graft a.bvh -o x --reach 9:LeftHnd:0,90,0", RUNTIME, "'LeftHnd'; did you mean 'LeftHand'?"),
+    ("graft a.bvh b.bvh -o x --base c.bvh", RUNTIME, "--base must be a clip, one of a, b"),
+    ("graft lib -o x --base walkk", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
+    ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
+    ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match one of a; got 'aa'"),
+    ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be omitted: no clip has"),
+    ("graft a.bvh -o x --take 3=aa:0-9", RUNTIME, "got 'aa'; did you mean 'a'?"),
+    ("candidates lib --segment 1 --clip walkk", RUNTIME, "--clip must be one of dance, walk; got"),
+    ("candidates a.bvh --segment 1 --group uper", RUNTIME, "got 'uper'; did you mean 'upper'?"),
+    ("plot pca a.bvh -o x.png --group lowr", RUNTIME, "got 'lowr'; did you mean 'lower'?"),
+    ("view lib --clip walkk -o x.html", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
+    ("graft a.bvh -o x --groups lower_uper", USAGE, "lower_uper; did you mean 'lower_upper'?"),
+    ("graft a.bvh -o x --scenario graph --among wlk", RUNTIME, "`clips` must match"),
+    # Files
+    ("info none.bvh", RUNTIME, "none.bvh: No such file or directory"),
+    ("graft empty -o x", RUNTIME, "empty: no BVH file in this folder"),
+    ("info broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
+    ("graft zero.bvh -o x", INVALID, "zero.bvh:113:9: expected at least 1 frame, got Frames: 0"),
+    ("graft a.bvh other.bvh -o x", RUNTIME, "has also LeftElbow, unlike"),
+    ("graft one.bvh -o x", RUNTIME, "must have at least 2 frames, got 1"),
+    ("graft lib a.bvh -o x", USAGE, "expected one library or BVH files, got both"),
+    ("export lib -o x.glb", RUNTIME, "lib is a library; expected BVH files"),
+    ("lib info empty", RUNTIME, "empty"),
+    ("check broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
+    # Outputs
+    ("graft a.bvh", USAGE, "required: -o/--output"),
+    ("graft a.bvh -o x.glb", USAGE, "-o must be a folder or a file that ends in .bvh, got x.glb; "
+     "mograft export writes .glb from a .bvh file"),
+    ("graft a.bvh -o x.bvh -n 3", USAGE, "-o must be a folder if -n is above 1"),
+    ("view a.bvh -o x.txt", USAGE, "-o must be a file that ends in .html, .htm, got x.txt"),
+    ("export a.bvh -o x.fbx", USAGE, "-o cannot be .fbx: write .glb or .bvh"),
+    ("index a.bvh -o x.bvh", USAGE, "-o must be a folder, got x.bvh"),
+    ("lib export lib --npz -o x.csv", USAGE, "-o must be a file that ends in .npz, got x.csv"),
+    ("groups a.bvh -o x.json", USAGE, "-o must be a file that ends in .toml, got x.json"),
+    ("graft a.bvh -o b.bvh", RUNTIME, "b.bvh exists; use --force to overwrite"),
+    ("graft a.bvh -o a.bvh/x", RUNTIME, "a.bvh is a file; expected a folder"),
+    ("index a.bvh -o lib", RUNTIME, "lib: exists; --force"),
+    # Values
+    ("graft a.bvh -o x -n 0", USAGE, "--count: must be an integer of at least 1, got 0"),
+    ("graft a.bvh -o x --variety 5", USAGE, "--variety: must be a number from 0 to 1, got 5"),
+    ("graft a.bvh -o x --keep 90", USAGE, "--keep: expected FIRST-LAST"),
+    ("graft a.bvh -o x --keep 9000-9100", RUNTIME, "frames of --keep must be within 0-299"),
+    ("graft a.bvh -o x --keep 500s-510s", RUNTIME, "frames of --keep must be within 0-299"),
+    ("candidates a.bvh --segment 9999", RUNTIME, "--segment must be 0 to"),
+    ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 in clip a, got 2970"),
+    ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
+    ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
+    ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected 4 numbers separated by commas"),
+    ("graft a.bvh -o x --scenario graph --base b.bvh", USAGE, "--base cannot be combined with"),
+    ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
+    ("graft lib -o x --groups lower_torso_arms", USAGE, "--groups is fixed when"),
+    ("graft a.bvh -o x --variety 1 --sigma-scale 2", USAGE, "--variety sets --sigma-scale"),
+    # Constraints that nothing satisfies
+    ("graft a.bvh -o x --reach 9:LeftHand:0,9999,0", INFEASIBLE, "1 of 1 motions violate"),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def mistakes_folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mistakes")
+    motion = dance(seed=1, strides=1).motion
+    write_bvh(motion[:300], folder / "a.bvh")
+    write_bvh(motion[300:600], folder / "b.bvh")
+    write_bvh(motion[:1], folder / "one.bvh")
+    text = (folder / "a.bvh").read_text()
+    (folder / "other.bvh").write_text(text.replace("LeftForeArm", "LeftElbow"))
+    (folder / "broken.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
+    head = text[: text.index("Frames:")]
+    (folder / "zero.bvh").write_text(f"{head}Frames: 0\nFrame Time: 0.033\n")
+    (folder / "empty").mkdir()
+    sources = [folder / "clips" / f"{name}.bvh" for name in ("dance", "walk")]
+    sources[0].parent.mkdir()
+    for source, frames in zip(sources, (motion[:300], motion[300:600]), strict=True):
+        write_bvh(frames, source)
+    assert main(["index", *map(str, sources), "-o", str(folder / "lib")]) == 0
+    return folder
+
+
+def contents(folder):
+    """Return the bytes of all files by path, and None for folders."""
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"), MISTAKES, ids=[" ".join(row[0].split()) for row in MISTAKES]
+)
+def test_mistake_has_message_and_exit_code_and_writes_nothing(
+    mistakes_folder, monkeypatch, capsys, words, code, message
+):
+    monkeypatch.chdir(mistakes_folder)
+    before = contents(mistakes_folder)
+    try:
+        found = main(words.split())
+    except SystemExit as stop:
+        found = stop.code
+    out, err = capsys.readouterr()
+    assert found == code, err
+    assert message in err.splitlines()[-1]
+    assert err.splitlines()[-1].startswith("error: ")
+    assert sum(line.startswith("usage: ") for line in err.splitlines()) == (code == USAGE)
+    assert "Traceback" not in err
+    assert out == ""
+    assert contents(mistakes_folder) == before
+
+
+def test_mistakes_are_at_least_forty_different_ones():
+    assert len({row[0] for row in MISTAKES}) == len(MISTAKES) >= 40
