@@ -151,16 +151,15 @@ class DefectMeasure:
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
     ) -> list[FloatArray]:
         """Return the amounts of world jerk by piece; 0 unless at or next to a substitution."""
-        cut, (base, limits) = self.problem.base_segments, self._base_jerk
-        jerk = world_jerk(motion, self._driven_joints)
+        cut, jerk = self.problem.base_segments, world_jerk(motion, self._driven_joints)
         found = []
         for piece, shift in zip(pieces, shifts, strict=True):
             begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
             # A third difference reaches from one frame before to two behind.
-            frames = np.arange(begin + 1, max(end - 1, begin + 2))
+            first, stop = begin + 1, max(end - 1, begin + 2)
+            ratios = jerk[first + shift : stop + shift] / self._jerk_references[first:stop]
             amounts = np.zeros(end - begin + 1)
-            references = np.maximum(limits, base[frames])
-            amounts[frames - begin] = (jerk[frames + shift] / references).max(axis=1, initial=0.0)
+            amounts[1 : stop - begin] = ratios.max(axis=1, initial=0.0)
             starts = cut.start[piece.first : piece.stop] - begin
             greatest = np.maximum.reduceat(amounts, starts)
             found.append(np.where(dilate(self._is_changed(piece)), greatest, 0.0))
@@ -184,8 +183,8 @@ class DefectMeasure:
         return feature_joints(self.problem.base.skeleton, driven)
 
     @cached_property
-    def _base_jerk(self) -> tuple[FloatArray, FloatArray]:
-        """The world jerk of the base, (n_frames, n_joints), and the limits, (n_joints,)."""
+    def _jerk_references(self) -> FloatArray:
+        """The greater of the base's world jerk and the limit of a joint, (n_frames, n_joints)."""
         base, joints = self.problem.base, self._driven_joints
 
         def compute() -> tuple[FloatArray, FloatArray]:
@@ -195,4 +194,5 @@ class DefectMeasure:
 
         jerk, percentiles = remember(base, ("jerk", joints.tobytes()), compute)
         least = _LEAST * mass_model(base.skeleton).height
-        return jerk, np.maximum(MAX_JERK_RATIO * percentiles, least)
+        limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
+        return np.maximum(limits, jerk)
