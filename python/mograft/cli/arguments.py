@@ -38,7 +38,7 @@ class Argument:
 
     @property
     def all_flags(self) -> tuple[str, ...]:
-        """The flags; for a switch that can be turned off also the flag that does so."""
+        """All flags, with ``--no-NAME`` if the option has this opposite."""
         if self.keywords.get("action") is not argparse.BooleanOptionalAction:
             return self.flags
         return (*self.flags, f"--no-{self.name}")
@@ -123,7 +123,8 @@ def option(
 
     `usage` holds the flags and may end with the placeholder that ``--help`` shows for the value,
     as in ``"-j --jobs N"``. `convert` parses the text of the value. `is_path` makes the shell
-    complete it as a file name. `keywords` are passed to `argparse.ArgumentParser.add_argument`.
+    complete the value as a file name. `keywords` are passed to
+    `argparse.ArgumentParser.add_argument`.
     """
     words = usage.split()
     flags = tuple(word for word in words if word.startswith("-"))

@@ -102,7 +102,10 @@ def _number_in_clip(library: Library, candidate: Candidate) -> int:
 
 
 def _table(library: Library, found: Candidates, segment: int) -> list[str]:
-    """Return one line for each candidate; ``=`` marks the base segment itself."""
+    """Return one line for each candidate, and one with the number of all other segments.
+
+    ``=`` marks the base segment itself, ``+`` an allowed and ``-`` a refused candidate.
+    """
     candidates = (*found.allowed, *found.refused)
     names = [library.entries[candidate.clip].name for candidate in candidates]
     width = max((len(name) for name in names), default=0)

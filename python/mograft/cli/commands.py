@@ -126,8 +126,8 @@ _GRAFT = command(
     files_argument("one library, or BVH files; with --from not required", "LIB|FILE", nargs="*"),
     option(
         "--from JSON",
-        "provenance of a graft, the .json file beside it: make this graft again, with the same "
-        "bytes; LIB|FILE is needed only if files have moved",
+        ".json file of a graft, which is created again with the same bytes; LIB|FILE is needed "
+        "only if files have moved",
         is_path=True,
     ),
     INCLUDE_GRAFTS,
@@ -166,8 +166,8 @@ _GRAFT = command(
     config_option("feet", "foot planting", "auto", paper="never"),
     setting_flag(
         "--self-repair",
-        "whether to replace donors near frames whose acceleration or jerk exceeds that of the "
-        "recordings (default: on; with --preset paper: off)",
+        "whether to replace donors at frames at which the acceleration or jerk of a motion exceeds "
+        "that of the recordings (default: on; with --preset paper: off)",
     ),
     setting_switch("--report", "also write an HTML page that describes the motions"),
     setting_switch(
@@ -192,9 +192,10 @@ _GRAFT = command(
 )
 _EVALUATE = command(
     "evaluate",
-    "measure enrichment, balance, naturalness, quality and detectability of grafts",
+    "count the possible combinations, and measure the quality and naturalness of grafts",
     files_argument(
-        "one library, or BVH files; words such as balance select what to measure", "LIB|FILE"
+        "one library, or BVH files; additional words such as balance select what to measure",
+        "LIB|FILE",
     ),
     INCLUDE_GRAFTS,
     output_option(
@@ -241,7 +242,7 @@ _EVALUATE = command(
 COMMANDS = (
     command(
         "demo",
-        "run all stages on a generated sample dance",
+        "create a sample dance, three grafts and a page that shows them",
         output_option("folder for the files (default: demo)", default=Path("demo")),
         switch("--open", "open the page in the browser"),
         JSON,
@@ -298,8 +299,8 @@ COMMANDS = (
         ),
         repeated_option(
             "--true-rate CLIP=FPS",
-            "correct frame rate of a clip whose file contains a wrong one; CLIP may be a glob; may "
-            "be repeated",
+            "true frame rate of a clip whose file contains a wrong frame rate; CLIP may be a glob; "
+            "may be repeated",
         ),
         option(
             "--tags CSV",

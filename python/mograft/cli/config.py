@@ -28,8 +28,9 @@ def run_show(options: argparse.Namespace) -> int:
 
 
 def _collect(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return one dict per setting: its command, name, value and origin.
+    """Return one dict per setting, with the keys command, name, value and origin.
 
+    The origin is the file or environment variable that sets the value, or ``"default"``.
     `options.only` limits the settings to those of one command.
     """
     names = [command.name for command in options.commands]

@@ -40,10 +40,11 @@ def options_given(options: argparse.Namespace, *names: str) -> list[str]:
 def refuse_useless_options(
     options: argparse.Namespace, uses: Mapping[str, Sequence[str]], value: str, shown: str
 ) -> None:
-    """End with a usage error if an option that is given has no effect for `value`.
+    """End with a usage error if an option on the command line has no effect.
 
-    `uses` maps the name of each option to the values for which it has an effect. The message
-    shows `shown` instead of `value`.
+    `value` is the choice on which the effect depends, such as a kind of picture. `uses` maps the
+    name of each option to the choices with which it has an effect. The message contains
+    `shown` instead of `value`.
     """
     for name in options_given(options, *uses):
         if value not in uses[name]:

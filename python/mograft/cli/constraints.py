@@ -67,7 +67,7 @@ def read_constraints(
 
 
 def _check_names(options: argparse.Namespace, library: Library) -> None:
-    """Raise ValueError if an option for clips or tags of donors names none of the library."""
+    """Raise ValueError if a clip or tag in the options for donors is not in the library."""
     tags = sorted({tag for entry in library.entries for tag in entry.tags})
     for option, names in (("only_from", library.names), ("not_from", library.names)):
         for word in _words(getattr(options, option)):

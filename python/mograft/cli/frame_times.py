@@ -46,7 +46,7 @@ def frames(text: str) -> Range:
 
 
 def frame_or_frames(text: str) -> Range:
-    """Read a frame, as a range of one frame, or a range."""
+    """Read a frame or a range of frames; return a single frame as a range of one frame."""
     if "-" in text:
         return frames(text)
     return frame(text), frame(text)
@@ -64,10 +64,10 @@ def frame_count(text: str) -> Frame:
 
 
 def resolve_frame(given: Frame, rate: float) -> int:
-    """Return the number of a frame; `rate` is in frames per second. Times are rounded."""
+    """Return the index of a frame; a time is rounded to a frame at `rate` frames per second."""
     return round(given.value * rate) if isinstance(given, Seconds) else given
 
 
 def resolve_frames(given: Range, rate: float) -> tuple[int, int]:
-    """Return the numbers of the first and last frame of a range."""
+    """Return the indices of the first and last frame of a range; see `resolve_frame`."""
     return resolve_frame(given[0], rate), resolve_frame(given[1], rate)

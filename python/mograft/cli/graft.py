@@ -179,7 +179,7 @@ def _make_grafts(
 def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
     """Print the constraints that each graft violates; return whether there are any.
 
-    The last line states whether the grafts are written, which is so if `best_effort` is true.
+    The last line states whether the grafts are written. They are written if `best_effort` is true.
     """
     violating = [graft for graft in grafts if graft.violations]
     messages = [

@@ -167,9 +167,10 @@ def parse(
     """Parse the words `arguments` of a command line (default: ``sys.argv[1:]``).
 
     Options that are not given take their values from environment variables, otherwise from the
-    configuration file, otherwise from their defaults. The result has the additional attributes
-    ``commands``, which is the argument, ``words``, the command line, and ``origins``, which maps
-    each option that the file or a variable set to the name of this file or variable.
+    configuration file, otherwise from their defaults. The result has three additional attributes.
+    ``commands`` holds the argument `commands`. ``words`` holds the words of the command line.
+    ``origins`` maps the options that a variable or the file sets to the name of that variable or
+    file.
     """
     parsers = build_parsers(commands)
     words = sys.argv[1:] if arguments is None else arguments

@@ -72,7 +72,9 @@ def _draw(options: argparse.Namespace) -> "Axes":
     if folder is not None:
         refuse_fixed_options(options, "groups")
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
-        options.usage_error("--clip can be used only with a library and strip, timeline or energy")
+        options.usage_error(
+            "--clip requires a library, and one of the kinds strip, timeline and energy"
+        )
     refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups = _single_motion(options, folder)

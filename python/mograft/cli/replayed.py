@@ -12,7 +12,7 @@ from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.replay import replay
 
 _OUTPUT_OPTIONS = ("files", "from", "output", "report", "measure", "json", "force")
-"""What may be given with ``--from``: everything else is that of the provenance."""
+"""Arguments that may be given with ``--from``; the provenance sets all others."""
 
 
 def check_replay_options(options: argparse.Namespace) -> None:

@@ -14,7 +14,7 @@ from mograft.viewing.report import report_page
 
 
 def with_command(graft: Graft, options: argparse.Namespace, sources: Sequence[str]) -> Graft:
-    """Return a graft whose request has the command line and the files that it names."""
+    """Return a copy of a graft whose `request` holds the command line and the files `sources`."""
     command = shlex.join(options.words)
     return replace(graft, request=replace(graft.request, command=command, sources=tuple(sources)))
 

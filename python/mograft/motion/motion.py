@@ -119,7 +119,8 @@ class Motion:
         chosen = range(*frames.indices(self.n_frames))
         if not chosen:
             raise ValueError(
-                f"motion[{frames.start}:{frames.stop}] selects no frame of {self.n_frames}"
+                f"motion[{frames.start}:{frames.stop}] selects none of the frames 0 to "
+                f"{self.n_frames - 1}"
             )
         values = self.channel_values
         return replace(
@@ -216,9 +217,10 @@ class Motion:
         """Return the channel values as a file stores them, shape (n_frames, n_channels).
 
         Order and units are those of the file; angles are in degrees. Numbers in `channel_values`
-        are returned unchanged. Values that are NaN or absent there are derived from the rotations
-        and translations, for all angles of a joint in a frame if one of them is missing. Of
-        equivalent angles, those nearest to the previous frame are returned.
+        are returned unchanged. NaN, or all values if `channel_values` is None, are derived from the
+        rotations and translations. If one angle of a joint in a frame is NaN, all angles of that
+        joint in that frame are derived. Of equivalent angles, those nearest to the previous frame
+        are returned.
         """
         n_frames, skeleton = self.n_frames, self.skeleton
         known = self.channel_values
@@ -258,7 +260,8 @@ def world_transforms(
 def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:
     """Return `angles`, in degrees, with all rows that contain NaN computed from `quats`.
 
-    The Euler angles nearest to the previous frame are chosen. `order` is that of the columns.
+    Of equivalent Euler angles, those nearest to the previous frame are chosen. `order`, such as
+    ``"ZXY"``, names the rotation axes of the columns of `angles`.
     """
     filled = angles.copy()
     unknown = np.asarray(np.isnan(angles).any(axis=1))

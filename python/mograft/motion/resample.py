@@ -140,11 +140,11 @@ def resample_segment_positions(
 
 
 def sample_clips(tracks: Sequence[FloatArray], clips: IntArray, times: FloatArray) -> FloatArray:
-    """Return values of clips at n times in frames, by the curves of `cubic` through each clip.
+    """Return values of clips at n times, by the curves of `cubic` through each clip.
 
     `tracks` are the rotations or translations of each clip, shape (n_frames, n_joints, 4 or 3);
-    they are not checked. `clips`, shape (n,), are indices into them. The result has shape
-    (n, n_joints, 4 or 3).
+    they are not checked. `clips`, shape (n,), are indices into `tracks`. `times`, shape (n,), are
+    in frames from the start of the clip. The result has shape (n, n_joints, 4 or 3).
     """
     return _core.sample_clips([np.ascontiguousarray(track) for track in tracks], clips, times)
 

@@ -56,7 +56,8 @@ def _encode_figure(
 ) -> dict[str, Any]:
     """Return a figure as a dict for JSON, with every `step`-th frame.
 
-    The names of its donor clips that `donors` lacks are added there, with consecutive numbers.
+    `donors` maps names of donor clips to numbers. The function adds the figure's donor clips that
+    `donors` lacks, with the next numbers.
     """
     stored = skeleton.positions[::step]
     unit, path, pose = quantize(stored, skeleton.root, skeleton.height)

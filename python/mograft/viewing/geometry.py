@@ -80,7 +80,7 @@ class DrawnSkeleton:
 def node_parents(motion: Motion) -> list[int]:
     """Return the index of the parent of each joint, then of each end site; -1 without a bone.
 
-    No bone ends at the root of the hierarchy, and none starts at a joint above the hips.
+    No bone ends at the root of the hierarchy, and none starts at an ancestor of the hips.
     """
     skeleton = motion.skeleton
     carriers = root_carriers(skeleton)
@@ -91,8 +91,8 @@ def node_parents(motion: Motion) -> list[int]:
 def node_positions(motion: Motion) -> FloatArray:
     """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3).
 
-    Nodes without a bone, such as a root on the floor, have the position of the hips: their own may
-    be far from the body and below its floor.
+    Nodes at no end of a bone, such as a root on the floor, get the position of the hips, because
+    their true position may be far from the body.
     """
     turns, joints = motion.world_transforms()
     sites = [

@@ -100,8 +100,10 @@ def view(
     *items : Motion, Graft, Library, Scene, or path of a BVH file
         What to show. A graft is shown after its base. A motion that occurs twice is shown once.
     groups : JointGroups or str, optional
-        The joint groups that set the colours of motions, or the name of a preset. Default:
-        those of the grafts and libraries with the same skeleton, else trunk, arms and legs.
+        The joint groups that set the colours of motions, or the name of a preset. Default: the
+        groups of the first library with the same joint names (an item, or the library of a
+        graft), otherwise trunk, arms and legs. Grafts and clips of these libraries always have
+        the colours of their library's groups, and the figures of a scene keep their colours.
     title : str, optional
         Title of the page. Default: the names of the first three figures.
     show : bool, optional

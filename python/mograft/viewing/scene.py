@@ -90,13 +90,15 @@ class Scene:
         items: "Iterable[Motion | Graft | Library | Scene]",
         groups: JointGroups | str | None = None,
     ) -> "Scene":
-        """Return a scene of motions, of grafts with their bases, and of all clips of libraries.
+        """Return a scene of the figures of motions, grafts, libraries and other scenes.
 
-        The base of a graft precedes the graft. The scene contains each motion once. `groups`, joint
-        groups or the name of a preset, set the colours of motions. By default, these are the groups
-        of a graft or library among the items that has the same skeleton, otherwise trunk, arms and
-        legs. Raise a TypeError if an item has another type, and a ValueError if there is no item or
-        the groups do not fit a skeleton.
+        A graft adds its base and then itself; a library adds all of its clips. Each motion is added
+        once. `groups`, joint groups or the name of a preset, set the colours of motions. By
+        default, these are the groups of the first library with the same joint names (an item, or
+        the library of a graft), otherwise trunk, arms and legs. Grafts and clips of these libraries
+        always have the colours of their library's groups, and the figures of a scene keep their
+        colours. Raise a TypeError if an item has another type, and a ValueError if there is no item
+        or the groups do not fit a skeleton.
         """
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
