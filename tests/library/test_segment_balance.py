@@ -1,0 +1,61 @@
+"""The balance of a library's segments."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import Config, Library
+from mograft.analysis.zero_moment import support_margins
+from mograft.body.contacts import Ground
+from mograft.dancer import dance
+
+CLIPS = [dance(seed=seed, strides=1).motion[:150] for seed in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def library():
+    return Library.build(CLIPS)
+
+
+@given(st.lists(st.floats(0.0, 1.0, exclude_max=True), max_size=8))
+def test_support_margins_of_any_segments_are_those_of_their_clips(library, places):
+    expected = np.concatenate(
+        [
+            support_margins(
+                clip,
+                library.segments[library.segments.of_clip(index)],
+                Ground.of(clip),
+                library.config,
+                root=library.root,
+                up=library.up,
+            )
+            for index, clip in enumerate(library.clips)
+        ]
+    )
+    chosen = np.array([int(place * len(expected)) for place in places], int)
+    found = library.pool("upper").balance.support_margins(chosen)
+    np.testing.assert_array_equal(found, expected[chosen])
+
+
+def test_pool_has_a_balance_only_for_groups_without_root_and_feet(library):
+    assert library.pool("upper").balance is not None
+    assert library.pool("lower").balance is None
+
+
+def test_extended_library_has_the_balance_of_the_appended_motion(library):
+    base = dance(seed=3, strides=1).motion[:150]
+    extended, alone = library.extended(base), Library.build([base])
+    segments = extended.segments.of_clip(2)
+    expected, found = alone.pool("upper").balance, extended.pool("upper").balance
+    every = np.arange(len(alone.segments))
+    np.testing.assert_allclose(
+        found.support_margins(segments), expected.support_margins(every), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        found.mass_offsets(segments), expected.mass_offsets(every), atol=1e-6
+    )
+
+
+def test_paper_configuration_has_no_balance_costs():
+    assert Config.paper().balance_weight == 0
