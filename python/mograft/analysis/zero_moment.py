@@ -44,12 +44,13 @@ def mass_offsets(
     offsets = np.broadcast_to(skeleton.offsets, (len(poses), samples.n_joints, 3))
     world_rotations, positions = world_transforms(skeleton, poses, offsets)
     body = mass_model(skeleton)
-    moments = np.zeros((len(poses), 3))
-    for joint in joints[body.mass[joints] > 0].tolist():
-        arm = rotations.rotate(world_rotations[:, joint], body.bone[joint] * body.center[joint])
-        moments += body.mass[joint] * (positions[:, joint] + arm - positions[:, root])
+    heavy = joints[body.mass[joints] > 0]
+    arms = np.broadcast_to(body.bone[heavy] * body.center[heavy, None], (len(poses), len(heavy), 3))
+    centers = positions[:, heavy] + rotations.rotate(world_rotations[:, heavy], arms)
+    moments = ((centers - positions[:, root, None]) * body.mass[heavy, None]).sum(axis=1)
     horizontal = np.delete(moments, up, axis=1) / body.height
-    return horizontal.reshape(-1, samples.n_samples, 2)
+    offsets_of_group: FloatArray = horizontal.reshape(-1, samples.n_samples, 2)
+    return offsets_of_group
 
 
 def support_margins(

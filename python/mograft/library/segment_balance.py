@@ -27,15 +27,24 @@ class LibraryBalance:
     skeleton: Skeleton
     spec: LibrarySpec
     config: Config
+    # Offsets by the joints of a group, shape (n_segments, n_samples, 2); NaN if not yet computed.
+    _offsets: dict[bytes, FloatArray] = field(default_factory=dict)
     _margins: dict[int, FloatArray] = field(default_factory=dict)  # of all segments, by clip
 
     def mass_offsets(self, joints: IntArray, segments: IntArray) -> FloatArray:
         """Return `mass_offsets` of a joint group in segments, shape (n, n_samples, 2)."""
-        found = np.empty((len(segments), self.config.samples, 2))
+        shape = (len(self.segments), self.config.samples, 2)
+        group = joints.tobytes()
+        if group not in self._offsets:
+            self._offsets[group] = np.full(shape, np.nan)
+        known = self._offsets[group]
+        missing = np.unique(segments[np.isnan(known[segments, 0, 0])])
         root, up = self.spec.root, self.spec.up
-        for start in range(0, len(segments), CHUNK):
-            samples = self.samples.select(segments[start : start + CHUNK])
-            found[start : start + CHUNK] = mass_offsets(samples, self.skeleton, joints, root, up)
+        for start in range(0, len(missing), CHUNK):
+            batch = missing[start : start + CHUNK]
+            samples = self.samples.select(batch)
+            known[batch] = mass_offsets(samples, self.skeleton, joints, root, up)
+        found: FloatArray = known[segments]
         return found
 
     def support_margins(self, segments: IntArray) -> FloatArray:
