@@ -63,9 +63,9 @@ def refuse_fixed_options(options: argparse.Namespace, *names: str) -> None:
 
 
 def load_library(options: argparse.Namespace) -> Library:
-    """Open the library that is given to a command, or build a library from the given BVH files.
+    """Open the library that is given to a command; without one, build it from the BVH files.
 
-    If the command has the option ``--rate``, the motions of the BVH files are resampled to it.
+    If ``--rate`` is given, the motions of the BVH files are resampled to this frame rate.
     """
     rate = getattr(options, "rate", None)
     folder = library_folder(options)

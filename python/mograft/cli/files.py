@@ -112,9 +112,10 @@ def check_suffix(options: argparse.Namespace, *suffixes: str, is_folder: bool = 
 
 
 def check_writable(paths: Sequence[Path], *, force: bool) -> None:
-    """Raise an OSError if one of the files `paths` exists, unless `force`, or cannot be created.
+    """Raise an OSError if one of the files `paths` must not or cannot be written.
 
-    A file cannot be created if a folder in its path is a file.
+    A file must not be written if it exists and `force` is false. A file cannot be written if a
+    folder in its path is a file.
     """
     for path in paths:
         nearest = next((above for above in path.parents if above.exists()), path)

@@ -111,7 +111,7 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
     """Return the base motion that ``--base`` selects.
 
     The result is the name of a clip of the library, a motion read from the file `name`, or None
-    if `name` is None. `folder` is that of a stored library, or None.
+    if `name` is None. `folder` is the folder of a stored library, or None.
     """
     if name is None:
         return None

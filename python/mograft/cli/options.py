@@ -209,7 +209,7 @@ _DONOR_OPTIONS = (
         "--not-from CLIP,...",
         "clips that must not provide donors; CLIP may be a glob such as waltz* (default: none)",
     ),
-    setting("--only-tagged TAG,...", "tags of the clips that may provide donors (default: all)"),
+    setting("--only-tagged TAG,...", "tags of clips that may provide donors (default: all clips)"),
     setting("--not-tagged TAG,...", "tags of clips that must not provide donors (default: none)"),
     setting(
         "--max-stretch X",

@@ -48,9 +48,9 @@ def print_error(text: str, details: Iterable[str] = ()) -> None:
 
 @contextmanager
 def show_progress() -> Iterator[Callable[[str, int, int], None] | None]:
-    """Yield a callback that prints progress if stderr is a terminal, otherwise None.
+    """Yield a callback that prints progress on stderr, or None.
 
-    It is None with ``--quiet``, too.
+    The callback is None if stderr is not a terminal, or if ``--quiet`` is given.
     """
     if _is_quiet.get() or not sys.stderr.isatty():
         yield None

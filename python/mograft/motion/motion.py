@@ -249,8 +249,8 @@ def world_transforms(
 ) -> tuple[FloatArray, FloatArray]:
     """Return world rotations and positions from local ones, by forward kinematics.
 
-    For n poses, rotations have shape (n, n_joints, 4) and positions (n, n_joints, 3), as have the
-    results. The values are not checked.
+    For n poses, rotations have shape (n, n_joints, 4) and positions (n, n_joints, 3). The results
+    have the same shapes. The values are not checked.
     """
     return _core.world(
         skeleton.parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions)

@@ -227,8 +227,9 @@ def to_euler(
     (n_frames, len(order)). `order` has one to three different letters of X, Y and Z, as for
     `from_euler`. Of all angles that give a rotation, those nearest to the previous frame are
     returned; in the first frame, those nearest to `near`, shape (3,), angles about the axes of
-    `order`. In gimbal lock the first angle keeps its value. If `order` has fewer than three axes,
-    the rotation about the others is dropped. Raises ValueError if an argument is invalid.
+    `order`. In gimbal lock the first angle keeps its previous value. If `order` has fewer than
+    three axes, the rotation about the others is dropped. Raises ValueError if an argument is
+    invalid.
 
     Examples
     --------

@@ -251,7 +251,7 @@ def _bars(counts: IntArray, names: Sequence[str], caption: str, is_marked: BoolA
 def _donor_table(graft: Graft) -> str:
     """Return an HTML table of the mean number of donors per segment that satisfy each condition.
 
-    A donor counts for a condition if it also satisfies the conditions in the columns before.
+    A donor counts for a condition only if it also satisfies those of the previous columns.
     """
     library = graft.library
     segments = library.segments

@@ -24,14 +24,14 @@ class TimelineRow:
     group: str
     start: IntArray  # First and last frame of each segment, both inclusive.
     stop: IntArray
-    cluster: IntArray  # Of each segment; -1 if the segments are not clustered.
+    cluster: IntArray  # Of each segment, in grafts of its donor; -1 without clusters.
     donor_clips: tuple[str, ...]  # Name of each donor's clip; empty if nothing was grafted.
     donor_start: IntArray  # First and last frame of each donor in its clip.
     donor_stop: IntArray
     is_exchanged: BoolArray  # Whether the donor is another segment.
     stretch: FloatArray  # Relative change of each donor's duration.
     seam_angles: FloatArray  # Before and after each segment (n, 2), degrees; NaN without a seam.
-    n_alternatives: IntArray  # Donors other than the segment itself; -1 if unknown.
+    n_alternatives: IntArray  # Number of donors other than the segment itself; -1 if unknown.
 
     @classmethod
     def without_donors(
