@@ -46,3 +46,18 @@ def make_wall():
         return mg.KeepOut("Hips", mg.HalfSpace(tuple(point), tuple(hips[0] - farthest)))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def two_dances():
+    """Return a library of two clips, ``clip0`` and ``clip1``, for streams."""
+    clips = [dance(seed=seed, strides=1).motion for seed in (0, 1)]
+    # Streams have no balance costs.
+    named = [replace(clip, name=f"clip{i}") for i, clip in enumerate(clips)]
+    return mg.Library.build(named, config=mg.Config(balance_weight=0.0))
+
+
+@pytest.fixture(scope="session")
+def short_base():
+    """Return a motion of 260 frames that is not in `two_dances`."""
+    return replace(dance(seed=2, strides=1).motion[:260], name="base")

@@ -23,16 +23,13 @@ FEW_EXAMPLES = settings(max_examples=12)
 
 
 @pytest.fixture(scope="module")
-def library():
-    clips = [dance(seed=seed, strides=1).motion for seed in (0, 1)]
-    # Streams have no balance costs.
-    named = [replace(clip, name=f"clip{i}") for i, clip in enumerate(clips)]
-    return mg.Library.build(named, config=mg.Config(balance_weight=0.0))
+def library(two_dances):
+    return two_dances
 
 
 @pytest.fixture(scope="module")
-def base():
-    return replace(dance(seed=2, strides=1).motion[:260], name="base")
+def base(short_base):
+    return short_base
 
 
 def stream_pieces(library, base, chunks=(10_000,), **options):

@@ -37,6 +37,7 @@ from mograft.cli.options import (
     output_option,
 )
 from mograft.cli.picture_commands import EXPORT, PLOT
+from mograft.cli.stream_command import STREAM
 from mograft.cli.values import (
     non_negative_integer,
     positive_integer,
@@ -315,6 +316,7 @@ COMMANDS = (
     _LIB,
     _CANDIDATES,
     _GRAFT,
+    STREAM,
     command(
         "view",
         "show motions side by side in the browser",

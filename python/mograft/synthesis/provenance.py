@@ -61,7 +61,7 @@ def document(graft: "Graft", folder: str | PathLike[str]) -> Record:
         "scenario": _scenario_record(graft),
         "repetition": _repetition_record(graft),
         "substitutions": [
-            {**_substitution_record(own), "alternatives": n}
+            {**substitution_record(own), "alternatives": n}
             for own, n in zip(graft.substitutions, _alternatives(graft), strict=True)
         ],
         "seams": [
@@ -69,7 +69,7 @@ def document(graft: "Graft", folder: str | PathLike[str]) -> Record:
             for s in graft.seams
         ],
         "violations": [
-            _violation_record(own, graft.request.constraints) for own in graft.violations
+            violation_record(own, graft.request.constraints) for own in graft.violations
         ],
         "self_repair": [_repair_record(own) for own in graft.repairs],
         "feet": None if graft.feet is None else asdict(graft.feet),
@@ -187,7 +187,8 @@ def _alternatives(graft: "Graft") -> list[int]:
     return [n for counts in graft.alternatives.values() for n in counts.tolist()]
 
 
-def _substitution_record(substitution: "Substitution") -> Record:
+def substitution_record(substitution: "Substitution") -> Record:
+    """Return a substitution as JSON."""
     gaps = (substitution.gap_before, substitution.gap_after)
     return {
         "group": substitution.group,
@@ -201,7 +202,8 @@ def _substitution_record(substitution: "Substitution") -> Record:
     }
 
 
-def _violation_record(violation: Violation, constraints: Iterable[Constraint]) -> Record:
+def violation_record(violation: Violation, constraints: Iterable[Constraint]) -> Record:
+    """Return a violation as JSON, with the number of its constraint among `constraints`."""
     numbers = [i for i, own in enumerate(constraints) if own is violation.constraint]
     return {
         "constraint": constraint_kind(violation.constraint),

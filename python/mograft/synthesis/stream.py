@@ -184,6 +184,11 @@ class Stream:
         self._pending = []
 
     @property
+    def groups(self) -> tuple[str, ...]:
+        """The joint groups that are replaced, in the order in which donors are chosen."""
+        return tuple(self._donors.joints)
+
+    @property
     def first_free_frame(self) -> int:
         """The first frame that no piece contains yet, counted from the first pushed frame.
 

@@ -1,0 +1,118 @@
+"""Latency of `mograft stream`: the time of replies over sockets, and of calls in the process.
+
+    python benches/stream.py
+
+The client sends one frame at a time and waits for the reply; the server is another process.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "stream"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from stream_client import StreamClient
+
+import mograft as mg
+from benches._common import run
+from mograft.dancer import dance
+
+HORIZONS = (1, 8)
+
+
+@contextmanager
+def serve(library, *words):
+    """Run ``mograft stream`` on a library in a folder; yield its address."""
+    command = [sys.executable, "-m", "mograft", "stream", library, *words, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            lines = iter(process.stdout.readline, "}\n")
+            yield json.loads("".join(lines) + "}")["address"]
+        finally:
+            process.kill()
+
+
+def time_pushes(push, base):
+    """Push all frames; return the seconds of each push, and the first free frame after it."""
+    seconds, free = [], []
+    for frame in range(base.n_frames):
+        start = time.perf_counter()
+        free.append(push(base.rotations[frame : frame + 1], base.positions[frame : frame + 1]))
+        seconds.append(time.perf_counter() - start)
+    return np.array(seconds), np.array(free)
+
+
+def time_socket(address, base, horizon):
+    """Return the results of `time_pushes` for a client of a server, in float32."""
+    host, colon, port = address.rpartition(":")
+    with StreamClient((host, int(port)) if colon else address) as client:
+        client.request({"type": "hello", "protocol": "mograft.stream/1", "horizon": horizon})
+
+        def push(rotations, positions):
+            header, _ = client.request(
+                {"type": "push"},
+                rotations=rotations.astype(np.float32),
+                positions=positions.astype(np.float32),
+            )
+            return header["first_free_frame"]
+
+        return time_pushes(push, base)
+
+
+def time_calls(library, base, horizon):
+    """Return the results of `time_pushes` for a stream in this process."""
+    stream = mg.Stream(library, horizon=horizon)
+
+    def push(rotations, positions):
+        stream.push(rotations, positions)
+        stream.pieces()
+        return stream.first_free_frame
+
+    return time_pushes(push, base)
+
+
+def print_row(name, seconds, free, rate):
+    has_piece = np.diff(free, prepend=0) > 0
+    cells = []
+    for own in (seconds[~has_piece], seconds[has_piece]):
+        values = np.percentile(own, [50, 99, 100]) * 1e3 if len(own) else [np.nan] * 3
+        cells.append(" ".join(f"{value:7.2f}" for value in values))
+    newest = np.arange(len(free))[has_piece]
+    delay = np.median(newest - (free[has_piece] - 1)) / rate if len(newest) else np.nan
+    print(f"{name:28} {cells[0]}   {cells[1]}   {delay:8.2f}")
+
+
+def report(options):
+    n_dances, n_frames = (1, 240) if options.tiny else (13, None)
+    with tempfile.TemporaryDirectory() as folder:
+        path = f"{folder}/dances.mograft"
+        mg.Library.build([dance(seed=s).motion[:n_frames] for s in range(n_dances)]).save(path)
+        library, base = mg.Library.open(path), dance(seed=99).motion[:n_frames]
+        print(f"{library}, {base.n_frames} frames\n")
+        print(
+            f"{'ms: median, 99 %, maximum':28} {'without piece':23}   {'with piece':23}   s behind"
+        )
+        with serve(path, "--port", "0") as tcp, serve(path, "--socket", f"{folder}/s") as unix:
+            for horizon in HORIZONS:
+                for name, times in (
+                    ("calls", time_calls(library, base, horizon)),
+                    ("TCP", time_socket(tcp, base, horizon)),
+                    ("Unix socket", time_socket(unix, base, horizon)),
+                ):
+                    print_row(f"{name}, horizon {horizon}", *times, library.rate)
+
+
+def main(argv=None):
+    return run(argparse.ArgumentParser(description=__doc__), report, argv, is_timing=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,35 @@
+"""The declaration of ``mograft stream``."""
+
+from pathlib import Path
+
+from mograft.cli.arguments import command, exclusive, option, setting
+from mograft.cli.options import FILES_OR_LIBRARY, GROUPS, INCLUDE_GRAFTS, JSON, VARIETY
+from mograft.cli.values import non_negative_integer, positive_number
+
+STREAM = command(
+    "stream",
+    "serve grafts of a growing motion to game engines and other programs on this computer",
+    FILES_OR_LIBRARY,
+    INCLUDE_GRAFTS,
+    GROUPS,
+    VARIETY,
+    exclusive(
+        option("--port N", "TCP port; 0 selects a free one", non_negative_integer),
+        option("--socket PATH", "path of a Unix socket to create", Path, is_path=True),
+    ),
+    setting(
+        "--host ADDRESS",
+        "address of the TCP port (default: 127.0.0.1, which only this computer can reach)",
+        str,
+        "127.0.0.1",
+    ),
+    setting(
+        "--timeout SECONDS",
+        "pause between two messages after which a connection is closed (default: 600)",
+        positive_number,
+        600.0,
+    ),
+    JSON,
+    description="Serve streams of grafts, as mograft.Stream makes them, with the protocol "
+    "mograft.stream/1. Prints one line with the address, and runs until it is interrupted.",
+)
