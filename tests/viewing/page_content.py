@@ -22,8 +22,15 @@ class Tags(HTMLParser):
 
 
 def page_data(page):
-    """Return the JSON data of a page."""
-    text = re.search(r'id="mograft-data">(.*?)</script>', page.html, re.DOTALL)[1]
+    """Return the JSON data of a page, with the positions of each clip."""
+    data = _element(page, "mograft-data")
+    for clip in data["clips"]:
+        clip |= _element(page, clip["data"])
+    return data
+
+
+def _element(page, name):
+    text = re.search(rf'id="{name}">(.*?)</script>', page.html, re.DOTALL)[1]
     # Browsers end a script at "</script " as well, which Python's parser does not.
     assert not set("<>&") & set(text)
     return json.loads(text)

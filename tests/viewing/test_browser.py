@@ -1,14 +1,37 @@
 """The viewer as a browser shows it."""
 
 import io
+import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mograft import JointGroups, view
+import mograft
+from mograft import (
+    Avoid,
+    Ban,
+    Box,
+    Capsule,
+    Character,
+    Face,
+    HalfSpace,
+    JointGroups,
+    KeepOut,
+    Reach,
+    Sphere,
+    Use,
+    graft,
+    graft_many,
+    view,
+)
+from mograft.cli import values
 from mograft.dancer import dance
 from mograft.motion import rotations
+from mograft.viewing.objects import ShownConstraint
+from mograft.viewing.report import report_page
+from mograft.viewing.scene import Scene
 from tests.browser import TIMEOUT_MILLISECONDS, chromium, open_page, wait_until
 from tests.strategies import HOSTILE_NAMES
 
@@ -116,11 +139,184 @@ def test_viewer_segment_description_names_donor_and_click_selects(browser, path,
         page.evaluate("mograft.seek(mograft.frame())")  # Draws at once, also on a busy machine.
         assert page.locator("[data-part=detail]").text_content() == text
         assert part.start <= page.evaluate("mograft.frame()") <= part.stop
-        page.locator("summary").click()
+        page.locator("details summary").click()
         # The browser reports the opened table, which fills it, some time after the click.
         wait_until(
             page, f"document.querySelectorAll('[data-part=table] tr').length === {3 * len(upper)}"
         )
+
+
+def pin(page, row, part):
+    """Click the middle of a segment of the timeline."""
+    page.evaluate(f"mograft.seek({part.start + 1})")
+    box = page.locator("[data-part=rows]").bounding_box()
+    first, last = page.evaluate("mograft.state.window")
+    x = 160 + (0.5 * (part.start + part.stop) - first) / (last - first) * (box["width"] - 168)
+    offset = page.evaluate(f"mograft.offset({row})")
+    page.mouse.click(box["x"] + x, box["y"] + offset + 9)
+    page.mouse.move(5, 5)
+    wait_until(page, "mograft.state.hovered === null && mograft.state.pinned !== null")
+
+
+@pytest.mark.parametrize("command", [None, "mograft graft 'a b.bvh' -o new.bvh"])
+def test_viewer_click_lists_candidates_with_command(browser, library, tmp_path, command):
+    new = graft(library, seed=3)
+    new = replace(new, request=replace(new.request, command=command))
+    path = view(new, show=False).save(tmp_path / "page.html")
+    upper = [s for s in new.substitutions if s.group == "upper"]
+    index, part = next((i, s) for i, s in enumerate(upper) if not s.is_own)
+    want = library.candidates(part.segment, "upper").allowed
+    with open_page(browser, path) as page:
+        assert not page.locator("[data-part=candidates]").is_visible()
+        pin(page, 2, part)
+        rows = page.locator("[data-part=donors] tr")
+        wait_until(
+            page, f"document.querySelectorAll('[data-part=donors] tr').length === {len(want)}"
+        )
+        for shown, candidate in zip(rows.all(), want, strict=True):
+            cells = shown.locator("td").all_text_contents()
+            assert cells[0].startswith(f"dance {candidate.start}-{candidate.stop}")
+            assert ("(captured)" in cells[0]) == (candidate.segment == part.segment)
+            assert ("in use" in cells[0]) == (candidate.segment == part.donor)
+            before, after = np.degrees([candidate.gap_before, candidate.gap_after])
+            assert cells[1:4] == [
+                f"{candidate.cost:.2f}",
+                f"{candidate.stretch:.2f}",
+                f"{before:.0f}°/{after:.0f}°",
+            ]
+        candidate = want[1]
+        texts = []
+        for button in rows.nth(1).locator("button").all():
+            button.click()
+            wait_until(page, "document.querySelector('[data-part=copied]').textContent !== ''")
+            texts.append(page.locator("[data-part=command]").input_value())
+        page.keyboard.press("Space")  # Also beside a read-only field.
+        assert page.evaluate("mograft.state.playing")
+    if command is None:
+        donor = f'("dance", {candidate.start}, {candidate.stop})'
+        assert texts == [f"mg.Use({index}, {donor})", f"mg.Ban({index}, {donor})"]
+        made = [graft(library, seed=3, constraints=[eval(text, {"mg": mograft})]) for text in texts]
+    else:
+        options = [shlex.split(text)[-2:] for text in texts]
+        donor = f"{index}=dance:{candidate.start}-{candidate.stop}"
+        assert options == [["--take", donor], ["--ban", donor]]
+        assert all(text.startswith(command) for text in texts)
+        parsed = [values.take(options[0][1]), values.ban(options[1][1])]
+        constraints = [
+            kind(segment=segment, frames=frames, donor=donor)
+            for kind, (segment, frames, donor) in zip((Use, Ban), parsed, strict=True)
+        ]
+        made = [graft(library, seed=3, constraints=[own]) for own in constraints]
+    donors = [[s for s in own.substitutions if s.group == "upper"][index].donor for own in made]
+    assert donors[0] == candidate.segment != donors[1]
+
+
+def test_viewer_further_figures_are_decoded_when_shown(browser, library, tmp_path):
+    grafts = list(graft_many(library, count=10, seed=3))
+    path = report_page(grafts).save(tmp_path / "report.html")
+    with open_page(browser, path) as page:
+        buttons = page.locator("[data-part=figures] button")
+        assert buttons.all_text_contents() == ["dance", *(own.motion.name for own in grafts)]
+        loaded = "Array.from({length: 11}, (_, i) => mograft.isLoaded(i))"
+        assert page.evaluate(loaded) == [True] * 5 + [False] * 6
+        for number in range(1, 11):
+            buttons.nth(number).click(modifiers=["Shift"])
+            wait_until(page, f"mograft.state.shown.join() === '0,{number}'")
+            names = page.locator(".caption bdi").all_text_contents()
+            assert names == ["dance", grafts[number - 1].motion.name]
+            want = nodes(grafts[number - 1].motion)[137]
+            got = np.reshape(page.evaluate(f"mograft.pose({number}, 137)"), (-1, 3))
+            np.testing.assert_allclose(got, want, atol=0.0125)
+            assert page.evaluate("mograft.describe(2, 0)").startswith(names[1])
+        assert page.evaluate(loaded) == [True] * 11
+        buttons.nth(0).click()
+        wait_until(page, "mograft.state.shown.join() === '10'")
+        buttons.nth(10).click()  # One figure always remains.
+        buttons.nth(3).click()
+        wait_until(page, "mograft.state.shown.join() === '3,10'")
+        pressed = [button.get_attribute("aria-pressed") for button in buttons.all()]
+        assert [i for i, value in enumerate(pressed) if value == "true"] == [3, 10]
+
+
+@pytest.mark.parametrize(
+    "focus", ["body", "a", "[data-part=trails]", "[data-part=speed]", "details summary"]
+)
+def test_report_space_plays_wherever_the_focus_is(browser, new, tmp_path, focus):
+    path = report_page([new], [Path("new.bvh")]).save(tmp_path / "report.html")
+    with open_page(browser, path) as page:
+        if focus != "body":
+            page.locator(focus).first.focus()
+        scrolled = page.evaluate("scrollY")
+        page.keyboard.press("Space")
+        wait_until(page, "mograft.frame() > 2")
+        page.keyboard.press("Space")
+        assert not page.evaluate("mograft.state.playing")
+        assert page.evaluate("scrollY") == scrolled
+        assert page.locator("[data-part=trails]").get_attribute("aria-pressed") == "false"
+        page.locator("[data-part=frame]").focus()
+        page.keyboard.press("Space")
+        assert not page.evaluate("mograft.state.playing")
+
+
+def test_notebook_wheel_scrolls_until_view_has_focus(browser, new, tmp_path):
+    path = tmp_path / "notebook.html"
+    filler = "<div style='height:3000px'>text</div>"
+    path.write_text(f"<!doctype html>{new._repr_html_()}{filler}", encoding="utf-8")
+    page = browser.new_page(viewport={"width": 1000, "height": 800})
+    page.set_default_timeout(TIMEOUT_MILLISECONDS)
+    page.goto(path.as_uri())
+    page.frame_locator("iframe").locator("#mograft[data-ready='1']").wait_for()
+    frame = page.frames[1]
+    page.mouse.move(400, 200)
+    page.mouse.wheel(0, 100)
+    wait_until(page, "scrollY > 50")
+    assert frame.evaluate("mograft.state.zoom") == 1
+    page.evaluate("scrollTo(0, 0)")
+    page.mouse.click(400, 200)
+    page.wait_for_timeout(1000)  # Chromium sends all wheel events of one gesture to one target.
+    page.mouse.wheel(0, 100)
+    wait_until(frame, "mograft.state.zoom < 1")
+    assert page.evaluate("scrollY") == 0
+    page.mouse.click(400, 750)  # The focus returns to the notebook.
+    page.mouse.move(400, 200)
+    page.wait_for_timeout(1000)
+    page.mouse.wheel(0, 100)
+    wait_until(page, "scrollY > 50")
+    page.close()
+
+
+OBSTACLES = {
+    "sphere": Avoid(Sphere((0, 100, 0), 30), weight=1.0),
+    "capsule": Avoid(Capsule((-80, 0, 0), (-80, 150, 0), 15), weight=1.0),
+    "box": KeepOut("LeftHand", Box((70, 60, 0), (20, 30, 20), (0, 0.6, 0, 0.8)), weight=1.0),
+    "plane": Avoid(HalfSpace((0, 0, -100), (0, 0, 1)), weight=1.0),
+    "figure": Avoid(Character(dance(seed=2, strides=1).motion[:60], (90, 0, 0)), weight=1.0),
+    "target": Reach("LeftHand", (50, 120, 60), frame=0, weight=1.0),
+    "face": Face((-60, 150, 80), frames=(0, 40), weight=1.0),
+}
+
+
+@pytest.mark.parametrize("name", OBSTACLES)
+def test_viewer_draws_obstacles_and_targets(browser, motion, tmp_path, name):
+    """The colour of objects is on the stage only if there is an object."""
+    plain = Scene.of([motion[:60]])
+    scene = replace(plain, constraints=(ShownConstraint(OBSTACLES[name], motion),))
+    kind = {"target": "accent", "face": "accent", "figure": "character"}.get(name, "obstacle")
+    shares = []
+    for index, shown in enumerate((plain, scene)):
+        path = view(shown, show=False).save(tmp_path / f"{index}.html")
+        with open_page(browser, path) as page:
+            text = page.evaluate(
+                f"getComputedStyle(document.body).getPropertyValue('--{kind}').trim()"
+            )
+            colour = np.array([int(text[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+            stage = pixels(page, ".stage")
+        # Lines are translucent and smoothed: of the hue of the colour, at half its strength.
+        away, full = stage - stage[-1, 3], colour - stage[-1, 3]
+        strength = (away @ full) / (full @ full)
+        residual = np.abs(away - strength[..., None] * full).max(axis=-1)
+        shares.append(((strength > 0.4) & (strength < 1.1) & (residual < 0.06)).mean())
+    assert shares[1] > shares[0] + 2e-4, shares
 
 
 def test_viewer_keys_and_buttons_change_state(browser, path, new):

@@ -7,7 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mograft import Config, Library, Motion, Skeleton, graft, graft_many, read_bvh, write_bvh
+from mograft import (
+    Config,
+    Library,
+    Motion,
+    OnlyFrom,
+    Skeleton,
+    graft,
+    graft_many,
+    read_bvh,
+    write_bvh,
+)
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.cli import main
 from mograft.dancer import dance
@@ -103,6 +113,18 @@ def test_report_clip_table_counts_all_donors():
     assert sum(int(row[3]) for row in rows) == exchanged > 0
 
 
+def test_report_clip_table_lists_contributing_clips_only():
+    takes = [own.motion for own in dance(seed=1, strides=1).takes(2)]
+    others = [replace(dance(seed=9, strides=1).motion[:60], name=f"other{i}") for i in range(30)]
+    library = Library.build([*takes, *others])
+    new = graft(library, takes[0].name, seed=1, constraints=[OnlyFrom([own.name for own in takes])])
+    page = report_page([new])
+    assert [row[0] for row in cells(page, "Clips")] == ["dance_1", "dance_2"]
+    assert "30 other clips of the library are not used." in page.html
+    used = {s.clip for s in new.substitutions} | {new.base.name}
+    assert used == {"dance_1", "dance_2"}
+
+
 def test_report_without_exchanges_lists_kept_segments():
     library = Library.build(dance(strides=1).motion[:80], config=Config(sigma=1e-9))
     page = report_page([graft(library)])
@@ -161,7 +183,7 @@ def test_report_fits_screen_and_viewer_plays(grafts, tmp_path, width, theme):
     with chromium() as browser, open_page(browser, path, width, theme=theme) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert page.locator(".caption").count() == 3
-        # The viewer receives keys only while it has the focus.
+        # Except for the space bar, the viewer receives keys only while it has the focus.
         page.keyboard.press("End")
         assert page.evaluate("mograft.frame()") == 0
         page.locator("[data-part=stage]").focus()

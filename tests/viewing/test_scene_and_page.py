@@ -12,10 +12,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mograft import (
+    Avoid,
+    AvoidSelf,
+    Box,
+    Capsule,
+    Character,
     EndSite,
+    Face,
+    HalfSpace,
     JointGroups,
+    KeepOut,
     Motion,
+    Reach,
     Skeleton,
+    Sphere,
+    graft,
+    graft_many,
     kinetic_energy,
     segment,
     view,
@@ -25,6 +37,7 @@ from mograft.cli import main
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_scene, quantize
 from mograft.viewing.geometry import DrawnSkeleton
+from mograft.viewing.objects import ShownConstraint, encode_objects
 from mograft.viewing.scene import Scene
 from tests import strategies
 from tests.hierarchies import under_world_root
@@ -163,6 +176,114 @@ def test_view_graft_follows_base_and_lists_donors(motion, new):
     assert {grafted["groups"][grafted["group"][joint]] for joint in joints} == {"upper"}
 
 
+def test_view_candidates_equal_library_candidates(new, library):
+    data = page_data(view(new, show=False))
+    table = data["candidates"][data["clips"][1]["candidates"]]["upper"]
+    assert data["clips"][0]["candidates"] is None
+    upper = [s for s in new.substitutions if s.group == "upper"]
+    want = [library.candidates(s.segment, "upper").allowed for s in upper]
+    assert table["total"] == [len(allowed) for allowed in want]
+    assert table["counts"] == [min(len(allowed), 20) for allowed in want]
+    listed = [(s, own) for s, allowed in zip(upper, want, strict=True) for own in allowed[:20]]
+    assert table["first"] == [own.start for _, own in listed]
+    assert table["last"] == [own.stop for _, own in listed]
+    assert table["own"] == [own.segment == s.segment for s, own in listed]
+    assert {data["donors"][i] for i in table["source"]} == {"dance"}
+    for key, values in (
+        ("cost", [own.cost for _, own in listed]),
+        ("stretch", [own.stretch for _, own in listed]),
+        ("before", np.degrees([own.gap_before for _, own in listed])),
+        ("after", np.degrees([own.gap_after for _, own in listed])),
+    ):
+        np.testing.assert_allclose(table[key], values, atol=6e-5)
+
+
+def test_view_grafts_of_one_base_share_candidates(library):
+    data = page_data(view(*graft_many(library, count=3, seed=1), show=False))
+    assert [clip["candidates"] for clip in data["clips"]] == [None, 0, 0, 0]
+    assert len(data["candidates"]) == 1
+
+
+def test_view_candidates_of_scenario_have_no_cost(library):
+    new = graft(library, scenario=library.segments.of_clip(0)[:12])
+    data = page_data(view(new, show=False))
+    table = data["candidates"][0]["upper"]
+    assert len(table["counts"]) == len([s for s in new.substitutions if s.group == "upper"])
+    assert {*table["cost"], *table["before"], *table["stretch"]} == {None}
+
+
+@pytest.mark.parametrize("turn", [[np.pi / 2, 0, 0], [0, 0, -np.pi / 2]])
+def test_view_objects_stand_beside_the_figure_for_any_up_axis(motion, turn):
+    """Objects that are rotated with the motion have the same place on the page."""
+    short = motion[:40]
+    whole = rotations.exp(np.array(turn, float))
+    quats, places = short.rotations.copy(), short.positions.copy()
+    quats[:, 0] = rotations.multiply(np.broadcast_to(whole, quats[:, 0].shape), quats[:, 0])
+    places[:, 0] = rotations.rotate(whole, places[:, 0])
+    turned = replace(short, rotations=quats, positions=places, channel_values=None)
+
+    def move(position):
+        return tuple(rotations.rotate(whole, np.array(position, float)))
+
+    def constraints(of_motion, move, orientation):
+        return [
+            Avoid(Sphere(move((10, 100, 50)), 30), frames=(3, 8)),
+            Avoid(Capsule(move((0, 0, 50)), move((0, 90, 50)), 10)),
+            KeepOut("LeftHand", Box(move((10, 20, 30)), (4, 5, 6), orientation)),
+            Avoid(HalfSpace(move((0, 0, 120)), move((0, 0, -1)))),
+            Avoid(Character(of_motion, move((80, 0, 0)), yaw=0.5, delay=0.3)),
+            Reach("LeftHand", move((30, 140, 20)), frame=12),
+            Face(move((0, 150, 300))),
+            AvoidSelf(),
+        ]
+
+    def encode(own, move, orientation):
+        shown = [ShownConstraint(c, own) for c in constraints(own, move, orientation)]
+        return encode_objects(shown)
+
+    plain = encode(short, tuple, (0, 0, 0, 1))
+    got = encode(turned, move, tuple(whole))
+    kinds = ["sphere", "capsule", "box", "plane", "figure", "target", "target"]
+    assert [own["kind"] for own in plain] == [own["kind"] for own in got] == kinds
+    for old, new in zip(plain, got, strict=True):
+        assert (old["label"], old["frames"]) == (new["label"], new["frames"])
+        if "normal" in old:
+            np.testing.assert_allclose(np.dot(old["along"], new["normal"]), 0, atol=1e-5)
+            old, new = ({k: own[k] for k in ("point", "normal")} for own in (old, new))
+        for key in old.keys() - {"kind", "label", "frames", "clip"}:
+            np.testing.assert_allclose(new[key], old[key], rtol=1e-5, atol=1e-3, err_msg=key)
+    characters = [own[4]["clip"].skeleton.positions for own in (plain, got)]
+    np.testing.assert_allclose(*characters, atol=1e-6)
+    turn = rotations.exp(np.array([0, 0.5, 0]))
+    world = rotations.rotate(np.broadcast_to(turn, (40, 18, 4)), short.world_positions())
+    np.testing.assert_allclose(characters[0][:, :18], world + np.array([80, 0, 0]), atol=1e-9)
+    assert plain[5]["joint"] == motion.skeleton.index("LeftHand")
+    assert plain[6]["joint"] == motion.skeleton.index("Head")
+    assert [own["label"] for own in plain[:1] + plain[5:]] == [
+        "frames 3\N{EN DASH}8",
+        "LeftHand, frame 12",
+        "face",
+    ]
+
+
+def test_view_character_has_own_pose_data(motion, library):
+    near = Character(motion[:50], (200, 0, 0))
+    new = graft(library, constraints=[Avoid(near, weight=1.0), Avoid(near, weight=1.0)])
+    page = view(new, show=False)
+    data = page_data(page)
+    (own,) = data["objects"]
+    assert own["clip"]["frames"] == 50
+    assert own["clip"]["data"] == "mograft-poses-2"
+    assert page.html.count('id="mograft-poses-') == 3
+
+
+def test_view_shows_at_most_twelve_figures_at_first(motion):
+    short = [replace(motion[:10], name=f"m{i}") for i in range(14)]
+    data = page_data(view(*short, show=False))
+    assert data["shown"] == 12
+    assert len(data["clips"]) == 14
+
+
 def test_scene_same_motion_appears_once_and_names_are_unique(motion, new, library):
     names = [figure.name for figure in Scene.of([new, motion, new, library]).figures]
     assert names == ["dance", "dance_graft0"]
@@ -255,7 +376,7 @@ def test_page_save_writes_file_and_refuses_to_overwrite(motion, tmp_path):
 
 def test_view_invalid_items_raise(motion):
     with pytest.raises(
-        TypeError, match="`items` must be motions, grafts, libraries or scenes, got 3"
+        TypeError, match="`items` must be motions, grafts, libraries, scenes or paths, got 3"
     ):
         view(3, show=False)
     with pytest.raises(ValueError, match="`items` must contain at least one motion"):

@@ -23,6 +23,7 @@ from mograft.cli.files import (
 from mograft.cli.frame_times import resolve_frames
 from mograft.cli.output import print_result
 from mograft.io.bvh.reader import read_bvh
+from mograft.library.discover import has_provenance
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.viewing.scene import Scene
@@ -82,16 +83,29 @@ def _draw(options: argparse.Namespace) -> "Axes":
         if options.kind == "energy":
             return plot.energy(motion, frames=frames)
         return plot.strip(motion, options.poses, groups=groups, frames=frames)
-    library = load_library(options)
     if options.kind == "timeline":
-        given = options.frames
-        shown = None if given is None else resolve_frames(given, library.rate)
-        if folder is None:
-            return plot.timeline(library, frames=shown)
-        clips = Scene.of_clips(library, select_clips(library, options.clip))
-        return plot.timeline(clips, frames=shown)
+        scene = _timeline_scene(options, folder)
+        given, rate = options.frames, scene.figures[0].motion.rate
+        shown = None if given is None else resolve_frames(given, rate)
+        return plot.timeline(scene, frames=shown)
+    library = load_library(options)
     draw = {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}
     return draw[options.kind](library, options.group)
+
+
+def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
+    """Return the selected clips of a library, or files: grafts with their donors, others clustered.
+
+    `folder` is that of a library, or None for BVH files.
+    """
+    if folder is not None:
+        library = load_library(options)
+        return Scene.of_clips(library, select_clips(library, options.clip))
+    files = expand_folders(options.files)
+    grafts = [file for file in files if has_provenance(Path(file))]
+    options.files = [file for file in files if file not in grafts]
+    libraries = [load_library(options)] if options.files else []
+    return Scene.of([*libraries, *grafts])
 
 
 def _single_motion(

@@ -90,7 +90,7 @@ def _find_files(path: str) -> list[FoundClip]:
         if not files:
             raise FileNotFoundError(2, "no BVH file in this folder", path)
         return [
-            FoundClip(str(file), file.relative_to(path).parts[:-1], is_graft=_has_provenance(file))
+            FoundClip(str(file), file.relative_to(path).parts[:-1], is_graft=has_provenance(file))
             for file in files
         ]
     matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
@@ -102,7 +102,7 @@ def _find_files(path: str) -> list[FoundClip]:
     return [FoundClip(match) for match in matches or [path]]
 
 
-def _has_provenance(path: Path) -> bool:
+def has_provenance(path: Path) -> bool:
     """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file."""
     provenance = path.with_suffix(".json")
     try:

@@ -8,11 +8,10 @@ from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy, segment
 from mograft.config import Config
 from mograft.io.palette import PALETTE
-from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.plot.figure_axes import cluster_colour, ensure_axes
-from mograft.synthesis.graft_result import Graft
-from mograft.viewing.scene import Scene, TimelineRow
+from mograft.viewing.figure import TimelineRow
+from mograft.viewing.scene import Item, Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,7 +75,7 @@ def energy(
 
 
 def timeline(
-    *items: Motion | Graft | Library | Scene,
+    *items: Item,
     frames: tuple[int, int] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
@@ -84,8 +83,9 @@ def timeline(
 
     Parameters
     ----------
-    *items : Motion, Graft, Library or Scene
-        What to draw. The base of a graft is drawn above the graft.
+    *items : Motion, Graft, Library, Scene or path of a BVH file
+        What to draw. The base of a graft is drawn above the graft. A file with the provenance of a
+        graft beside it is drawn as a graft.
     frames : tuple of int, optional
         First and last frame. Default: all.
     ax : matplotlib Axes, optional

@@ -10,8 +10,11 @@ from mograft._util.arrays import FloatArray
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy
 from mograft.motion.motion import Motion
+from mograft.viewing.candidate_table import CandidateTable
+from mograft.viewing.figure import Figure, TimelineRow
 from mograft.viewing.geometry import DrawnSkeleton
-from mograft.viewing.scene import Figure, Scene, TimelineRow
+from mograft.viewing.objects import encode_objects
+from mograft.viewing.scene import Scene
 
 MAX_NODE_POSITIONS = 6_000_000
 """Maximum number of node positions in a page; of longer motions every n-th frame is stored."""
@@ -22,20 +25,33 @@ _MAX_CURVE_POINTS = 1_500
 _CURVE_SMOOTHING_SECONDS = 0.07
 
 
-def encode_scene(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> dict[str, Any]:
+def encode_scene(
+    scene: Scene, max_positions: int = MAX_NODE_POSITIONS, n_shown: int | None = None
+) -> dict[str, Any]:
     """Return a scene as a dict for JSON, which the script of the page reads.
 
     The y axis of positions points up. If all frames together have more than `max_positions` node
-    positions, only every n-th frame is stored, with the smallest n that suffices.
+    positions, only every n-th frame is stored, with the smallest n that suffices. The page shows
+    the first `n_shown` figures until the reader chooses others; None means all.
     """
     skeletons = [DrawnSkeleton.of(figure.motion) for figure in scene.figures]
-    total = sum(each.positions.shape[0] * each.positions.shape[1] for each in skeletons)
+    objects = encode_objects(scene.constraints)
+    characters = [own["clip"].skeleton for own in objects if own["kind"] == "figure"]
+    total = sum(own.positions.shape[0] * own.positions.shape[1] for own in skeletons + characters)
     step = max(1, -(-total // max_positions))
     donors: dict[str, int] = {}
+    tables = [figure.candidates for figure in scene.figures if figure.candidates is not None]
+    tables = list(dict.fromkeys(tables))
     clips = [
-        _encode_figure(figure, skeleton, step, donors)
+        {
+            **_encode_figure(figure, skeleton, step, donors),
+            "candidates": tables.index(figure.candidates) if figure.candidates else None,
+        }
         for figure, skeleton in zip(scene.figures, skeletons, strict=True)
     ]
+    for own in objects:
+        if own["kind"] == "figure":
+            own["clip"] = _encode_poses(own["clip"].skeleton, own["clip"].motion, step)
     note = ""
     if step > 1:
         note = f"Long motions: every {_ordinal(step)} frame is stored, the others are interpolated."
@@ -45,7 +61,10 @@ def encode_scene(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> dict[
         "floor": min(each.floor for each in skeletons),
         "follow": True,
         "note": note,
+        "shown": len(clips) if n_shown is None else n_shown,
         "groups": list(scene.groups),
+        "candidates": [encode_candidates(table, donors) for table in tables],
+        "objects": objects,
         "donors": list(donors),
         "clips": clips,
     }
@@ -59,26 +78,61 @@ def _encode_figure(
     `donors` maps names of donor clips to numbers. The function adds the figure's donor clips that
     `donors` lacks, with the next numbers.
     """
+    return {
+        "name": figure.name,
+        **_encode_poses(skeleton, figure.motion, step),
+        "tips": skeleton.tips,
+        "groups": list(figure.members),
+        "group": figure.group_of_nodes(skeleton.parents),
+        "energy": _energy_curve(figure.motion),
+        "command": figure.command,
+        "rows": [_encode_row(row, donors) for row in figure.rows],
+    }
+
+
+def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[str, Any]:
     stored = skeleton.positions[::step]
     unit, path, pose = quantize(stored, skeleton.root, skeleton.height)
     return {
-        "name": figure.name,
-        "frames": figure.motion.n_frames,
-        "dt": figure.motion.frame_time,
+        "frames": motion.n_frames,
+        "dt": motion.frame_time,
         "step": step,
         "kept": len(stored),
         "nodes": stored.shape[1],
         "parents": skeleton.parents,
         "width": skeleton.widths,
-        "tips": skeleton.tips,
-        "groups": list(figure.members),
-        "group": figure.group_of_nodes(skeleton.parents),
         "unit": unit,
         "path": _compress(path.astype("<f4").tobytes()),
         "pose": _compress(pose),
-        "energy": _energy_curve(figure.motion),
-        "rows": [_encode_row(row, donors) for row in figure.rows],
     }
+
+
+def encode_candidates(table: CandidateTable, donors: dict[str, int]) -> dict[str, Any]:
+    """Return the candidates as a dict for JSON: one list per quantity, for all segments of a group.
+
+    The names of clips that `donors` lacks are added there, with consecutive numbers.
+    """
+    document = {}
+    for group, segments in table.donors.items():
+        listed = [donor for segment in segments for donor in segment]
+        angles = [donor.seam_angles or (None, None) for donor in listed]
+        document[group] = {
+            "counts": [len(segment) for segment in segments],
+            "total": list(table.counts[group]),
+            "source": [donors.setdefault(donor.clip, len(donors)) for donor in listed],
+            "first": [donor.start for donor in listed],
+            "last": [donor.stop for donor in listed],
+            "own": [int(donor.is_own) for donor in listed],
+            "cost": [_round(donor.cost) for donor in listed],
+            "stretch": [_round(donor.stretch) for donor in listed],
+            "before": [_round(before) for before, _ in angles],
+            "after": [_round(after) for _, after in angles],
+        }
+    return document
+
+
+def _round(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
 
 
 def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, FloatArray, bytes]:

@@ -1,6 +1,6 @@
 """What is drawn of a motion: nodes with y up, bones between them, and their widths."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,14 @@ _TRUNK_TO_LIMB_WIDTH = 1.1
 _DETAIL_WIDTH = 0.4
 
 
+_UPRIGHT = (
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
+)
+"""For each vertical axis, the rotation matrix that maps it to the y axis."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrawnSkeleton:
     """The nodes and bones of a motion as pages and films show them.
@@ -41,6 +49,7 @@ class DrawnSkeleton:
     """
 
     positions: FloatArray  # World, (n_frames, n_nodes, 3), in the unit of the motion, y up.
+    to_y_up: FloatArray  # Rotation matrix from the axes of the motion to those of `positions`.
     parents: list[int]  # The node at which the bone of each node begins; -1 without a bone.
     root: int  # The joint whose path the camera follows.
     height: float  # Of the body.
@@ -63,11 +72,13 @@ class DrawnSkeleton:
             top = joints[:, mass.head] + rotations.rotate(turns[:, mass.head], mass.bone[mass.head])
             positions = np.concatenate([positions, top[:, None]], axis=1)
             parents.append(mass.head)
-        positions = _rotate_to_y_up(positions, motion)
+        to_y_up = _to_y_up(positions, motion)
+        positions = positions @ to_y_up.T
         root = motion.locomotion_root()
         lowest = positions[:, :, 1].min(axis=1)
         return cls(
             positions=positions,
+            to_y_up=to_y_up,
             parents=parents,
             root=known.hips if root in root_carriers(skeleton) else root,
             height=mass.height,
@@ -75,6 +86,10 @@ class DrawnSkeleton:
             widths=_bone_widths(known, parents),
             tips=_limb_tips(known, parents),
         )
+
+    def with_positions(self, positions: FloatArray) -> "DrawnSkeleton":
+        """Return the skeleton with other positions of its nodes."""
+        return replace(self, positions=positions)
 
 
 def node_parents(motion: Motion) -> list[int]:
@@ -128,15 +143,16 @@ def _limb_tips(known: Anatomy, parents: list[int]) -> list[int]:
     return [node for node in leaves if known.parts[parents[node]] != "finger"][:_MAX_TIPS]
 
 
-def _rotate_to_y_up(positions: FloatArray, motion: Motion) -> FloatArray:
-    """Return positions rotated so that the y axis points up; they are not mirrored."""
+def _to_y_up(positions: FloatArray, motion: Motion) -> FloatArray:
+    """Return the rotation matrix that makes the y axis point up; it does not mirror.
+
+    `positions` are those of the nodes in the world, shape (n_frames, n_nodes, 3).
+    """
     axis = up_axis(motion)
     mass = mass_model(motion.skeleton)
     ankles = [foot.ankle for foot in mass.feet]
-    x, y, z = np.moveaxis(positions, -1, 0)
-    upright = np.stack([(-y, x, z), (x, y, z), (x, z, -y)][axis], axis=-1)
     high = mass.head if mass.head is not None else mass.hips
     low = ankles if ankles else [mass.hips]
-    if upright[:, high, 1].mean() < upright[:, low, 1].mean():
-        upright = upright * (-1.0, -1.0, 1.0)
-    return upright
+    sign = -1.0 if positions[:, high, axis].mean() < positions[:, low, axis].mean() else 1.0
+    rotation: FloatArray = np.array(_UPRIGHT[axis]) * np.array([[sign], [sign], [1.0]])
+    return rotation

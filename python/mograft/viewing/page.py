@@ -5,6 +5,7 @@ import hashlib
 import html
 import json
 import os
+import re
 import sys
 import tempfile
 import webbrowser
@@ -16,17 +17,32 @@ from typing import Any
 
 from mograft._util.atomic import write_text
 from mograft.body.groups import JointGroups
-from mograft.io.bvh.reader import read_bvh
-from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
-from mograft.viewing.scene import Scene
+from mograft.viewing.scene import Item, Scene
 
 _MAX_NOTEBOOK_POSITIONS = 300_000
 """Maximum number of node positions in a notebook cell, which is saved with the notebook."""
 
-Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
+_SCRIPTS = (
+    "scene",
+    "poses",
+    "colours",
+    "camera",
+    "player",
+    "objects",
+    "stage",
+    "figures",
+    "timeline",
+    "details",
+    "input",
+    "main",
+)
+"""The modules of the viewer's script; each imports only from those before it."""
+
+_MAX_SHOWN = 12
+"""Maximum number of figures that a page shows at first."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +115,8 @@ def view(
     ----------
     *items : Motion, Graft, Library, Scene, or path of a BVH file
         What to show. A graft is shown after its base. A motion that occurs twice is shown once.
+        A file with the provenance of a graft beside it is shown as a graft: after its base, if
+        the file of the base is found unchanged, and with its donors.
     groups : JointGroups or str, optional
         The joint groups that set the colours of motions, or the name of a preset. Default: the
         groups of the first library with the same joint names (an item, or the library of a
@@ -129,8 +147,7 @@ def view(
     >>> page.html.startswith("<!doctype html>")
     True
     """
-    loaded = [read_bvh(item) if isinstance(item, str | os.PathLike) else item for item in items]
-    scene = Scene.of(loaded, groups)
+    scene = Scene.of(items, groups)
     page_title = title or " and ".join(figure.name for figure in scene.figures[:3])
     page = viewer_page(scene, page_title)
     if show is None:
@@ -156,9 +173,34 @@ def notebook_view(item: Motion | Graft) -> str:
     return iframe_html(viewer_page(scene, name, _MAX_NOTEBOOK_POSITIONS).html, name)
 
 
-def viewer_html(scene: Scene, max_positions: int = MAX_NODE_POSITIONS) -> str:
-    """Return the HTML of the viewer with a scene; a page can contain only one viewer."""
-    return f"{asset('viewer.html')}\n{embed_json(encode_scene(scene, max_positions))}"
+def viewer_html(
+    scene: Scene, max_positions: int = MAX_NODE_POSITIONS, n_shown: int = _MAX_SHOWN
+) -> str:
+    """Return the HTML of the viewer with a scene; a page can contain only one viewer.
+
+    The first `n_shown` figures are shown at first. The positions of each figure are in an element
+    of their own, which the script reads when the figure is shown for the first time.
+    """
+    data = encode_scene(scene, max_positions, n_shown)
+    characters = [own["clip"] for own in data["objects"] if own["kind"] == "figure"]
+    elements = [asset("viewer.html")]
+    for index, clip in enumerate([*data["clips"], *characters]):
+        clip["data"] = f"mograft-poses-{index}"
+        poses = {key: clip.pop(key) for key in ("path", "pose")}
+        elements.append(embed_json(poses, clip["data"]))
+    return "\n".join([*elements, embed_json(data)])
+
+
+@cache
+def viewer_script() -> str:
+    """Return the script of the viewer: its modules in one scope, without imports and exports."""
+    modules = [
+        re.sub(
+            r"^(?:import .*\n|export (?=\w))", "", asset(f"script/{name}.js"), flags=re.MULTILINE
+        )
+        for name in _SCRIPTS
+    ]
+    return '"use strict";\n(() => {\n' + "\n".join(modules) + "\n})();"
 
 
 def assemble_page(
@@ -172,7 +214,7 @@ def assemble_page(
     """
     # A name in a file may contain a lone surrogate, which UTF-8 cannot encode.
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
-    script = asset("viewer.js") if script is None else script
+    script = viewer_script() if script is None else script
     sheet = asset("viewer.css") + style
     # Additional protection against names from files that contain HTML: the browser runs only
     # this script and loads nothing.
@@ -214,15 +256,15 @@ def open_file(path: Path) -> bool:
     return webbrowser.open(path.resolve().as_uri())
 
 
-def embed_json(values: dict[str, Any]) -> str:
-    """Return an HTML script element with values as JSON.
+def embed_json(values: dict[str, Any], name: str = "mograft-data") -> str:
+    """Return an HTML script element with values as JSON and the id `name`.
 
     The characters <, > and & are escaped, so that no string among the values closes the element.
     """
     text = json.dumps(values, separators=(",", ":"), ensure_ascii=True)
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
-    return f'<script type="application/json" id="mograft-data">{text}</script>'
+    return f'<script type="application/json" id="{name}">{text}</script>'
 
 
 def _digest(text: str) -> str:

@@ -20,7 +20,7 @@ from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
 
 _MAX_SHOWN = 4
-"""Maximum number of grafts in the viewer; the figures of more grafts would be too small."""
+"""Maximum number of grafts that the viewer shows at first, beside their base."""
 
 REPORT_STYLE = f"\n{asset('report.css')}\n"
 
@@ -50,7 +50,7 @@ def report_page(
     Returns
     -------
     Page
-        The page. The viewer shows the base and the first four grafts.
+        The page. The viewer shows the base and the first four grafts, and others on request.
 
     Raises
     ------
@@ -85,16 +85,16 @@ def report_page(
     )
     shown = ""
     if len(grafts) > _MAX_SHOWN:
-        shown = f"The viewer shows the first {_MAX_SHOWN} of {len(grafts)} motions. "
+        shown = f"The buttons above the figures show and hide each of the {len(grafts)} motions. "
     summary = "\n".join(graft.report() for graft in grafts)
     body_html = "\n".join(
         [
             "<main>",
             f"<h1>{html.escape(heading)}</h1>",
             f'<p class="lead">{html.escape(lead)}</p>',
-            viewer_html(Scene.of(grafts[:_MAX_SHOWN])),
+            viewer_html(Scene.of(grafts), n_shown=1 + _MAX_SHOWN),
             f'<p class="note">{shown}Hatched segments of the timeline are exchanged; point at one '
-            "to see its donor.</p>",
+            "to see its donor, click it to list the donors that it could have.</p>",
             _cards(library),
             "<h2>Motions</h2>",
             _motion_table(grafts, files or [None] * len(grafts), columns or [{} for _ in grafts]),
@@ -279,24 +279,34 @@ def _donor_table(graft: Graft) -> str:
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:
+    """Return an HTML table of the clips of which the grafts are made, and the number of others."""
     library = grafts[0].library
-    donors: Counter[str] = Counter()
-    frames: Counter[str] = Counter()
-    for substitution in (s for graft in grafts for s in graft.substitutions if not s.is_own):
-        donors[substitution.clip] += 1
-        frames[substitution.clip] += substitution.donor_stop - substitution.donor_start
-    files = [library.file_name(clip) for clip in range(len(library.entries))]
-    rows = [
-        [
-            html.escape(f"{entry.name} ({file})" if file else entry.name),
-            format_number(entry.n_frames),
-            f"{(entry.n_frames - 1) / library.rate:.1f} s",
-            format_number(donors[entry.name]),
-            format_number(frames[entry.name]),
-        ]
-        for entry, file in zip(library.entries, files, strict=True)
-    ]
-    return html_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
+    donors: Counter[int] = Counter()
+    frames: Counter[int] = Counter()
+    clips = set()
+    for substitution in (s for graft in grafts for s in graft.substitutions):
+        clip = int(library.segments.clip[substitution.donor])
+        clips |= {clip, int(library.segments.clip[substitution.segment])}
+        if not substitution.is_own:
+            donors[clip] += 1
+            frames[clip] += substitution.donor_stop - substitution.donor_start
+    rows = []
+    for clip in sorted(clips):
+        entry, file = library.entries[clip], library.file_name(clip)
+        rows.append(
+            [
+                html.escape(f"{entry.name} ({file})" if file else entry.name),
+                format_number(entry.n_frames),
+                f"{(entry.n_frames - 1) / library.rate:.1f} s",
+                format_number(donors[clip]),
+                format_number(frames[clip]),
+            ]
+        )
+    table = html_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
+    n_others = len(library.entries) - len(rows)
+    clips_word = "clip" if n_others == 1 else "clips"
+    other = f"{format_number(n_others)} other {clips_word} of the library are not used."
+    return f'{table}<p class="note">{other}</p>' if n_others else table
 
 
 def _parameter_table(library: Library) -> str:

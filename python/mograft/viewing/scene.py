@@ -1,81 +1,28 @@
 """Figures that are shown together, their joint groups, and the timelines of their segments."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import IntArray
 from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
+from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.search.constraints import Constraint
 from mograft.synthesis.graft_result import Graft
+from mograft.viewing.candidate_table import CandidateTable
+from mograft.viewing.figure import Figure, TimelineRow
+from mograft.viewing.objects import ShownConstraint
+from mograft.viewing.recorded import read_recorded, recorded_base, recorded_constraints
 
 _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
 """Joint groups of a motion without a library: the first preset that fits the skeleton."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TimelineRow:
-    """One row of the timeline: the segments of one joint group of a motion."""
-
-    group: str
-    start: IntArray  # First and last frame of each segment, both inclusive.
-    stop: IntArray
-    cluster: IntArray  # Of each segment, in grafts of its donor; -1 without clusters.
-    donor_clips: tuple[str, ...]  # Name of each donor's clip; empty if nothing was grafted.
-    donor_start: IntArray  # First and last frame of each donor in its clip.
-    donor_stop: IntArray
-    is_exchanged: BoolArray  # Whether the donor is another segment.
-    stretch: FloatArray  # Relative change of each donor's duration.
-    seam_angles: FloatArray  # Before and after each segment (n, 2), degrees; NaN without a seam.
-    n_alternatives: IntArray  # Number of donors other than the segment itself; -1 if unknown.
-
-    @classmethod
-    def without_donors(
-        cls, group: str, start: IntArray, stop: IntArray, cluster: IntArray
-    ) -> "TimelineRow":
-        """Return the row of captured segments."""
-        zeros = np.zeros(len(start), np.int64)
-        return cls(
-            group=group,
-            start=start,
-            stop=stop,
-            cluster=cluster,
-            donor_clips=(),
-            donor_start=zeros,
-            donor_stop=zeros,
-            is_exchanged=np.zeros(len(start), bool),
-            stretch=np.zeros(len(start)),
-            seam_angles=np.full((len(start), 2), np.nan),
-            n_alternatives=zeros - 1,
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Figure:
-    """One moving figure."""
-
-    motion: Motion
-    name: str  # Name on the page.
-    members: Mapping[str, IntArray]  # The joints of each group.
-    rows: tuple[TimelineRow, ...]  # The rows of the figure in the timeline.
-
-    def group_of_nodes(self, parents: Sequence[int]) -> list[int]:
-        """Return the index of the joint group of each node.
-
-        `parents` holds the parent of each node: of the joints, then of the end sites. An end site
-        belongs to the group of its parent.
-        """
-        groups = np.zeros(len(parents), np.int64)
-        for index, joints in enumerate(self.members.values()):
-            groups[joints] = index
-        for node in range(self.motion.n_joints, len(parents)):
-            groups[node] = groups[max(parents[node], 0)]
-        indices: list[int] = groups.tolist()
-        return indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,17 +30,19 @@ class Scene:
     """Figures that are shown together; frame numbers on the page are those of the first figure."""
 
     figures: tuple[Figure, ...]
+    constraints: tuple[ShownConstraint, ...] = ()  # Their obstacles and targets are drawn.
 
     @classmethod
     def of(
         cls,
-        items: "Iterable[Motion | Graft | Library | Scene]",
+        items: "Iterable[Item]",
         groups: JointGroups | str | None = None,
     ) -> "Scene":
         """Return a scene of the figures of motions, grafts, libraries and other scenes.
 
-        A graft adds its base and then itself; a library adds all of its clips. Each motion is added
-        once. `groups`, joint groups or the name of a preset, set the colours of motions. By
+        A graft adds its base and then itself; a library adds all of its clips. The path of a BVH
+        file adds its motion, or a graft if its provenance is beside it. Each motion is added once.
+        `groups`, joint groups or the name of a preset, set the colours of motions. By
         default, these are the groups of the first library with the same joint names (an item, or
         the library of a graft), otherwise trunk, arms and legs. Grafts and clips of these libraries
         always have the colours of their library's groups, and the figures of a scene keep their
@@ -103,25 +52,12 @@ class Scene:
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
         libraries = [source for source in sources if isinstance(source, Library)]
-        figures: list[Figure] = []
+        scene = _Builder(groups, libraries)
         for item in items:
-            if isinstance(item, Graft):
-                found = [_clip_figure(item.library, item.base), _graft_figure(item)]
-            elif isinstance(item, Library):
-                found = [_clip_figure(item, clip) for clip in item.clips]
-            elif isinstance(item, Motion):
-                found = [_motion_figure(item, groups, libraries)]
-            elif isinstance(item, Scene):
-                found = list(item.figures)
-            else:
-                raise TypeError(
-                    f"`items` must be motions, grafts, libraries or scenes, got {item!r}"
-                )
-            for figure in found:
-                _add(figures, figure)
-        if not figures:
+            scene.add(item)
+        if not scene.figures:
             raise ValueError("`items` must contain at least one motion, got none")
-        return cls(tuple(figures))
+        return cls(tuple(scene.figures), tuple(scene.constraints))
 
     @classmethod
     def of_clips(cls, library: Library, clips: Iterable[int]) -> "Scene":
@@ -134,20 +70,82 @@ class Scene:
         return tuple(dict.fromkeys(name for figure in self.figures for name in figure.members))
 
 
-def _add(figures: list[Figure], new: Figure) -> None:
-    """Append a figure; if the list contains its motion, keep the figure with more timeline rows."""
-    for index, old in enumerate(figures):
-        if _is_same(old.motion, new.motion):
-            if len(new.rows) > len(old.rows):
-                figures[index] = replace(new, name=old.name)
+Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
+"""What a scene can contain."""
+
+
+class _Builder:
+    """The figures and constraints of a scene, collected item by item."""
+
+    def __init__(self, groups: JointGroups | str | None, libraries: Sequence[Library]) -> None:
+        self.groups, self.libraries = groups, libraries
+        self.figures: list[Figure] = []
+        self.constraints: list[ShownConstraint] = []
+        self.tables: dict[tuple[int, ...], CandidateTable] = {}
+
+    def add(self, item: Item) -> None:
+        """Add an item; raise a TypeError if it has another type."""
+        if isinstance(item, Graft):
+            self._add_figure(_clip_figure(item.library, item.base))
+            self._add_figure(_graft_figure(item, self._candidates(item)))
+            self._add_constraints(item.request.constraints, item.motion)
+        elif isinstance(item, Library):
+            for clip in item.clips:
+                self._add_figure(_clip_figure(item, clip))
+        elif isinstance(item, Motion):
+            self._add_figure(_motion_figure(item, self.groups, self.libraries))
+        elif isinstance(item, Scene):
+            for figure in item.figures:
+                self._add_figure(figure)
+            for constraint, motion in item.constraints:
+                self._add_constraints([constraint], motion)
+        elif isinstance(item, str | os.PathLike):
+            self._add_file(item)
+        else:
+            raise TypeError(
+                f"`items` must be motions, grafts, libraries, scenes or paths, got {item!r}"
+            )
+
+    def _add_file(self, path: str | os.PathLike[str]) -> None:
+        motion = read_bvh(path)
+        recorded = read_recorded(motion, Path(path))
+        if recorded is None:
+            self.add(motion)
             return
-    names = {figure.name for figure in figures}
-    name = stem = new.name or "motion"
-    count = 1
-    while name in names:
-        count += 1
-        name = f"{stem} ({count})"
-    figures.append(replace(new, name=name))
+        figure, record = recorded
+        base = recorded_base(motion, record)
+        if base is not None:
+            self._add_figure(replace(_motion_figure(base, None, ()), members=figure.members))
+        self._add_figure(figure)
+        self._add_constraints(recorded_constraints(record), motion)
+
+    def _candidates(self, graft: Graft) -> CandidateTable:
+        """Return the candidates of a graft; grafts of the same base segments share them."""
+        segments = (s.segment for s in graft.substitutions)
+        key = (id(graft.library), *segments)
+        if key not in self.tables:
+            self.tables[key] = CandidateTable.of(graft)
+        return self.tables[key]
+
+    def _add_constraints(self, constraints: Iterable[Constraint], motion: Motion) -> None:
+        for constraint in constraints:
+            if constraint not in [shown.constraint for shown in self.constraints]:
+                self.constraints.append(ShownConstraint(constraint, motion))
+
+    def _add_figure(self, new: Figure) -> None:
+        """Add a figure; if its motion was added before, keep the one with more timeline rows."""
+        for index, old in enumerate(self.figures):
+            if _is_same(old.motion, new.motion):
+                if len(new.rows) > len(old.rows):
+                    self.figures[index] = replace(new, name=old.name)
+                return
+        names = {figure.name for figure in self.figures}
+        name = stem = new.name or "motion"
+        count = 1
+        while name in names:
+            count += 1
+            name = f"{stem} ({count})"
+        self.figures.append(replace(new, name=name))
 
 
 def _is_same(a: Motion, b: Motion) -> bool:
@@ -206,11 +204,18 @@ def _clip_figure(library: Library, clip: Motion) -> Figure:
     return Figure(motion, motion.name, library.groups.resolve(motion.skeleton), rows)
 
 
-def _graft_figure(graft: Graft) -> Figure:
+def _graft_figure(graft: Graft, candidates: CandidateTable) -> Figure:
     groups = dict.fromkeys(s.group for s in graft.substitutions)
     members = graft.library.groups.resolve(graft.motion.skeleton)
     rows = tuple(_graft_row(graft, group) for group in groups)
-    return Figure(graft.motion, graft.motion.name, members, rows)
+    return Figure(
+        graft.motion,
+        graft.motion.name,
+        members,
+        rows,
+        candidates=candidates,
+        command=graft.request.command,
+    )
 
 
 def _graft_row(graft: Graft, group: str) -> TimelineRow:

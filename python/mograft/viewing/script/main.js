@@ -1,0 +1,158 @@
+// Start: read the data, draw, and listen to pointer and keyboard.
+import { groupColour, ink, readTheme } from "./colours.js";
+import { candidatesOf, describe, writeDetail, writeTable } from "./details.js";
+import { makeCaptions, makeFigureButtons, placeCaptions, writeCaptions } from "./figures.js";
+import { listenToKeys, listenToStage, listenToTimeline, resetCamera, toggle } from "./input.js";
+import { cut, draw, onDraw, play, redraw, seconds, seek, show, writeFrame, zoomTime } from "./player.js";
+import { load, pose } from "./poses.js";
+import { clips, create, find, nFrames, overview, root, rows, scene, shownClips, size, stage, state } from "./scene.js";
+import { drawStage } from "./stage.js";
+import { drawOverview, drawRows, layOutRows, timeline } from "./timeline.js";
+
+const sliders = [rows, overview];
+
+function writeSliders() {
+  for (const slider of sliders) {
+    slider.setAttribute("aria-valuenow", state.frame);
+    slider.setAttribute("aria-valuetext", `frame ${state.frame} of ${nFrames - 1}, ${seconds()} seconds`);
+  }
+}
+
+function resize() {
+  const ratio = Math.min(window.devicePixelRatio || 1, 2);
+  Object.assign(size, { width: stage.clientWidth, height: stage.clientHeight, ratio });
+  timeline.gutter = overview.clientWidth < 600 ? 104 : 160;
+  for (const canvas of [stage, rows, overview]) {
+    canvas.width = Math.round(canvas.clientWidth * ratio);
+    canvas.height = Math.round(canvas.clientHeight * ratio);
+  }
+  placeCaptions();
+  draw();
+}
+
+function onFiguresChange() {
+  layOutRows();
+  describeStage();
+  if (find("parts").open) writeTable();
+  resize();
+}
+
+function describeStage() {
+  const names = shownClips().map((clip) => clip.name).join(" and ");
+  stage.setAttribute("aria-label", `Moving figures: ${names}. Space plays, arrow keys step.`);
+  find("overlay").hidden = state.shown.length < 2;
+  find("loop").hidden = find("parts").hidden = !timeline.lines.length;
+}
+
+function writeLegend() {
+  const items = scene.groups.map((group) => {
+    const item = create("li");
+    const dot = create("i");
+    dot.style.background = groupColour(group);
+    item.append(dot, create("bdi", group));
+    return item;
+  });
+  find("legend").replaceChildren(...items);
+}
+
+function changeTheme() {
+  readTheme();
+  writeLegend();
+  redraw();
+}
+
+function listenToButtons() {
+  find("play").addEventListener("click", () => play());
+  find("back").addEventListener("click", () => cut(-1));
+  find("on").addEventListener("click", () => cut(1));
+  find("speed").addEventListener("change", (event) => (state.speed = Number(event.target.value)));
+  find("frame").addEventListener("change", (event) => {
+    seek(Number(event.target.value) || 0);
+    event.target.blur(); // The keys control the player again.
+  });
+  for (const name of ["overlay", "follow", "trails", "floor", "loop"]) {
+    find(name).addEventListener("click", () => toggle(name));
+  }
+  find("wider").addEventListener("click", () => zoomTime(2, state.frame));
+  find("nearer").addEventListener("click", () => zoomTime(0.5, state.frame));
+  find("reset").addEventListener("click", resetCamera);
+  find("theme").addEventListener("click", () => {
+    document.documentElement.dataset.theme = ink.dark ? "light" : "dark";
+    changeTheme();
+  });
+  find("help").addEventListener("click", () => find("keys").showModal());
+  find("close").addEventListener("click", () => find("keys").close());
+  find("parts").addEventListener("toggle", (event) => event.target.open && writeTable());
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changeTheme);
+}
+
+function listen() {
+  listenToStage(stage);
+  listenToTimeline(rows, true);
+  listenToTimeline(overview, false);
+  listenToKeys();
+  listenToButtons();
+  new ResizeObserver(resize).observe(root);
+}
+
+function prepare() {
+  readTheme();
+  writeLegend();
+  makeCaptions();
+  makeFigureButtons(onFiguresChange);
+  layOutRows();
+  describeStage();
+  for (const slider of sliders) {
+    slider.setAttribute("aria-valuemin", 0);
+    slider.setAttribute("aria-valuemax", nFrames - 1);
+  }
+  find("frame").max = nFrames - 1;
+  find("total").textContent = `/ ${nFrames - 1}`;
+  find("note").textContent = scene.note;
+  state.follow = scene.follow;
+  find("follow").setAttribute("aria-pressed", state.follow);
+  for (const drawer of [drawStage, writeCaptions, drawRows, drawOverview, writeDetail, writeFrame, writeSliders]) {
+    onDraw(drawer);
+  }
+}
+
+// If segments are too narrow to point at, only a part of the timeline is visible at first.
+function fitTimeline() {
+  const most = Math.max(0, ...timeline.lines.map((line) => line.row.start.length));
+  const room = Math.max(rows.clientWidth / 28, 8);
+  if (most > 1.5 * room) show(0, ((nFrames - 1) * room) / most);
+}
+
+async function begin() {
+  if (typeof DecompressionStream === "undefined") {
+    throw new Error("the browser must support DecompressionStream (2023)");
+  }
+  const characters = scene.objects.filter(({ kind }) => kind === "figure").map(({ clip }) => clip);
+  await Promise.all([...shownClips(), ...characters].map(load));
+  prepare();
+  resize();
+  fitTimeline();
+  listen();
+  draw();
+  root.dataset.ready = "1";
+  // Interface for scripts: tests, and other scripts in the page.
+  window.mograft = {
+    frames: nFrames,
+    seek: (frame) => {
+      seek(frame);
+      draw();
+    },
+    frame: () => state.frame,
+    pose: (clip, frame) => Array.from(pose(clips[clip], frame, new Float32Array(clips[clip].nodes * 3))),
+    isLoaded: (clip) => Boolean(clips[clip].positions),
+    describe: (row, part) => describe({ line: timeline.lines[row], part }),
+    candidates: (row, part) => candidatesOf({ line: timeline.lines[row], part }),
+    offset: (row) => timeline.offsets[row],
+    state,
+  };
+}
+
+begin().catch((error) => {
+  find("detail").textContent = `The motion cannot be shown: ${error.message}`;
+  root.dataset.ready = "failed";
+});

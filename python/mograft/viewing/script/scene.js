@@ -1,0 +1,59 @@
+// The data of the page and the state of the viewer. Names come from files and enter the page as
+// text only.
+export const root = document.getElementById("mograft");
+export const scene = JSON.parse(document.getElementById("mograft-data").textContent);
+export const find = (name) => root.querySelector(`[data-part="${name}"]`);
+export const stage = find("stage");
+export const rows = find("rows");
+export const overview = find("overview");
+export const isAlone = document.body.classList.contains("alone");
+export const clips = scene.clips;
+// Frame numbers of the page are those of the first figure.
+export const first = clips[0];
+export const nFrames = Math.max(...clips.map((clip) => Math.round(((clip.frames - 1) * clip.dt) / first.dt) + 1));
+export const size = { width: 1, height: 1, ratio: 1 };
+
+export const state = {
+  frame: 0,
+  playing: false,
+  speed: 1,
+  shown: clips.map((_, i) => i).slice(0, scene.shown),
+  overlay: false,
+  follow: true,
+  stand: 0,
+  trails: false,
+  floor: true,
+  loop: false,
+  yaw: 0.55,
+  pitch: 0.22,
+  zoom: 1,
+  pan: [0, 0],
+  window: [0, nFrames - 1],
+  pinned: null,
+  hovered: null,
+};
+
+export const shownClips = () => state.shown.map((i) => clips[i]);
+export const clamp = (value, low, high) => Math.max(low, Math.min(high, value));
+export const clipFrame = (clip, frame) => Math.min(Math.round((frame * first.dt) / clip.dt), clip.frames - 1);
+export const toPageFrame = (clip, frame) => (frame * clip.dt) / first.dt;
+
+export function create(tag, text, className) {
+  const element = document.createElement(tag);
+  if (text !== undefined) element.textContent = text;
+  if (className) element.className = className;
+  return element;
+}
+
+// Index of the segment of a row that contains a frame, or -1.
+export function partAt(row, frame) {
+  const { start, stop } = row;
+  let low = 0;
+  let high = start.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (start[middle] <= frame) low = middle;
+    else high = middle - 1;
+  }
+  return start.length && frame >= start[low] && frame <= stop[low] ? low : -1;
+}

@@ -1,0 +1,115 @@
+"""Grafts in files: pages and figures read the provenance beside them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mograft import Library, Reach, Sphere, graft, read_bvh, view, write_bvh, write_graft
+from mograft.cli import main
+from mograft.dancer import dance
+from mograft.search.pose_constraints import Avoid
+from mograft.viewing.page import Page
+from mograft.viewing.scene import Scene
+from tests.viewing.page_content import page_data
+
+CONSTRAINTS = (
+    Avoid(Sphere((0, 80, 200), 30), weight=1.0),
+    Reach("LeftHand", (40, 120, 20), frame=50, weight=1.0),
+)
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A graft that was written to a folder, with the file of its base."""
+    write_bvh(dance(seed=1, strides=1).motion[:500], tmp_path / "clip.bvh")
+    new = graft(Library.build(tmp_path / "clip.bvh"), seed=3, constraints=CONSTRAINTS)
+    (tmp_path / "out").mkdir()
+    write_graft(new, tmp_path / "out" / "new.bvh")
+    return new
+
+
+ROW_KEYS = ("group", "start", "stop", "first", "last", "source", "others", "grafted")
+
+
+def test_view_file_with_provenance_equals_view_of_graft(made, tmp_path):
+    want = page_data(view(made, show=False))
+    got = page_data(view(tmp_path / "out" / "new.bvh", show=False))
+    assert [clip["name"] for clip in got["clips"]] == ["clip", "new"]
+    assert got["objects"] == want["objects"]
+    assert len(got["objects"]) == 2
+    (want_row,), (got_row,) = (data["clips"][1]["rows"] for data in (want, got))
+    assert {key: got_row[key] for key in ROW_KEYS} == {key: want_row[key] for key in ROW_KEYS}
+    assert max(got_row["source"]) >= 0
+    for key in ("before", "after", "stretch"):
+        values = np.array([got_row[key], want_row[key]], float)
+        np.testing.assert_allclose(values[0], values[1], atol=0.011)
+    assert got["clips"][1]["groups"] == want["clips"][1]["groups"]
+
+
+def test_view_missing_or_changed_base_shows_graft_alone(made, tmp_path):
+    (tmp_path / "clip.bvh").unlink()
+    data = page_data(view(tmp_path / "out" / "new.bvh", show=False))
+    assert [clip["name"] for clip in data["clips"]] == ["new"]
+    write_bvh(made.base[:400], tmp_path / "clip.bvh")
+    data = page_data(view(tmp_path / "out" / "new.bvh", show=False))
+    assert [clip["name"] for clip in data["clips"]] == ["new"]
+    assert data["clips"][0]["rows"][0]["grafted"]
+
+
+@pytest.mark.usefixtures("made")
+@pytest.mark.parametrize("damage", ["frames", "seams", "substitutions", "groups_toml"])
+def test_view_damaged_provenance_warns_and_shows_motion(tmp_path, damage):
+    path = tmp_path / "out" / "new.json"
+    document = json.loads(path.read_text())
+    document[damage] = 3
+    path.write_text(json.dumps(document))
+    with pytest.warns(UserWarning, match=r"new\.json.*shown without donors"):
+        data = page_data(view(path.with_suffix(".bvh"), show=False))
+    assert [row["group"] for row in data["clips"][0]["rows"]] == ["segments"]
+
+
+@pytest.mark.usefixtures("made")
+def test_view_other_json_beside_motion_is_ignored(tmp_path):
+    (tmp_path / "clip.json").write_text('{"schema": "other/1"}')
+    data = page_data(view(tmp_path / "clip.bvh", show=False))
+    assert [row["group"] for row in data["clips"][0]["rows"]] == ["segments"]
+
+
+@pytest.mark.usefixtures("made")
+def test_view_and_plot_commands_read_provenance(tmp_path, capsys):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    page = tmp_path / "page.html"
+    assert main(["view", str(tmp_path / "out"), "-o", str(page)]) == 0
+    clips = page_data(Page("", page.read_text(encoding="utf-8")))["clips"]
+    assert [clip["name"] for clip in clips] == ["clip", "new"]
+    svg = tmp_path / "t.svg"
+    assert main(["plot", "timeline", str(tmp_path / "out" / "new.bvh"), "-o", str(svg)]) == 0
+    both = tmp_path / "both.svg"
+    files = [str(tmp_path / "clip.bvh"), str(tmp_path / "out" / "new.bvh")]
+    assert main(["plot", "timeline", *files, "-o", str(both)]) == 0
+    capsys.readouterr()
+
+
+def test_plot_timeline_of_file_hatches_exchanged_segments(made, tmp_path):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    from matplotlib import pyplot
+
+    from mograft import plot
+
+    axes = plot.timeline(tmp_path / "out" / "new.bvh")
+    hatched = sum(collection.get_hatch() is not None for collection in axes.collections)
+    assert hatched == sum(not s.is_own for s in made.substitutions)
+    labels = [label.get_text() for label in axes.get_yticklabels()]
+    assert labels == ["clip · segments", "new · upper"]
+    pyplot.close("all")
+
+
+def test_scene_grafts_in_files_share_their_base(made, tmp_path):
+    other = replace(made, motion=replace(made.motion, name="other"))
+    write_graft(other, tmp_path / "out" / "other.bvh")
+    paths = [tmp_path / "out" / f"{name}.bvh" for name in ("new", "other")]
+    scene = Scene.of([*paths, read_bvh(tmp_path / "clip.bvh")])
+    assert [figure.name for figure in scene.figures] == ["clip", "new", "other"]
+    assert len(scene.constraints) == len(CONSTRAINTS)

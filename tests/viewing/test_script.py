@@ -1,0 +1,51 @@
+"""The script of the viewer: its modules share one scope in the page."""
+
+import re
+from importlib.resources import files
+
+from mograft.viewing.page import _SCRIPTS, viewer_script
+
+IMPORT = re.compile(r'^import \{ ([\w, ]+) \} from "\./(\w+)\.js";$', re.MULTILINE)
+DECLARED = re.compile(
+    r"^(export )?(?:async )?(?:function|const|let|class) (\w+|\{[\w, ]+\})", re.MULTILINE
+)
+
+
+def modules():
+    folder = files("mograft.viewing").joinpath("script")
+    return {name: folder.joinpath(f"{name}.js").read_text("utf-8") for name in _SCRIPTS}
+
+
+def test_script_modules_are_all_files_in_the_folder():
+    folder = files("mograft.viewing").joinpath("script")
+    assert sorted(f"{name}.js" for name in _SCRIPTS) == sorted(p.name for p in folder.iterdir())
+
+
+def test_script_modules_import_only_exports_of_earlier_modules():
+    exported = {}
+    for name, text in modules().items():
+        imports = IMPORT.findall(text)
+        assert len(imports) == text.count("import ")
+        for names, module in imports:
+            assert set(names.split(", ")) <= exported[module], (name, module)
+        exported[name] = {own for word, own in DECLARED.findall(text) if word}
+
+
+def test_script_modules_use_the_names_that_they_import():
+    for name, text in modules().items():
+        for names, _ in IMPORT.findall(text):
+            for own in names.split(", "):
+                assert len(re.findall(rf"\b{own}\b", text)) > 1, (name, own)
+
+
+def test_script_top_level_names_are_unique():
+    declared = [own for text in modules().values() for _, own in DECLARED.findall(text)]
+    assert len(declared) == len(set(declared))
+
+
+def test_script_has_one_scope_without_imports_and_exports():
+    text = viewer_script()
+    assert not re.findall(r"^(?:import|export)\b", text, re.MULTILINE)
+    assert text.startswith('"use strict";\n(() => {\n')
+    assert text.endswith("\n})();")
+    assert "</script" not in text
