@@ -94,6 +94,7 @@ def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
         "gaps_degrees": [round(math.degrees(gap), 4) for gap in gaps],
         "distance": None if math.isnan(candidate.distance) else candidate.distance,
         "refused": candidate.refused,
+        "is_forced": candidate.is_forced,
     }
 
 
@@ -104,7 +105,8 @@ def _number_in_clip(library: Library, candidate: Candidate) -> int:
 def _table(library: Library, found: Candidates, segment: int) -> list[str]:
     """Return one line for each candidate, and one with the number of all other segments.
 
-    ``=`` marks the base segment itself, ``+`` an allowed and ``-`` a refused candidate.
+    ``=`` marks the base segment itself, ``+`` an allowed, ``*`` a forced and ``-`` a refused
+    candidate.
     """
     candidates = (*found.allowed, *found.refused)
     names = [library.entries[candidate.clip].name for candidate in candidates]
@@ -114,10 +116,13 @@ def _table(library: Library, found: Candidates, segment: int) -> list[str]:
         before, after = math.degrees(candidate.gap_before), math.degrees(candidate.gap_after)
         seams = f"{before:.0f}°/{after:.0f}°"
         mark = "-" if candidate.refused else "=" if candidate.segment == segment else "+"
+        note = candidate.refused
+        if candidate.is_forced and not candidate.refused:
+            mark, note = "*", "forced"
         lines.append(
             f" {mark} {name:{width}} {candidate.start:6}-{candidate.stop:<6} "
             f"cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
-            f"seams {seams:8} {candidate.refused}".rstrip()
+            f"seams {seams:8} {note}".rstrip()
         )
     outside = NEIGHBOURHOODS.get(library.config.neighbourhood).outside
     return [*lines, f"   {found.elsewhere} segments are {outside}"]

@@ -26,6 +26,7 @@ from mograft.cli.options import (
     NEIGHBOURHOOD,
     PRESET,
     PRESETS,
+    REPLAY_OPTIONS,
     SCENARIO_OPTIONS,
     SEED,
     SIGMA_SCALE,
@@ -125,12 +126,7 @@ _GRAFT = command(
     "graft",
     "create motions by exchanging joint groups of a captured motion",
     files_argument("one library, or BVH files; with --from not required", "LIB|FILE", nargs="*"),
-    option(
-        "--from JSON",
-        ".json file of a graft, which is created again with the same bytes; LIB|FILE is needed "
-        "only if files have moved",
-        is_path=True,
-    ),
+    *REPLAY_OPTIONS,
     INCLUDE_GRAFTS,
     option(
         "--base CLIP|FILE",

@@ -13,6 +13,7 @@ from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
 from mograft.search import donor_constraints, pose_constraints
 from mograft.search.constraints import Constraint, Span
+from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 
 
@@ -44,15 +45,7 @@ def read_constraints(
         found.append(reach)
     for target, given in options.face:
         found.append(pose_constraints.Face(target, frames=span(given)))
-    found += [donor_constraints.KeepOriginal(frames=span(given)) for given in options.keep]
-    for options_of, kind_of in (
-        (options.take, donor_constraints.Use),
-        (options.ban, donor_constraints.Ban),
-    ):
-        for number, given, donor in options_of:
-            if isinstance(donor, tuple):
-                donor = (donor[0], *resolve_frames(donor[1:], library.rate))
-            found.append(kind_of(number, donor, frames=span(given)))
+    found += read_segment_constraints(options, library.rate)
     for clips, tags, kind in (
         (options.only_from, options.only_tagged, donor_constraints.OnlyFrom),
         (options.not_from, options.not_tagged, donor_constraints.NotFrom),
@@ -102,6 +95,23 @@ def check_frames(options: argparse.Namespace, rate: float, n_frames: int) -> Non
                 f"frames of --{name} must be within 0-{n_frames - 1}, the frames of the base "
                 f"motion ({(n_frames - 1) / rate:.6g} s), got {first}-{last}"
             )
+
+
+def read_segment_constraints(
+    options: argparse.Namespace, rate: float
+) -> list[KeepOriginal | Use | Ban]:
+    """Return the constraints of ``--keep``, ``--take`` and ``--ban``; `rate` is in frames/s."""
+    found: list[KeepOriginal | Use | Ban] = [
+        KeepOriginal(frames=resolve_frames(span, rate)) for span in options.keep
+    ]
+    kinds: tuple[type[Use | Ban], ...] = (Use, Ban)
+    for kind, values in zip(kinds, (options.take, options.ban), strict=True):
+        for value, donor in values:
+            if isinstance(donor, tuple):
+                donor = (donor[0], *resolve_frames(donor[1:], rate))
+            frames = value.resolve_span(rate)
+            found.append(kind(value.number, donor, frames=frames, group=value.group))
+    return found
 
 
 def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace) -> Obstacle:

@@ -12,7 +12,7 @@ from mograft.cli.configuration import load_library, options_given
 from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
 from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
 from mograft.cli.output import print_error, print_remark, print_result
-from mograft.cli.replayed import replay_graft
+from mograft.cli.replayed import is_edit, replay_graft
 from mograft.cli.results import with_command, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names, suggest_name
@@ -35,11 +35,11 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     check_suffix(options, ".bvh", is_folder=True)
     if getattr(options, "from") is not None:
-        graft, path = replay_graft(options)
-        _write_results([graft], [path], path.with_suffix(".html"), options)
-        return 0
+        return _run_replay(options)
     if not options.files:
         options.usage_error("expected LIB or FILE")
+    if options.reroll:
+        options.usage_error("--reroll requires --from")
     options.sources = list(options.files)  # `options.files` is expanded below
     is_single = options.output.suffix.lower() == ".bvh"
     if is_single and options.count != 1:
@@ -80,6 +80,17 @@ def run(options: argparse.Namespace) -> int:
         if _print_violations(grafts, best_effort=best_effort) and not best_effort:
             return 4  # No donor sequence satisfies the constraints.
     _write_results(grafts, paths, page, options)
+    return 0
+
+
+def _run_replay(options: argparse.Namespace) -> int:
+    """Write the graft of ``--from``, edited if options require it; return the exit code."""
+    graft, path = replay_graft(options)
+    if is_edit(options):
+        best_effort = options.best_effort
+        if _print_violations([graft], best_effort=best_effort) and not best_effort:
+            return 4  # The edits contradict each other or the constraints of the graft.
+    _write_results([graft], [path], path.with_suffix(".html"), options)
     return 0
 
 

@@ -16,6 +16,7 @@ from mograft.cli.arguments import (
     switch,
 )
 from mograft.cli.frame_times import frame_count, frames
+from mograft.cli.segment_values import ban, segment_value, take
 from mograft.cli.values import non_negative_integer, non_negative_number, positive_number, share
 
 PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
@@ -95,6 +96,21 @@ INCLUDE_GRAFTS = setting_switch(
 FORCE = switch("--force", "overwrite existing files")
 JSON = switch("--json", "print the results as one JSON document")
 
+REPLAY_OPTIONS = (
+    option(
+        "--from JSON",
+        ".json file of a graft, which is created again with the same bytes; --take, --ban, --keep "
+        "and --reroll change segments and keep all others; LIB|FILE is needed only if files have "
+        "moved",
+        is_path=True,
+    ),
+    repeated_option(
+        "--reroll SEGMENT",
+        "with --from, index or frames FIRST-LAST of base segments that get other donors; may be "
+        "repeated",
+        segment_value,
+    ),
+)
 SCENARIO_OPTIONS = (
     option(
         "--scenario original|graph|N,...",
@@ -180,7 +196,7 @@ _POSE_OPTIONS = (
     ),
     repeated_option(
         "--keep FIRST-LAST",
-        "range of frames whose segments are not exchanged; may be repeated",
+        "frames, or seconds such as 10s-12.5s, whose segments are not exchanged; may be repeated",
         frames,
     ),
 )
@@ -189,15 +205,15 @@ _SEGMENT_OPTIONS = (
         "--take SEGMENT=CLIP:FIRST-LAST",
         "donor that a base segment must have: frames FIRST-LAST of CLIP, from any cluster and of "
         "any duration; SEGMENT is the index of the base segment, from 0, or its frames "
-        "FIRST-LAST; may be repeated",
-        values.take,
+        "FIRST-LAST; GROUP:SEGMENT selects one of several exchanged groups; may be repeated",
+        take,
     ),
     repeated_option(
         "--ban SEGMENT[=CLIP[:FIRST-LAST]]",
         "donors that a base segment must not have: all segments of CLIP, or those that overlap "
-        "its frames FIRST-LAST; without CLIP, the base segment itself, so that it is exchanged; "
-        "SEGMENT is as for --take; may be repeated",
-        values.ban,
+        "its frames FIRST-LAST; without CLIP, the base segment itself, so that it is exchanged, or "
+        "with --from the present donor; SEGMENT is as for --take; may be repeated",
+        ban,
     ),
 )
 _DONOR_OPTIONS = (

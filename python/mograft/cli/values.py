@@ -85,56 +85,6 @@ def picture_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-BaseSegment = tuple[int | None, Range | None]
-"""Number of a base segment, or its first and last frame."""
-
-
-def take(text: str) -> tuple[int | None, Range | None, tuple[str, Frame, Frame]]:
-    """Parse a value of ``--take``, such as ``24=walk:242-275``.
-
-    Return the index of the base segment or None, its first and last frame or None, and the clip,
-    first frame and last frame of the donor.
-    """
-    segment, _, donor = text.partition("=")
-    clip, colon, span = donor.rpartition(":")  # The name of a clip may contain colons.
-    try:
-        if colon and clip:
-            return (*_base_segment(segment), (clip, *frames(span)))
-    except ArgumentTypeError:
-        pass
-    raise ArgumentTypeError(
-        f"expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275, got {text!r}"
-    )
-
-
-def ban(
-    text: str,
-) -> tuple[int | None, Range | None, str | tuple[str, Frame, Frame] | None]:
-    """Parse a value of ``--ban``: ``24``, ``24=walk`` or ``24=walk:242-275``.
-
-    Return the index of the base segment or None, its first and last frame or None, and the
-    donors: None, a clip, or a clip with its first and last frame.
-    """
-    segment, equals, clip = text.partition("=")
-    try:
-        if equals and clip:
-            number, span = _base_segment(segment)
-            name, colon, clip_frames = clip.rpartition(":")
-            if colon and name and clip_frames[:1].isdecimal():
-                return number, span, (name, *frames(clip_frames))
-            return number, span, clip
-        if not equals:
-            return (*_base_segment(segment), None)
-    except ArgumentTypeError:
-        pass
-    raise ArgumentTypeError(
-        f"expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk, got {text!r}"
-    )
-
-
-def _base_segment(text: str) -> BaseSegment:
-    """Parse a base segment: return its index and None, or None and its first and last frame."""
-    return (int(text), None) if text.isdecimal() else (None, frames(text))
 
 
 def _numbers(text: str, *counts: int) -> list[float]:

@@ -50,6 +50,8 @@ class Candidate:
     cost : float
         The cost if only this base segment is replaced: the unary cost, the costs of the seams
         with both neighbours and the constraint costs. See `Config` for the terms.
+    is_forced : bool
+        Whether a `Use` constraint requires the segment, from any neighbourhood and of any length.
     """
 
     segment: int
@@ -62,6 +64,7 @@ class Candidate:
     distance: float
     refused: str
     cost: float = float("nan")
+    is_forced: bool = False
 
 
 @dataclass(frozen=True)
@@ -292,10 +295,12 @@ class SegmentPool:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintVerdicts:
-    """Constraint costs of the members of a neighbourhood, and the constraints that they violate."""
+    """Constraint costs of candidates, and the constraints that they violate."""
 
+    members: IntArray  # the neighbourhood and the donors that `Use` requires, ascending
     costs: FloatArray  # shape (n_members,)
     reasons: Sequence[Sequence[str]]  # for each member the violated hard constraints
+    is_forced: BoolArray  # whether a `Use` requires the member, shape (n_members,)
 
 
 def list_candidates(
@@ -304,10 +309,13 @@ def list_candidates(
     """Return all members of a segment's neighbourhood with costs and reasons for refusal.
 
     Gaps and seam costs are those with the segments before and after the base segment in its clip.
-    `verdicts` has one entry per member, in ascending order of the segments.
+    `verdicts` has one entry per member, in ascending order of the segments; donors that `Use`
+    requires are members too, and no limit refuses them.
     """
     segments, config = pool.segments, model.config
     members = pool.neighbours(np.array([segment]), config)[0]
+    if verdicts is not None:
+        members = verdicts.members
     length = int(segments.lengths[segment])
     fits = length_fits(segments.lengths[segment], segments.lengths[members], pool.rate, config)
     costs = pool.unary_costs(np.full(len(members), segment), members, model)
@@ -341,13 +349,14 @@ def list_candidates(
             cost=float(costs[i]),
         )
         reasons: list[str] = []
-        if member != segment:
+        is_forced = verdicts is not None and bool(verdicts.is_forced[i])
+        if member != segment and not is_forced:
             slack = config.length_slack * pool.rate / length
             fault = not pool.is_donor[member]
             reasons += _refusals(candidate, config, None if fits[i] else slack, has_fault=fault)
         if verdicts is not None:
             reasons += verdicts.reasons[i]
-        listed.append(replace(candidate, refused="; ".join(reasons)))
+        listed.append(replace(candidate, refused="; ".join(reasons), is_forced=is_forced))
     return Candidates(
         allowed=tuple(candidate for candidate in listed if not candidate.refused),
         refused=tuple(candidate for candidate in listed if candidate.refused),

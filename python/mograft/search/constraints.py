@@ -66,6 +66,10 @@ class Constraint:
         """Whether the constraint is hard."""
         return self.weight is None
 
+    def applies_to_group(self, group: str) -> bool:
+        """Return whether the constraint restricts the donors of a joint group."""
+        return True
+
     def applies(self, frames: IntArray) -> BoolArray:
         """Return whether the constraint applies in each frame of the base motion."""
         if self.frames is None:

@@ -189,19 +189,24 @@ class ConstraintViolations:
 
 def origin_violations(
     constraints: Sequence[Constraint],
+    group: str,
     base: Segments,
     donors: Segments,
     frames: Segments,
     clips: Sequence[Clip],
 ) -> list[FloatArray]:
-    """Return how far donors violate each constraint on their clips, frames and lengths.
+    """Return how far donors of a group violate each constraint on clips, frames and lengths.
 
     `base` and `donors` are n base segments and one donor for each, in frames of the clips that
     `clips` lists; `frames` are the same base segments in frames of the base motion. There is one
-    array of n violation amounts per constraint; amounts are 0 outside the constraint's frames.
+    array of n violation amounts per constraint; amounts are 0 outside the constraint's frames, and
+    if it does not apply to the group.
     """
     amounts = []
     for constraint in constraints:
+        if not constraint.applies_to_group(group):
+            amounts.append(np.zeros(len(donors)))
+            continue
         amount = constraint.donor_errors(base, donors, clips)
         amounts.append(np.where(overlaps(frames, constraint.frames), amount, 0.0))
     return amounts

@@ -14,12 +14,35 @@ from mograft.errors import join_names, suggest_name
 from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
 
 
+@dataclass(frozen=True, kw_only=True)
+class _GroupConstraint(Constraint):
+    """Base class of constraints that may apply to the donors of one joint group only."""
+
+    group: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.group is not None and not isinstance(self.group, str):
+            raise TypeError(f"`group` must be the name of a joint group, got {self.group!r}")
+
+    def applies_to_group(self, group: str) -> bool:
+        """As `Constraint.applies_to_group`."""
+        return self.group in (None, group)
+
+
 @dataclass(frozen=True)
-class KeepOriginal(Constraint):
+class KeepOriginal(_GroupConstraint):
     """Keep the captured motion of every segment that shares two successive frames with `frames`.
 
     The first and last frame of a segment thus select this segment alone, although its neighbours
     share these frames.
+
+    Parameters
+    ----------
+    frames : tuple of int, optional
+        First and last frame of the base motion. Default: all frames.
+    group : str, optional
+        The joint group that is kept. Default: all exchanged groups.
 
     Examples
     --------
@@ -165,7 +188,7 @@ DonorReference = int | str | tuple[str, int, int]
 
 
 @dataclass(frozen=True)
-class _SegmentConstraint(Constraint):
+class _SegmentConstraint(_GroupConstraint):
     """Base class of constraints on the use of one donor, or a range of donors, at base segments."""
 
     segment: int | None = None
@@ -205,7 +228,7 @@ class _SegmentConstraint(Constraint):
 
 @dataclass(frozen=True)
 class Use(_SegmentConstraint):
-    """Use one donor for a base segment, in all exchanged groups.
+    """Use one donor for a base segment, in one or all exchanged groups.
 
     The donor may be any segment of the library: a hard `Use` ignores its cluster, its length and
     its recording faults. `MaxAngle` can still report its seams.
@@ -219,6 +242,8 @@ class Use(_SegmentConstraint):
         the first and last frame of the donor.
     frames : tuple of int, optional
         First and last frame of the base segment, instead of `segment`.
+    group : str, optional
+        The joint group. Default: all exchanged groups.
 
     Raises
     ------
@@ -262,9 +287,11 @@ class Ban(_SegmentConstraint):
     donor : int, str or tuple of (str, int, int), optional
         Index of a segment in the library, a clip, or a clip with the first and last frame of a
         range: all segments that share two successive frames with it are excluded. Default: the
-        captured motion, so that the segment is exchanged.
+        captured motion, so that the segment is exchanged; in `Graft.replace` the present donor.
     frames : tuple of int, optional
         First and last frame of a range of base segments, instead of `segment`.
+    group : str, optional
+        The joint group. Default: all exchanged groups.
 
     Raises
     ------

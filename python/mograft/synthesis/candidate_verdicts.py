@@ -15,6 +15,7 @@ from mograft.search.costs import (
 )
 from mograft.synthesis.donor_poses import candidate_poses
 from mograft.synthesis.search_problem import SearchProblem
+from mograft.synthesis.segment_references import used_donors
 
 
 def judge_candidates(
@@ -29,11 +30,22 @@ def judge_candidates(
     clip = int(library.segments.clip[segment])
     scenario = library.segments.of_clip(clip)
     base, base_segments = library.clips[clip], library.segments[scenario]
+    if not isinstance(constraints, Constraint):
+        constraints = [
+            own
+            for own in constraints
+            if not isinstance(own, Constraint) or own.applies_to_group(group)
+        ]
     problem = SearchProblem.build(library, base, scenario, base_segments, [group], constraints)
-    members = problem.pools[group].neighbours(np.array([segment]), problem.config)[0]
-    positions = np.full(len(members), np.searchsorted(scenario, segment))
+    position = int(np.searchsorted(scenario, segment))
+    hard = [own for own in problem.constraints if own.is_hard]
+    used = used_donors(hard, base_segments, library)[position]
+    neighbours = problem.pools[group].neighbours(np.array([segment]), problem.config)[0]
+    members = np.union1d(neighbours, used)
+    positions = np.full(len(members), position)
     origin = origin_violations(
         problem.constraints,
+        group,
         library.segments[scenario[positions]],
         library.segments[members],
         base_segments[positions],
@@ -52,9 +64,10 @@ def judge_candidates(
         for amounts in (origin, pose)
     )
     # As in the trellis, hard constraints cost once, for the greatest violation amount.
-    hard = np.maximum(by_origin.hard, by_pose.hard)
-    costs = infeasible_costs(hard) + (by_origin.soft + by_pose.soft)
-    return ConstraintVerdicts(costs, _reasons(problem, origin, pose, len(members)))
+    amounts = np.maximum(by_origin.hard, by_pose.hard)
+    costs = infeasible_costs(amounts) + (by_origin.soft + by_pose.soft)
+    reasons = _reasons(problem, origin, pose, len(members))
+    return ConstraintVerdicts(members, costs, reasons, np.isin(members, used))
 
 
 def _reasons(

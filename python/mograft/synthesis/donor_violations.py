@@ -32,7 +32,7 @@ def _excluded_donors(
     """Return one violation for each position whose donor is excluded by the constraint."""
     segments, frames = problem.library.segments, problem.base_segments
     base, clips = segments[problem.scenario], problem.library.entries
-    (amounts,) = origin_violations([constraint], base, segments[sequence], frames, clips)
+    (amounts,) = origin_violations([constraint], group, base, segments[sequence], frames, clips)
     return [
         _violation(
             constraint,

@@ -1,6 +1,6 @@
 """The plan that all grafts on one base share: choose donors, repair them, build the motion."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, repeat
@@ -133,22 +133,32 @@ class GraftPlan:
 
     def build_graft(self, donors: DonorSequences, seed: int, index: int) -> Graft:
         """Return the graft of donor sequences, after self-repair."""
-        problem = self.problem
-        assembly = Assembly.build(problem, donors, f"{problem.base.name}_graft{index}")
-        repairs: list[RepairedWindow] = []
-        if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
-            assembly, repairs = self_repair(assembly, lambda: self.trellises, self._total_excess)
+        assembly, repairs = self.assemble(donors, f"{self.problem.base.name}_graft{index}")
         return replace(self.finish(assembly, seed, index), repairs=tuple(repairs))
 
-    def finish(self, assembly: Assembly, seed: int, index: int) -> Graft:
-        """Return the graft of an assembly, with planted feet."""
+    def assemble(self, donors: DonorSequences, name: str) -> tuple[Assembly, list[RepairedWindow]]:
+        """Return the assembly of donor sequences after self-repair, and the frames searched."""
+        assembly = Assembly.build(self.problem, donors, name)
+        if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
+            return self_repair(assembly, lambda: self.trellises, self._total_excess)
+        return assembly, []
+
+    def finish(
+        self,
+        assembly: Assembly,
+        seed: int,
+        index: int,
+        adjust: Callable[[Motion], Motion] = lambda motion: motion,
+    ) -> Graft:
+        """Return the graft of an assembly, with planted feet; `adjust` changes the motion last."""
         problem, donors = self.problem, assembly.donors
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
         for group, part in assembly.parts.items():
             substitutions += _substitutions(problem, group, donors[group])
             seams += _seams(problem, group, donors[group], part.seams)
-        motion, feet = self._plant_feet(assembly.motion, donors)
+        planted, feet = self._plant_feet(assembly.motion, donors)
+        motion = adjust(planted)
         return Graft(
             motion=motion,
             base=problem.base,

@@ -88,14 +88,14 @@ class DonorRecord:
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
-        """Read an item of ``substitutions``."""
+        """Read an item of ``substitutions``, or of ``replaced`` in ``edits``."""
         n = record.get("alternatives")
         return cls(
             str(record["group"]),
             _span(record["frames"]),
             SegmentRecord.from_json(record),
             not record["exchanged"],
-            float(record["cost"]),
+            float(record.get("cost", 0.0)),
             None if n is None else int(n),
         )
 
@@ -145,6 +145,7 @@ class GraftRecord:
     sources: tuple[str, ...]  # files and folders, as typed on the command line
     scenario: ScenarioRecord | None
     donors: tuple[DonorRecord, ...]
+    edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
 
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
@@ -208,6 +209,10 @@ def _record(
         sources=tuple(str(own) for own in request.get("sources", ())),
         scenario=ScenarioRecord.from_json(document["scenario"]),
         donors=donors,
+        edits=tuple(
+            tuple(DonorRecord.from_json(own) for own in edit["replaced"])
+            for edit in document.get("edits", ())
+        ),
     )
 
 

@@ -27,6 +27,8 @@ class GraftRequest:
         The command line, as typed; None in Python.
     sources : tuple of str
         The files, folders or library that the command line names.
+    edit_commands : tuple of str or None
+        The command line of each later edit; None in Python.
     """
 
     method: Literal["graft", "repair"] = "graft"
@@ -36,3 +38,4 @@ class GraftRequest:
     scenario: Scenario | None = None
     command: str | None = None
     sources: tuple[str, ...] = ()
+    edit_commands: tuple[str | None, ...] = ()

@@ -1,16 +1,20 @@
 """Grafts: new motions with the source of every part."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft._util.html_table import html_table
 from mograft.blend.foot_planting import FeetReport
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.search.constraints import Violation
+from mograft.search.constraints import Constraint, Violation
+from mograft.search.trellis import DonorSequences
 from mograft.synthesis import graft_report, provenance
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.self_repair import RepairedWindow
@@ -113,6 +117,8 @@ class Graft:
         The frames in which `Config.self_repair` searched for other donors.
     request : GraftRequest
         The arguments with which the graft was made.
+    history : tuple of dict of str to ndarray of int
+        The donors by group before each call of `replace`, oldest first.
     """
 
     motion: Motion
@@ -127,10 +133,19 @@ class Graft:
     feet: FeetReport | None = None
     repairs: tuple[RepairedWindow, ...] = ()
     request: GraftRequest = field(default_factory=GraftRequest)
+    history: tuple[DonorSequences, ...] = ()
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
         return f"Graft({self.motion.name}: {new} of {len(self.substitutions)} parts exchanged)"
+
+    @property
+    def donors(self) -> DonorSequences:
+        """The donor of every base segment as an index in the library, by grafted group."""
+        return {
+            group: np.array([own.donor for own in self.substitutions if own.group == group])
+            for group in self.alternatives
+        }
 
     @property
     def scenario(self) -> tuple[int, ...]:
@@ -167,6 +182,57 @@ class Graft:
             Whether to list every exchanged segment with its donor, cost and seams.
         """
         return graft_report.report(self, each=each)
+
+    def replace(
+        self,
+        *edits: Constraint,
+        reroll: Sequence[int | tuple[int, int]] = (),
+        seed: int | None = None,
+    ) -> "Graft":
+        """Return the graft with other donors at some segments, and all others unchanged.
+
+        Parameters
+        ----------
+        *edits : Use, Ban or KeepOriginal
+            `Use` sets the donor of a segment, `KeepOriginal` restores the captured motion. `Ban`
+            excludes a donor, without `donor` the present one, and the segment gets another. An edit
+            replaces what the constraints of the graft, or earlier edits, require at the same
+            segments; bans remain in force against later bans and rerolls.
+        reroll : sequence of int or tuple of int
+            Segments to draw again, by their numbers or by ranges of frames. Each gets another donor
+            than the present one if it has another candidate.
+        seed : int, optional
+            Seed of the choice. Default: that of the graft.
+
+        Returns
+        -------
+        Graft
+            Other segments have the same donors. The frames near the changed segments are new; a
+            range of new frames ends at least `Config.seam_blend` seconds from them, where no joint
+            differs by more than 0.0001 radians. All other frames are the same, bit for bit. If an
+            exchanged group holds the root, the later frames of the root are moved rigidly.
+            `violations` lists edits and constraints that contradict each other.
+
+        Raises
+        ------
+        TypeError
+            If an edit is of another class.
+        ValueError
+            If there is no edit, a segment, donor, group or frame does not exist, or the library has
+            only the clips of the graft, because `replay` read the files.
+
+        Examples
+        --------
+        >>> import mograft as mg
+        >>> from mograft.dancer import dance
+        >>> new = mg.graft(mg.Library.build(dance(strides=1).motion), seed=7)
+        >>> edited = new.replace(mg.KeepOriginal(frames=(60, 90)), reroll=[40])
+        >>> (edited.motion.rotations[300:] == new.motion.rotations[300:]).all()
+        np.True_
+        """
+        from mograft.synthesis.graft_edit import edit_graft  # layer exception: a convenience
+
+        return edit_graft(self, edits, reroll, seed)
 
     def as_dict(self, folder: str | PathLike[str] = ".") -> dict[str, Any]:
         """Return the provenance of the motion as a JSON document, from which `replay` remakes it.

@@ -1,7 +1,8 @@
 """The provenance of a graft as a JSON document."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,7 @@ from mograft.search.constraints import Constraint, Violation
 
 if TYPE_CHECKING:
     from mograft.library.library import Library
+    from mograft.search.trellis import DonorSequences
     from mograft.synthesis.graft_result import Graft, Substitution
     from mograft.synthesis.self_repair import RepairedWindow
 
@@ -63,6 +65,12 @@ def document(graft: "Graft", folder: str | PathLike[str]) -> Record:
         "substitutions": [
             {**substitution_record(own), "alternatives": n}
             for own, n in zip(graft.substitutions, _alternatives(graft), strict=True)
+        ],
+        "edits": [
+            {"command": command, "replaced": replaced}
+            for command, replaced in zip(
+                graft.request.edit_commands, _replaced_donors(graft), strict=True
+            )
         ],
         "seams": [
             {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
@@ -113,7 +121,8 @@ def _clip_records(graft: "Graft", folder: Path) -> list[Record]:
     """Return the clips of which the graft is made, in the order of the library."""
     library, segments = graft.library, graft.library.segments
     base = [own.segment for own in graft.substitutions]
-    donors = [own.donor for own in graft.substitutions]
+    versions = (*graft.history, graft.donors)
+    donors = np.concatenate([own for version in versions for own in version.values()])
     roles = {
         role: set(segments.clip[indices].tolist())
         for role, indices in (("base", base), ("donor", donors))
@@ -170,6 +179,28 @@ def _segment_record(library: "Library", segment: int) -> Record:
         "clip": library.entries[segments.clip[segment]].name,
         "clip_frames": [int(segments.start[segment]), int(segments.stop[segment])],
     }
+
+
+def _replaced_donors(graft: "Graft") -> Iterator[list[Record]]:
+    """Yield for each edit the donors that it replaced."""
+    for old, new in pairwise([*graft.history, graft.donors]):
+        yield [
+            {
+                "group": own.group,
+                "frames": [own.start, own.stop],
+                **_segment_record(graft.library, donor),
+                "exchanged": donor != own.segment,
+            }
+            for own, donor, following in zip(
+                graft.substitutions, _flat(old), _flat(new), strict=True
+            )
+            if donor != following
+        ]
+
+
+def _flat(donors: "DonorSequences") -> list[int]:
+    """Return the donors of all groups in the order of `Graft.substitutions`."""
+    return [donor for own in donors.values() for donor in own.tolist()]
 
 
 def _repetition_record(graft: "Graft") -> Record | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mograft.errors import LibraryError, ProvenanceError
+from mograft.errors import LibraryError, ProvenanceError, join_names
 from mograft.io.bvh.reader import read_bvh
 from mograft.library.discover import SourceFile, scan_folder
 from mograft.library.library import Library
@@ -77,6 +77,38 @@ def find_library(
         reason = str(error).removeprefix(f"{record.label}: ")
         raise record.error(problem + reason) from error
     return _partial_library(record, record.library, paths)
+
+
+def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
+    """Return the library of a graft with all clips: the stored one, or one of the same files.
+
+    The files are `sources` or, by default, those of the recorded command line. Raise
+    ProvenanceError if they are missing or make another library.
+    """
+    origin = record.library
+    if origin is None:
+        raise record.error(f"the schema {SCHEMA_1} does not name the library: give it")
+    if origin.folder is not None and not sources:
+        return prepare_library(record, Library.open(origin.folder), str(origin.folder))
+    names = [str(_source_path(record, own)) for own in sources or record.sources]
+    if not names:
+        raise record.error("the graft was made in Python: give the library, or all of its files")
+    library = Library.build(names, record.groups, record.config)
+    if hash_library(library) != origin.sha256 and any(Path(name).is_dir() for name in names):
+        # The graft may have been made with --include-grafts.
+        library = Library.build(names, record.groups, record.config, include_grafts=True)
+    return prepare_library(record, library, f"the library of {join_names(names)}")
+
+
+def _source_path(record: GraftRecord, source: str) -> Path:
+    """Return the place of a file or folder of the recorded command line."""
+    name = Path(source).name
+    clip = next((own for own in record.clips if own.file and Path(own.file).name == name), None)
+    if Path(source).exists():
+        return Path(source)
+    if clip is None:
+        raise record.error(f"{source} is missing: give the library, or all of its files")
+    return Path(find_file(record, clip, ()))
 
 
 def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) -> RecordedLibrary:

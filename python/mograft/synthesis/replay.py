@@ -18,6 +18,7 @@ from mograft.search.constraint_records import UnrestoredConstraint, decode_const
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
 from mograft.synthesis.assembly import Assembly
+from mograft.synthesis.graft_edit import splice_versions
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_record import DAMAGE, ClipRecord, GraftRecord, read_record
 from mograft.synthesis.graft_request import GraftRequest
@@ -89,8 +90,7 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
         recorded.library, recorded.base, _groups(record), (), _read_scenario(record, recorded)
     )
     donors = _find_donors(record, recorded, plan)
-    assembly = Assembly.build(plan.problem, donors, record.name)
-    graft = plan.finish(assembly, record.seed, record.index)
+    graft = _finish_versions(record, plan, _find_versions(record, recorded, plan, donors))
     found = hash_poses(graft.motion)
     if record.poses_sha256 not in (None, found):
         raise record.error(
@@ -136,6 +136,49 @@ def _find_donors(record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan
     return donors
 
 
+def _find_versions(
+    record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan, donors: DonorSequences
+) -> list[DonorSequences]:
+    """Return the donors before each edit, oldest first, and `donors`, those after the last."""
+    cut, scenario = plan.problem.base_segments, plan.problem.scenario.tolist()
+    position_of = {
+        frames: position
+        for position, frames in enumerate(zip(cut.start.tolist(), cut.stop.tolist(), strict=True))
+    }
+    versions = [donors]
+    for edit in reversed(record.edits):
+        earlier = {group: own.copy() for group, own in versions[0].items()}
+        for own in edit:
+            position = position_of[own.frames]
+            earlier[own.group][position] = (
+                scenario[position] if own.is_own else recorded.find_segment(record, own.donor)
+            )
+        versions.insert(0, earlier)
+    return versions
+
+
+def _finish_versions(
+    record: GraftRecord, plan: GraftPlan, versions: Sequence[DonorSequences]
+) -> Graft:
+    """Return the graft of the last donors; the edits are made one after the other."""
+    graft: Graft | None = None
+    for index, donors in enumerate(versions):
+        assembly = Assembly.build(plan.problem, donors, record.name)
+
+        def adjust(
+            motion: Motion, before: Graft | None = graft, donors: DonorSequences = donors
+        ) -> Motion:
+            if before is None:
+                return motion
+            return splice_versions(
+                plan.problem, before.motion, motion, versions[before.index], donors
+            )
+
+        graft = plan.finish(assembly, record.seed, index, adjust)
+    assert graft is not None
+    return replace(graft, index=record.index, history=tuple(versions[:-1]))
+
+
 def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
     """Return the recorded request without its scenario; the default for documents of version 1."""
     request = record.document.get("request")
@@ -155,6 +198,7 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
         constraints=tuple(constraints),
         command=request["command"],
         sources=record.sources,
+        edit_commands=tuple(edit["command"] for edit in record.document.get("edits", ())),
     )
 
 

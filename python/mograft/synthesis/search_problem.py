@@ -24,7 +24,11 @@ from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.trellis import DonorSequences
-from mograft.synthesis.segment_references import add_used_donors, resolve_segments
+from mograft.synthesis.segment_references import (
+    check_groups,
+    resolve_segments,
+    used_donors,
+)
 
 
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
@@ -58,6 +62,20 @@ def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> lis
                 f"{base.n_frames - 1}, got {constraint.frames[0]}"
             )
     return with_captured_depth(constraints, poses)
+
+
+def _with_used_donors(
+    candidates: Sequence[IntArray],
+    constraints: Sequence[Constraint],
+    base_segments: Segments,
+    library: Library,
+) -> list[IntArray]:
+    """Add the donors that `Use` constraints name to the candidates of each position."""
+    used = used_donors(constraints, base_segments, library)
+    return [
+        np.union1d(own, more) if len(more) else own
+        for own, more in zip(candidates, used, strict=True)
+    ]
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
@@ -107,12 +125,16 @@ class SearchProblem:
         config = limit_config(library.config, constraints)
         if not DONOR_CHOICES.get(config.choice).is_limited:
             config = replace(config, max_candidates=len(library.segments))
-        constraints = resolve_segments(constraints, base_segments, library)
         groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
+        check_groups(constraints, groups)
+        constraints = resolve_segments(constraints, base_segments, library)
         pools = {group: library.pool(group) for group in groups}
         lists = {
-            group: add_used_donors(
-                pool.candidate_lists(scenario, config), constraints, base_segments, library
+            group: _with_used_donors(
+                pool.candidate_lists(scenario, config),
+                [own for own in constraints if own.applies_to_group(group)],
+                base_segments,
+                library,
             )
             for group, pool in pools.items()
         }
@@ -262,6 +284,7 @@ class SearchProblem:
         positions, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
         amounts = origin_violations(
             self.constraints,
+            group,
             segments[self.scenario[positions]],
             segments[donors],
             self.base_segments[positions],

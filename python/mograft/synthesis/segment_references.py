@@ -15,6 +15,17 @@ from mograft.search.donor_constraints import Ban, DonorReference, Use
 _N_NEAREST = 3  # segments that a message suggests
 
 
+def check_groups(constraints: Sequence[Constraint], groups: Sequence[str]) -> None:
+    """Raise ValueError if a constraint names a joint group that is not exchanged."""
+    for constraint in constraints:
+        group = getattr(constraint, "group", None)
+        if group is not None and group not in groups:
+            raise ValueError(
+                f"`group` of {type(constraint).__name__} must be an exchanged group, one of "
+                f"{join_names(groups)}; got {group!r}{suggest_name(group, groups)}"
+            )
+
+
 def resolve_segments(
     constraints: Sequence[Constraint], base_segments: Segments, library: Library
 ) -> list[Constraint]:
@@ -35,17 +46,14 @@ def resolve_segments(
     ]
 
 
-def add_used_donors(
-    candidates: Sequence[IntArray],
-    constraints: Sequence[Constraint],
-    base_segments: Segments,
-    library: Library,
+def used_donors(
+    constraints: Sequence[Constraint], base_segments: Segments, library: Library
 ) -> list[IntArray]:
-    """Return the candidates of each position with the donors of all `Use` constraints added.
+    """Return for each position the donors that `Use` constraints name, ascending.
 
     The constraints are results of `resolve_segments`.
     """
-    lists = list(candidates)
+    lists = [np.zeros(0, np.int64)] * len(base_segments)
     for constraint in constraints:
         if isinstance(constraint, Use):
             errors = constraint.donor_errors(library.segments, library.segments, library.entries)

@@ -66,6 +66,11 @@ def check_stream_constraints(
             raise ValueError(
                 f"`constraints` of a stream must not contain {name}; use OnlyFrom or NotFrom"
             )
+        if not constraint.applies_to_group(""):
+            raise ValueError(
+                "`constraints` of a stream must apply to all groups, got "
+                f"{type(constraint).__name__} with a group"
+            )
         constraint.donor_errors(no_segments, no_segments, clips)
 
 

@@ -189,7 +189,7 @@ class StreamSearch:
         repeated = segment[np.zeros(len(members), np.int64)]
         donors = self._library.segments[members]
         amounts = origin_violations(
-            rules.constraints, repeated, donors, repeated, self._donors.clips
+            rules.constraints, "", repeated, donors, repeated, self._donors.clips
         )
         return ConstraintViolations.from_amounts(rules.constraints, amounts, len(members))
 
