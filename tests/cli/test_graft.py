@@ -536,3 +536,133 @@ def test_graft_from_missing_or_damaged_file_writes_nothing(run, tmp_path):
 
 def test_graft_without_files_is_usage_error(usage_error):
     assert "expected LIB or FILE" in usage_error("graft", "-o", "out")
+
+
+@pytest.fixture(scope="module")
+def first(folder, tmp_path_factory):
+    """The path of a graft of the clips in a folder."""
+    path = tmp_path_factory.mktemp("first") / "new.bvh"
+    assert main(["graft", str(folder), "-o", str(path), "--seed", "4"]) == 0
+    return path
+
+
+def read_donors(path):
+    document = json.loads(path.with_suffix(".json").read_text())
+    return [(s["clip"], *s["clip_frames"]) for s in document["substitutions"]], document
+
+
+def test_graft_from_with_edits_changes_named_segments_only(run, first, folder, tmp_path):
+    target = tmp_path / "edited.bvh"
+    segments = Library.build(folder).segments
+    donor = segments.of_clip(1)[4]
+    span = (int(segments.start[donor]), int(segments.stop[donor]))
+    words = ["graft", "--from", first.with_suffix(".json"), "-o", target]
+    edits = ["--take", f"24=b:{span[0]}-{span[1]}", "--ban", "40", "--keep", "4s-4.5s"]
+    code, out, err = run(*words, *edits, "--reroll", "55")
+    assert (code, out) == (0, f"{target}\n")
+    assert "segment 24, frames" in err
+    before, _ = read_donors(first)
+    after, document = read_donors(target)
+    assert after[24] == ("b", *span)
+    assert after[40] != before[40]
+    frames = [s["frames"] for s in document["substitutions"]]
+    kept = [i for i, (start, stop) in enumerate(frames) if start < 135 and stop > 120]
+    named = {24, 40, 55, *kept}
+    assert {
+        i for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new
+    } <= named
+    assert all(after[i] == ("a", *frames[i]) for i in kept)
+    lines = [path.read_text().splitlines() for path in (first, target)]
+    changed = {i for i, pair in enumerate(zip(*lines, strict=True)) if len(set(pair)) > 1}
+    assert 0 < len(changed) < 0.8 * len(lines[0])
+    text = err.partition("new frames: ")[2].partition(";")[0]
+    header = len(lines[0]) - document["frames"]
+    ranges = [tuple(map(int, word.split("-"))) for word in text.split(", ")]
+    assert changed <= {header + i for start, stop in ranges for i in range(start, stop + 1)}
+    assert document["edits"][0]["command"].endswith("--reroll 55")
+    again = tmp_path / "again.bvh"
+    assert run("graft", "--from", target.with_suffix(".json"), "-o", again)[0] == 0
+    assert again.read_bytes() == target.read_bytes()
+    assert json.loads(again.with_suffix(".json").read_text()) == document
+
+
+def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path):
+    shutil.copy(first.with_suffix(".json"), tmp_path / "new.json")
+    words = ["graft", "--from", tmp_path / "new.json", "--reroll", "24"]
+    shutil.copytree(folder, tmp_path / "clips")
+    assert run(*words, tmp_path / "clips", "-o", tmp_path / "one.bvh")[0] == 0
+    assert run("index", folder, "-o", tmp_path / "lib")[0] == 0
+    assert run(*words, tmp_path / "lib", "-o", tmp_path / "two.bvh")[0] == 0
+    assert (tmp_path / "one.bvh").read_bytes() == (tmp_path / "two.bvh").read_bytes()
+    code, _, err = run(*words, tmp_path / "clips" / "a.bvh", "-o", tmp_path / "three.bvh")
+    assert code == 3
+    assert "is another library: its SHA-256 is" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (["--take", "999=b:0-9"], 1, "`segment` of Use must be 0 to"),
+        (["--take", "3=bb:0-9"], 1, "did you mean 'b'?"),
+        (["--ban", "999"], 1, "`segment` of Ban must be 0 to"),
+        (["--reroll", "999"], 1, "`reroll` must be a segment 0 to"),
+        (["--reroll", "9000-9100"], 1, "`reroll` must select a segment in frames 0 to"),
+        (["--keep", "900s-910s"], 1, "`frames` must select a segment in frames 0 to"),
+        (["--take", "uper:3=b:0-9"], 1, "did you mean 'upper'?"),
+        (["--take", "3=TAKE", "--ban", "3=TAKE"], 4, "Use is violated"),
+    ],
+)
+def test_graft_from_with_bad_edit_writes_nothing(
+    run, first, folder, tmp_path, options, code, message
+):
+    segments = Library.build(folder).segments
+    donor = segments.of_clip(1)[4]
+    span = f"b:{segments.start[donor]}-{segments.stop[donor]}"
+    options = [word.replace("TAKE", span) for word in options]
+    words = ["graft", "--from", first.with_suffix(".json"), "-o", tmp_path / "out" / "x.bvh"]
+    found, out, err = run(*words, *options)
+    assert (found, out) == (code, "")
+    assert message in err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--reroll", "x"], "expected a segment such as 24, or frames such as"),
+        (["--reroll", "12s-10s"], "expected a segment such as 24, or frames such as"),
+        (["--keep", "10s-"], "expected FIRST-LAST"),
+        (["--take", ":3=b:0-9"], "expected SEGMENT=CLIP:FIRST-LAST"),
+        (["--reroll", "3", "--swap", "upper"], "--swap cannot be combined with --from"),
+    ],
+)
+def test_graft_from_with_unreadable_edit_is_usage_error(usage_error, options, message):
+    assert message in usage_error("graft", "--from", "new.json", "-o", "new.bvh", *options)
+
+
+def test_graft_reroll_requires_from(usage_error, folder):
+    assert "--reroll requires --from" in usage_error("graft", folder, "-o", "out", "--reroll", "3")
+
+
+def test_graft_keep_in_seconds_is_keep_in_frames(run, folder, tmp_path):
+    for name, span in (("frames", "60-90"), ("seconds", "2s-3.0s")):
+        assert run("graft", folder, "--keep", span, "-o", tmp_path / f"{name}.bvh")[0] == 0
+    texts = {(tmp_path / f"{n}.bvh").read_bytes() for n in ("frames", "seconds")}
+    assert len(texts) == 1
+
+
+def test_candidates_mark_forced_and_banned_donors(run, folder):
+    code, out, _ = run("candidates", folder, "--segment", 24, "--json")
+    found = json.loads(out)
+    own = {(c["clip"], *c["frames"]) for c in found["allowed"] + found["refused"]}
+    segments = Library.build(folder).segments
+    spans = [(int(segments.start[i]), int(segments.stop[i])) for i in segments.of_clip(1)]
+    first, last = next(span for span in spans if ("b", *span) not in own)
+    words = ["candidates", folder, "--segment", 24, "--take", f"24=b:{first}-{last}"]
+    _, out, _ = run(*words, "--json")
+    (forced,) = json.loads(out)["allowed"]
+    assert (forced["clip"], forced["frames"][0], forced["is_forced"]) == ("b", first, True)
+    code, out, _ = run(*words, "--ban", "24=a")
+    assert code == 0
+    assert "* b" in out
+    assert out.count("Ban: excluded donor: a") == sum(clip == "a" for clip, *_ in own)

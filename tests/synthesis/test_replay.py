@@ -398,7 +398,9 @@ def test_every_key_of_the_provenance_is_documented(library):
     documented = set(re.findall(r"`([a-z_0-9]+)`", section))
     reach = mg.Reach("LeftHand", (900, 900, 900), 5)
     graft = mg.graft(library, constraints=[reach], scenario=[3, 4, 20, 5, 9], seed=1)
+    graft = graft.replace(mg.Use(2, 30))
     document = graft.as_dict()
     parts = [document, document["request"], document["library"], document["scenario"]]
-    parts += [document[name][0] for name in ("clips", "substitutions", "seams", "violations")]
+    lists = ("clips", "substitutions", "edits", "seams", "violations")
+    parts += [document[name][0] for name in lists]
     assert set().union(*parts) <= documented

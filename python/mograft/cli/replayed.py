@@ -5,9 +5,13 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
+from mograft._util.runs import find_runs
 from mograft.cli.arguments import Argument
 from mograft.cli.constraints import read_segment_constraints
 from mograft.cli.files import check_writable, library_folder
+from mograft.cli.output import print_remark
+from mograft.cli.segment_values import SegmentValue
+from mograft.errors import join_names
 from mograft.library.library import Library
 from mograft.synthesis.graft_files import GRAFT_ENDINGS
 from mograft.synthesis.graft_record import read_record
@@ -18,6 +22,9 @@ from mograft.synthesis.replay import replay
 _EDITS = ("take", "ban", "keep", "reroll")
 _ALLOWED = (*_EDITS, "files", "from", "output", "report", "measure", "json", "force")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
+
+_MAX_CHANGES = 20
+"""Replaced donors that are printed."""
 
 _ALLOWED_WITH_EDITS = (*_ALLOWED, "seed", "best_effort")
 
@@ -62,8 +69,38 @@ def _edit(graft: Graft, options: argparse.Namespace) -> Graft:
     rate = graft.base.rate
     edited = graft.replace(
         *read_segment_constraints(options, rate),
-        reroll=[value.segment(rate) for value in options.reroll],
+        reroll=[_reroll_segment(value, rate) for value in options.reroll],
         seed=options.seed or None,  # 0 if the option is not given
     )
+    print_remark("\n".join(_describe_changes(graft, edited)))
     commands = (*graft.request.edit_commands, shlex.join(options.words))
     return replace(edited, request=replace(edited.request, edit_commands=commands))
+
+
+def _reroll_segment(value: SegmentValue, rate: float) -> int | tuple[int, int]:
+    span = value.resolve_span(rate)
+    if span is not None:
+        return span
+    assert value.number is not None
+    return value.number
+
+
+def _describe_changes(graft: Graft, edited: Graft) -> list[str]:
+    """Return a line for each replaced donor, and a line with the new frames."""
+    lines = []
+    for group in graft.alternatives:
+        pairs = zip(graft.substitutions, edited.substitutions, strict=True)
+        numbered = enumerate(pair for pair in pairs if pair[0].group == group)
+        lines += [
+            f"segment {number}, frames {old.start}-{old.stop}, {group}: "
+            f"{new.clip} {new.donor_start}-{new.donor_stop} instead of "
+            f"{old.clip} {old.donor_start}-{old.donor_stop}"
+            for number, (old, new) in numbered
+            if old.donor != new.donor
+        ]
+    if len(lines) > _MAX_CHANGES:
+        lines = [*lines[:_MAX_CHANGES], f"and {len(lines) - _MAX_CHANGES} more segments"]
+    is_new = (graft.motion.rotations != edited.motion.rotations).any(axis=(1, 2))
+    is_new |= (graft.motion.positions != edited.motion.positions).any(axis=(1, 2))
+    ranges = [f"{start}-{stop - 1}" for start, stop in find_runs(is_new).tolist()]
+    return [*lines, f"new frames: {join_names(ranges) or 'none'}; all others are unchanged"]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
-from mograft.cli.frame_times import Frame, Range, frame_or_frames, frames
+from mograft.cli.frame_times import Range, frame_or_frames, frames
 from mograft.errors import suggest_name
 
 SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
@@ -83,8 +83,6 @@ def picture_size(text: str) -> tuple[int, int]:
     if not (width.isdecimal() and height.isdecimal()):
         raise ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 720x480, got {text}")
     return int(width), int(height)
-
-
 
 
 def _numbers(text: str, *counts: int) -> list[float]:
