@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
     if ending not in _ENDINGS:
         options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
     if len(files) > 1 and ending not in _ENDINGS_OF_SEVERAL:
-        options.usage_error(f"-o {target.name} can contain one motion, got {len(files)} files")
+        options.usage_error(f"-o {target.name} can contain only one motion, got {len(files)} files")
     refuse_useless_options(options, _ENDINGS_OF_OPTION, ending, target.name)
     check_writable([target], force=options.force)
     if options.groups is not None:

@@ -96,10 +96,10 @@ def frame_range(motion: Motion, given: Range | None) -> tuple[int, int]:
 
 
 def check_suffix(options: argparse.Namespace, *suffixes: str, is_folder: bool = False) -> None:
-    """End with a usage error if ``-o`` has a suffix that does not fit what is written.
+    """End with a usage error if the suffix of ``-o`` is not one of `suffixes`.
 
-    `suffixes` are those of the files that the command can write. If `is_folder`, ``-o`` may also be
-    a folder, whose name may have any suffix that is not that of a known file format.
+    If `is_folder` is true, ``-o`` may also be a folder: one that exists, or a new one whose name
+    does not have the suffix of a known file format.
     """
     target: Path = options.output
     suffix = target.suffix.lower()

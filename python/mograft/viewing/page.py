@@ -120,8 +120,9 @@ def view(
     groups : JointGroups or str, optional
         The joint groups that set the colours of motions, or the name of a preset. Default: the
         groups of the first library with the same joint names (an item, or the library of a
-        graft), otherwise trunk, arms and legs. Grafts and clips of these libraries always have
-        the colours of their library's groups, and the figures of a scene keep their colours.
+        graft), otherwise trunk, arms and legs. Grafts, their bases and the clips of these
+        libraries always have the colours of their library's groups, and the figures of a scene
+        keep their colours.
     title : str, optional
         Title of the page. Default: the names of the first three figures.
     show : bool, optional

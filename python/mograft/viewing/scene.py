@@ -44,10 +44,10 @@ class Scene:
         file adds its motion, or a graft if its provenance is beside it. Each motion is added once.
         `groups`, joint groups or the name of a preset, set the colours of motions. By
         default, these are the groups of the first library with the same joint names (an item, or
-        the library of a graft), otherwise trunk, arms and legs. Grafts and clips of these libraries
-        always have the colours of their library's groups, and the figures of a scene keep their
-        colours. Raise a TypeError if an item has another type, and a ValueError if there is no item
-        or the groups do not fit a skeleton.
+        the library of a graft), otherwise trunk, arms and legs. Grafts, their bases and the clips
+        of these libraries always have the colours of their library's groups, and the figures of a
+        scene keep their colours. Raise a TypeError if an item has another type, and a ValueError if
+        there is no item or the groups do not fit a skeleton.
         """
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
