@@ -25,7 +25,7 @@ class Anatomy:
 
     parts: tuple[str, ...]  # of `mograft.body.body_parts.PARTS`, per joint
     sides: tuple[str, ...]  # "left", "right" or "", per joint
-    hips: int  # the lowest common ancestor of all body parts: the root, or below helper joints
+    hips: int  # lowest common ancestor of all body parts: the root, or a joint below helper joints
     unmatched: tuple[int, ...]  # joints whose names are unknown
     details: tuple[int, ...]  # joints of the face, markers and tips of bones
     scheme: str  # "names", or "structure" if names were missing and symmetry was used
@@ -160,7 +160,7 @@ def _resolve_ambiguous(
 
 
 def _above_arms(skeleton: Skeleton, parts: list[str]) -> list[int]:
-    """Return the trunk joints that lead from the arms to the head; empty if a name means neck."""
+    """Return the trunk joints between arms and head; empty if the name of a joint means neck."""
     arms = [joint for joint, part in enumerate(parts) if part in ARM]
     if not arms or "neck" in parts:
         return []
@@ -173,7 +173,7 @@ def _above_arms(skeleton: Skeleton, parts: list[str]) -> list[int]:
 
 
 def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
-    """Return the part of every joint: that in `known` if plausible, else that of the parent.
+    """Return the part of every joint: from `known` if plausible, else from the part of the parent.
 
     In `known`, a joint without a recognised name has the part ``""``.
     """
@@ -212,7 +212,10 @@ def _comes_before(part: str, above: str) -> bool:
 
 
 def _details(skeleton: Skeleton, parts: list[str]) -> tuple[int, ...]:
-    """Return joints of the face, and markers: leaf joints with siblings and their parent's part."""
+    """Return the joints of the face, and the markers.
+
+    A marker is a leaf joint that has siblings and the same body part as its parent.
+    """
     found = []
     for joint, parent in enumerate(skeleton.parents):
         if parent < 0 or parts[joint] != parts[parent]:

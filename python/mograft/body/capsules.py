@@ -94,7 +94,8 @@ def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Ca
     -------
     Capsules
         One per bone; a bone of length 0 gives a sphere. The capsule of a hand reaches to the tip
-        of the longest finger. Joints of the face and markers have no capsule.
+        of the longest finger. Fingers, joints of the face, markers and ancestors of the hips have
+        no capsule.
     """
     changed = {} if radii is None else dict(radii)
     for part, radius in changed.items():
@@ -135,14 +136,15 @@ def clearance(
 ) -> tuple[FloatArray, IntArray]:
     """Return the smallest distance between two sets of capsules in every frame, and its pair.
 
-    The first set has the ends `ends`, shape (n_frames, n, 2, 3), and `radii`, shape (n,); the
-    second `others`, shape (n_other_frames, m, 2, 3), and `other_radii`, shape (m,). Frame i of
-    `ends` is compared with frame ``at[i]`` of `others`; by default with frame i, or with the only
-    frame. `pairs`, shape (n_pairs, 2), are the indices of the capsules to compare; by default all
-    pairs. The distances, shape (n_frames,), are minus the penetration depth if capsules overlap.
-    The pairs of smallest distance have shape (n_frames, 2); ties go to the first. Without pairs,
-    the distances are infinite and the indices -1. The closest points of two line segments follow
-    Ericson, Real-Time Collision Detection (2005), 5.1.9.
+    The first set has the ends `ends`, shape (n_frames, n, 2, 3), and the radii `radii`, shape (n,).
+    The second set has the ends `others`, shape (n_other_frames, m, 2, 3), and the radii
+    `other_radii`, shape (m,). Frame i of `ends` is compared with frame ``at[i]`` of `others`. If
+    `at` is None, it is compared with frame i, or with the only frame if `others` has one frame.
+    `pairs`, shape (n_pairs, 2), holds the indices of the capsules to compare in each set; None
+    means all pairs. The distances, shape (n_frames,), are minus the penetration depth if capsules
+    overlap. The pairs of smallest distance have shape (n_frames, 2); ties go to the first. If
+    `pairs` is empty, the distances are infinite and the indices -1. The closest points of two line
+    segments follow Ericson, Real-Time Collision Detection (2005), 5.1.9.
     """
     if at is None:
         at = np.arange(len(ends)) if len(others) > 1 else np.zeros(len(ends), np.int64)

@@ -36,7 +36,7 @@ class Leg:
     knee: int
     ankle: int
     toe: int | None  # the joint at the ball of the foot, if there is one
-    tip: tuple[float, float, float]  # if `toe` is None: vector from the ankle to its bone's end
+    tip: tuple[float, float, float]  # if `toe` is None: from the ankle to the tip of the foot
 
 
 def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
@@ -99,7 +99,9 @@ def foot_heights(motion: Motion) -> FloatArray:
 
 
 def foot_skate(motion: Motion) -> float:
-    """Return the fraction of frame-to-frame steps, counted for each foot, in which it slides.
+    """Return the fraction of the steps from frame to frame in which a foot slides.
+
+    The steps of each foot are counted separately.
 
     A foot slides if its heel or toe is less than 0.03 skeleton heights above its floor and moves
     horizontally faster than 0.3 heights per second. If both heel and toe are that low, both must
@@ -184,9 +186,10 @@ def _longest_child(skeleton: Skeleton, hand: int) -> int | None:
 
 
 def point_speeds(points: FloatArray, rate: float) -> FloatArray:
-    """Return the speeds of points, shape (n_frames, ..., 3), in units of length per second.
+    """Return the speeds of points in units of length per second, shape (n_frames, ...).
 
-    They are central differences; `rate` is in frames per second.
+    `points` has shape (n_frames, ..., 3), and `rate` is in frames per second. Velocities are
+    central differences.
     """
     if len(points) < 2:
         return np.zeros(points.shape[:-1])
@@ -212,7 +215,7 @@ def skating_share(motion: Motion, ground: Ground) -> float:
 def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
     """Return a mask in which short gaps are marked, and then short runs are unmarked.
 
-    A gap is short up to 2/30 s, a run below 3/30 s.
+    A gap is short if it lasts at most 2/30 s, a run if it lasts less than 3/30 s.
     """
     kept = np.ones(len(marked), bool)
     for start, stop in find_runs(~marked):

@@ -214,7 +214,7 @@ class JointGroups:
         return found
 
     def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
-        """Return the content of each group: pairs (joint, axis), where "" is a whole joint."""
+        """Return the content of each group: pairs (joint, axis), axis "" for a whole joint."""
         owner: dict[tuple[int, str], str] = {}
         shares: dict[str, set[tuple[int, str]]] = {}
         for name, entries in self.groups.items():

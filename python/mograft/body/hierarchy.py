@@ -18,7 +18,7 @@ def subtree_mask(skeleton: Skeleton, tops: Iterable[int]) -> BoolArray:
 
 
 def unbranched_chain(skeleton: Skeleton, first: int) -> list[int]:
-    """Return the joints from `first` down to the first that does not have exactly one child."""
+    """Return the joints from `first` down to the end: a leaf, or a joint with several children."""
     chain = [first]
     while len(skeleton.children[chain[-1]]) == 1:
         chain += skeleton.children[chain[-1]]

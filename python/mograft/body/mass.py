@@ -179,9 +179,9 @@ def center_of_mass(motion: Motion) -> FloatArray:
 def up_axis(motion: Motion) -> int:
     """Return the vertical axis of the world, 0 to 2, from a motion that is mostly upright.
 
-    It is the axis along which the mean positions of hips and feet differ most. If they differ by
-    less than 0.1 statures (as in a split), or the feet are unknown, the head is compared with the
-    feet, or with the hips. The result is 1 if the head is unknown, too.
+    It is the axis along which the mean positions of hips and feet differ most. If this difference
+    is below 0.1 statures (as in a split), the head is compared with the feet instead. If the feet
+    are unknown, the head is compared with the hips. If feet and head are unknown, the result is 1.
     """
     found = mass_model(motion.skeleton)
     means = motion.world_positions().mean(axis=0)
@@ -243,8 +243,9 @@ def _height(
 ) -> tuple[float, str]:
     """Return the stature, measured along the bones, and the name of the measure.
 
-    The stature is (hips to ankles + hips to head joint) / 0.87. If only one distance is known, it
-    is hips to ankles / 0.525 or hips to head / 0.345. If neither is known, it is the longest path.
+    The stature is (hips to ankles + hips to head joint) / 0.87. If only one distance is known, the
+    stature is (hips to ankles) / 0.525, or (hips to head joint) / 0.345. If neither is known, the
+    stature is the longest path between two joints, or 1 if all bones have length 0.
     """
     leg = float(np.mean([_path(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
     upper = _path(skeleton, hips, head) if head is not None else 0.0

@@ -188,7 +188,8 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
 
     Local axes lie along and across bones, so the candidates are the 24 rotations of a cube. A
     candidate must map the offsets of the partner's children to the reflected offsets within
-    `tolerance`. Of these, the one whose mirrored mean pose is closest to the mean pose is returned.
+    `tolerance`. Of the candidates that do, the one is chosen for which the mirror image of the
+    mean pose is closest to the mean pose of the motion.
     """
     skeleton = motion.skeleton
     reflected = _reflect(skeleton.offsets, axis)

@@ -61,8 +61,8 @@ def de_leva_masses(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return mass, centre of mass and radius of gyration of each bone by de Leva's table.
 
-    The result has the form of that of `rod_masses`. `columns` selects the columns of the table that
-    are averaged: a value of `COLUMNS_OF_SEX`.
+    The arrays have the same form as those that `rod_masses` returns. `columns`, a value of
+    `COLUMNS_OF_SEX`, selects the columns of the table that are averaged.
     """
     n_joints = len(lengths)
     members: dict[tuple[str, str], list[int]] = {}

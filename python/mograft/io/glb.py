@@ -47,8 +47,8 @@ def write_glb(
     scale : float, optional
         Metres per unit of length. Default: guessed from the height of the skeleton.
     groups : JointGroups or str, optional
-        Joint groups that colour the bones, or the name of a preset. Default: trunk, arms and
-        legs.
+        Joint groups, or the name of a preset. The bones of a group have one colour. Default:
+        trunk, arms and legs.
 
     Returns
     -------

@@ -76,8 +76,8 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     Returns
     -------
     pybvh.Bvh
-        The clip, with three rotation channels in every joint. Channels that a joint lacks follow
-        its others, with angle 0.
+        The clip, with three rotation channels in every joint. If a joint has fewer in the motion,
+        the missing channels are added after the others, with angle 0.
 
     Raises
     ------

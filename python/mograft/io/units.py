@@ -58,8 +58,8 @@ class ExportTransform:
     def local_transforms(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return the transformed local rotations and positions of a motion.
 
-        Rotations have shape (n_frames, n_joints, 4) and continuous signs; positions (n_frames,
-        n_joints, 3).
+        Rotations have shape (n_frames, n_joints, 4) and do not change sign from frame to frame.
+        Positions have shape (n_frames, n_joints, 3).
         """
         quats, positions = motion.rotations.copy(), self.scale * motion.positions
         quats[:, 0] = rotations.multiply(self.to_y_up, quats[:, 0])
@@ -79,7 +79,8 @@ def guess_unit(skeleton: Skeleton) -> str:
 def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
     """Return the rotation, xyzw, that maps the up direction of a motion to y.
 
-    The up direction is the axis `up_axis`, or its opposite if the head is below the feet on it.
+    The up direction is the axis `up_axis`, or the opposite direction if the mean coordinate of the
+    head on this axis is below that of the feet.
     """
     model = mass_model(motion.skeleton)
     low = [foot.ankle for foot in model.feet] or [model.hips]

@@ -28,7 +28,7 @@ class ClipInfo(NamedTuple):
     source_name: str  # in the source; may be empty
     source_file: SourceFile | None
     source_rate: float  # frames per second before resampling to the library's rate
-    rate_override: float | None  # `source_rate`, if given because the file has a wrong rate
+    rate_override: float | None  # given by the caller because the rate in the file is wrong
     source_frames: int  # number of frames before resampling
     n_frames: int  # number of frames at the library's rate
     root: int  # as in `ClipProperties`

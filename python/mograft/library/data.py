@@ -50,14 +50,14 @@ class LibraryData:
     folder: Path | None
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
-        """Pickle the recipe of a stored library, and any other library by its fields."""
+        """Pickle the call that `set_recipe` stored; if there is none, pickle the fields."""
         recipe: tuple[Any, ...] | None = self.__dict__.get(_RECIPE)
         return super().__reduce_ex__(protocol) if recipe is None else recipe
 
     def set_recipe(self, function: Callable[..., Any], *arguments: object) -> Self:
-        """Let `pickle` store a call that returns this library instead of its fields.
+        """Let `pickle` store a call that rebuilds this library, instead of storing the fields.
 
-        The recipe belongs to this object: `dataclasses.replace` does not copy it.
+        The call is ``function(*arguments)``. `dataclasses.replace` does not copy the call.
         """
         self.__dict__[_RECIPE] = (function, arguments)
         return self
@@ -117,9 +117,9 @@ class LibraryData:
             ``segments`` has a row per segment: its number, its clip, which is a row of ``clips``
             and an index of `names`, its first and last frame, its duration in seconds, whether it
             may be a donor, and its cluster ``label_GROUP`` for each joint group. ``clips`` has
-            a row per clip: name, file, SHA-256, number of frames, frames per second of the file,
-            tags and faults. ``points`` has the coordinates ``GROUP_0``, ``GROUP_1``... of each
-            segment in the embedding of each group.
+            a row per clip: name, file, SHA-256, number of frames at the library's rate, frames per
+            second before resampling, tags and faults. ``points`` has the coordinates ``GROUP_0``,
+            ``GROUP_1``... of each segment in the embedding of each group.
 
         Returns
         -------

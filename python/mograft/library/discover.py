@@ -47,7 +47,11 @@ class FoundClip:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Keys by which tables can name the clip: name, file name, path relative to the source."""
+        """Keys by which `tags` and `frame_rates` can name the clip; see `matching_values`.
+
+        A motion has one key: its name. A file has three: its name without suffix, its name, and its
+        path relative to the source.
+        """
         if isinstance(self.source, Motion):
             return (self.source.name,)
         path = Path(self.source)
@@ -114,7 +118,7 @@ def has_provenance(path: Path) -> bool:
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
-    """Return the clips without the grafts that were found in folders; warn if there are any.
+    """Return the clips without the grafts that were found in folders; warn about such grafts.
 
     Donors from a graft could contain its seams. Raise FileNotFoundError if no clip remains.
     """
@@ -164,9 +168,9 @@ def unique_names(names: Sequence[str]) -> list[str]:
 
 
 def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
-    """Return the values of a table whose keys match a clip, in the order of the table.
+    """Return the values for the keys of a table that match a clip, in the order of the table.
 
-    The keys are names, file names or paths of clips, or globs of these.
+    A key is the name, file name or path of a clip, or a glob of one of these.
     """
     if not table:
         return []

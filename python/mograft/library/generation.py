@@ -67,7 +67,7 @@ class GenerationWriter:
         self.folder.mkdir()
 
     def link_base_shards(self) -> None:
-        """Link the files with frames and samples of the previous generation into this one."""
+        """Link the files with frames and samples of the previous generation into the new one."""
         if self.base is None:
             raise RuntimeError("the writer has no previous generation to link")
         manifest = self.base.manifest
@@ -133,9 +133,9 @@ class GenerationWriter:
         self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
 
     def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
-        """Read the boundary states `key` of segments `start` to `stop - 1` that were written.
+        """Read boundary states that were written: those of segments `start` to `stop - 1`.
 
-        They are those of all joints.
+        `key` is a key of `boundary_states`. The result has the states of all joints.
         """
         return self._writers[f"edges-{key}"].read(start, stop)
 
@@ -167,9 +167,10 @@ class GenerationWriter:
         self._written.append(f"{name}.npy")
 
     def is_fragmented(self, locations: Sequence[ClipLocation]) -> bool:
-        """Return whether all clips should be written again, given the locations of the kept clips.
+        """Return whether all clips should be written again.
 
-        This is the case if there are more than 16 shards, or if the clips use less than half of the
+        `locations` are those of the clips that stay in the library. All clips should be written
+        again if there are more than 16 shards, or if the clips that stay use less than half of the
         bytes in the older shards.
         """
         if len(self.shards) > _MAX_SHARDS:

@@ -82,7 +82,7 @@ class PendingClip:
         """Return the task that reads the clip from its source."""
         if self.found is None:
             raise RuntimeError(
-                "a clip of the previous generation is ingested from its stored motion"
+                "a clip of the previous generation must be read from the library, not from a source"
             )
         source = self.found.source
         if isinstance(source, str):
@@ -248,7 +248,8 @@ class IngestRun:
     def _guess_spec(self, tasks: list[IngestTask]) -> tuple[list[IngestTask], LibrarySpec]:
         """Guess the specification from a few clips; return the tasks and the specification.
 
-        The tasks of clips that were read for it hold their motions, which are not read again.
+        The tasks of the clips that were read for the guess hold the motions, which are not read
+        again.
         """
         sampled = np.unique(np.linspace(0, len(tasks) - 1, _MAX_SAMPLED_CLIPS).round().astype(int))
         indices = sampled.tolist()

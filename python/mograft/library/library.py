@@ -66,10 +66,11 @@ class Library(DerivableLibrary):
 
     Notes
     -----
-    `pickle` stores the path and the checksum of a library in a folder, and what was derived from
-    it with `relabelled` and `extended`, instead of its arrays. Unpickling opens the folder again,
-    which raises FileNotFoundError if it is missing, and LibraryError if its library has changed.
-    A library in memory is pickled with all arrays.
+    For a library in a folder, `pickle` stores the path and the checksum instead of the arrays, and
+    the calls of `relabelled` and `extended` by which the library was derived. Unpickling opens the
+    folder and repeats the calls. It raises FileNotFoundError if the folder is missing, and
+    LibraryError if the library in the folder has changed. A library in memory is pickled with all
+    arrays.
     """
 
     @classmethod
@@ -108,7 +109,7 @@ class Library(DerivableLibrary):
         executor : concurrent.futures.Executor, optional
             The workers that read, segment and sample clips: a pool of threads or of processes,
             or ``dask.distributed.Client.get_executor()``. Workers must have access to the
-            files. The result does not depend on it. Default: the calling thread.
+            files. The result does not depend on the executor. Default: the calling thread.
         progress : callable, optional
             Called with the name of a stage, the number of items done and the number of all items.
 
@@ -124,7 +125,7 @@ class Library(DerivableLibrary):
         Warns
         -----
         UserWarning
-            If clips are resampled to the library's rate, have faults such as a T-pose in the
+            If clips are resampled to the library's rate or have faults such as a T-pose in the
             first frame, if the segments of a group are too few or too alike to cluster, or if
             grafts in folders are left out.
 
@@ -322,7 +323,8 @@ class Library(DerivableLibrary):
         Returns
         -------
         Candidates
-            All members of the base segment's neighbourhood, with costs.
+            All members of the base segment's neighbourhood (see `Config.neighbourhood`), with
+            costs.
 
         Raises
         ------

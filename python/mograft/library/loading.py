@@ -25,7 +25,7 @@ EMBEDDING_ARRAYS = ("points", "reference", "mean", "scale", "components", "varia
 
 
 def load_library(library_type: type[L], stored: StoredLibrary) -> L:
-    """Return the library of type `library_type` in a folder; its arrays are memory-mapped."""
+    """Return a stored library as a `library_type`, with memory-mapped arrays."""
     manifest, arrays = stored.manifest, stored.arrays
     embedding: dict[str, Embedding | None] = {}
     labels, states = {}, {}

@@ -45,7 +45,7 @@ class ClipOrigin:
 
 @dataclass(frozen=True, eq=False)
 class PartialClips(Sequence[Motion]):
-    """Some clips of a library, with their origins and that of the library."""
+    """Some clips of a library, with the origins of these clips and of the library."""
 
     motions: tuple[Motion, ...]
     origins: tuple[ClipOrigin, ...]
@@ -64,7 +64,7 @@ class PartialClips(Sequence[Motion]):
 
 @dataclass(frozen=True)
 class _Derivation:
-    """The clips of a library before derivations."""
+    """The clips of a library before `mirrored` and `extended`, and which of these were applied."""
 
     clips: Sequence[Motion]
     is_mirrored: bool
@@ -93,12 +93,15 @@ def is_mirrored(library: LibraryData) -> bool:
 
 
 def n_library_clips(library: LibraryData) -> int:
-    """Return the number of clips without an appended base."""
+    """Return the number of clips of a library; an appended base motion is not counted."""
     return len(library.entries) - _Derivation.of(library).is_extended
 
 
 def find_library_origin(library: LibraryData) -> LibraryOrigin:
-    """Return the origin of a library; of some clips of a library, that of the library."""
+    """Return the origin of a library.
+
+    If the library has only some clips of a whole library, return the origin of the whole library.
+    """
     if isinstance(library.clips, PartialClips):
         return library.clips.library
     derivation = _Derivation.of(library)
@@ -115,7 +118,7 @@ def find_library_origin(library: LibraryData) -> LibraryOrigin:
 
 
 def hash_library(library: LibraryData) -> str:
-    """Return the SHA-256 of what determines a library's segments, features and clips.
+    """Return the SHA-256 of the data that determine a library's segments, features and clips.
 
     These are the clips without mirror images and without an appended base, the joint groups, the
     specification and the fields of the configuration that are fixed when a library is built. A
@@ -163,7 +166,10 @@ def find_clip_origin(library: LibraryData, clip: int) -> ClipOrigin:
 
 
 def find_source_file(motion: Motion, rate: float | None = None) -> SourceFile | None:
-    """Return the file of a motion if it still holds these poses, after resampling to `rate`."""
+    """Return the file of a motion, or None if the file no longer holds the poses of the motion.
+
+    The poses of the file are resampled to `rate` before the comparison, if `rate` is given.
+    """
     if motion.path is None:
         return None
     try:

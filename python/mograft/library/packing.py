@@ -37,8 +37,8 @@ def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
     """Return a motion as one array: only its channel values if these determine its poses.
 
     The channel values take half the space. `as_read` states that the motion is an unchanged result
-    of `read_bvh`, in which they determine the poses. Otherwise `pack` computes the poses from the
-    channel values and compares them bit for bit.
+    of `read_bvh`: its channel values determine the poses. Otherwise `pack` computes the poses from
+    the channel values and compares them bit for bit.
     """
     values = motion.channel_values
     content: PackedContent = "poses" if values is None else "both"

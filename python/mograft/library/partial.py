@@ -43,10 +43,11 @@ def build_partial_library(
     config: Config,
     origin: LibraryOrigin,
 ) -> L:
-    """Return a library of some clips with the segments of the whole library.
+    """Return a library of some clips of a whole library, cut into the same segments.
 
-    `origin` is that of the whole library. Segments depend on single clips and the library's
-    specification, so they are those of the whole library; every segment is a cluster by itself.
+    `origin` is the origin of the whole library. The segments of a clip depend only on the clip, the
+    configuration and the library specification, and not on other clips. Every segment is a cluster
+    by itself.
     Raise an error of `read_bvh` if a file cannot be read, and ValueError if a clip does not fit.
     """
     skeleton = read_bvh(clips[0].path).skeleton

@@ -13,9 +13,10 @@ def channels_to_transforms(
     """Convert channel values, shape (n_frames, n_channels), to local rotations and positions.
 
     Angles are in degrees, intrinsic, in the order of a joint's channels. Rotations, xyzw, have
-    shape (n_frames, n_joints, 4) and continuous signs. Positions, (n_frames, n_joints, 3), are
-    relative to the parent; a coordinate without a channel is that of the offset. With
-    `add_offsets`, offsets are added to the position channels, which also changes `values` in place.
+    shape (n_frames, n_joints, 4) and do not change sign from frame to frame. Positions, shape
+    (n_frames, n_joints, 3), are relative to the parent; a coordinate without a channel is that of
+    the offset. With `add_offsets`, offsets are added to the position channels, which also changes
+    `values` in place.
     """
     starts, rotation_axes = [0], list[tuple[int, int]]()
     position_axes = list[tuple[int, int, int]]()

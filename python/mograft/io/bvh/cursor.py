@@ -214,7 +214,7 @@ class Cursor:
         raise BvhError(message, self.label, line, column)
 
     def tolerate(self, kind: str, message: str, position: Position | None = None) -> None:
-        """Record a deviation from the format as a repair, or raise BvhError if strict.
+        """Raise BvhError for a deviation from the format if strict; otherwise add it to `repairs`.
 
         For each `kind`, only the first message and the number of deviations are kept.
         """

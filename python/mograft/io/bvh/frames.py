@@ -131,9 +131,9 @@ class _LineCheck:
             self._check_lines(lines, counts[not_blank])
 
     def finish(self) -> tuple[int, int]:
-        """Check the lines after the last number; return the counts of frames and numbers per frame.
+        """Check the lines after the last number; return two counts: frames, and numbers per frame.
 
-        There is one number per channel, or more if the lines have surplus numbers.
+        A frame has one number per channel, or more if the lines have surplus numbers.
         """
         self.add(np.array([0]), 0)
         cursor, declared, width = self._cursor, self._header.n_frames, self._width

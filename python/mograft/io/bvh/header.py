@@ -75,7 +75,10 @@ def read_header(cursor: Cursor) -> Header:
 
 
 def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
-    """Record as a repair a label that is misspelt or not followed by white space."""
+    """Tolerate a label that is misspelt or not followed by white space; list it as a repair.
+
+    If the cursor is strict, raise BvhError instead.
+    """
     words = b" ".join(label.split())
     text = describe_word(words)
     if words != expected:
@@ -168,7 +171,10 @@ def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
 
 
 def _read_end_site(cursor: Cursor, parent: int, before: int) -> _Site:
-    """Read an end site after its keyword End; `before` is the number of joints that precede it."""
+    """Read an end site after its keyword End.
+
+    `before` is the number of children of the joint `parent` that precede the end site.
+    """
     position = cursor.position()
     keyword = cursor.take(_SITE)
     if keyword is None:
@@ -200,7 +206,10 @@ def _read_brace(cursor: Cursor, keyword: str, line: int) -> None:
 
 
 def _check_end_sites(cursor: Cursor, joint: _Joint) -> None:
-    """Record as repairs a leaf joint without end site, and an end site with siblings."""
+    """Tolerate a leaf joint without end site, or an end site with siblings; list it as a repair.
+
+    If the cursor is strict, raise BvhError instead.
+    """
     text = describe_word(joint.name)
     if not joint.n_children and not joint.n_end_sites:
         cursor.tolerate("no end", f"{text} has neither JOINT nor End Site", joint.position)
@@ -223,7 +232,10 @@ def _decode_names(cursor: Cursor, names: Sequence[tuple[bytes, Position]]) -> li
 
 
 def _check_names(cursor: Cursor, names: Sequence[str], positions: Sequence[Position]) -> None:
-    """Record as repairs names that contain white space and names that are repeated."""
+    """Tolerate repeated names and names that contain white space; list them as repairs.
+
+    If the cursor is strict, raise BvhError instead.
+    """
     known: set[str] = set()
     for name, position in zip(names, positions, strict=True):
         if " " in name or "\t" in name:

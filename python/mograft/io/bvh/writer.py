@@ -40,8 +40,9 @@ def write_bvh(motion: Motion, target: BvhFile) -> None:
     Raises
     ------
     ValueError
-        If the format cannot represent the motion: a name is empty, contains a line end or ``{``,
-        or starts or ends with white space; or the skeleton has no channel.
+        If the format cannot represent the motion: the name of a joint is empty; the name of a
+        joint or end site contains a line end, ``{`` or a lone surrogate, or starts or ends with
+        white space; or the skeleton has no channel.
     OSError
         If the file cannot be written.
 
