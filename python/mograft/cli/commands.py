@@ -144,8 +144,10 @@ _GRAFT = command(
         "--sigma-scale X",
         "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger "
         "values give more variety, smaller values more similarity (default: the value of the "
-        "configuration, usually 0.75; if it allows fewer than COUNT different motions, it is "
-        "multiplied by 4/3 until it allows enough or would exceed 4)",
+        "configuration, usually 0.75; if neither this option nor --variety is given and the donors "
+        "allow fewer than COUNT different motions, it is multiplied by 4/3 until they allow "
+        "enough or it would exceed 4); --repair multiplies it in the same way, even if it is "
+        "given, while violations remain that donors can remove",
         positive_number,
     ),
     NEIGHBOURHOOD,

@@ -1,6 +1,7 @@
 """The library, joint groups and configuration that the options of a command select."""
 
 import argparse
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -105,6 +106,16 @@ def selected_config(options: argparse.Namespace) -> Config:
 
 
 def _with_options(config: Config, options: argparse.Namespace) -> Config:
+    """Return a configuration with the values of the options.
+
+    The limits of ``--max-stretch`` and ``--max-angle`` are constraints, too; a limit above that of
+    the configuration raises the latter.
+    """
+    stretch, angle = (getattr(options, name, None) for name in ("max_stretch", "max_angle"))
+    if stretch is not None:
+        config = replace(config, max_stretch=max(config.max_stretch, stretch))
+    if angle is not None:
+        config = replace(config, max_angle=max(config.max_angle, math.radians(angle)))
     values = {name: getattr(options, name, None) for name in _CONFIG_OPTIONS}
     given = {name: value for name, value in values.items() if value is not None}
     variety = getattr(options, "variety", None)

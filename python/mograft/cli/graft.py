@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from mograft.cli.advice import advise
 from mograft.cli.configuration import load_library, options_given
 from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
 from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
@@ -18,11 +19,14 @@ from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names, suggest_name
 from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
+from mograft.library.spec import has_same_hierarchy, rates_match
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft import graft_many, repair
 from mograft.synthesis.graft_files import GRAFT_ENDINGS, write_graft
+from mograft.synthesis.graft_plan import grafted_groups
 from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.kept_joints import find_kept_violations
 
 _MAX_REPORTED = 20
 """Maximum number of grafts in a report page, which has all of them in memory at once."""
@@ -73,6 +77,8 @@ def run(options: argparse.Namespace) -> int:
     base = _find_base(library, options.base, folder)
     if options.scenario == "original":
         check_frames(options, library.rate, _count_frames(library, base))
+    if not options.best_effort and _print_kept_violations(library, base, constraints, options):
+        return 4
     grafts = _make_grafts(library, base, constraints, options)
     if constraints:
         grafts = list(grafts)
@@ -189,6 +195,37 @@ def _make_grafts(
     return grafts
 
 
+def _print_kept_violations(
+    library: Library,
+    base: Motion | str | None,
+    constraints: Sequence[Constraint],
+    options: argparse.Namespace,
+) -> bool:
+    """Print the violations that no donor can remove; return whether there are any.
+
+    They are not computed for a scenario, whose base motion does not exist yet.
+    """
+    if not constraints or options.scenario != "original":
+        return False
+    motion = base
+    if not isinstance(motion, Motion):
+        motion = library.clips[0 if base is None else library.names.index(base)]
+    if not has_same_hierarchy(library.skeleton, motion.skeleton):
+        return False  # An error that `graft_many` raises.
+    if not rates_match(motion.rate, library.rate):
+        motion = motion.resample(library.rate)
+    groups = grafted_groups(library, None if options.swap is None else options.swap.split(","))
+    found = find_kept_violations(library, motion, groups, constraints)
+    if found:
+        print_error(
+            "joints that are not exchanged violate the constraints, which no donor can change; no "
+            "motion was written: move the obstacle or target, limit its frames, or give "
+            "--best-effort",
+            [violation.message for violation in found],
+        )
+    return bool(found)
+
+
 def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
     """Print the constraints that each graft violates; return whether there are any.
 
@@ -223,7 +260,7 @@ def _write_grafts(
     """
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     documents, columns = [], []
-    reference = None
+    reference, motions = None, []
     if options.measure:
         from mograft.evaluation.world_measures import WorldReference  # takes long to import
 
@@ -239,6 +276,7 @@ def _write_grafts(
         if getattr(options, "from") is None:
             graft = with_command(graft, options, options.sources)
         write_graft(graft, path, sections)
+        motions.append(graft.substitutions)
         provenance = graft.as_dict(path.parent) if options.json else {}
         documents.append({"file": str(path), **provenance, **sections})
         print_remark("\n".join(lines))
@@ -246,7 +284,10 @@ def _write_grafts(
             print(path)
     if len(documents) < options.count:
         print_remark(
-            f"warning: the donors allow only {len(documents)} different motions, "
-            f"not {options.count}; more clips or a larger --variety allow more"
+            f"warning: the donors allow only {len(documents)} different "
+            f"motion{'s' * (len(documents) > 1)}, not {options.count}; more clips or a larger "
+            "--variety allow more"
         )
+    for remark in advise(graft, motions):
+        print_remark(remark)
     return documents, columns

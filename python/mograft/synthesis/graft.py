@@ -14,6 +14,7 @@ from mograft.search.trellis import DonorSequences
 from mograft.synthesis.donor_repair import restrict_to_violations
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.kept_joints import find_kept_violations
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +168,9 @@ def repair(
         As for `graft`.
     widest : float
         Largest `Config.sigma_scale` to try. The clusters are enlarged step by step as long as
-        violations remain. The scale that was used is ``library.config.sigma_scale`` of the returned
-        graft. If `Config.sigma` is a number, the clusters are not enlarged.
+        violations remain that donors can remove. The scale that was used is
+        ``library.config.sigma_scale`` of the returned graft. If `Config.sigma` is a number, the
+        clusters are not enlarged.
 
     Returns
     -------
@@ -212,9 +214,18 @@ def repair(
             best = graft
         config = library.config
         sigma_scale = config.sigma_scale * 4 / 3
-        if not best.violations or sigma_scale > widest or not isinstance(config.sigma, str):
+        if _are_kept(best, plan) or sigma_scale > widest or not isinstance(config.sigma, str):
             return best
         library = library.relabelled(replace(config, sigma_scale=sigma_scale))
+
+
+def _are_kept(graft: Graft, plan: GraftPlan) -> bool:
+    """Return whether all violations of a graft are by joints that no donor moves."""
+    problem = plan.problem
+    groups = list(problem.pools)
+    kept = find_kept_violations(problem.library, problem.base, groups, problem.constraints)
+    known = {(own.frames, own.worst, own.joint) for own in kept}
+    return all((own.frames, own.worst, own.joint) in known for own in graft.violations)
 
 
 def _total_excess(graft: Graft) -> float:

@@ -1,0 +1,92 @@
+"""Remarks after a run of ``mograft graft``: what was not exchanged, why, and which option helps."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.config import variety_fields
+from mograft.library.library import Library
+from mograft.search.costs import length_fits
+from mograft.synthesis.graft_result import Graft, Substitution
+
+_REMEDIES = {
+    "no similar segment": "{similar} or add clips",
+    "none of similar length": "raise --max-stretch (now {max_stretch:.2f})",
+    "only segments with recording faults": "correct the faults that mograft check lists",
+    "none within the constraints": "relax the constraints",
+}
+"""Cause for which a segment has no candidate, and what to do."""
+
+
+def advise(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> list[str]:
+    """Return remarks about all motions of a run.
+
+    `graft` is one of the grafts. `motions` has the substitutions of each motion.
+    """
+    lines = []
+    kept, total = _kept_seconds(graft, motions)
+    if all(own.is_own for substitutions in motions for own in substitutions):
+        lines.append(f"warning: no segment was exchanged: {_cause_of_no_exchange(graft)}")
+    elif kept > 0 and graft.request.method != "repair":
+        where = "the motion" if len(motions) == 1 else f"any of the {len(motions)} motions"
+        lines.append(f"in {kept:.1f} of {total:.1f} s no segment was exchanged in {where}")
+    if graft.request.method == "repair":
+        return lines  # Only segments near violations have other candidates.
+    without = [group for group, counts in graft.alternatives.items() if (counts == 0).any()]
+    return [*lines, *(_describe_missing(graft, group) for group in without)]
+
+
+def _kept_seconds(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> tuple[float, float]:
+    """Return the time in which no motion has an exchanged segment, and the time of the base."""
+    is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
+    for substitution in (own for substitutions in motions for own in substitutions):
+        if not substitution.is_own:
+            is_kept[substitution.start : substitution.stop] = False
+    return float(is_kept.sum()) * graft.base.frame_time, graft.base.duration
+
+
+def _cause_of_no_exchange(graft: Graft) -> str:
+    if graft.request.method == "repair":
+        return "the base satisfies the constraints, or no candidate satisfies them better"
+    if all((counts == 0).all() for counts in graft.alternatives.values()):
+        return "no segment has a candidate"
+    return "the captured parts cost less than all candidates"
+
+
+def _describe_missing(graft: Graft, group: str) -> str:
+    """Return how many segments of a group have no candidate, with causes and remedies."""
+    library, counts = graft.library, graft.alternatives[group]
+    segments = np.array([own.segment for own in graft.substitutions if own.group == group])
+    causes = Counter(_find_causes(library, group, segments[counts == 0]))
+    numbers = ", ".join(f"{n} {cause}" for cause, n in causes.most_common())
+    config = library.config
+    is_widest = config.sigma_scale >= variety_fields(1.0)["sigma_scale"]
+    similar = "raise --sigma-scale" if is_widest else "raise --variety"
+    remedies = ", ".join(
+        _REMEDIES[cause].format(similar=similar, max_stretch=config.max_stretch)
+        for cause, _ in causes.most_common()
+    )
+    return (
+        f"{group}: {int((counts == 0).sum())} of {len(counts)} segments had no candidate "
+        f"({numbers}): {remedies}"
+    )
+
+
+def _find_causes(library: Library, group: str, segments: IntArray) -> list[str]:
+    """Return for each of `segments`, which have no candidate, the first limit that leaves none."""
+    pool, config, lengths = library.pool(group), library.config, library.segments.lengths
+    causes = []
+    for segment, members in zip(segments, pool.neighbours(segments, config), strict=True):
+        others = members[members != segment]
+        fits = length_fits(lengths[[segment]], lengths[others], pool.rate, config)
+        if not len(others):
+            causes.append("no similar segment")
+        elif not fits.any():
+            causes.append("none of similar length")
+        elif not pool.is_donor[others[fits]].any():
+            causes.append("only segments with recording faults")
+        else:
+            causes.append("none within the constraints")
+    return causes
