@@ -333,7 +333,7 @@ def test_graft_few_segments_increases_sigma_scale(run, folder, tmp_path):
     code, out, err = run("graft", short, *fixed)
     assert code == 0
     assert len(out.split()) == 1
-    assert "the donors allow only 1 different motions, not 2" in err
+    assert "the donors allow only 1 different motion, not 2" in err
     assert "had no candidate and were kept" in err
 
 
