@@ -173,7 +173,8 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
     -------
     matplotlib Axes
         The axes. The height of a bar is the number of segments in a cluster; the largest cluster
-        is first. No other segment can replace a segment that is alone in its cluster.
+        is first. If `Config.neighbourhood` is "cluster", no other segment can replace a segment
+        that is alone in its cluster of the base group.
 
     Raises
     ------

@@ -139,11 +139,11 @@ def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, Fl
     """Encode world positions, shape (n_frames, n_nodes, 3), in few bytes.
 
     Return the quantization step, the path of the node `root`, shape (n_frames, 3), rounded to
-    float32, and the encoded positions of all nodes relative to this path. These are rounded to
-    16-bit multiples of the step, which is at least a ten-thousandth of the body height `height`.
-    Each coordinate of each node is replaced by its second differences in time. These become
-    unsigned integers: d ≥ 0 becomes 2d, d < 0 becomes -2d - 1. All low bytes precede all high
-    bytes, because zlib compresses this order best.
+    float32, and the encoded positions of all nodes relative to this path. The relative positions
+    are rounded to 16-bit multiples of the step, which is at least a ten-thousandth of the body
+    height `height`. Each coordinate of each node is replaced by its second differences in time. A
+    difference d ≥ 0 becomes the unsigned integer 2d, and d < 0 becomes -2d - 1. All low bytes
+    precede all high bytes, because zlib compresses this order best.
     """
     path = positions[:, root].astype(np.float32).astype(np.float64)
     relative = positions - path[:, None]

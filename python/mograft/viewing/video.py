@@ -73,8 +73,8 @@ def write_video(
     Notes
     -----
     A camera follows each figure and sees it from 30 degrees beside its front. GIF stores the
-    duration of each picture in hundredths of a second. Durations differ by at most one hundredth,
-    so that the total duration is correct.
+    duration of each picture in hundredths of a second. The durations of the pictures differ by at
+    most one hundredth, so that the total duration is correct.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def _write_gif(pictures: "Iterator[Image]", path: Path, rate: float, count: int)
 def _write_mp4(
     pictures: "Iterator[Image]", path: Path, rate: float, size: tuple[int, int], program: str
 ) -> None:
-    """Send pictures to ffmpeg; raise an OSError with the last line of its messages if it fails.
+    """Send pictures to ffmpeg; if ffmpeg fails, raise an OSError with its last line of output.
 
     `imageio_ffmpeg.write_frames` ignores ffmpeg's exit code: on a full disk it returns without
     an error and leaves a truncated film.
