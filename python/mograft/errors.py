@@ -52,11 +52,11 @@ class InsufficientDataError(MograftError, ValueError):
     """There is too little data to compute a measure; the message names what is missing."""
 
 
-def suggest_name(name: str, names: Collection[str]) -> str:
+def suggest_name(name: object, names: Collection[str]) -> str:
     """Return "; did you mean 'X'?" for the most similar X of `names`, or "" if none is similar."""
     from difflib import get_close_matches  # only for the message: 20 ms
 
-    close = get_close_matches(name, names, n=1)
+    close = get_close_matches(name, names, n=1) if isinstance(name, str) else []
     return f"; did you mean {close[0]!r}?" if close else ""
 
 

@@ -514,6 +514,7 @@ def test_stream_long_base_holds_limited_frames(library):
             ValueError,
             "`swap` must name groups other than the base group 'lower'",
         ),
+        ({"swap": [1]}, ValueError, "`swap` must name groups other than .*, got 1: choose from"),
         (
             {"constraints": ["none"]},
             TypeError,

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.synthesis.stream_protocol import MAX_BODY_BYTES, MAX_HEADER_BYTES
 from mograft.synthesis.stream_server import ServerLimits, StreamServer, is_loopback
+from mograft.synthesis.stream_session import StreamSession
 from tests.stream_examples import StreamClient, StreamError
 
 HELLO = {"type": "hello", "protocol": "mograft.stream/1"}
@@ -110,6 +111,20 @@ def test_socket_welcome_describes_the_skeleton(server, two_dances):
     assert (header["n_joints"], header["rate"]) == (skeleton.n_joints, two_dances.rate)
     assert header["swap"] == {"upper": two_dances.joints("upper").tolist()}
     np.testing.assert_array_equal(arrays["offsets"], skeleton.offsets)
+
+
+def test_socket_requests_sent_together_get_their_replies_in_order(server, short_base):
+    rotations, positions = short_base.rotations, short_base.positions
+    with connect(server) as client:
+        client.send(HELLO)
+        for first in range(0, len(rotations), 20):
+            rows = slice(first, first + 20)
+            client.send({"type": "push"}, rotations=rotations[rows], positions=positions[rows])
+        client.send({"type": "close"})
+        assert client.receive()[0]["type"] == "welcome"
+        n_known = [client.receive()[0]["n_known"] for _ in range(0, len(rotations), 20)]
+        assert n_known == list(range(20, len(rotations) + 1, 20))
+        assert client.receive()[0]["is_closed"]
 
 
 def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base):
@@ -296,6 +311,26 @@ def test_request_without_hello_or_after_close_gets_an_error(server, short_base, 
 ENTRIES = ["type", "kind", "arrays", "protocol", "constraints", "obstacle", "center", "radius"]
 ENTRIES += ["joint", "target", "frame", "frames", "weight", "tolerance", "clips", "tags", "name"]
 ENTRIES += ["dtype", "shape", "seed", "horizon", "swap"]
+
+
+def test_bug_in_the_server_ends_only_its_connection(two_dances, monkeypatch, capfd):
+    def fail(*_):
+        raise RuntimeError("a bug")
+
+    with StreamServer(two_dances) as server, connect(server) as other:
+        assert other.request(HELLO)[0]["type"] == "welcome"
+        with connect(server) as client, monkeypatch.context() as patch:
+            patch.setattr(StreamSession, "reply", fail)
+            with pytest.raises(StreamError, match="RuntimeError: a bug") as caught:
+                client.request(HELLO)
+            assert (caught.value.header["code"], caught.value.header["is_open"]) == (
+                "internal",
+                False,
+            )
+        assert other.request(HELLO)[0]["type"] == "welcome"
+    assert "RuntimeError: a bug" in capfd.readouterr().err
+
+
 JSON_VALUES = st.recursive(
     st.none()
     | st.booleans()
