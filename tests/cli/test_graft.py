@@ -666,3 +666,18 @@ def test_candidates_mark_forced_and_banned_donors(run, folder):
     assert code == 0
     assert "* b" in out
     assert out.count("Ban: excluded donor: a") == sum(clip == "a" for clip, *_ in own)
+
+
+def test_graft_take_of_one_group_leaves_the_others(run, folder, tmp_path):
+    words = ["graft", folder, "--groups", "lower_torso_larm_rarm"]
+    assert run(*words, "-o", tmp_path / "new.bvh")[0] == 0
+    segments = Library.build(folder).segments
+    donor = segments.of_clip(1)[4]
+    take = f"larm:24=b:{segments.start[donor]}-{segments.stop[donor]}"
+    words = ["graft", "--from", tmp_path / "new.json", "--take", take]
+    assert run(*words, "-o", tmp_path / "edited.bvh")[0] == 0
+    before, document = read_donors(tmp_path / "new.bvh")
+    after, _ = read_donors(tmp_path / "edited.bvh")
+    changed = [i for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new]
+    groups = [own["group"] for own in document["substitutions"]]
+    assert changed == [groups.index("larm") + 24]

@@ -340,3 +340,31 @@ def test_splice_takes_each_frame_from_one_motion(seed, size):
     np.testing.assert_allclose(same[expected], 1.0, atol=1e-12)
     products = (result.rotations[1:] * result.rotations[:-1]).sum(axis=2)
     assert (products[29] > 0).all() or size > 0.05
+
+
+@few_examples(8)
+@given(
+    number=st.integers(0, 60), donor=st.integers(0, 100), group=st.sampled_from(["larm", "rarm"])
+)
+def test_constraints_of_a_group_leave_other_groups_unchanged(several, number, donor, group):
+    library = several.relabelled(replace(several.config, choice="viterbi", self_repair=False))
+    free = mg.graft(library)
+    span = (free.substitutions[number].start, free.substitutions[number].stop)
+    present = int(free.donors[group][number])
+    for constraint in (
+        mg.Use(number, donor, group=group),
+        mg.Ban(number, present, group=group),
+        mg.KeepOriginal(frames=span, group=group),
+    ):
+        graft = mg.graft(library, constraints=[constraint])
+        for name, donors in graft.donors.items():
+            if name != group:
+                np.testing.assert_array_equal(donors, free.donors[name])
+        assert not graft.violations or isinstance(constraint, mg.Ban)
+    assert graft.donors[group][number] == graft.substitutions[number].segment
+
+
+def test_stream_refuses_constraint_of_a_group(library):
+    keep = mg.KeepOriginal(frames=(0, 9), group="upper")
+    with pytest.raises(ValueError, match="must apply to all groups, got KeepOriginal"):
+        mg.Stream(library, constraints=[keep])
