@@ -53,8 +53,8 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     has the part of its parent; below a hand it is a finger, below a foot a toe. If the names
     contain no legs or no arms, mirrored pairs of limbs are searched in the rest pose; the pair
     nearest to the root is the legs. If the names contain no sides, the feet are assumed to point
-    forward in the rest pose. Without feet, the limb with the larger coordinate on the axis between
-    a pair is the left one.
+    forward in the rest pose. Without feet, the left limb of a pair is the one with the larger
+    coordinate on the axis on which the two limbs are farthest apart.
     """
     words, sides = read_names(skeleton.names)
     named = _resolve_ambiguous(skeleton, [*map(part_of_words, words)], words, sides)

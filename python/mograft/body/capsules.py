@@ -134,7 +134,7 @@ def clearance(
     at: IntArray | None = None,
     pairs: IntArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Return the smallest distance between two sets of capsules in every frame, and its pair.
+    """Return the smallest distance between two sets of capsules, and the nearest pair, per frame.
 
     The first set has the ends `ends`, shape (n_frames, n, 2, 3), and the radii `radii`, shape (n,).
     The second set has the ends `others`, shape (n_other_frames, m, 2, 3), and the radii

@@ -165,7 +165,11 @@ class Ground:
         return points
 
     def above(self, points: FloatArray) -> FloatArray:
-        """Return the heights of the result of `points` above the floors, in units of length."""
+        """Return heights above the floors, in units of length.
+
+        `points` is a result of the method `points`. The height of each point is measured from the
+        floor of this heel or toe; shape (n_frames, n_legs, 2).
+        """
         heights: FloatArray = points @ self.up - self.floors
         return heights
 

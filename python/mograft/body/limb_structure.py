@@ -169,7 +169,7 @@ def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tupl
 def _spine(
     shape: _Shape, axis: list[int], legs: tuple[int, int] | None, arms: tuple[int, int] | None
 ) -> list[tuple[int, str]]:
-    """Return the axial joints with their parts: trunk up to the arms, neck, head and tail.
+    """Return the axial joints with their parts: "trunk" (up to the arms), "neck", "head", "tail".
 
     `axis` holds the axial joints; `legs` and `arms` the first joints of each pair of limbs.
     """

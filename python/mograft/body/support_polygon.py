@@ -92,12 +92,12 @@ def convex_hull(points: FloatArray) -> FloatArray:
 
 
 def signed_distance(polygons: FloatArray, sizes: IntArray, points: FloatArray) -> FloatArray:
-    """Return the distance of each point, shape (n, 2), to the edge of its convex polygon.
+    """Return the distance of each point to the edge of its convex polygon, shape (n,).
 
-    Polygons are as in `Support`: counterclockwise vertices, shape (n, n_vertices, 2), and the
-    number of vertices of each polygon in `sizes`. Distances are negative inside and positive
-    outside. Polygons with one or two vertices have no inside. The distance is NaN for polygons
-    without vertices.
+    `points` has shape (n, 2). Polygons are as in `Support`: counterclockwise vertices, shape (n,
+    n_vertices, 2), and the number of vertices of each polygon in `sizes`. Distances are negative
+    inside and positive outside. Polygons with one or two vertices have no inside. The distance is
+    NaN for polygons without vertices.
     """
     starts, ends = polygons, np.roll(polygons, -1, axis=1)
     edges, offsets = ends - starts, points[:, None] - starts
@@ -140,10 +140,10 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
 
     Notes
     -----
-    All lengths are in skeleton heights. An ankle or toe joint touches the floor if it is less than
-    0.035 above its floor height, the 5th percentile of its height, at any speed. The heel ends
-    0.035 behind an ankle that touches the floor. The tip of the foot is 0.117 from the ankle. The
-    sole is 0.055 wide at the ball of the foot and 0.033 at the tip.
+    All lengths are in skeleton heights. The floor of an ankle or toe joint is the 5th percentile of
+    the height of the joint. A joint touches its floor if it is less than 0.035 above the floor, at
+    any speed. The heel ends 0.035 behind an ankle that touches the floor. The tip of the foot is
+    0.117 from the ankle. The sole is 0.055 wide at the ball of the foot and 0.033 at the tip.
     """
     ground = Ground.of(motion if floor_reference is None else floor_reference)
     if not ground.limbs:
@@ -206,8 +206,9 @@ def support_extents(
     """Return how far the support polygons of some frames extend along horizontal directions.
 
     `directions` are unit vectors for each of `frames`, shape (n, n_directions, 3). The result,
-    shape (n, n_directions), has the greatest coordinate of the polygon along each, in the unit of
-    the file: the support function of the polygon. It is -inf if no foot carries weight.
+    shape (n, n_directions), has the greatest coordinate of the polygon along each direction, in the
+    unit of the file: the support function of the polygon. The result is -inf in frames in which no
+    foot carries weight.
     """
     _, corners, carries = _soles(motion, ground)
     along = corners[frames] @ directions[..., horizontal_axes(ground.up)].swapaxes(1, 2)
@@ -218,10 +219,11 @@ def support_extents(
 
 
 def _soles(motion: Motion, ground: Ground) -> tuple[BoolArray, FloatArray, BoolArray]:
-    """Return which ankles and toes touch the floor, and the corners of all soles.
+    """Return the joints that touch the floor, the corners of soles, and those that carry weight.
 
-    The shapes are (n_frames, n_legs, 2), (n_frames, 6 * n_legs, 2) and (n_frames, 6 * n_legs); the
-    last states which corners carry weight. Corners are along `horizontal_axes`.
+    The first array has shape (n_frames, n_legs, 2) for ankle and toe. Corners have shape (n_frames,
+    6 * n_legs, 2), with coordinates along `horizontal_axes`. The last array has shape (n_frames,
+    6 * n_legs).
     """
     axes = horizontal_axes(ground.up)
     joints = ground.points(motion)
@@ -246,7 +248,8 @@ def _sole_corners(
     """Return the corners of one sole, shape (n_frames, 6, 2), and which of them carry weight.
 
     `horizontal` has the floor coordinates of ankle and toe, and `joints` their world positions;
-    `touches` states which of the two touch the floor. `forward` is used if the foot is vertical.
+    `touches` states which of the two touch the floor. `forward`, the direction that the hips face,
+    replaces the direction from ankle to toe if the two are nearly above each other.
     """
     ankle, toe = horizontal[:, 0], horizontal[:, 1]
     foot = toe - ankle

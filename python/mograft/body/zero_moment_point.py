@@ -14,12 +14,12 @@ def zero_moment_points(
 ) -> tuple[FloatArray, BoolArray]:
     """Return the zero-moment point of a point mass in each frame, and whether it exists.
 
-    The point is x - (z - floor) ẍ / (z̈ + g) along each horizontal axis (Vukobratović and Borovac,
-    International Journal of Humanoid Robotics 1, 2004). `position` and `acceleration` per second
-    are those of the centre of mass, shape (n_frames, 3), `up` is a unit vector, `floor` the height
-    of the floor along it, and `height` the skeleton height; all lengths are in the unit of the
-    file. The point does not exist, and `position` is returned, if the floor carries less than a
-    fifth of the weight.
+    The point is x - (z - floor) ẍ / (z̈ + g) along each horizontal axis, with the coordinate x and
+    the height z of the centre of mass (Vukobratović and Borovac, International Journal of Humanoid
+    Robotics 1, 2004). `position` and `acceleration`, shape (n_frames, 3), are those of the centre
+    of mass. `up` is a unit vector, `floor` the height of the floor along `up`, and `height` the
+    skeleton height. Lengths are in the unit of the file, times in seconds. The point does not
+    exist, and `position` is returned, if the floor carries less than a fifth of the weight.
     """
     gravity = GRAVITY * height / STATURE_METERS
     load = acceleration @ up + gravity

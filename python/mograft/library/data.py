@@ -169,7 +169,7 @@ class LibraryData:
         return {}
 
     def pool(self, group: str) -> SegmentPool:
-        """Return all segments with the data to search donors of a group; built on first use."""
+        """Return all segments with the data for the donor search of a group; built on first use."""
         if group not in self._pools:
             self._pools[group] = self._build_pool(group)
         return self._pools[group]
@@ -192,7 +192,10 @@ class LibraryData:
         )
 
     def _balance_of(self, joints: IntArray) -> SegmentBalance | None:
-        """Return the balance for donors of a group; None if the group moves the root or a foot."""
+        """Return the functions that state how donors of a group change the balance.
+
+        The result is None if the group moves the root or a foot, or the skeleton has no legs.
+        """
         fixed = [self.root, *(leg.ankle for leg in find_legs(self.skeleton))]
         if len(fixed) == 1 or np.isin(fixed, joints).any():
             return None

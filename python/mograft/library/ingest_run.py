@@ -217,7 +217,10 @@ class IngestRun:
         properties: Sequence[tuple[ClipOrder, ClipProperties]],
         spec: LibrarySpec,
     ) -> None:
-        """Add to the errors of clips with another hierarchy which clip has that of `spec`."""
+        """Add the name of a fitting clip to the errors of clips with another hierarchy.
+
+        A fitting clip has the hierarchy of `spec`.
+        """
         fitting = {
             order for order, own in properties if has_same_hierarchy(own.skeleton, spec.skeleton)
         }

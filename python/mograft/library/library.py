@@ -57,7 +57,7 @@ class Library(DerivableLibrary):
     boundary_states : dict of str to dict of str to ndarray
         For each group the poses and velocities of its joints in the first and last frame of
         each segment, as in `BoundaryStates`.
-    samples : Samples or StoredSamples
+    samples : Samples, StoredSamples or ExtendedSamples
         The resampled segments from which features are computed.
     refused : dict of str to str
         Files that were left out, and the reasons.

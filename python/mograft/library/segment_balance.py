@@ -19,7 +19,10 @@ from mograft.motion.skeleton import Skeleton
 
 @dataclass(frozen=True, eq=False)
 class LibraryBalance:
-    """Mass offsets and support margins of segments, computed when they are needed."""
+    """Mass offsets and support margins of segments, computed when they are needed.
+
+    The functions of `mograft.analysis.zero_moment` with these names define them.
+    """
 
     clips: Sequence[Motion]
     segments: Segments
@@ -32,7 +35,7 @@ class LibraryBalance:
     _margins: dict[int, FloatArray] = field(default_factory=dict)  # of all segments, by clip
 
     def mass_offsets(self, joints: IntArray, segments: IntArray) -> FloatArray:
-        """Return `mass_offsets` of a joint group in segments, shape (n, n_samples, 2)."""
+        """Return the mass offsets of a joint group in some segments, shape (n, n_samples, 2)."""
         shape = (len(self.segments), self.config.samples, 2)
         group = joints.tobytes()
         if group not in self._offsets:
@@ -48,7 +51,7 @@ class LibraryBalance:
         return found
 
     def support_margins(self, segments: IntArray) -> FloatArray:
-        """Return `support_margins` of segments, shape (n, n_samples, N_DIRECTIONS)."""
+        """Return the support margins of some segments, shape (n, n_samples, N_DIRECTIONS)."""
         found = np.empty((len(segments), self.config.samples, N_DIRECTIONS))
         clips = self.segments.clip[segments]
         for clip in np.unique(clips).tolist():

@@ -180,7 +180,7 @@ class StoredSamples:
 
 @dataclass(frozen=True)
 class ExtendedSamples:
-    """The samples of a library with those of a clip behind them."""
+    """The samples of a library, followed by the samples of one more clip."""
 
     known: "Samples | StoredSamples | ExtendedSamples"
     appended: Samples
