@@ -268,21 +268,30 @@ def test_notebook_wheel_scrolls_until_view_has_focus(browser, new, tmp_path):
     page.frame_locator("iframe").locator("#mograft[data-ready='1']").wait_for()
     frame = page.frames[1]
     page.mouse.move(400, 200)
-    page.mouse.wheel(0, 100)
-    wait_until(page, "scrollY > 50")
+    turn_wheel_until(page, page, "scrollY > 50")
     assert frame.evaluate("mograft.state.zoom") == 1
     page.evaluate("scrollTo(0, 0)")
     page.mouse.click(400, 200)
-    page.wait_for_timeout(1000)  # Chromium sends all wheel events of one gesture to one target.
-    page.mouse.wheel(0, 100)
-    wait_until(frame, "mograft.state.zoom < 1")
+    turn_wheel_until(page, frame, "mograft.state.zoom < 1")
     assert page.evaluate("scrollY") == 0
     page.mouse.click(400, 750)  # The focus returns to the notebook.
     page.mouse.move(400, 200)
-    page.wait_for_timeout(1000)
-    page.mouse.wheel(0, 100)
-    wait_until(page, "scrollY > 50")
+    turn_wheel_until(page, page, "scrollY > 50")
     page.close()
+
+
+def turn_wheel_until(page, frame, condition):
+    """Turn the wheel until a condition holds in a frame.
+
+    Chromium sends all wheel events of one gesture to one target; a pause ends the gesture.
+    """
+    for _ in range(30):
+        page.wait_for_timeout(1000)
+        page.mouse.wheel(0, 100)
+        page.wait_for_timeout(500)
+        if frame.evaluate(condition):
+            return
+    raise AssertionError(f"the condition never held: {condition}")
 
 
 OBSTACLES = {

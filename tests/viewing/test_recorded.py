@@ -99,8 +99,12 @@ def test_plot_timeline_of_file_hatches_exchanged_segments(made, tmp_path):
     from mograft import plot
 
     axes = plot.timeline(tmp_path / "out" / "new.bvh")
-    hatched = sum(collection.get_hatch() is not None for collection in axes.collections)
-    assert hatched == sum(not s.is_own for s in made.substitutions)
+    hatched = [bar for bar in axes.collections if bar.get_hatch() is not None]
+    assert len(hatched) == sum(not s.is_own for s in made.substitutions)
+    # All donors are of one clip, which has a colour of its own.
+    assert len({tuple(bar.get_facecolor()[0]) for bar in hatched}) == 1
+    grey = axes.collections[0].get_facecolor()[0]
+    assert tuple(hatched[0].get_facecolor()[0]) != tuple(grey)
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["clip · segments", "new · upper"]
     pyplot.close("all")

@@ -134,14 +134,19 @@ def _draw_row(
     axes: "Axes", row: TimelineRow, height: int, frames: tuple[int, int], inches_per_frame: float
 ) -> None:
     first, last = frames
+    clips = sorted(set(row.donor_clips))
     for index in np.flatnonzero((row.stop > first) & (row.start < last)).tolist():
         start, length = int(row.start[index]), int(row.stop[index] - row.start[index])
         cluster = int(row.cluster[index])
+        # Without clusters, the colour of an exchanged segment is that of the clip of its donor.
+        colour = cluster
+        if cluster < 0 and row.is_exchanged[index]:
+            colour = clips.index(row.donor_clips[index])
         style: dict[str, Any] = {"hatch": "//////"} if row.is_exchanged[index] else {}
         axes.broken_barh(
             [(start, length)],
             (height - 0.4, 0.8),
-            facecolor="0.75" if cluster < 0 else cluster_colour(cluster),
+            facecolor="0.75" if colour < 0 else cluster_colour(colour),
             edgecolor="white",
             linewidth=0.8,
             **style,

@@ -106,10 +106,12 @@ def report_page(
             f'<p class="note">{_DONOR_NOTE}</p>',
             "<h2>Clips</h2>",
             _clip_table(grafts),
-            "<h2>Summary</h2>",
+            "<details><summary><h2>Summary</h2></summary>",
             f"<pre>{html.escape(summary)}</pre>",
-            "<h2>Parameters</h2>",
+            "</details>",
+            "<details><summary><h2>Parameters</h2></summary>",
             _parameter_table(library).replace('class="wide"', 'class="wide plain"'),
+            "</details>",
             "</main>",
         ]
     )

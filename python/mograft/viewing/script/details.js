@@ -21,7 +21,8 @@ export function describe({ line, part }) {
   if (row.before[part] !== null) seams.push(`${degrees(row.before[part])} before`);
   if (row.after[part] !== null) seams.push(`${degrees(row.after[part])} after`);
   if (seams.length) items.push(`seam angle ${seams.join(", ")}`);
-  if (row.others[part] !== null && row.others[part] > 0) items.push(`${row.others[part]} other donors`);
+  const others = row.others[part];
+  if (others) items.push(others === 1 ? "1 other donor" : `${others} other donors`);
   return items.join(" · ");
 }
 

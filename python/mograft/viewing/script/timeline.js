@@ -89,7 +89,8 @@ function drawSegments(brush, line, top, wide, stripes) {
     const b = toX(toPageFrame(line.clip, stop[part]), wide);
     if (b < timeline.gutter || a > wide) continue;
     const width = Math.max(b - a - (b - a > 4 ? 1.5 : 0.3), 0.5);
-    brush.fillStyle = clusterColour(cluster[part]);
+    // Without clusters, the colour of an exchanged segment is that of the clip of its donor.
+    brush.fillStyle = clusterColour(cluster[part] < 0 ? source[part] : cluster[part]);
     brush.fillRect(a, top + 1.5, width, ROW - 3);
     if (source[part] >= 0) {
       brush.fillStyle = b - a > 3 ? stripes : "rgba(0,0,0,.2)";
