@@ -21,9 +21,9 @@ _REMEDIES = {
 
 
 def advise(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> list[str]:
-    """Return remarks about all motions of a run.
+    """Return remarks about the segments that a run of ``mograft graft`` did not exchange.
 
-    `graft` is one of the grafts. `motions` has the substitutions of each motion.
+    `graft` is one of the grafts of the run. `motions` holds the substitutions of each graft.
     """
     lines = []
     kept, total = _kept_seconds(graft, motions)
@@ -75,7 +75,7 @@ def _describe_missing(graft: Graft, group: str) -> str:
 
 
 def _find_causes(library: Library, group: str, segments: IntArray) -> list[str]:
-    """Return for each of `segments`, which have no candidate, the first limit that leaves none."""
+    """Return for each of `segments` the reason for which it has no candidate."""
     pool, config, lengths = library.pool(group), library.config, library.segments.lengths
     causes = []
     for segment, members in zip(segments, pool.neighbours(segments, config), strict=True):

@@ -146,8 +146,8 @@ _GRAFT = command(
         "values give more variety, smaller values more similarity (default: the value of the "
         "configuration, usually 0.75; if neither this option nor --variety is given and the donors "
         "allow fewer than COUNT different motions, it is multiplied by 4/3 until they allow "
-        "enough or it would exceed 4); --repair multiplies it in the same way, even if it is "
-        "given, while violations remain that donors can remove",
+        "enough or it would exceed 4); while violations remain that donors can remove, --repair "
+        "multiplies the threshold in the same way, even if this option is given",
         positive_number,
     ),
     NEIGHBOURHOOD,

@@ -108,8 +108,8 @@ def selected_config(options: argparse.Namespace) -> Config:
 def _with_options(config: Config, options: argparse.Namespace) -> Config:
     """Return a configuration with the values of the options.
 
-    The limits of ``--max-stretch`` and ``--max-angle`` are constraints, too; a limit above that of
-    the configuration raises the latter.
+    ``--max-stretch`` and ``--max-angle``, which are also constraints, can only raise the limits of
+    the configuration.
     """
     stretch, angle = (getattr(options, name, None) for name in ("max_stretch", "max_angle"))
     if stretch is not None:

@@ -218,9 +218,9 @@ def _print_kept_violations(
     found = find_kept_violations(library, motion, groups, constraints)
     if found:
         print_error(
-            "joints that are not exchanged violate the constraints, which no donor can change; no "
-            "motion was written: move the obstacle or target, limit its frames, or give "
-            "--best-effort",
+            "joints that are not exchanged violate constraints, and no donor can remove these "
+            "violations; no motion was written; move the obstacle or target, limit its frames, or "
+            "give --best-effort",
             [violation.message for violation in found],
         )
     return bool(found)

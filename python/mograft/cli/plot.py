@@ -94,9 +94,10 @@ def _draw(options: argparse.Namespace) -> "Axes":
 
 
 def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
-    """Return the selected clips of a library, or files: grafts with their donors, others clustered.
+    """Return a scene of the selected clips of a library, or of BVH files.
 
-    `folder` is that of a library, or None for BVH files.
+    `folder` is that of a library, or None for BVH files. Files of grafts are shown with their
+    donors. All other files form a library, which gives their segments clusters.
     """
     if folder is not None:
         library = load_library(options)

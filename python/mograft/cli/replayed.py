@@ -86,7 +86,7 @@ def _reroll_segment(value: SegmentValue, rate: float) -> int | tuple[int, int]:
 
 
 def _describe_changes(graft: Graft, edited: Graft) -> list[str]:
-    """Return a line for each replaced donor, and a line with the new frames."""
+    """Return a line for each replaced donor, and a line with the ranges of changed frames."""
     lines = []
     for group in graft.alternatives:
         pairs = zip(graft.substitutions, edited.substitutions, strict=True)

@@ -25,11 +25,12 @@ STREAM = command(
     ),
     setting(
         "--timeout SECONDS",
-        "pause between two messages after which a connection is closed (default: 600)",
+        "pause between two messages, in seconds, after which a connection is closed (default: 600)",
         positive_number,
         600.0,
     ),
     JSON,
     description="Serve streams of grafts, as mograft.Stream makes them, with the protocol "
-    "mograft.stream/1. Prints one line with the address, and runs until it is interrupted.",
+    "mograft.stream/1. The command prints one line with the address, and runs until it is "
+    "interrupted.",
 )

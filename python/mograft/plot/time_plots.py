@@ -84,8 +84,8 @@ def timeline(
     Parameters
     ----------
     *items : Motion, Graft, Library, Scene or path of a BVH file
-        What to draw. The base of a graft is drawn above the graft. A file with the provenance of a
-        graft beside it is drawn as a graft.
+        What to draw. The base of a graft is drawn above the graft. A file beside which ``mograft
+        graft`` wrote a .json file is drawn as a graft.
     frames : tuple of int, optional
         First and last frame. Default: all.
     ax : matplotlib Axes, optional

@@ -23,7 +23,7 @@ class ListedDonor:
     start: int  # First and last frame in the clip, both inclusive.
     stop: int
     is_own: bool  # Whether it is the base segment itself.
-    cost: float | None  # None if the neighbours of the segment differ from those in its clip.
+    cost: float | None  # Cost, stretch and seam angles are None in a scenario.
     stretch: float | None
     seam_angles: tuple[float, float] | None  # Before and after, in degrees.
 
@@ -39,9 +39,9 @@ class CandidateTable:
     def of(cls, graft: Graft) -> "CandidateTable":
         """Return the allowed candidates in the order of `Library.candidates`.
 
-        They do not depend on constraints. Costs and seam angles are those between the neighbours of
-        the base segment in its clip; in a scenario, which has other neighbours, they are omitted.
-        At most 1,500 segments have candidates, the first ones of each group.
+        Constraints are ignored. Costs and seam angles are those between the neighbours of the base
+        segment in its clip; in a scenario, in which it has other neighbours, they are omitted. Only
+        the first segments of each group have candidates, at most 1,500 in all groups together.
         """
         donors, counts = {}, {}
         most = _MAX_SEGMENTS // max(len(graft.alternatives), 1)

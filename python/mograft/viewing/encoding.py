@@ -110,7 +110,8 @@ def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[st
 def encode_candidates(table: CandidateTable, donors: dict[str, int]) -> dict[str, Any]:
     """Return the candidates as a dict for JSON: one list per quantity, for all segments of a group.
 
-    The names of clips that `donors` lacks are added there, with consecutive numbers.
+    `donors` maps names of clips to numbers. The function adds the names of clips that `donors`
+    lacks, with the next numbers.
     """
     document = {}
     for group, segments in table.donors.items():

@@ -22,7 +22,7 @@ _FACE_TARGET_RADIUS = 0.02
 
 
 class ShownConstraint(NamedTuple):
-    """A constraint, and a motion in whose axes and unit its positions are."""
+    """A constraint, and a motion that has the axes and the unit of its positions."""
 
     constraint: Constraint
     motion: Motion

@@ -115,14 +115,14 @@ def view(
     ----------
     *items : Motion, Graft, Library, Scene, or path of a BVH file
         What to show. A graft is shown after its base. A motion that occurs twice is shown once.
-        A file with the provenance of a graft beside it is shown as a graft: after its base, if
-        the file of the base is found unchanged, and with its donors.
+        A file beside which ``mograft graft`` wrote a .json file is shown as a graft with its
+        donors, after its base if the file of the base is found unchanged.
     groups : JointGroups or str, optional
         The joint groups that set the colours of motions, or the name of a preset. Default: the
         groups of the first library with the same joint names (an item, or the library of a
-        graft), otherwise trunk, arms and legs. Grafts, their bases and the clips of these
-        libraries always have the colours of their library's groups, and the figures of a scene
-        keep their colours.
+        graft), otherwise trunk, arms and legs. They have no effect on grafts, their
+        bases and the clips of these libraries, which have the colours of their library or .json
+        file, and on the figures of a scene.
     title : str, optional
         Title of the page. Default: the names of the first three figures.
     show : bool, optional

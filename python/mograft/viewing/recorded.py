@@ -18,10 +18,10 @@ from mograft.viewing.figure import Figure, TimelineRow
 
 
 def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | None:
-    """Return a graft with the donors, seams and groups of the provenance beside its file.
+    """Return the figure of a graft, and the provenance in the ``.json`` file beside it.
 
-    Return None if there is no provenance. Warn and return None if it is damaged or describes a
-    motion of another length.
+    The figure has the donors, seams and groups of the provenance. Return None if there is no
+    provenance. Warn and return None if it is damaged or describes a motion of another length.
     """
     if not has_provenance(path):
         return None
@@ -37,7 +37,7 @@ def _recorded_figure(motion: Motion, record: GraftRecord) -> Figure:
     try:
         n_frames = record.document["frames"]
         if n_frames != motion.n_frames:
-            raise ValueError(f"`frames` is {n_frames}, but the motion has {motion.n_frames}")
+            raise ValueError(f"`frames` is {n_frames}, but the motion has {motion.n_frames} frames")
         groups = dict.fromkeys(donor.group for donor in record.donors)
         rows = tuple(_recorded_row(record, group) for group in groups)
         members: dict[str, IntArray] = record.groups.resolve(motion.skeleton)
@@ -75,7 +75,7 @@ def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
 
 
 def recorded_base(motion: Motion, record: GraftRecord) -> Motion | None:
-    """Return the base of a graft, if its file is found unchanged and has the graft's frames."""
+    """Return the base of a graft; None if its file is missing, changed or of another length."""
     for clip in record.clips:
         if clip.is_base and clip.name == record.base and not clip.is_mirrored:
             try:

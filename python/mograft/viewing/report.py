@@ -281,7 +281,7 @@ def _donor_table(graft: Graft) -> str:
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:
-    """Return an HTML table of the clips of which the grafts are made, and the number of others."""
+    """Return an HTML table of the clips used in the grafts, and the number of other clips."""
     library = grafts[0].library
     donors: Counter[int] = Counter()
     frames: Counter[int] = Counter()

@@ -41,13 +41,17 @@ class Scene:
         """Return a scene of the figures of motions, grafts, libraries and other scenes.
 
         A graft adds its base and then itself; a library adds all of its clips. The path of a BVH
-        file adds its motion, or a graft if its provenance is beside it. Each motion is added once.
-        `groups`, joint groups or the name of a preset, set the colours of motions. By
-        default, these are the groups of the first library with the same joint names (an item, or
-        the library of a graft), otherwise trunk, arms and legs. Grafts, their bases and the clips
-        of these libraries always have the colours of their library's groups, and the figures of a
-        scene keep their colours. Raise a TypeError if an item has another type, and a ValueError if
-        there is no item or the groups do not fit a skeleton.
+        file adds a motion, or a graft if ``mograft graft`` wrote a .json file beside it. Each
+        motion is added once.
+
+        `groups`, joint groups or the name of a preset, set the colours of motions. By default,
+        these are the groups of the first library with the same joint names (an item, or the library
+        of a graft), otherwise trunk, arms and legs. `groups` have no effect on grafts, their bases
+        and the clips of these libraries, which have the colours of their library or .json file, and
+        on the figures of scenes.
+
+        Raise a TypeError if an item has another type, and a ValueError if there is no item or the
+        groups do not fit a skeleton.
         """
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
@@ -84,7 +88,7 @@ class _Builder:
         self.tables: dict[tuple[int, ...], CandidateTable] = {}
 
     def add(self, item: Item) -> None:
-        """Add an item; raise a TypeError if it has another type."""
+        """Add an item; raise a TypeError if its type is not one of `Item`."""
         if isinstance(item, Graft):
             self._add_figure(_clip_figure(item.library, item.base))
             self._add_figure(_graft_figure(item, self._candidates(item)))
