@@ -219,11 +219,11 @@ def support_extents(
 
 
 def _soles(motion: Motion, ground: Ground) -> tuple[BoolArray, FloatArray, BoolArray]:
-    """Return the joints that touch the floor, the corners of soles, and those that carry weight.
+    """Return three arrays: floor contacts of joints, corners of soles, and loads of corners.
 
-    The first array has shape (n_frames, n_legs, 2) for ankle and toe. Corners have shape (n_frames,
-    6 * n_legs, 2), with coordinates along `horizontal_axes`. The last array has shape (n_frames,
-    6 * n_legs).
+    The first, shape (n_frames, n_legs, 2), states whether each ankle and toe touches the floor. The
+    corners, shape (n_frames, 6 * n_legs, 2), have coordinates along `horizontal_axes`. The last,
+    shape (n_frames, 6 * n_legs), states whether each corner carries weight.
     """
     axes = horizontal_axes(ground.up)
     joints = ground.points(motion)

@@ -65,7 +65,7 @@ class IngestOptions(AddOptions, total=False):
 class ClipOrder(NamedTuple):
     """Sort key for the order of clips in a library: first by rank, then by path."""
 
-    rank: int  # in a folder 0 for files and 1 for other clips, in memory the index of the clip
+    rank: int  # library in a folder: 0 for files, 1 for other clips; in memory: index of the clip
     path: tuple[str, ...] = ()  # relative to the library; for a clip without a file, its index
 
 
