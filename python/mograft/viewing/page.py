@@ -120,9 +120,9 @@ def view(
     groups : JointGroups or str, optional
         The joint groups that set the colours of motions, or the name of a preset. Default: the
         groups of the first library with the same joint names (an item, or the library of a
-        graft), otherwise trunk, arms and legs. They have no effect on grafts, their
-        bases and the clips of these libraries, which have the colours of their library or .json
-        file, and on the figures of a scene.
+        graft), otherwise trunk, arms and legs. `groups` have no effect on grafts, their bases
+        and the clips of these libraries, which have the colours of their library or .json file,
+        and on the figures of a scene.
     title : str, optional
         Title of the page. Default: the names of the first three figures.
     show : bool, optional
