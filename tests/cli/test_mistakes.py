@@ -27,6 +27,8 @@ MISTAKES = [
     ("view lib --clip walkk -o x.html", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
     ("graft a.bvh -o x --groups lower_uper", USAGE, "lower_uper; did you mean 'lower_upper'?"),
     ("graft a.bvh -o x --scenario graph --among wlk", RUNTIME, "`clips` must match"),
+    ("evaluate a.bvh enrichmen", USAGE, "got enrichmen; did you mean 'enrichment'?"),
+    ("config show grapht", USAGE, "got grapht; did you mean 'graft'?"),
     # Files
     ("info none.bvh", RUNTIME, "none.bvh: No such file or directory"),
     ("graft empty -o x", RUNTIME, "empty: no BVH file in this folder"),
@@ -50,7 +52,7 @@ MISTAKES = [
     ("groups a.bvh -o x.json", USAGE, "-o must be a file that ends in .toml, got x.json"),
     ("graft a.bvh -o b.bvh", RUNTIME, "b.bvh exists; use --force to overwrite"),
     ("graft a.bvh -o a.bvh/x", RUNTIME, "a.bvh is a file; expected a folder"),
-    ("index a.bvh -o lib", RUNTIME, "lib: exists; --force"),
+    ("index a.bvh -o lib", RUNTIME, "lib exists; use --force to replace a library"),
     # Values
     ("graft a.bvh -o x -n 0", USAGE, "--count: must be an integer of at least 1, got 0"),
     ("graft a.bvh -o x --variety 5", USAGE, "--variety: must be a number from 0 to 1, got 5"),

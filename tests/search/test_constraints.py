@@ -687,9 +687,14 @@ def test_report_lists_every_substitution(library):
             gap = pool.seam_angles(donors[at - 1 : at], donors[at : at + 1])[0, 0]
             assert s.gap_before == graft.substitutions[at - 1].gap_after == gap
         source = f"{s.clip} {s.donor_start}-{s.donor_stop}"
-        line_start = f"    {s.start}-{s.stop} from {source}: cost {s.cost:.2f}"
+        line_start = f"    segment {at}, {s.start}-{s.stop} from {source}: cost {s.cost:.2f}"
         assert any(line.startswith(line_start) for line in lines) == (not s.is_own)
     assert len(graft.report().splitlines()) < len(lines)
+
+
+def test_report_prints_the_limit_of_seam_gaps(library):
+    assert "(limit 45°)" in mg.graft(library).report()
+    assert "(limit 21°)" in mg.graft(library, constraints=[mg.MaxAngle(np.radians(21.0))]).report()
 
 
 # Invalid arguments

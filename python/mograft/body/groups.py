@@ -22,6 +22,7 @@ from mograft.body.group_entries import (
     joint_label,
     subtree,
 )
+from mograft.errors import suggest_name
 from mograft.motion.skeleton import Skeleton
 
 # Groups of each preset. The first is the base: the hips, their ancestors and the legs.
@@ -141,7 +142,8 @@ class JointGroups:
         JointGroups(lower: Hips LeftHip; upper: Chest; base lower)
         """
         if name not in PRESETS:
-            raise ValueError(f"`preset` must be one of {', '.join(PRESETS)}, got {name!r}")
+            hint = suggest_name(name, PRESETS)
+            raise ValueError(f"`preset` must be one of {', '.join(PRESETS)}, got {name!r}{hint}")
         count = Counter(skeleton.names)
         found: dict[str, list[Entry]] = {group: [] for group in PRESETS[name]}
         for joint, group in enumerate(_assign(skeleton, PRESETS[name])):

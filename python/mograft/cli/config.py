@@ -7,6 +7,7 @@ from typing import Any
 
 from mograft.cli.output import print_result
 from mograft.cli.settings import Setting, find_config_file, find_settings
+from mograft.errors import suggest_name
 
 
 def run_show(options: argparse.Namespace) -> int:
@@ -35,7 +36,8 @@ def _collect(options: argparse.Namespace) -> list[dict[str, Any]]:
     """
     names = [command.name for command in options.commands]
     if options.only is not None and options.only not in names:
-        options.usage_error(f"COMMAND must be one of {', '.join(names)}; got {options.only}")
+        hint = suggest_name(options.only, names)
+        options.usage_error(f"COMMAND must be one of {', '.join(names)}; got {options.only}{hint}")
     rows = []
     for command in options.commands:
         if options.only not in (None, command.name):

@@ -10,6 +10,7 @@ from mograft.cli.commands import EVALUATION_TOPICS, LABEL
 from mograft.cli.configuration import load_library
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
+from mograft.errors import suggest_name
 from mograft.evaluation import evaluate, evaluation_page, label_items, label_page, read_labels
 from mograft.evaluation.report import summarize
 
@@ -68,7 +69,8 @@ def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
         options.usage_error("expected one library or at least one BVH file, got none")
     for name in options.files:
         if name.isalpha() and not Path(name).exists():
-            options.usage_error(f"expected a file or one of {', '.join(_WORDS)}; got {name}")
+            hint = suggest_name(name, _WORDS)
+            options.usage_error(f"expected a file or one of {', '.join(_WORDS)}; got {name}{hint}")
     return tuple(dict.fromkeys(words))
 
 

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from mograft.cli.configuration import options_given, selected_config, selected_groups
@@ -32,6 +33,8 @@ def run(options: argparse.Namespace) -> int:
             options.usage_error(
                 f"{flag} is fixed when a library is created; it cannot be combined with --add"
             )
+    if not options.add and not options.force and _holds_files(options.output):
+        raise FileExistsError(f"{options.output} exists; use --force to replace a library")
     rates = _true_rates(options)
     tags = None if options.tags is None else read_tags(options.tags)
     _warn_of_unused(options.files, rates, tags or {})
@@ -43,6 +46,11 @@ def run(options: argparse.Namespace) -> int:
     document = {**describe_library(library), "left_out": refused}
     print_result(options, "index", document, [options.output])
     return 0
+
+
+def _holds_files(path: Path) -> bool:
+    """Return whether a path is a file, or a folder that is not empty."""
+    return path.exists() and (not path.is_dir() or any(path.iterdir()))
 
 
 def _true_rates(options: argparse.Namespace) -> dict[str, float]:

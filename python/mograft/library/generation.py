@@ -254,7 +254,7 @@ def write_generation(
     final.parent.mkdir(parents=True, exist_ok=True)
     exists = final.exists() and (not final.is_dir() or any(final.iterdir()))
     if exists and not add and not force:
-        raise FileExistsError(17, "exists; --force, in Python force=True, overwrites", str(path))
+        raise FileExistsError(17, "exists; force=True replaces it", str(path))
     generation = _write_in_place(final, add=add) if exists or add else _write_new(final)
     with generation as writer:
         try:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft.scenario import repetition
+from mograft.search.donor_constraints import limit_config
 
 if TYPE_CHECKING:
     from mograft.synthesis.graft_result import Graft
@@ -47,8 +48,13 @@ def _repair_line(window: "RepairedWindow") -> str:
     return f"  {where} {window.before:.1f} times its limit; {result}"
 
 
+def seam_limit(graft: "Graft") -> float:
+    """Return the largest seam gap in radians that configuration and constraints accept."""
+    return limit_config(graft.library.config, graft.request.constraints).max_angle
+
+
 def _group_lines(graft: "Graft", group: str, *, each: bool) -> list[str]:
-    limit = graft.library.config.max_angle
+    limit = seam_limit(graft)
     substitutions = [s for s in graft.substitutions if s.group == group]
     exchanged = [s for s in substitutions if not s.is_own]
     gaps = np.degrees([seam.gap for seam in graft.seams if seam.group == group])
@@ -66,9 +72,10 @@ def _group_lines(graft: "Graft", group: str, *, each: bool) -> list[str]:
         lines.append(f"    {n_wide} seams are wider than {np.degrees(limit):.0f}°")
     if each:
         lines += [
-            f"    {s.start}-{s.stop} from {s.clip} {s.donor_start}-{s.donor_stop}: "
-            f"cost {s.cost:.2f}, stretch {s.stretch:+.2f}, seams "
+            f"    segment {number}, {s.start}-{s.stop} from {s.clip} {s.donor_start}-"
+            f"{s.donor_stop}: cost {s.cost:.2f}, stretch {s.stretch:+.2f}, seams "
             f"{np.degrees(s.gap_before):.1f}° and {np.degrees(s.gap_after):.1f}°"
-            for s in exchanged
+            for number, s in enumerate(substitutions)
+            if not s.is_own
         ]
     return lines

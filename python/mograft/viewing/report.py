@@ -15,6 +15,7 @@ from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 from mograft.search.costs import length_fits
+from mograft.synthesis.graft_report import seam_limit
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
@@ -201,7 +202,7 @@ def _balance_shift(graft: Graft) -> FloatArray:
 
 
 def _charts(grafts: Sequence[Graft]) -> str:
-    limit = float(np.degrees(grafts[0].library.config.max_angle))
+    limit = float(np.degrees(seam_limit(grafts[0])))
     angles = np.degrees([seam.gap for graft in grafts for seam in graft.seams])
     edges = np.linspace(0, max(limit * 4 / 3, float(angles.max(initial=0.0)) + 1), 25)
     figures = [
