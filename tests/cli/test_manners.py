@@ -90,6 +90,17 @@ def test_quiet_prints_results_and_errors_only(run, clip, monkeypatch):
     assert run("graft", clip, "-o", "d.bvh")[2]
 
 
+def test_verbose_graft_lists_every_exchanged_segment(run, clip):
+    short = run("graft", clip, "-o", "a.bvh")[2]
+    long = run("graft", clip, "-o", "b.bvh", "--verbose")[2]
+    n_exchanged = sum(
+        own["exchanged"] for own in json.loads(Path("b.json").read_text())["substitutions"]
+    )
+    assert n_exchanged > 0
+    assert long.count("    segment ") == n_exchanged
+    assert short.count("    segment ") == 0
+
+
 def test_equal_warnings_are_printed_once(run, clip, monkeypatch):
     def warn(_):
         for text in ("first", "second", "first"):

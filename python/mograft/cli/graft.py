@@ -267,7 +267,7 @@ def _write_grafts(
         reference = WorldReference(grafts[0].library)
     for path, graft in zip(paths, grafts, strict=False):
         sections: dict[str, Any] = {}
-        lines = [graft.report()]
+        lines = [graft.report(each=options.verbose)]
         if reference is not None:
             measures = reference.measure(graft)
             sections["quality"] = measures.as_dict()

@@ -17,7 +17,7 @@ GENERAL_OPTIONS = (
     ),
     Argument(
         flags=("-v", "--verbose"),
-        keywords={"action": "store_true", "help": "also print remarks that require no action"},
+        keywords={"action": "store_true", "help": "also print details that require no action"},
     ),
 )
 """Options of every command."""
