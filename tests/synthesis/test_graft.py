@@ -107,8 +107,7 @@ def test_graft_donors_are_of_the_cluster_and_within_the_limits(library):
 
 
 def test_graft_seam_gaps_are_those_that_max_angle_limits(library):
-    # Self-repair can exceed the limit to remove a defect.
-    new = graft(with_choice(library, "sample", self_repair=False), seed=2)
+    new = graft(with_choice(library, "sample"), seed=2)
     for group in new.alternatives:
         frames = [seam.frame for seam in new.seams if seam.group == group]
         gaps = {seam.frame: seam.gap for seam in new.seams if seam.group == group}

@@ -14,9 +14,10 @@ from mograft.body.anatomy import feature_joints
 from mograft.body.faults import find_faults
 from mograft.dancer import dance
 from mograft.motion import rotations
-from mograft.synthesis.assembly import Piece
+from mograft.synthesis.assembly import Assembly, Piece
 from mograft.synthesis.defects import MAX_JERK_RATIO, MAX_SEAM_RATIO, DefectMeasure
 from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.self_repair import self_repair
 from tests.strategies import few_examples
 
 HALF_WIDTH = 4  # frames at 30 frames per second
@@ -28,6 +29,11 @@ LIMITS = np.array([MAX_SEAM_RATIO, MAX_SEAM_RATIO, MAX_JERK_RATIO])
 def library():
     motion = dance(seed=1, strides=2).motion
     return mg.Library.build([motion[:900], replace(motion[900:], name="second")])
+
+
+@pytest.fixture(scope="module")
+def four_groups():
+    return mg.Library.build(dance(seed=1, strides=2).motion, "lower_torso_larm_rarm")
 
 
 def with_config(library, **changes):
@@ -169,6 +175,75 @@ def test_self_repair_donor_with_glitch_is_replaced_if_another_candidate_exists(l
         assert donors_of(repaired)[position] != donor.donor
         assert any(own.start <= donor.start <= own.stop for own in repaired.repairs)
     assert n_planted >= 4
+
+
+@few_examples(4)
+@given(st.integers(0, 1000), st.sampled_from([0.5, 0.25]))
+def test_self_repair_no_seam_exceeds_max_angle_by_more_than_before(four_groups, seed, share):
+    """The law holds at each frame and also if the limit excludes most donors."""
+    max_angle = share * four_groups.config.max_angle
+    before, after = graft_pair(with_config(four_groups, max_angle=max_angle), seed=seed)
+    first = {(seam.group, seam.frame): seam.gap for seam in before.seams}
+    for seam in after.seams:
+        old = first.get((seam.group, seam.frame), 0.0)
+        assert seam.gap <= max(max_angle, old) + 1e-12
+
+
+def build_plan(library, seed, constraints=()):
+    """Return a plan and the assembly of its first donor sequences."""
+    plan = GraftPlan.build(library, None, None, constraints)
+    return plan, Assembly.build(plan.problem, plan.choose_donors(1, seed)[0], "")
+
+
+def test_self_repair_that_increases_the_greatest_amount_of_another_group_is_rejected(
+    four_groups, monkeypatch
+):
+    plan, first = build_plan(with_config(four_groups, choice="sample"), 2)
+    measured = DefectMeasure.amounts
+
+    def amounts(measure, motion, pieces):
+        """Return the amounts; those of an arm are 1000 if the donors of the torso are not first."""
+        found = measured(measure, motion, pieces)
+        for piece, own in zip(pieces, found, strict=True):
+            if measure.group == "larm" and (piece.donors["torso"] != first.donors["torso"]).any():
+                own[0, 0] = 1000.0
+        return found
+
+    changed, _ = self_repair(first, lambda: plan.trellises, lambda _: [])
+    assert (changed.donors["torso"] != first.donors["torso"]).any()
+    monkeypatch.setattr(DefectMeasure, "amounts", amounts)
+    kept, _ = self_repair(first, lambda: plan.trellises, lambda _: [])
+    np.testing.assert_array_equal(kept.donors["torso"], first.donors["torso"])
+    assert (kept.donors["rarm"] != first.donors["rarm"]).any()
+
+
+@pytest.mark.parametrize("first_error", [0.0, 3.0])
+def test_self_repair_window_that_violates_a_constraint_more_keeps_its_donors(library, first_error):
+    """A smaller violation of another constraint does not compensate."""
+    constraints = (mg.MaxAngle(1.0), mg.MaxAngle(2.0))
+    plan, first = build_plan(with_config(library, choice="sample"), 1, constraints)
+    free, windows = self_repair(first, lambda: plan.trellises, lambda _: [])
+    positions = np.flatnonzero(free.donors["upper"] != first.donors["upper"])
+    frame = int(plan.problem.base_segments.start[positions[0]])
+
+    def violations(assembly):
+        is_first = (assembly.donors["upper"] == first.donors["upper"])[positions[0]]
+        errors = (9.0, first_error) if is_first else (2.0, 4.0)
+        return [
+            mg.Violation(own, (frame, frame), frame, error, "", "")
+            for own, error in zip(constraints, errors, strict=True)
+            if error
+        ]
+
+    new, _ = self_repair(first, lambda: plan.trellises, violations)
+    is_inside = [own.start <= frame < own.stop for own in windows]
+    assert sum(is_inside) == 1 < len(windows)
+    assert new.donors["upper"][positions[0]] == first.donors["upper"][positions[0]]
+    for own, is_reverted in zip(windows, is_inside, strict=True):
+        inside = plan.problem.base_segments.start >= own.start
+        inside &= plan.problem.base_segments.stop <= own.stop
+        expected = first if is_reverted else free
+        np.testing.assert_array_equal(new.donors["upper"][inside], expected.donors["upper"][inside])
 
 
 def test_self_repair_keeps_hard_constraints(library):

@@ -43,6 +43,14 @@ class Trellis:
             costs[index] += cost
         return replace(self, unary=tuple(unary))
 
+    def scale_above(self, limit: float, factor: float) -> "Trellis":
+        """Return the trellis in which costs of at least `limit` are multiplied by `factor`."""
+        unary, pairwise = (
+            tuple(np.where(own >= limit, factor * own, own) for own in costs)
+            for costs in (self.unary, self.pairwise)
+        )
+        return replace(self, unary=unary, pairwise=pairwise)
+
     def slice(self, start: int, stop: int) -> "Trellis":
         """Return the trellis of the positions from `start` up to, not including, `stop`."""
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])

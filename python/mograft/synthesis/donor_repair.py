@@ -95,12 +95,17 @@ def replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
 
 
 def search_again(
-    trellis: DonorTrellis, penalties: list[FloatArray], donors: IntArray, excess: FloatArray
+    trellis: DonorTrellis,
+    penalties: list[FloatArray],
+    donors: IntArray,
+    excess: FloatArray,
+    limit_factor: float = 1.0,
 ) -> IntArray:
     """Penalise the donors at violated positions, and search again at and next to these positions.
 
     Return the new donor sequence. `excess`, shape (n_positions,), is above 0 at violated positions.
-    The penalties are added to `penalties`, in place.
+    The penalties are added to `penalties`, in place. `limit_factor` multiplies
+    the costs of the trellis that violate a limit, about `INFEASIBLE_PENALTY`, but no penalties.
     """
     violated = excess > 0
     if not violated.any():
@@ -108,9 +113,11 @@ def search_again(
     path = trellis.path(donors)
     for position in np.flatnonzero(violated).tolist():
         penalties[position][path[position]] += INFEASIBLE_PENALTY * (1.0 + excess[position])
-    costs = trellis.costs.add_unary(penalties)
     for start, stop in find_runs(dilate(violated)).tolist():
-        path[start:stop] = viterbi(costs.slice_within(path, start, stop))
+        costs = trellis.costs.slice_within(path, start, stop)
+        if limit_factor != 1.0:
+            costs = costs.scale_above(INFEASIBLE_PENALTY / 2, limit_factor)  # novelty lowers costs
+        path[start:stop] = viterbi(costs.add_unary(penalties[start:stop]))
     return trellis.donor_sequence(path)
 
 

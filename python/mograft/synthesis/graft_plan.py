@@ -140,7 +140,7 @@ class GraftPlan:
         """Return the assembly of donor sequences after self-repair, and the frames searched."""
         assembly = Assembly.build(self.problem, donors, name)
         if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
-            return self_repair(assembly, lambda: self.trellises, self._total_excess)
+            return self_repair(assembly, lambda: self.trellises, self._assembly_violations)
         return assembly, []
 
     def finish(
@@ -173,11 +173,9 @@ class GraftPlan:
             request=self.request,
         )
 
-    def _total_excess(self, assembly: Assembly) -> float:
-        if not self.problem.constraints:
-            return 0.0
+    def _assembly_violations(self, assembly: Assembly) -> list[Violation]:
         motion = self._finish(assembly.motion, assembly.donors)
-        return sum(own.error - 1.0 for own in self._violations(motion, assembly.donors))
+        return self._violations(motion, assembly.donors)
 
     def _violations(self, motion: Motion, donors: DonorSequences) -> list[Violation]:
         """Return the violations of hard constraints by a finished motion and its donors."""

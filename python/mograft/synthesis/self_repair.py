@@ -1,7 +1,8 @@
 """Self-repair: other donors where an assembled motion is rougher than the recordings.
 
 The donors at defects are excluded and the trellis is searched again around them. The sequences
-found are assembled and measured; the least rough one stays, in the worst case the first.
+found are assembled and measured; the least rough one stays, in the worst case the first. No repair
+may violate a hard limit that the first sequence satisfies.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,6 +13,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.runs import dilate, find_runs
+from mograft.search.constraints import Span, Violation
 from mograft.search.trellis import DonorTrellis
 from mograft.synthesis.assembly import Assembly, Piece, assemble_pieces
 from mograft.synthesis.defects import MEASURES, DefectMeasure
@@ -22,7 +24,9 @@ _Window = tuple[int, int]  # half-open range of positions
 _RADIUS = 2  # positions beside a defect that repair can change
 _MARGIN = 3  # positions beside a window that are assembled with it
 _MAX_ROUNDS = 4  # searches with excluded donors
-_MAX_ASSEMBLIES = 2  # of the whole motion
+_MAX_ASSEMBLIES = 3  # of the whole motion
+_LIMIT_FACTOR = 1e6  # of infeasible costs: penalties at defects must not outweigh them
+_ROUNDING = 1e-12  # radians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,29 +62,39 @@ class RepairedWindow:
 def self_repair(
     assembly: Assembly,
     trellises: Callable[[], Mapping[str, DonorTrellis]],
-    total_violation: Callable[[Assembly], float],
+    violations: Callable[[Assembly], Sequence[Violation]],
 ) -> tuple[Assembly, list[RepairedWindow]]:
-    """Replace donors where acceleration or jerk exceeds its limit; see `DefectMeasure`.
+    """Replace donors where a measure exceeds its limit; see `DefectMeasure`.
 
     Return the new assembly and the frame ranges searched, including those without better donors. If
-    no donor is replaced, the assembly is returned unchanged. The repair of a group increases
-    neither the group's greatest amount nor `total_violation`, that of hard constraints.
-    `trellises` returns the trellis of each group; it is called only if there is a defect.
+    no donor is replaced, the assembly is returned unchanged. No seam exceeds `max_angle` by more
+    than it did, no constraint has more or greater `violations`, and neither the greatest amount of
+    the repaired group nor that of all groups grows. `trellises` returns the trellis of each group;
+    it is called only if there is a defect.
     """
     reports: list[RepairedWindow] = []
+    defects = {
+        group: _Defects.build(assembly, DefectMeasure(assembly.problem, group))
+        for group in assembly.donors
+    }
     for group in assembly.donors:
-        before = _Defects.build(assembly, group)
+        before = defects[group]
         if not before.windows:
             continue
-        after = _keep_better(before, _search(before, trellises()[group]))
-        if after.worst > before.worst or (
-            after is not before
-            and total_violation(after.assembly) > total_violation(before.assembly)
-        ):
-            after = before
-        assembly = after.assembly
+        limits = _Limits(before, violations)
+        after = _keep_better(limits, _search(limits, trellises()[group]))
+        if after is not before:
+            # The donors of a group also move joints of other groups.
+            measured = {
+                other: after if other == group else _Defects.build(after.assembly, own.measure)
+                for other, own in defects.items()
+            }
+            if after.worst <= before.worst and _worst(measured) <= max(_worst(defects), 1.0):
+                defects = measured
+            else:
+                after = before
         reports += before.report(after)
-    return assembly, reports
+    return next(iter(defects.values())).assembly, reports
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +106,8 @@ class _Defects:
     amounts: FloatArray  # shape (n_positions, n_measures)
 
     @classmethod
-    def build(
-        cls, assembly: Assembly, group: str, measure: DefectMeasure | None = None
-    ) -> "_Defects":
+    def build(cls, assembly: Assembly, measure: DefectMeasure) -> "_Defects":
         """Measure a group of an assembly."""
-        measure = measure or DefectMeasure(assembly.problem, group)
         whole = Piece(assembly.donors, 0, len(assembly.problem.base_segments))
         return cls(assembly, measure, measure.amounts(assembly.motion, [whole])[0])
 
@@ -121,6 +132,12 @@ class _Defects:
         before, after = _around(self.amounts, window), _around(amounts, window)
         return after.max() <= before.max() and _total_excess(after) < _total_excess(before)
 
+    def overlaps(self, window: _Window, frames: Sequence[Span]) -> bool:
+        """Whether a window, with one position on either side, overlaps one of the frame ranges."""
+        cut, (start, stop) = self.assembly.problem.base_segments, window
+        first, last = cut.start[max(start - 1, 0)], cut.stop[min(stop, len(cut) - 1)]
+        return any(first <= end and begin <= last for begin, end in frames)
+
     def report(self, after: "_Defects") -> list[RepairedWindow]:
         """Return for each window its greatest amount now and in `after`, the repaired assembly."""
         cut = self.assembly.problem.base_segments
@@ -140,12 +157,53 @@ class _Defects:
         return reports
 
 
-def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
+@dataclass(frozen=True, eq=False)
+class _Limits:
+    """What a repair may not make worse: amounts, seam angles and violations of constraints."""
+
+    defects: _Defects  # before the repair
+    violations: Callable[[Assembly], Sequence[Violation]]
+
+    def has_feasible_seams(self, donors: IntArray, window: _Window) -> bool:
+        """Whether no seam in a window exceeds `max_angle`, except as the first donors do."""
+        start, stop = window
+        around = slice(max(start - 1, 0), stop + 1)
+        first = self._seam_excess(self.defects.donors[around])
+        return bool((self._seam_excess(donors[around]) <= first + _ROUNDING).all())
+
+    def broken_frames(self, assembly: Assembly) -> list[Span]:
+        """Return the frames that violate constraints with more or greater violations than before.
+
+        The result is empty if no constraint has more violations, or a greater total.
+        """
+        grown: list[Span] = []
+        if not assembly.problem.constraints:
+            return grown
+        found = self.violations(assembly)
+        for constraint in assembly.problem.constraints:
+            old = [own.error for own in self._first_violations if own.constraint is constraint]
+            new = [own.error for own in found if own.constraint is constraint]
+            if len(new) > len(old) or sum(new) > sum(old) + _ROUNDING:
+                grown += [own.frames for own in found if own.constraint is constraint]
+        return grown
+
+    @cached_property
+    def _first_violations(self) -> Sequence[Violation]:
+        return self.violations(self.defects.assembly)
+
+    def _seam_excess(self, donors: IntArray) -> FloatArray:
+        problem = self.defects.assembly.problem
+        angles = problem.pools[self.defects.measure.group].seam_angles_along(donors)
+        return np.maximum(angles - problem.config.max_angle, 0.0)
+
+
+def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
     """Search other donors in each window; return those with the smallest total excess.
 
     Several times the donors at defects are penalised and the cheapest sequence is measured. The
-    last attempt measures the base segments.
+    last attempt measures the base segments. Sequences with seams that `limits` forbid are skipped.
     """
+    defects = limits.defects
     problem, first = defects.assembly.problem, defects.donors
     best, excess = first.copy(), np.maximum(defects.amounts.max(axis=1) - 1.0, 0.0)
     least = dict.fromkeys(defects.windows, np.inf)
@@ -164,12 +222,18 @@ def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
         else:
             # A search changes one position on either side of those that it penalises.
             is_inner = ~dilate(~is_open)
-            current = search_again(trellis, penalties, current, np.where(is_inner, excess, 0.0))
-        found = _measure(defects, current, windows)
+            inner = np.where(is_inner, excess, 0.0)
+            current = search_again(trellis, penalties, current, inner, _LIMIT_FACTOR)
+        donors = np.where(is_open, current, first)
+        found = _measure(defects, donors, windows)
         for (start, stop), own in zip(windows, found, strict=True):
             excess[start:stop] = np.maximum(own[start:stop].max(axis=1) - 1.0, 0.0)
             total = _total_excess(_around(own, (start, stop)))
-            if total < least[start, stop] and defects.is_better(own, (start, stop)):
+            if (
+                total < least[start, stop]
+                and defects.is_better(own, (start, stop))
+                and limits.has_feasible_seams(donors, (start, stop))
+            ):
                 least[start, stop] = total
                 best[start:stop] = current[start:stop]
     return best
@@ -195,22 +259,33 @@ def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) ->
     return amounts
 
 
-def _keep_better(before: _Defects, donors: IntArray) -> _Defects:
-    """Assemble the motion with `donors`, but keep the old donors in windows that do not improve."""
-    group = before.measure.group
+def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
+    """Assemble the motion with `donors`; windows that do not improve keep the old donors.
+
+    So do windows that violate `limits`.
+    """
+    before = limits.defects
     for _ in range(_MAX_ASSEMBLIES):
-        if (donors == before.donors).all():
-            break
-        assembly = before.assembly.replace_donors(group, donors)
-        after = _Defects.build(assembly, group, before.measure)
-        worse = [own for own in before.windows if not before.is_better(after.amounts, own)]
-        changed = [own for own in worse if (donors != before.donors)[slice(*own)].any()]
+        is_changed = donors != before.donors
+        changed = [own for own in before.windows if is_changed[slice(*own)].any()]
         if not changed:
-            return after
+            break
+        assembly = before.assembly.replace_donors(before.measure.group, donors)
+        after = _Defects.build(assembly, before.measure)
+        reverted = [own for own in changed if not before.is_better(after.amounts, own)]
+        if not reverted:
+            broken = limits.broken_frames(assembly)
+            if not broken:
+                return after
+            reverted = [own for own in changed if before.overlaps(own, broken)] or changed
         donors = donors.copy()
-        for start, stop in changed:
+        for start, stop in reverted:
             donors[start:stop] = before.donors[start:stop]
     return before
+
+
+def _worst(defects: Mapping[str, _Defects]) -> float:
+    return max(own.worst for own in defects.values())
 
 
 def _around(amounts: FloatArray, window: _Window) -> FloatArray:
