@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -445,6 +446,12 @@ def test_connection_beyond_the_maximum_gets_an_error(two_dances):
                 except (StreamError, OSError):
                     time.sleep(0.02)
         assert header["type"] == "welcome"
+
+
+def test_server_of_a_library_that_streams_do_not_support_raises_value_error(two_dances):
+    config = replace(two_dances.config, alignment="dtw")
+    with pytest.raises(ValueError, match=r"config\.alignment must be 'uniform' in a stream"):
+        StreamServer(replace(two_dances, config=config))
 
 
 # Sockets

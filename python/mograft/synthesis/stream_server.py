@@ -14,12 +14,16 @@ from types import TracebackType
 from typing import Any, Self
 
 from mograft.library.library import Library
+from mograft.synthesis.stream_checks import check_stream_config
 from mograft.synthesis.stream_protocol import FrameError, Message, RequestError, read_request
 from mograft.synthesis.stream_session import StreamSession
 
 _POLL_SECONDS = 0.1
 _DRAIN_SECONDS = 1.0
-"""How long a closing connection discards input, so that the client receives the last reply."""
+"""How long a closing connection discards input.
+
+Some systems discard the last reply if a socket is closed while it holds input.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +57,8 @@ class StreamServer:
         If the path exists and is not the socket of a server that has ended.
     OSError
         If the address cannot be used.
+    ValueError
+        If the library's `Config.alignment` is not "uniform".
     """
 
     def __init__(
@@ -61,6 +67,7 @@ class StreamServer:
         address: tuple[str, int] | Path = ("127.0.0.1", 0),
         limits: ServerLimits | None = None,
     ) -> None:
+        check_stream_config(library.config)
         self.library = library
         self.limits = limits or ServerLimits()
         self._path = address if isinstance(address, Path) else None
