@@ -400,3 +400,8 @@ def test_complete_linkage_does_not_import_scikit_learn():
     script = "import sys, mograft as mg; mg.CompleteLinkage(); print('sklearn' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
     assert run.stdout.split() == [b"False"]
+
+
+def test_linkage_condensed_distances_name_linkage_condensed():
+    with pytest.raises(ValueError, match="linkage_condensed takes the distances"):
+        mg.linkage([1.0, 2.0, 3.0])

@@ -35,6 +35,7 @@ MISTAKES = [
     ("info broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
     ("graft zero.bvh -o x", INVALID, "zero.bvh:113:9: expected at least 1 frame, got Frames: 0"),
     ("graft a.bvh other.bvh -o x", RUNTIME, "has also LeftElbow, unlike"),
+    ("graft a.bvh -o x --base other.bvh", RUNTIME, "has also LeftElbow, unlike a in the library"),
     ("graft one.bvh -o x", RUNTIME, "must have at least 2 frames, got 1"),
     ("graft lib a.bvh -o x", USAGE, "expected one library or BVH files, got both"),
     ("export lib -o x.glb", RUNTIME, "lib is a library; expected BVH files"),

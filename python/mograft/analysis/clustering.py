@@ -382,6 +382,11 @@ def _as_samples(points: npt.ArrayLike) -> FloatArray:
 
 
 def _as_points(points: npt.ArrayLike, min_points: int = 1) -> FloatArray:
+    if np.ndim(points) == 1:
+        raise ValueError(
+            "`points` must have shape (n, n_axes), got one dimension; linkage_condensed takes the "
+            "distances of scipy.spatial.distance.pdist"
+        )
     array = as_floats("points", points, ("n", "n_axes"))
     if array.shape[0] < min_points or array.shape[1] < 1:
         raise ValueError(

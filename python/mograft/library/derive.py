@@ -11,7 +11,7 @@ from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
 from mograft.analysis.segmentation import Segments, segment
 from mograft.config import Config
-from mograft.errors import join_names, suggest_name
+from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import (
     cluster_groups,
@@ -163,9 +163,19 @@ class DerivableLibrary(LibraryData):
                 )
             return self, names.index(base)
         check_type("base", base, Motion)
-        self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
+        self._check_hierarchy(base)
         index = self.find_clip(base)
         return (self.extended(base), len(self.entries)) if index is None else (self, index)
+
+    def _check_hierarchy(self, base: Motion) -> None:
+        """Raise SkeletonMismatchError if a base motion has another hierarchy than the clips."""
+        try:
+            self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
+        except SkeletonMismatchError as error:
+            raise SkeletonMismatchError(
+                f"{error}, unlike {join_names(self.names, 3)} in the library; the base must have "
+                "the hierarchy of the clips"
+            ) from None
 
     def extended(self, motion: Motion) -> Self:
         """Return the library with one more clip, whose segments are excluded as donors.
@@ -191,8 +201,8 @@ class DerivableLibrary(LibraryData):
         SkeletonMismatchError
             If the hierarchy differs.
         """
+        self._check_hierarchy(motion)
         name = motion.name or "the base"
-        self.skeleton.check_same_hierarchy(motion.skeleton, name)
         if not rates_match(motion.rate, self.rate):
             warnings.warn(
                 f"{name} is resampled from {motion.rate:.6g} to {self.rate:.6g} fps, the rate of "
