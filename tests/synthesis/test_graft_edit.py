@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.runs import dilate
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.splice import MAX_ANGLE, splice
 from mograft.blend.transplant import seam_reach
 from mograft.dancer import dance
@@ -50,11 +52,16 @@ def changed_frames(graft, edited):
 
 
 def frames_within_reach(graft, edited):
-    """Return the mask of the frames within `seam_reach` of changed segments."""
+    """Return the mask of the frames within `seam_reach` of changed segments.
+
+    A seam treatment that spans segments also changes the segments beside them.
+    """
     config = graft.library.config
     reach = int(np.ceil(seam_reach(config) * graft.motion.rate))
     near = np.zeros(graft.motion.n_frames, bool)
     changed = changed_positions(graft.donors, edited.donors)
+    if SEAM_TREATMENTS.get(config.seam).spans_segments:
+        changed = dilate(changed)
     segments = graft.substitutions[: len(changed)]
     for own, is_changed in zip(segments, changed.tolist(), strict=True):
         if is_changed:
