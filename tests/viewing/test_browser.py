@@ -12,21 +12,22 @@ import pytest
 import mograft
 from mograft import (
     Avoid,
-    Ban,
     Box,
     Capsule,
     Character,
     Face,
     HalfSpace,
     JointGroups,
+    Library,
     Reach,
     Sphere,
-    Use,
     graft,
     graft_many,
+    replay,
     view,
+    write_bvh,
 )
-from mograft.cli import values
+from mograft.cli import main
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.viewing.objects import ShownConstraint
@@ -158,11 +159,20 @@ def pin(page, row, part):
     wait_until(page, "mograft.state.hovered === null && mograft.state.pinned !== null")
 
 
-@pytest.mark.parametrize("command", [None, "mograft graft 'a b.bvh' -o new.bvh"])
-def test_viewer_click_lists_candidates_with_command(browser, library, tmp_path, command):
+@pytest.mark.parametrize("is_file", [False, True])
+def test_viewer_click_lists_candidates_with_command(
+    browser, library, tmp_path, is_file, monkeypatch, capsys
+):
     new = graft(library, seed=3)
-    new = replace(new, request=replace(new.request, command=command))
-    path = view(new, show=False).save(tmp_path / "page.html")
+    monkeypatch.chdir(tmp_path)
+    if is_file:
+        write_bvh(library.clips[0], "dance.bvh")
+        new = graft(Library.build("dance.bvh"), seed=3)
+        assert main(["graft", "dance.bvh", "-o", "a b.bvh", "--seed", "3", "--report"]) == 0
+        path = tmp_path / "a b.html"
+    else:
+        path = view(new, show=False).save(tmp_path / "page.html")
+    library = new.library
     upper = [s for s in new.substitutions if s.group == "upper"]
     index, part = next((i, s) for i, s in enumerate(upper) if not s.is_own)
     want = library.candidates(part.segment, "upper").allowed
@@ -192,23 +202,19 @@ def test_viewer_click_lists_candidates_with_command(browser, library, tmp_path, 
             texts.append(page.locator("[data-part=command]").input_value())
         page.keyboard.press("Space")  # Also beside a read-only field.
         assert page.evaluate("mograft.state.playing")
-    if command is None:
-        donor = f'("dance", {candidate.start}, {candidate.stop})'
-        assert texts == [f"mg.Use({index}, {donor})", f"mg.Ban({index}, {donor})"]
-        made = [graft(library, seed=3, constraints=[eval(text, {"mg": mograft})]) for text in texts]
-    else:
-        options = [shlex.split(text)[-2:] for text in texts]
-        donor = f"{index}=dance:{candidate.start}-{candidate.stop}"
-        assert options == [["--take", donor], ["--ban", donor]]
-        assert all(text.startswith(command) for text in texts)
-        parsed = [values.take(options[0][1]), values.ban(options[1][1])]
-        constraints = [
-            kind(segment=segment, frames=frames, donor=donor)
-            for kind, (segment, frames, donor) in zip((Use, Ban), parsed, strict=True)
-        ]
-        made = [graft(library, seed=3, constraints=[own]) for own in constraints]
-    donors = [[s for s in own.substitutions if s.group == "upper"][index].donor for own in made]
-    assert donors[0] == candidate.segment != donors[1]
+    donors = []
+    for text in texts:
+        if is_file:
+            program, *words = shlex.split(text)
+            assert program == "mograft"
+            assert main([*words, "--force"]) == 0
+            changed = replay("a b_new.json")
+        else:
+            changed = new.replace(eval(text, {"mg": mograft}))
+        donors.append([s for s in changed.substitutions if s.group == "upper"][index])
+    assert (donors[0].donor_start, donors[0].donor_stop) == (candidate.start, candidate.stop)
+    assert donors[1].donor_start != candidate.start
+    capsys.readouterr()
 
 
 def test_viewer_further_figures_are_decoded_when_shown(browser, library, tmp_path):

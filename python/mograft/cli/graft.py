@@ -108,8 +108,6 @@ def _write_results(
     document: dict[str, Any] = {"grafts": documents}
     if options.report:
         reported = [grafts[index] for index in range(min(len(grafts), _MAX_REPORTED))]
-        if getattr(options, "from") is None:
-            reported = [with_command(graft, options, options.sources) for graft in reported]
         write_report(reported, paths[: len(reported)], page, columns[: len(reported)])
         document["report"] = str(page)
     print_result(options, "grafts", document, [page] if options.report else [])

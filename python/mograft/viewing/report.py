@@ -2,6 +2,7 @@
 
 import html
 import os
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -40,8 +41,8 @@ def report_page(
     grafts : sequence of Graft
         Grafts of one base and one library.
     files : sequence of Path or None, optional
-        The file of each graft, to which the page links; None for no link. Relative paths are
-        relative to the page.
+        The file of each graft, to which the page links and with whose provenance its commands
+        begin; None for no link. Relative paths are relative to the page.
     title : str, optional
         Title of the page. Default: the name of the base and the number of motions.
     columns : sequence of mapping of str to str, optional
@@ -93,7 +94,7 @@ def report_page(
             "<main>",
             f"<h1>{html.escape(heading)}</h1>",
             f'<p class="lead">{html.escape(lead)}</p>',
-            viewer_html(Scene.of(grafts), n_shown=1 + _MAX_SHOWN),
+            viewer_html(_scene(grafts, files), n_shown=1 + _MAX_SHOWN),
             f'<p class="note">{shown}Hatched segments of the timeline are exchanged; point at one '
             "to see its donor, click it to list the donors that it could have.</p>",
             _cards(library),
@@ -117,6 +118,20 @@ def report_page(
         ]
     )
     return assemble_page(heading, body_html, "report", REPORT_STYLE)
+
+
+def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
+    """Return the scene of grafts, with the command that edits the graft of each file."""
+    commands = [
+        (
+            graft.motion,
+            f"mograft graft --from {shlex.quote(str(file.with_suffix('.json')))} "
+            f"-o {shlex.quote(str(file.with_name(f'{file.stem}_new.bvh')))}",
+        )
+        for graft, file in zip(grafts, files, strict=False)
+        if file is not None
+    ]
+    return Scene.of(grafts).with_commands(commands)
 
 
 _MOTION_NOTE = (

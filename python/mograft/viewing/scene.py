@@ -68,6 +68,12 @@ class Scene:
         """Return a scene of the clips of a library that have the given indices."""
         return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
 
+    def with_commands(self, commands: Sequence[tuple[Motion, str]]) -> "Scene":
+        """Return the scene with a command line for the figure of each given motion."""
+        by_motion = {id(motion): command for motion, command in commands}
+        figures = [replace(own, command=by_motion.get(id(own.motion))) for own in self.figures]
+        return replace(self, figures=tuple(figures))
+
     @property
     def groups(self) -> tuple[str, ...]:
         """Names of the joint groups of all figures, each once."""
@@ -218,7 +224,6 @@ def _graft_figure(graft: Graft, candidates: CandidateTable) -> Figure:
         members,
         rows,
         candidates=candidates,
-        command=graft.request.command,
     )
 
 

@@ -64,21 +64,23 @@ export function candidatesOf({ line, part }) {
       after: table.after[k],
       isOwn: table.own[k] === 1,
       isUsed: isUsed(line, part, table.own[k] === 1, table.source[k], from, to),
-      ...commands(line.clip.command, part, clip, from, to, table.own[k] === 1),
+      ...commands(line, part, clip, from, to),
     };
   });
   return { list, more: table.total[part] - list.length };
 }
 
-// How to use a donor and how to exclude it: on the command line, or for a graft that was made in
-// Python as a constraint.
-function commands(command, part, clip, from, to, isOwn) {
-  if (command === null) {
-    const donor = `(${JSON.stringify(clip)}, ${from}, ${to})`;
-    return { take: `mg.Use(${part}, ${donor})`, ban: isOwn ? `mg.Ban(${part})` : `mg.Ban(${part}, ${donor})` };
+// How to use a donor and how to exclude it: on the command line, or for a graft without a file as a
+// constraint in Python. The group is named if several groups are exchanged.
+function commands({ clip: figure, row }, part, clip, from, to) {
+  const isGroup = figure.rows.length > 1;
+  if (figure.command === null) {
+    const group = isGroup ? `, group=${JSON.stringify(row.group)}` : "";
+    const edit = `(${part}, (${JSON.stringify(clip)}, ${from}, ${to})${group})`;
+    return { take: `mg.Use${edit}`, ban: `mg.Ban${edit}` };
   }
-  const donor = `${part}=${clip}:${from}-${to}`;
-  return { take: `${command} --take ${quote(donor)}`, ban: `${command} --ban ${quote(isOwn ? `${part}` : donor)}` };
+  const edit = quote(`${isGroup ? `${row.group}:` : ""}${part}=${clip}:${from}-${to}`);
+  return { take: `${figure.command} --take ${edit}`, ban: `${figure.command} --ban ${edit}` };
 }
 
 function isUsed({ row }, part, isOwn, source, from, to) {
