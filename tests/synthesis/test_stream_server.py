@@ -195,6 +195,9 @@ INVALID_REQUESTS = {
     "latin header": (frame(b'{"type": "\xe9"}'), "the header must be JSON in UTF-8"),
     "list": (frame([]), "the header must be a JSON object"),
     "deep": (frame(b"[" * 60_000), "the header must be JSON"),
+    "nan header": (frame(b'{"type": NaN}'), "numbers must be finite and at most 1e.15, got NaN"),
+    "large number": (frame(b'{"type": 1e999}'), "numbers must be .*, got 1e999"),
+    "large integer": (frame(b'{"type": -1%s}' % (b"0" * 400)), "numbers must be .*, got -1000"),
     "no type": (frame({}), "`type` must be one of hello, push, constraints, close, got None"),
     "list type": (frame({"type": []}), "`type` must be one of"),
     "protocol": (
@@ -216,7 +219,7 @@ INVALID_REQUESTS = {
     "long arrays": (push([[1, 18, 4], [1, 3]], bytes(301)), "body must have 300 bytes"),
     "dtype of array": (push([[1], [1]], b"", dtype="int8"), "must be one of float32, float64"),
     "negative": (push([[-1, 18, 4]]), "the shape of 'rotations' must be"),
-    "overflow": (push([[2**62, 2**62, 4]]), "the shape of 'rotations' must be"),
+    "overflow": (push([[10**15, 10**15, 10**15]]), "the shape of 'rotations' must be"),
     "float shape": (push([[1.0, 18, 4]]), "the shape of 'rotations' must be"),
     "zeros": (push([[1, 18, 4], [1, 3]], bytes(300)), "must be unit quaternions, got norm 0"),
     "nan": (
@@ -388,6 +391,42 @@ def test_random_bytes_get_at_most_errors(server, start, end):
         assert types.count("error") == len(types) or not start
     with connect(server) as client:
         assert client.request(HELLO)[0]["type"] == "welcome"
+
+
+SIZES = st.floats(-1e15, 1e15) | st.sampled_from([1e-300, 1e15, -1e15, 0.0])
+POINTS = st.lists(SIZES, min_size=3, max_size=3)
+OBSTACLES = st.one_of(
+    st.fixed_dictionaries({"kind": st.just("Sphere"), "center": POINTS, "radius": SIZES}),
+    st.fixed_dictionaries({"kind": st.just("Box"), "center": POINTS, "half": POINTS}),
+    st.fixed_dictionaries({"kind": st.just("HalfSpace"), "point": POINTS, "normal": POINTS}),
+)
+OPTIONS = {"weight": SIZES, "tolerance": SIZES, "frames": st.just([0, 10**15])}
+CONSTRAINTS = st.one_of(
+    st.fixed_dictionaries({"kind": st.just("Avoid"), "obstacle": OBSTACLES}, optional=OPTIONS),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("Reach"),
+            "joint": st.just("LeftHand"),
+            "target": POINTS,
+            "frame": st.integers(0, 10**15),
+        },
+        optional={"weight": SIZES, "tolerance": SIZES},
+    ),
+)
+
+
+@settings(max_examples=30)
+@given(st.lists(CONSTRAINTS, min_size=1, max_size=2))
+def test_extreme_constraints_get_pieces_or_errors(server, short_base, constraints):
+    rotations, positions = short_base.rotations[:120], short_base.positions[:120]
+    with connect(server) as client:
+        client.request({**HELLO, "horizon": 2})
+        try:
+            client.request({"type": "constraints", "constraints": constraints})
+        except StreamError as error:
+            assert error.header["code"] == "request"  # noqa: PT017 - others are valid
+        client.request({"type": "push"}, rotations=rotations, positions=positions)
+        assert client.request({"type": "close"})[0]["is_closed"]
 
 
 # Limits

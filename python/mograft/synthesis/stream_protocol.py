@@ -20,6 +20,9 @@ LENGTHS = struct.Struct("<II")
 
 MAX_HEADER_BYTES = 65_536
 MAX_BODY_BYTES = 64 * 1024 * 1024
+MAX_NUMBER = 1e15
+"""Largest magnitude of numbers in the header of a request."""
+
 _MAX_DIMENSIONS = 3
 DTYPES: Mapping[str, "np.dtype[np.floating[Any]]"] = {
     "float32": np.dtype("<f4"),
@@ -82,12 +85,26 @@ def read_request(receive: Callable[[int], bytes]) -> Message:
 
 def _read_header(data: bytes) -> dict[str, Any]:
     try:
-        document = json.loads(data.decode("utf-8"))
+        document = json.loads(
+            data.decode("utf-8"),
+            parse_float=lambda text: _check_number(float(text), text),
+            parse_int=lambda text: _check_number(int(text), text),
+            parse_constant=lambda text: _check_number(math.inf, text),
+        )
+    except RequestError:
+        raise
     except (ValueError, RecursionError) as error:
         raise RequestError(f"the header must be JSON in UTF-8: {error}") from error
     if not isinstance(document, dict):
         raise RequestError("the header must be a JSON object")
     return document
+
+
+def _check_number(value: float, text: str) -> float:
+    """Return a number of a header; raise RequestError if it is not finite or is too large."""
+    if abs(value) > MAX_NUMBER:
+        raise RequestError(f"numbers must be finite and at most {MAX_NUMBER:g}, got {text[:20]}")
+    return value
 
 
 def _read_arrays(records: object, body: bytes) -> dict[str, Array]:

@@ -1,5 +1,6 @@
 """`StreamSession`: the requests of one client of a stream server, and their replies."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -185,13 +186,18 @@ def _refuse_motion(record: Record) -> Motion:
 
 
 def _piece_record(piece: Piece, constraints: tuple[Constraint, ...]) -> dict[str, Any]:
+    """Return a piece as JSON, which has neither NaN nor infinity: these are null."""
     substitutions = [substitution_record(own) for own in piece.substitutions]
     for record in substitutions:
-        # The gap at the end of a piece is not known yet; JSON has no NaN.
+        # The gap at the end of a piece is not known yet.
         record["gaps_degrees"] = [record["gaps_degrees"][0], None]
+    violations = [violation_record(own, constraints) for own in piece.violations]
+    for record in violations:
+        if not math.isfinite(record["tolerances"]):
+            record["tolerances"] = None
     return {
         "start": piece.start,
         "stop": piece.stop,
         "substitutions": substitutions,
-        "violations": [violation_record(own, constraints) for own in piece.violations],
+        "violations": violations,
     }
