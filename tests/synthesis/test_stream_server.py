@@ -211,7 +211,10 @@ INVALID_REQUESTS = {
     "horizon": (frame({**HELLO, "horizon": 0}), "`horizon` must be"),
     "swap": (frame({**HELLO, "swap": ["lower"]}), "`swap` must name groups other than"),
     "number swap": (frame({**HELLO, "swap": [1]}), "`swap` must"),
-    "unknown entry": (frame({**HELLO, "sead": 1}), "'hello' accepts .*; got 'sead'"),
+    "unknown entry": (
+        frame({**HELLO, "sead": 1}),
+        "'hello' request can only have the entries .*; got 'sead'",
+    ),
     "no arrays": (push([]), "`arrays` must be rotations and positions, got none"),
     "arrays": (frame({"type": "push", "arrays": 3}), "`arrays` must be a list"),
     "item": (frame({"type": "push", "arrays": [3]}), "each of `arrays` must be an object"),

@@ -46,8 +46,8 @@ def partners(skeleton: Skeleton) -> IntArray:
         counterparts = matching_children(int(found[parent]), part, OPPOSITE_SIDE[side])
         if len(siblings) != len(counterparts):
             raise ValueError(
-                f"every joint must have a partner on the other side to be mirrored, "
-                f"{skeleton.names[joint]} has none"
+                f"to mirror a skeleton, every left or right joint must have a partner on the other "
+                f"side; {skeleton.names[joint]} or one of its siblings has none"
             )
         found[joint] = counterparts[siblings.index(joint)]
     return found

@@ -90,7 +90,7 @@ SEED = setting(
 )
 INCLUDE_GRAFTS = setting_switch(
     "--include-grafts",
-    "also read grafts in folders, which are motions beside which mograft graft wrote a .json file "
+    "also read the grafts in folders: motions with a .json file of mograft graft beside them "
     "(default: skip them)",
 )
 FORCE = switch("--force", "overwrite existing files")

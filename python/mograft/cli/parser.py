@@ -75,7 +75,7 @@ def _add_parser(
     name: str,
     path_completion: object,
 ) -> argparse.ArgumentParser:
-    """Add the parser of a command; `name` is the command with the name of the program."""
+    """Add the parser of a command; `name` is, for example, ``mograft config show``."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         command.name,
         usage=f"{name} {_summarize(command)}",

@@ -110,12 +110,12 @@ def _draw_measures(
 def draw_counts(
     by_name: Mapping[str, Sequence[Enrichment]], paper: Mapping[int, Sequence[float]] | None = None
 ) -> "Figure":
-    """Draw the combinations per segment against the scale of the threshold.
+    """Draw the number of combinations of captured parts per segment against `sigma_scale`.
 
     `by_name` has results of `sweep` by title. There is one panel for each pair of a title and a
     value of `sigma`, and one colour for each number of groups. Solid lines are counts without the
-    length limit, dotted lines with it. `paper` maps numbers of groups to values that triangles
-    mark.
+    length limit, dotted lines with it. `paper` maps a number of groups to the combinations
+    per segment in the paper, which triangles at the right edge mark.
     """
     readings = sorted({str(row.sigma) for rows in by_name.values() for row in rows})
     panels = [(name, reading) for name in by_name for reading in readings]

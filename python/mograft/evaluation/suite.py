@@ -301,7 +301,8 @@ class _Grafting:
     ) -> "_Measured":
         """Compute the grafts of one method after the other, and measure them for `topics`.
 
-        Reasons why a topic cannot be measured are stored in `refusals`.
+        The reasons why a topic, a part of a topic or a whole method cannot be measured are stored
+        in `refusals` by its name.
         """
         bases = None
         found = _Measured()

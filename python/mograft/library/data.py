@@ -192,7 +192,7 @@ class LibraryData:
         )
 
     def _balance_of(self, joints: IntArray) -> SegmentBalance | None:
-        """Return the functions that state how donors of a group change the balance.
+        """Return the functions from which the effect of donors of a group on balance is computed.
 
         The result is None if the group moves the root or a foot, or the skeleton has no legs.
         """

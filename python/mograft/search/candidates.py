@@ -109,7 +109,7 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class SegmentBalance:
-    """Functions of segment indices, shape (n,), that state how donors change the balance.
+    """Functions of segment indices, shape (n,), to compute the effect of donors on balance.
 
     They return what the functions of `mograft.analysis.zero_moment` with these names return.
     """

@@ -198,7 +198,8 @@ class StreamSearch:
     ) -> tuple[Constraint, ...]:
         """Return the pose constraints that apply in a segment.
 
-        `AvoidSelf` gets the captured depth in the base segment.
+        Each `AvoidSelf` allows the depth at which the captured poses of the segment penetrate
+        the body.
         """
         constraints = [
             constraint

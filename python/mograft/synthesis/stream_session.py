@@ -140,8 +140,11 @@ def _options(request: Message, types: Mapping[str, type]) -> dict[str, Any]:
     options = {name: value for name, value in request.header.items() if name != "type"}
     for name, value in options.items():
         if name not in types:
-            allowed = ", ".join(types) or "no other entry"
-            raise RequestError(f"{request.header['type']!r} accepts {allowed}; got {name!r}")
+            allowed = ", ".join(["type", *types])
+            raise RequestError(
+                f"the header of a {request.header['type']!r} request can only have the entries "
+                f"{allowed}; got {name!r}"
+            )
         if type(value) is not types[name]:
             raise RequestError(f"`{name}` must be of type {types[name].__name__}, got {value!r}")
     return options

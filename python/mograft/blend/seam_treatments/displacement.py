@@ -25,7 +25,11 @@ class Displacement(SeamTreatment):
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
     ) -> FloatArray:
-        """Return the values with half of each gap spread over the segments on either side."""
+        """Return the values with each gap closed by displacing both segments at the seam.
+
+        Each segment is displaced by half of the gap at the seam, linearly less towards its other
+        end.
+        """
         half = 0.5 * boundaries.gaps()
         share = (times.seconds / times.durations[times.piece])[:, None, None]
         start, end = at_piece_ends(half, times.piece)
