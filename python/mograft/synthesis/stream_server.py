@@ -71,7 +71,7 @@ class StreamServer:
         self.library = library
         self.limits = limits or ServerLimits()
         self._path = address if isinstance(address, Path) else None
-        self._server = _listen(address, self)
+        self._server = _open_server(address, self)
         self._free = threading.Semaphore(self.limits.max_connections)
 
     @property
@@ -219,7 +219,7 @@ class _TcpServer(socketserver.ThreadingTCPServer):
     owner: StreamServer
 
 
-def _listen(address: tuple[str, int] | Path, owner: StreamServer) -> _TcpServer:
+def _open_server(address: tuple[str, int] | Path, owner: StreamServer) -> _TcpServer:
     """Return a listening server; its connections are passed to `owner`."""
     server_type: Any = _TcpServer
     target: Any = address
