@@ -140,9 +140,9 @@ class Config:
         the donor: its angle to the pelvis (the paper), or its lean in the world, with the heading
         of the base (Heck, Kovar and Gleicher 2006).
     self_repair : bool
-        Whether donors are replaced at frames at which the acceleration or jerk of the assembled
-        motion exceeds that of the recordings by the factors in docs/seams.md. It has no effect
-        with the choices "best" and "random".
+        Whether donors are replaced at frames at which the acceleration, jerk or depth below the
+        floor of the assembled motion exceeds that of the recordings by the limits in
+        docs/seams.md. It has no effect with the choices "best" and "random".
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.

@@ -11,18 +11,26 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.body.anatomy import feature_joints
+from mograft.body.contacts import Ground
 from mograft.body.faults import find_faults
+from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.synthesis.assembly import Assembly, Piece
-from mograft.synthesis.defects import MAX_JERK_RATIO, MAX_SEAM_RATIO, DefectMeasure
+from mograft.synthesis.defects import (
+    MAX_ADDED_DEPTH,
+    MAX_JERK_RATIO,
+    MAX_SEAM_RATIO,
+    DefectMeasure,
+)
+from mograft.synthesis.floor_points import FloorPoints
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.self_repair import self_repair
 from tests.strategies import few_examples
 
 HALF_WIDTH = 4  # frames at 30 frames per second
 GLITCH_DEGREES = 20.0
-LIMITS = np.array([MAX_SEAM_RATIO, MAX_SEAM_RATIO, MAX_JERK_RATIO])
+LIMITS = np.array([MAX_SEAM_RATIO, MAX_SEAM_RATIO, MAX_JERK_RATIO, 1.0])
 
 
 @pytest.fixture(scope="module")
@@ -139,6 +147,7 @@ def test_self_repair_changes_only_windows_that_it_reports(library, seed):
 def test_graft_without_defects_is_unchanged_by_self_repair(library, monkeypatch):
     monkeypatch.setattr("mograft.synthesis.defects.MAX_SEAM_RATIO", 1e6)
     monkeypatch.setattr("mograft.synthesis.defects.MAX_JERK_RATIO", 1e6)
+    monkeypatch.setattr("mograft.synthesis.defects.MAX_ADDED_DEPTH", 1e6)
     for seed in range(4):
         before, after = graft_pair(library, seed=seed)
         assert not after.repairs
@@ -278,3 +287,69 @@ def test_self_repair_of_donors_that_drive_the_root_reduces_the_worst_ratio(root_
     assert repaired
     assert all(own.after <= own.before for own in repaired)
     assert any(own.after <= 1.0 for own in repaired)
+
+
+def depths_below_floor(motion, floor_reference):
+    """Return the depths of heels, toes, wrists and ends of hands, one column per point."""
+    ground, model = Ground.of(floor_reference), mass_model(motion.skeleton)
+    depths = [-ground.above(ground.points(motion)).reshape(motion.n_frames, -1)]
+    quats, positions = motion.world_transforms()
+    for name in ("LeftHand", "RightHand"):
+        hand = motion.skeleton.index(name)
+        end = positions[:, hand] + rotations.rotate(quats[:, hand], model.bone[hand])
+        for point in (positions[:, hand], end):
+            depths.append((ground.floors.min() - point @ ground.up)[:, None])
+    return np.concatenate(depths, axis=1) / model.height
+
+
+def floor_ratios(graft_motion, base, segments):
+    """Return for each base segment the greatest depth relative to its limit."""
+    captured = depths_below_floor(base, base)
+    limits = np.percentile(captured, 99.9, axis=0).clip(min=0.0) + MAX_ADDED_DEPTH
+    depths = depths_below_floor(graft_motion, base) / np.maximum(limits, captured)
+    ranges = zip(segments.start.tolist(), segments.stop.tolist(), strict=True)
+    return np.array([max(depths[first:last].max(), 0.0) for first, last in ranges])
+
+
+@few_examples(3)
+@given(st.integers(0, 1000))
+def test_defect_amounts_of_floor_depth_equal_ratios_to_the_percentile_in_the_base(
+    root_library, seed
+):
+    plan, first = build_plan(root_library, seed)
+    segments = plan.problem.base_segments
+    whole = [Piece(first.donors, 0, len(segments))]
+    amounts = DefectMeasure(plan.problem, "lower").amounts(first.motion, whole)[0][:, 3]
+    expected = floor_ratios(first.motion, plan.problem.base, segments)
+    changed = first.donors["lower"] != plan.problem.scenario
+    beside = np.convolve(changed, np.ones(3), "same") > 0
+    # The last frame of a piece belongs to its last position.
+    np.testing.assert_allclose(amounts[:-1], (expected * beside)[:-1], rtol=1e-9, atol=1e-12)
+    assert amounts.max() > 0.0
+
+
+def test_self_repair_of_donors_that_drive_the_root_reduces_floor_depth(root_library):
+    grafts = [mg.graft(root_library, seed=seed) for seed in range(6)]
+    segments = root_library.segments[root_library.segments.of_clip(0)]
+    windows = [w for own in grafts for w in own.repairs if w.measure == "floor depth"]
+    assert any(own.after <= 1.0 < own.before for own in windows)
+    for graft, seed in zip(grafts, range(6), strict=True):
+        first = mg.graft(with_config(root_library, self_repair=False), seed=seed)
+        before, after = (floor_ratios(own.motion, own.base, segments) for own in (first, graft))
+        assert after.max() <= max(before.max(), 1.0) + 1e-9
+
+
+def test_floor_points_are_those_that_a_group_moves_and_planting_does_not_raise(
+    root_library, library
+):
+    def names(library, group, feet):
+        config = replace(library.config, feet=feet)
+        plan = GraftPlan.build(replace(library, config=config), None, None, ())
+        points = FloorPoints.of_group(plan.problem, group)
+        return [library.skeleton.names[joint] for joint in points.joints]
+
+    hands = ["LeftHand", "LeftHand", "RightHand", "RightHand"]
+    feet = ["LeftFoot", "LeftFoot", "RightFoot", "RightFoot"]  # heel and tip
+    assert sorted(names(library, "upper", "auto")) == sorted(hands)
+    assert sorted(names(root_library, "lower", "auto")) == sorted(hands)
+    assert sorted(names(root_library, "lower", "never")) == sorted(feet + hands)

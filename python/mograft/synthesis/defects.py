@@ -1,4 +1,4 @@
-"""How far assembled motions exceed the recordings: acceleration and jerk at seams and in the world.
+"""How far assembled motions exceed the recordings: acceleration, jerk, and depth below the floor.
 
 A defect is a measure above its limit. `mograft.synthesis.self_repair` replaces the donors there.
 """
@@ -17,9 +17,10 @@ from mograft.body.derivatives import greatest_derivatives, world_jerk
 from mograft.body.mass import mass_model
 from mograft.motion.motion import Motion
 from mograft.synthesis.assembly import Piece
+from mograft.synthesis.floor_points import FloorPoints
 from mograft.synthesis.search_problem import SearchProblem
 
-MEASURES = ("seam acceleration", "seam jerk", "world jerk")
+MEASURES = ("seam acceleration", "seam jerk", "world jerk", "floor depth")
 """The measures, in the order of the columns of amounts."""
 
 MAX_SEAM_RATIO = 2.0
@@ -31,24 +32,28 @@ The recordings are the base at the same frames and both donors at theirs.
 MAX_JERK_RATIO = 2.0
 """Greatest world jerk of a joint, as a multiple of the percentile of its jerk in the base."""
 
-_JERK_PERCENTILE = 99.9
+MAX_ADDED_DEPTH = 0.01
+"""Greatest depth of a heel, toe or hand below the floor, in heights more than its percentile."""
+
+_PERCENTILE = 99.9  # of world jerk and of floor depth in the base
 _SEAM_SECONDS = 4.0 / 30.0  # on either side of a seam
 _LEAST = 1e-6  # smallest reference: rad/frame², rad/frame³, heights/frame³
 
 
 @dataclass(frozen=True, eq=False)
 class DefectMeasure:
-    """Compares acceleration and jerk of a grafted group with those of the base and the donors.
+    """Compares a grafted group with the base and the donors.
 
-    An amount is a measure of the new motion, divided by that of the recordings and by the limit of
-    their ratio. An amount above 1 is a defect. Derivatives are differences between frames.
+    An amount is a measure of the new motion, divided by its limit: that of the recordings times a
+    ratio, or plus `MAX_ADDED_DEPTH`. An amount above 1 is a defect. Derivatives are differences
+    between frames.
     """
 
     problem: SearchProblem
     group: str
 
     def amounts(self, motion: Motion, pieces: Sequence[Piece]) -> list[FloatArray]:
-        """Return the amounts at each position of each piece, shape (n_positions, 3).
+        """Return the amounts at each position of each piece, shape (n_positions, 4).
 
         `motion` is the result of `assemble_pieces`; the columns are `MEASURES`. The amounts at a
         seam count for the positions on both sides.
@@ -62,9 +67,9 @@ class DefectMeasure:
         shifts = np.cumsum([0, *lengths[:-1]]) - begins
         seams = self._seam_amounts(motion, pieces, shifts.tolist())
         jerks = self._jerk_amounts(motion, pieces, shifts.tolist())
+        depths = self._depth_amounts(motion, pieces, shifts.tolist())
         return [
-            np.column_stack([*own_seams, own_jerks])
-            for own_seams, own_jerks in zip(seams, jerks, strict=True)
+            np.column_stack([*own[0], *own[1:]]) for own in zip(seams, jerks, depths, strict=True)
         ]
 
     def _seam_amounts(
@@ -160,10 +165,32 @@ class DefectMeasure:
             ratios = jerk[first + shift : stop + shift] / self._jerk_references[first:stop]
             amounts = np.zeros(end - begin + 1)
             amounts[1 : stop - begin] = ratios.max(axis=1, initial=0.0)
-            starts = cut.start[piece.first : piece.stop] - begin
-            greatest = np.maximum.reduceat(amounts, starts)
-            found.append(np.where(dilate(self._is_changed(piece)), greatest, 0.0))
+            found.append(self._greatest_at_positions(amounts, piece))
         return found
+
+    def _depth_amounts(
+        self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
+    ) -> list[FloatArray]:
+        """Return the amounts of floor depth by piece; 0 unless at or next to a substitution."""
+        if not len(self._floor_points.joints):
+            return [np.zeros(own.stop - own.first) for own in pieces]
+        cut, depths = self.problem.base_segments, self._floor_points.depths(motion)
+        found = []
+        for piece, shift in zip(pieces, shifts, strict=True):
+            begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1]) + 1
+            ratios = depths[begin + shift : end + shift] / self._depth_references[begin:end]
+            amounts = ratios.max(axis=1).clip(min=0.0)
+            found.append(self._greatest_at_positions(amounts, piece))
+        return found
+
+    def _greatest_at_positions(self, amounts: FloatArray, piece: Piece) -> FloatArray:
+        """Return the greatest amount at each position, given one per frame of the piece.
+
+        It is 0 unless the position or one beside it has a substitution.
+        """
+        starts = self.problem.base_segments.start[piece.first : piece.stop]
+        greatest = np.maximum.reduceat(amounts, starts - starts[0])
+        return np.where(dilate(self._is_changed(piece)), greatest, 0.0)
 
     @cached_property
     def _half_width(self) -> int:
@@ -189,10 +216,30 @@ class DefectMeasure:
 
         def compute() -> tuple[FloatArray, FloatArray]:
             jerk = world_jerk(base, joints)
-            limits = np.percentile(jerk, _JERK_PERCENTILE, axis=0)
+            limits = np.percentile(jerk, _PERCENTILE, axis=0)
             return jerk, limits
 
         jerk, percentiles = remember(base, ("jerk", joints.tobytes()), compute)
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
         return np.maximum(limits, jerk)
+
+    @cached_property
+    def _floor_points(self) -> FloorPoints:
+        """The points whose depth is measured."""
+        return FloorPoints.of_group(self.problem, self.group)
+
+    @cached_property
+    def _depth_references(self) -> FloatArray:
+        """The greater of the base's depth and the limit of a point, (n_frames, n_points)."""
+        base, points = self.problem.base, self._floor_points
+        key = ("depth", points.joints.tobytes(), points.offsets.tobytes())
+
+        def compute() -> tuple[FloatArray, FloatArray]:
+            depths = points.depths(base)
+            return depths, np.percentile(depths, _PERCENTILE, axis=0)
+
+        depths, percentiles = remember(base, key, compute)
+        added = MAX_ADDED_DEPTH * mass_model(base.skeleton).height
+        limits: FloatArray = np.maximum(percentiles, 0.0) + added
+        return np.maximum(limits, depths)

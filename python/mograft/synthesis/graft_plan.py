@@ -227,7 +227,7 @@ class GraftPlan:
             motion,
             # Contacts of the donors' feet, and contacts detected in the new motion.
             contacts | detect_contacts(motion),
-            movable_legs=[{leg.hip, leg.knee, leg.ankle} <= donors_of.keys() for leg in legs],
+            movable_legs=problem.movable_legs,
             move_root=library.root in donors_of,
             floor_reference=problem.base,
             min_heights=heights,

@@ -11,6 +11,7 @@ from mograft.analysis.segmentation import Segments
 from mograft.blend.transplant import GraftedGroup
 from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.anatomy import feature_joints
+from mograft.body.contacts import find_legs
 from mograft.body.world_poses import Poses
 from mograft.config import Config
 from mograft.library.library import Library
@@ -170,6 +171,19 @@ class SearchProblem:
         """For each grafted group, a mask of the joints that it moves; see `driven_joints`."""
         members = {group: self.library.joints(group) for group in self.pools}
         return driven_joints(self.base.skeleton, members)
+
+    @cached_property
+    def movable_legs(self) -> list[bool]:
+        """Whether the grafted groups hold hip, knee and ankle of each leg of `find_legs`."""
+        joints = {
+            joint
+            for group, divided in self.divided_channels.items()
+            if group in self.pools
+            for joint in self.library.joints(group).tolist()
+            if joint not in divided
+        }
+        legs = find_legs(self.base.skeleton)
+        return [{leg.hip, leg.knee, leg.ankle} <= joints for leg in legs]
 
     @cached_property
     def divided_channels(self) -> dict[str, dict[int, str]]:

@@ -39,7 +39,7 @@ class RepairedWindow:
         The joint group.
     start, stop : int
         First and last frame in the base, both included.
-    measure : {"seam acceleration", "seam jerk", "world jerk"}
+    measure : {"seam acceleration", "seam jerk", "world jerk", "floor depth"}
         The measure that exceeded its limit most.
     before, after : float
         Greatest ratio of a measure to its limit, before and after the repair. Both are equal if
