@@ -259,7 +259,7 @@ def reach(paths, count=20):
     """Graft with the left hand's position after a random substitution as the target."""
     print()
     for path in paths:
-        library = mg.Library.build(read_at_30_fps(path))
+        library = mg.Library.build(read_at_30_fps(path), config=replace(CONFIG, reach_ik=0.0))
         rng = np.random.default_rng(0)
         base, scenario = library.clips[0], library.segments.of_clip(0)
         segments = library.segments[scenario]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mograft.analysis.segmentation import segment as segment
     from mograft.blend.foot_planting import FeetReport as FeetReport
     from mograft.blend.foot_planting import plant_feet as plant_feet
+    from mograft.blend.reach_completion import ReachCompletion as ReachCompletion
     from mograft.body.contacts import foot_skate as foot_skate
     from mograft.body.faults import Fault as Fault
     from mograft.body.faults import find_faults as find_faults
@@ -112,6 +113,7 @@ _HOMES = {
     "body.faults": "Fault find_faults",
     "body.contacts": "foot_skate",
     "blend.foot_planting": "FeetReport plant_feet",
+    "blend.reach_completion": "ReachCompletion",
     "io.glb": "write_glb",
     "io.csv": "write_csv",
     "io.npz": "read_npz write_npz",

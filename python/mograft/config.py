@@ -26,6 +26,7 @@ _NOT_NEGATIVE = (
     "balance_weight",
     "novelty",
     "diversity",
+    "reach_ik",
 )
 
 
@@ -146,6 +147,10 @@ class Config:
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.
+    reach_ik : float
+        Maximum distance, as a fraction of the length of the arm or leg, over which inverse
+        kinematics moves a hand or foot to the target of a `Reach` that the donors nearly meet. 0
+        disables it. It applies to exchanged limbs, and not in streams.
 
     Raises
     ------
@@ -196,6 +201,7 @@ class Config:
     torso: Literal["pelvis", "world"] = "world"
     self_repair: bool = True
     feet: Literal["auto", "never"] = "auto"
+    reach_ik: float = 0.25
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -264,6 +270,7 @@ class Config:
             torso="pelvis",
             self_repair=False,
             feet="never",
+            reach_ik=0.0,
         )
         return replace(literal, **changes)
 

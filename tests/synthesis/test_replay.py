@@ -401,6 +401,6 @@ def test_every_key_of_the_provenance_is_documented(library):
     graft = graft.replace(mg.Use(2, 30))
     document = graft.as_dict()
     parts = [document, document["request"], document["library"], document["scenario"]]
-    lists = ("clips", "substitutions", "edits", "seams", "violations")
+    lists = ("clips", "substitutions", "edits", "seams", "violations", "reach_ik")
     parts += [document[name][0] for name in lists]
     assert set().union(*parts) <= documented

@@ -23,21 +23,13 @@ def bend_limb(
     limb about its start, and that of the lower bone about the middle joint, which is applied first.
     """
     upper, lower = start - middle, end - middle
-
-    def split(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        along = (vectors * axis).sum(axis=1)
-        return along, vectors - along[:, None] * axis
-
-    upper_along, upper_across = split(upper)
-    lower_along, lower_across = split(lower)
+    upper_along, upper_across = _split(upper, axis)
+    lower_along, lower_across = _split(lower, axis)
     product = np.linalg.norm(upper_across, axis=1) * np.linalg.norm(lower_across, axis=1)
     squared_reach = ((target - start) ** 2).sum(axis=1)
     cosine = 0.5 * ((upper**2).sum(axis=1) + (lower**2).sum(axis=1) - squared_reach)
     cosine = (cosine - upper_along * lower_along) / np.maximum(product, 1e-300)
-    angle = np.arctan2(
-        (np.cross(upper_across, lower_across) * axis).sum(axis=1),
-        (upper_across * lower_across).sum(axis=1),
-    )
+    angle = _signed_angles(upper_across, lower_across, axis)
     half = 0.5 * (np.arccos(cosine.clip(-1.0, 1.0)) - angle)[:, None]
     at_middle = np.concatenate([np.sin(half) * axis, np.cos(half)], axis=1)
     bent_end = middle + rotations.rotate(at_middle, lower) - start
@@ -47,6 +39,36 @@ def bend_limb(
         rotations.shortest_arc(given_end, direction), rotations.shortest_arc(bent_end, given_end)
     )
     return at_start, at_middle
+
+
+def flexion_angles(
+    start: FloatArray, middle: FloatArray, end: FloatArray, axis: FloatArray
+) -> FloatArray:
+    """Return by how many radians a limb of two bones is bent about unit vectors `axis`, (n,).
+
+    A straight limb has the angle 0, and one that is bent backwards a negative angle. The arguments
+    are those of `bend_limb`.
+    """
+    _, upper = _split(start - middle, axis)
+    _, lower = _split(end - middle, axis)
+    angles = _signed_angles(upper, lower, axis)
+    flexions: FloatArray = np.where(angles > 0.0, np.pi - angles, -np.pi - angles)
+    return flexions
+
+
+def _split(vectors: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the components of vectors along unit vectors, (n,), and across them, (n, 3)."""
+    along = (vectors * axis).sum(axis=1)
+    return along, vectors - along[:, None] * axis
+
+
+def _signed_angles(upper: FloatArray, lower: FloatArray, axis: FloatArray) -> FloatArray:
+    """Return the angles about `axis` from vectors `upper` to `lower`, perpendicular to it."""
+    angles: FloatArray = np.arctan2(
+        (np.cross(upper, lower) * axis).sum(axis=1),
+        (upper * lower).sum(axis=1),
+    )
+    return angles
 
 
 def bend_leg(
@@ -69,7 +91,8 @@ def bend_leg(
     frames = np.flatnonzero(is_moved)
     if not len(frames):
         return None
-    axis = _bend_axes(world_rotations, world_positions, leg)[frames]
+    limb = (world_positions[:, joint] for joint in joints)
+    axis = bend_axes(world_rotations[:, leg.hip], *limb)[frames]
     hip, knee, ankle = (world_positions[frames, joint] for joint in joints)
     given, target = points[frames], points[frames] + displacements[frames]
     at_hip, at_knee = bend_limb(hip, knee, ankle, target[:, 0], axis)
@@ -87,24 +110,47 @@ def bend_leg(
     return Part(joints, quats, motion.positions[:, joints])
 
 
-def _bend_axes(world_rotations: FloatArray, world_positions: FloatArray, leg: Leg) -> FloatArray:
-    """Return the world axis about which the knee bends in each frame, shape (n_frames, 3).
+def bend_axes(
+    start_rotations: FloatArray,
+    start: FloatArray,
+    middle: FloatArray,
+    end: FloatArray,
+    usual: FloatArray | None = None,
+) -> FloatArray:
+    """Return the world axis about which a limb of two bones bends in each frame, (n_frames, 3).
 
-    The axis is the normal of the plane of the leg. In a nearly straight leg it approaches the mean
-    of this normal over all frames, taken in the local axes of the thigh.
+    The axis is the normal of the plane of the limb. In a nearly straight limb it approaches
+    `usual`, shape (3,), in the local axes of the limb's first joint: by default `mean_bend_axis`.
+    `start_rotations` are world rotations of the first joint, the positions those of `bend_limb`.
     """
-    thigh = world_positions[:, leg.hip] - world_positions[:, leg.knee]
-    shank = world_positions[:, leg.ankle] - world_positions[:, leg.knee]
-    lengths = np.linalg.norm(thigh, axis=1) * np.linalg.norm(shank, axis=1)
-    normal = np.cross(thigh, shank) / np.where(lengths > 0, lengths, 1.0)[:, None]
-    hip_rotations = world_rotations[:, leg.hip]
-    mean = rotations.rotate(rotations.inverse(hip_rotations), normal).sum(axis=0)
-    if np.linalg.norm(mean) < 1e-9:  # never bent: any axis perpendicular to the leg
-        along = rotations.rotate(rotations.inverse(hip_rotations[:1]), thigh[:1])[0]
-        mean = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    usual = rotations.rotate(
-        hip_rotations, np.tile(mean / np.linalg.norm(mean), (len(hip_rotations), 1))
-    )
-    axes = normal + _USUAL_AXIS_WEIGHT * usual
+    if usual is None:
+        usual = mean_bend_axis(start_rotations, start, middle, end)
+    world = rotations.rotate(start_rotations, np.tile(usual, (len(start_rotations), 1)))
+    axes = _limb_normals(start, middle, end) + _USUAL_AXIS_WEIGHT * world
     unit: FloatArray = axes / np.linalg.norm(axes, axis=1, keepdims=True)
     return unit
+
+
+def mean_bend_axis(
+    start_rotations: FloatArray, start: FloatArray, middle: FloatArray, end: FloatArray
+) -> FloatArray:
+    """Return the mean normal of a limb over all frames, in the local axes of its first joint.
+
+    The result is a unit vector. For a limb that never bends, it is perpendicular to the upper bone.
+    """
+    normal = _limb_normals(start, middle, end)
+    mean = rotations.rotate(rotations.inverse(start_rotations), normal).sum(axis=0)
+    if np.linalg.norm(mean) < 1e-9:
+        upper = (start - middle)[:1]
+        along = rotations.rotate(rotations.inverse(start_rotations[:1]), upper)[0]
+        mean = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    unit: FloatArray = mean / np.linalg.norm(mean)
+    return unit
+
+
+def _limb_normals(start: FloatArray, middle: FloatArray, end: FloatArray) -> FloatArray:
+    """Return normals of the plane of a limb, (n, 3); the length is the sine of the bend."""
+    upper, lower = start - middle, end - middle
+    lengths = np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1)
+    normals: FloatArray = np.cross(upper, lower) / np.where(lengths > 0, lengths, 1.0)[:, None]
+    return normals

@@ -1,6 +1,5 @@
 """Foot contacts: legs, floor heights, and frames in which feet are in contact or skate."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +8,7 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
+from mograft.body.hierarchy import highest_of_part
 from mograft.body.mass import mass_model, up_axis
 from mograft.config import FRAME
 from mograft.motion import rotations
@@ -56,11 +56,11 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
         lower = known.parts[above] if above >= 0 else ""
         if lower not in ("shank", "forearm"):
             continue
-        knee = _highest(skeleton, known.parts, above)
+        knee = highest_of_part(skeleton, known.parts, above)
         hip = int(skeleton.parents[knee])
         if hip < 0:
             continue
-        hip = _highest(skeleton, known.parts, hip)
+        hip = highest_of_part(skeleton, known.parts, hip)
         tip = found.bone[ankle] if toe is None else np.zeros(3)
         found_legs.append(Leg(side, hip, knee, ankle, toe, (tip[0], tip[1], tip[2])))
     return tuple(found_legs)
@@ -172,16 +172,6 @@ class Ground:
         """
         heights: FloatArray = points @ self.up - self.floors
         return heights
-
-
-def _highest(skeleton: Skeleton, parts: Sequence[str], joint: int) -> int:
-    """Return the last ancestor that is reached through joints of the same part.
-
-    This skips roll joints. If the parent has another part, the joint itself is returned.
-    """
-    while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
-        joint = int(skeleton.parents[joint])
-    return joint
 
 
 def _longest_child(skeleton: Skeleton, hand: int) -> int | None:

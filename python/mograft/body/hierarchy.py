@@ -1,6 +1,6 @@
 """Parts of the hierarchy of a skeleton."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -23,3 +23,13 @@ def unbranched_chain(skeleton: Skeleton, first: int) -> list[int]:
     while len(skeleton.children[chain[-1]]) == 1:
         chain += skeleton.children[chain[-1]]
     return chain
+
+
+def highest_of_part(skeleton: Skeleton, parts: Sequence[str], joint: int) -> int:
+    """Return the last ancestor that is reached through joints of the same part.
+
+    This skips roll joints. If the parent has another part, the joint itself is returned.
+    """
+    while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
+        joint = int(skeleton.parents[joint])
+    return joint

@@ -41,6 +41,7 @@ from mograft.cli.picture_commands import EXPORT, PLOT
 from mograft.cli.stream_command import STREAM
 from mograft.cli.values import (
     non_negative_integer,
+    non_negative_number,
     positive_integer,
     positive_number,
 )
@@ -163,6 +164,13 @@ _GRAFT = command(
     config_option("alignment", "time alignment of donors", "uniform"),
     config_option("torso", "orientation of an exchanged trunk", "world", paper="pelvis"),
     config_option("feet", "foot planting", "auto", paper="never"),
+    setting(
+        "--reach-ik X",
+        "maximum distance over which inverse kinematics moves a hand or foot to the target of "
+        "--reach, as a fraction of the length of the limb; 0 disables it (default: 0.25; with "
+        "--preset paper: 0)",
+        non_negative_number,
+    ),
     setting_flag(
         "--self-repair",
         "whether to replace donors at frames at which the acceleration or jerk of a motion exceeds "

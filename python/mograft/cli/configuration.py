@@ -24,6 +24,7 @@ _CONFIG_OPTIONS = (
     "alignment",
     "torso",
     "feet",
+    "reach_ik",
     "self_repair",
 )
 """Options that set the configuration field of the same name."""

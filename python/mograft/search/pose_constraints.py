@@ -142,6 +142,9 @@ class AvoidSelf(PoseConstraint):
 class Reach(PoseConstraint):
     """Bring a joint to a position at a frame, or hold it there.
 
+    If donors bring an exchanged hand or foot near the target, inverse kinematics moves it to the
+    target itself: see `Config.reach_ik`.
+
     Parameters
     ----------
     joint : str

@@ -161,6 +161,7 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -
             edit_commands=(*graft.request.edit_commands, None),
         ),
         history=(*graft.history, before),
+        completion_history=(*graft.completion_history, graft.reach_completions),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mograft._util.arrays import IntArray, as_indices
 from mograft.blend.foot_planting import FeetReport, plant_feet
+from mograft.blend.reach_completion import measured
 from mograft.body.contacts import detect_contacts, find_legs
 from mograft.config import Config
 from mograft.errors import suggest_name
@@ -21,6 +22,7 @@ from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
 from mograft.search.donor_constraints import find_seam_violations
+from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import viterbi
 from mograft.synthesis.assembly import Assembly
@@ -29,6 +31,7 @@ from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
 from mograft.synthesis.donor_violations import find_donor_violations
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft, Seam, Substitution
+from mograft.synthesis.reach_finish import active_reaches, finish_reaches
 from mograft.synthesis.root_tabu_search import tabu_search
 from mograft.synthesis.search_problem import SearchProblem
 from mograft.synthesis.self_repair import RepairedWindow, self_repair
@@ -149,8 +152,12 @@ class GraftPlan:
         seed: int,
         index: int,
         adjust: Callable[[Motion], Motion] = lambda motion: motion,
+        reaches: Sequence[Reach] | None = None,
     ) -> Graft:
-        """Return the graft of an assembly, with planted feet; `adjust` changes the motion last."""
+        """Return the graft of an assembly, with planted feet and completed `reaches`.
+
+        By default `reaches` are those among the constraints. `adjust` changes the motion last.
+        """
         problem, donors = self.problem, assembly.donors
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
@@ -158,7 +165,9 @@ class GraftPlan:
             substitutions += _substitutions(problem, group, donors[group])
             seams += _seams(problem, group, donors[group], part.seams)
         planted, feet = self._plant_feet(assembly.motion, donors)
-        motion = adjust(planted)
+        wanted = active_reaches(problem.constraints) if reaches is None else reaches
+        completed, completions = finish_reaches(problem, planted, wanted)
+        motion = adjust(completed)
         return Graft(
             motion=motion,
             base=problem.base,
@@ -170,6 +179,7 @@ class GraftPlan:
             index=index,
             violations=tuple(self._violations(motion, donors)),
             feet=feet,
+            reach_completions=measured(completions, motion),
             request=self.request,
         )
 
@@ -192,7 +202,8 @@ class GraftPlan:
         return found
 
     def _finish(self, motion: Motion, donors: DonorSequences) -> Motion:
-        return self._plant_feet(motion, donors)[0]
+        planted, _ = self._plant_feet(motion, donors)
+        return finish_reaches(self.problem, planted, active_reaches(self.problem.constraints))[0]
 
     def _plant_feet(
         self, motion: Motion, donors: DonorSequences

@@ -8,6 +8,7 @@ from mograft.scenario import repetition
 from mograft.search.donor_constraints import limit_config
 
 if TYPE_CHECKING:
+    from mograft.blend.reach_completion import ReachCompletion
     from mograft.synthesis.graft_result import Graft
     from mograft.synthesis.self_repair import RepairedWindow
 
@@ -36,7 +37,17 @@ def report(graft: "Graft", *, each: bool = False) -> str:
                 f"    out of reach in {feet.unreached_frames} frames, "
                 f"by up to {feet.unreached:.4f} heights"
             )
+    lines += [_reach_line(own) for own in graft.reach_completions]
     return "\n".join(lines)
+
+
+def _reach_line(completion: "ReachCompletion") -> str:
+    first, last = completion.frames
+    when = f"frame {first}" if first == last else f"frames {first}-{last}"
+    where = f"  reach: {completion.reach.joint}, {when}: {completion.before:.3f} heights"
+    if completion.is_moved:
+        return f"{where} from the target, {completion.after:.3f} after inverse kinematics"
+    return f"{where} from the target, not moved: {completion.reason}"
 
 
 def _repair_line(window: "RepairedWindow") -> str:

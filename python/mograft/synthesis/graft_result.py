@@ -11,6 +11,7 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft._util.html_table import html_table
 from mograft.blend.foot_planting import FeetReport
+from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Constraint, Violation
@@ -113,12 +114,16 @@ class Graft:
     feet : FeetReport or None
         Result of foot planting; None with ``Config(feet="never")`` or if no exchanged group drives
         the feet.
+    reach_completions : tuple of ReachCompletion
+        The result of inverse kinematics for each `Reach`; empty with ``Config(reach_ik=0)``.
     repairs : tuple of RepairedWindow
         The frames in which `Config.self_repair` searched for other donors.
     request : GraftRequest
         The arguments with which the graft was made.
     history : tuple of dict of str to ndarray of int
         The donors by group before each call of `replace`, oldest first.
+    completion_history : tuple of tuple of ReachCompletion
+        `reach_completions` before each call of `replace`, oldest first.
     """
 
     motion: Motion
@@ -131,9 +136,11 @@ class Graft:
     index: int
     violations: tuple[Violation, ...] = ()
     feet: FeetReport | None = None
+    reach_completions: tuple[ReachCompletion, ...] = ()
     repairs: tuple[RepairedWindow, ...] = ()
     request: GraftRequest = field(default_factory=GraftRequest)
     history: tuple[DonorSequences, ...] = ()
+    completion_history: tuple[tuple[ReachCompletion, ...], ...] = ()
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -174,7 +181,7 @@ class Graft:
         return html_table(repr(self), columns, rows, len(exchanged))
 
     def report(self, *, each: bool = False) -> str:
-        """Return a text summary: exchanged and kept segments, seams, violations and foot planting.
+        """Return a text summary: segments, seams, violations, foot planting and targets.
 
         Parameters
         ----------

@@ -22,6 +22,7 @@ from mograft.search.constraint_records import constraint_kind, encode_constraint
 from mograft.search.constraints import Constraint, Violation
 
 if TYPE_CHECKING:
+    from mograft.blend.reach_completion import ReachCompletion
     from mograft.library.library import Library
     from mograft.search.trellis import DonorSequences
     from mograft.synthesis.graft_result import Graft, Substitution
@@ -67,9 +68,16 @@ def document(graft: "Graft", folder: str | PathLike[str]) -> Record:
             for own, n in zip(graft.substitutions, _alternatives(graft), strict=True)
         ],
         "edits": [
-            {"command": command, "replaced": replaced}
-            for command, replaced in zip(
-                graft.request.edit_commands, _replaced_donors(graft), strict=True
+            {
+                "command": command,
+                "replaced": replaced,
+                "reach_ik": _completion_records(graft, completions),
+            }
+            for command, replaced, completions in zip(
+                graft.request.edit_commands,
+                _replaced_donors(graft),
+                graft.completion_history,
+                strict=True,
             )
         ],
         "seams": [
@@ -81,6 +89,7 @@ def document(graft: "Graft", folder: str | PathLike[str]) -> Record:
         ],
         "self_repair": [_repair_record(own) for own in graft.repairs],
         "feet": None if graft.feet is None else asdict(graft.feet),
+        "reach_ik": _completion_records(graft, graft.reach_completions),
         "kept_without_candidate": {
             name: int((counts == 0).sum()) for name, counts in graft.alternatives.items()
         },
@@ -235,16 +244,36 @@ def substitution_record(substitution: "Substitution") -> Record:
 
 def violation_record(violation: Violation, constraints: Iterable[Constraint]) -> Record:
     """Return a violation as JSON, with the number of its constraint among `constraints`."""
-    numbers = [i for i, own in enumerate(constraints) if own is violation.constraint]
     return {
         "constraint": constraint_kind(violation.constraint),
-        "number": numbers[0] if numbers else None,
+        "number": _constraint_number(violation.constraint, constraints),
         "frames": list(violation.frames),
         "worst_frame": violation.worst,
         "joint": violation.joint,
         "tolerances": round(violation.error, 4),
         "message": violation.message,
     }
+
+
+def _completion_records(graft: "Graft", completions: Iterable["ReachCompletion"]) -> list[Record]:
+    """Return as JSON what inverse kinematics did for each `Reach`."""
+    return [
+        {
+            "number": _constraint_number(own.reach, graft.request.constraints),
+            "joint": own.reach.joint,
+            "frames": list(own.frames),
+            "before_heights": round(own.before, 6),
+            "after_heights": round(own.after, 6),
+            "is_moved": own.is_moved,
+            "reason": own.reason,
+        }
+        for own in completions
+    ]
+
+
+def _constraint_number(constraint: Constraint, constraints: Iterable[Constraint]) -> int | None:
+    """Return the number of a constraint among `constraints`, or None."""
+    return next((i for i, own in enumerate(constraints) if own is constraint), None)
 
 
 def _repair_record(window: "RepairedWindow") -> Record:

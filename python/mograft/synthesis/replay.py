@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.validate import check_type
+from mograft.blend.reach_completion import ReachCompletion
 from mograft.errors import ProvenanceError
 from mograft.io.bvh.reader import read_bvh
 from mograft.library.library import Library
@@ -16,6 +17,7 @@ from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
 from mograft.search.constraint_records import UnrestoredConstraint, decode_constraint
 from mograft.search.constraints import Constraint, Violation
+from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
 from mograft.synthesis.assembly import Assembly
 from mograft.synthesis.graft_edit import splice_versions
@@ -90,14 +92,15 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
         recorded.library, recorded.base, _groups(record), (), _read_scenario(record, recorded)
     )
     donors = _find_donors(record, recorded, plan)
-    graft = _finish_versions(record, plan, _find_versions(record, recorded, plan, donors))
+    request = _read_request(record, sources)
+    versions = _find_versions(record, recorded, plan, donors)
+    graft = _finish_versions(record, plan, versions, request.constraints)
     found = hash_poses(graft.motion)
     if record.poses_sha256 not in (None, found):
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {record.poses_sha256}; another version of mograft made it"
         )
-    request = _read_request(record, sources)
     return _with_recorded(graft, record, replace(request, scenario=plan.request.scenario))
 
 
@@ -158,11 +161,20 @@ def _find_versions(
 
 
 def _finish_versions(
-    record: GraftRecord, plan: GraftPlan, versions: Sequence[DonorSequences]
+    record: GraftRecord,
+    plan: GraftPlan,
+    versions: Sequence[DonorSequences],
+    constraints: Sequence[Constraint],
 ) -> Graft:
-    """Return the graft of the last donors; the edits are made one after the other."""
+    """Return the graft of the last donors; the edits are made one after the other.
+
+    Inverse kinematics moves the limbs that it moved in each version.
+    """
+    document = record.document
+    completions = [_read_completions(own, constraints) for own in document.get("edits", ())]
+    completions.append(_read_completions(document, constraints))
     graft: Graft | None = None
-    for index, donors in enumerate(versions):
+    for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
         assembly = Assembly.build(plan.problem, donors, record.name)
 
         def adjust(
@@ -174,9 +186,16 @@ def _finish_versions(
                 plan.problem, before.motion, motion, versions[before.index], donors
             )
 
-        graft = plan.finish(assembly, record.seed, index, adjust)
+        moved = [own.reach for own in found if own.is_moved]
+        graft = plan.finish(assembly, record.seed, index, adjust, moved)
     assert graft is not None
-    return replace(graft, index=record.index, history=tuple(versions[:-1]))
+    return replace(
+        graft,
+        index=record.index,
+        history=tuple(versions[:-1]),
+        reach_completions=completions[-1],
+        completion_history=tuple(completions[:-1]),
+    )
 
 
 def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
@@ -238,6 +257,31 @@ def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]
         joint=str(record["joint"]),
         message=str(record["message"]),
     )
+
+
+def _read_completions(
+    document: Mapping[str, Any], constraints: Sequence[Constraint]
+) -> tuple[ReachCompletion, ...]:
+    """Return what inverse kinematics did according to a document, or to one of its ``edits``.
+
+    Versions without inverse kinematics wrote nothing.
+    """
+    found = []
+    for own in document.get("reach_ik", ()):
+        reach = constraints[own["number"]]
+        if not isinstance(reach, Reach):
+            raise ValueError("`reach_ik` must have the numbers of Reach constraints")
+        first, last = own["frames"]
+        found.append(
+            ReachCompletion(
+                reach=reach,
+                frames=(int(first), int(last)),
+                before=float(own["before_heights"]),
+                after=float(own["after_heights"]),
+                reason=str(own["reason"]),
+            )
+        )
+    return tuple(found)
 
 
 def _read_repair(record: Mapping[str, Any]) -> RepairedWindow:

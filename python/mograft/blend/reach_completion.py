@@ -1,0 +1,330 @@
+"""Inverse kinematics that completes a `Reach`: it moves hands and feet to nearby targets."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.runs import dilate, find_runs
+from mograft.blend.recombine import Part, recombine
+from mograft.blend.two_bone_ik import bend_axes, bend_limb, flexion_angles, mean_bend_axis
+from mograft.body.limbs import TwoBoneLimb, find_limb
+from mograft.body.mass import mass_model
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.search.constraints import Span
+from mograft.search.pose_constraints import Reach
+
+_MIN_DISTANCE = 1e-4  # skeleton heights; a nearer joint is at its target
+_STRAIGHT_MARGIN = 0.1  # radians of flexion below which a limb is straightened more slowly
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReachCompletion:
+    """What inverse kinematics did for one `Reach`.
+
+    Attributes
+    ----------
+    reach : Reach
+        The constraint.
+    frames : tuple of int
+        Its first and last frame.
+    before, after : float
+        Maximum distance of the joint from the target in these frames, in skeleton heights, before
+        and after.
+    reason : str
+        Why the limb was left alone; empty if it was moved.
+    """
+
+    reach: Reach
+    frames: Span
+    before: float
+    after: float
+    reason: str = ""
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether the limb was moved."""
+        return not self.reason
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReachLimits:
+    """Which limbs `complete_reaches` may move, how far, and in which frames.
+
+    `distance` is a fraction of the length of the limb, `n_blend` the number of frames before and
+    after a `Reach` in which its correction fades. `is_movable`, shape (n_joints,), marks the joints
+    that may be rotated, `is_kept`, shape (n_frames,), the frames without a completed `Reach`.
+    """
+
+    distance: float
+    n_blend: int
+    is_movable: BoolArray
+    is_kept: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A limb and the frames in which its end is moved to a target."""
+
+    limb: TwoBoneLimb
+    frames: Span
+    target: FloatArray
+
+    def touches(self, other: "_Task", n_blend: int) -> bool:
+        """Whether one joint has two targets in a frame, or two joints of a limb share frames."""
+        if self.limb.start != other.limb.start:
+            return False
+        margin = 0 if self.limb.end == other.limb.end else 2 * n_blend
+        (first, last), (other_first, other_last) = self.frames, other.frames
+        return first <= other_last + margin and other_first <= last + margin
+
+
+def complete_reaches(
+    motion: Motion, reaches: Sequence[Reach], limits: ReachLimits, reference: Motion
+) -> tuple[Motion, tuple[ReachCompletion, ...]]:
+    """Move hands and feet to the targets of `reaches` that are near enough, by two-bone IK.
+
+    The elbow or knee sets the distance from the first joint of the limb, which sets the direction.
+    The limb keeps the plane in which it bends. The correction consists of an angle of the elbow and
+    a rotation vector of the shoulder. Before and after the frames of a `Reach` both fall to 0 as
+    cubic curves of continuous slope. All other frames are returned bit for bit. `reference` is a
+    motion of the skeleton whose mean bend axes are those of nearly straight limbs.
+    """
+    height = mass_model(motion.skeleton).height
+    tasks: list[_Task] = []
+    found: list[ReachCompletion] = []
+    for reach in reaches:
+        task, completion = _plan_task(motion, reach, limits, tasks, height)
+        found.append(completion)
+        if task is not None:
+            tasks.append(task)
+    if not tasks:
+        return motion, tuple(found)
+    parts = []
+    for start in dict.fromkeys(task.limb.start for task in tasks):
+        own = [task for task in tasks if task.limb.start == start]
+        parts.append(_corrected_limb(motion, own, limits.n_blend, reference))
+    result = recombine(motion, parts, motion.name)
+    return result, measured(found, result)
+
+
+def measured(completions: Sequence[ReachCompletion], motion: Motion) -> tuple[ReachCompletion, ...]:
+    """Return completions with the distances in `motion` as the distances after them."""
+    height = mass_model(motion.skeleton).height
+    return tuple(
+        replace(own, after=_greatest_distance(motion, own.reach) / height) for own in completions
+    )
+
+
+def _plan_task(
+    motion: Motion, reach: Reach, limits: ReachLimits, tasks: Sequence[_Task], height: float
+) -> tuple[_Task | None, ReachCompletion]:
+    """Return the task of a `Reach`, or None and the reason why its limb is left alone."""
+    end = motion.skeleton.index(reach.joint)
+    first, last = _frames_of(reach, motion)
+    limb = find_limb(motion.skeleton, end)
+    distance = _greatest_distance(motion, reach)
+    task, reason = None, ""
+    if distance <= _MIN_DISTANCE * height:
+        reason = "the donors reach the target"
+    elif limb is None:
+        reason = "the joint is not part of a hand or foot"
+    elif not limits.is_movable[[limb.start, limb.middle]].all():
+        reason = "the limb is not exchanged"
+    elif limits.is_kept[first : last + 1].any():
+        reason = "KeepOriginal keeps these frames"
+    else:
+        task = _Task(limb, (first, last), np.array(reach.target))
+        limit = limits.distance * _limb_length(motion, limb, first)
+        if distance > limit:
+            reason = f"the limit is {limit / height:.3f} heights"
+        elif any(task.touches(other, limits.n_blend) for other in tasks):
+            reason = "another Reach moves the limb"
+    ratio = distance / height
+    completion = ReachCompletion(
+        reach=reach, frames=(first, last), before=ratio, after=ratio, reason=reason
+    )
+    return (None if reason else task), completion
+
+
+def _frames_of(reach: Reach, motion: Motion) -> Span:
+    """Return the first and last frame of a `Reach` in a motion."""
+    first, last = reach.frames or (0, motion.n_frames - 1)
+    return first, min(last, motion.n_frames - 1)
+
+
+def _greatest_distance(motion: Motion, reach: Reach) -> float:
+    """Return the maximum distance of the joint from the target in the frames of a `Reach`."""
+    first, last = _frames_of(reach, motion)
+    _, positions = _world_window(motion, first, last + 1)
+    own = positions[:, motion.skeleton.index(reach.joint)]
+    return float(np.linalg.norm(own - np.array(reach.target), axis=1).max())
+
+
+def _limb_length(motion: Motion, limb: TwoBoneLimb, frame: int) -> float:
+    """Return the length of both bones of a limb in a frame."""
+    _, positions = _world_window(motion, frame, frame + 1)
+    start, middle, end = (positions[0, joint] for joint in (limb.start, limb.middle, limb.end))
+    return float(np.linalg.norm(start - middle) + np.linalg.norm(end - middle))
+
+
+def _world_window(motion: Motion, first: int, stop: int) -> tuple[FloatArray, FloatArray]:
+    """Return the world rotations and positions in the frames `first` to `stop` - 1."""
+    return motion[first:stop].world_transforms()
+
+
+def _corrected_limb(
+    motion: Motion, tasks: Sequence[_Task], n_blend: int, reference: Motion
+) -> Part:
+    """Return the motion of a limb after its tasks."""
+    limb = tasks[0].limb
+    joints = np.array([limb.start, limb.middle])
+    quats = motion.rotations[:, joints].copy()
+    for end in dict.fromkeys(task.limb.end for task in tasks):
+        own = [task for task in tasks if task.limb.end == end]
+        targets = np.full((motion.n_frames, 3), np.nan)
+        for task in own:
+            targets[task.frames[0] : task.frames[1] + 1] = task.target
+        usual = _usual_axis(reference, own[0].limb)
+        is_changed = dilate(~np.isnan(targets[:, 0]), n_blend - 1)
+        for first, stop in find_runs(is_changed).tolist():
+            window = _LimbWindow.build(motion, own[0].limb, first, stop, usual)
+            quats[first:stop] = window.corrected(targets[first:stop], n_blend)
+    return Part(joints, quats, motion.positions[:, joints])
+
+
+def _usual_axis(reference: Motion, limb: TwoBoneLimb) -> FloatArray:
+    """Return the mean bend axis of a limb in `reference`, in the local axes of its first joint."""
+    world_rotations, positions = reference.world_transforms()
+    points = (positions[:, joint] for joint in (limb.start, limb.middle, limb.end))
+    return mean_bend_axis(world_rotations[:, limb.start], *points)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _LimbWindow:
+    """A limb in successive frames, before it is corrected."""
+
+    points: tuple[FloatArray, FloatArray, FloatArray]  # of first, middle and end joint, (n, 3)
+    axes: FloatArray  # bend axes, (n, 3)
+    parents: FloatArray  # world rotations of the parents of first and middle joint, (n, 2, 4)
+    quats: FloatArray  # local rotations of these joints, (n, 2, 4)
+
+    @classmethod
+    def build(
+        cls, motion: Motion, limb: TwoBoneLimb, first: int, stop: int, usual: FloatArray
+    ) -> "_LimbWindow":
+        """Return the limb in the frames `first` to `stop` - 1; `usual` is its mean bend axis."""
+        world_rotations, positions = _world_window(motion, first, stop)
+        joints = [limb.start, limb.middle]
+        above = motion.skeleton.parents[joints]
+        parents = np.where((above < 0)[:, None], rotations.IDENTITY, world_rotations[:, above])
+        start, middle, end = (positions[:, joint] for joint in (*joints, limb.end))
+        return cls(
+            points=(start, middle, end),
+            axes=bend_axes(world_rotations[:, limb.start], start, middle, end, usual),
+            parents=parents,
+            quats=motion.rotations[first:stop, joints],
+        )
+
+    def corrected(self, targets: FloatArray, n_blend: int) -> FloatArray:
+        """Return the local rotations of first and middle joint after the correction, (n, 2, 4).
+
+        `targets`, shape (n, 3), is NaN in frames in which the correction fades.
+        """
+        frames = np.flatnonzero(~np.isnan(targets[:, 0]))
+        known = self._corrections(frames, targets[frames])
+        corrections = fade_corrections(frames, known, len(targets), n_blend)
+        flexions = flexion_angles(*self.points, self.axes)
+        half = 0.5 * (flexions - _add_flexion(flexions, corrections[:, 0]))[:, None]
+        at_middle = np.concatenate([np.sin(half) * self.axes, np.cos(half)], axis=1)
+        at_middle = _in_axes(self.parents[:, 1], at_middle)
+        changes = np.stack([rotations.exp(corrections[:, 1:]), at_middle], axis=1)
+        quats = rotations.multiply(changes, self.quats)
+        unit: FloatArray = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
+        return unit
+
+    def _corrections(self, frames: IntArray, targets: FloatArray) -> FloatArray:
+        """Return the corrections that move the end to targets, (n, 4), in the given frames.
+
+        Column 0 is the argument of `_add_flexion` at the middle joint. The other columns are the
+        rotation vector at the first joint, in the axes of its parent.
+        """
+        start, middle, end = (points[frames] for points in self.points)
+        axes = self.axes[frames]
+        at_start, at_middle = bend_limb(start, middle, end, targets, axes)
+        flexions = flexion_angles(start, middle, end, axes)
+        bends = 2.0 * np.arctan2((at_middle[:, :3] * axes).sum(axis=1), at_middle[:, 3])
+        bends = np.remainder(bends + np.pi, 2.0 * np.pi) - np.pi
+        added = _subtract_flexion(flexions - bends, flexions)
+        vectors = rotations.log(_in_axes(self.parents[frames, 0], at_start))
+        return np.concatenate([added[:, None], vectors], axis=1)
+
+
+def _in_axes(axes: FloatArray, quats: FloatArray) -> FloatArray:
+    """Return world rotations in the axes of joints with the world rotations `axes`."""
+    return rotations.multiply(rotations.multiply(rotations.inverse(axes), quats), axes)
+
+
+def _add_flexion(flexions: FloatArray, added: FloatArray) -> FloatArray:
+    """Return flexion angles plus `added`, in radians; a limb near straight straightens slower.
+
+    The result is a smooth function of both. A straight limb is bent backwards by less than
+    `_STRAIGHT_MARGIN` / 2 whatever is added. The inverse function is `_subtract_flexion`.
+    """
+    result: FloatArray = flexions + _smooth_ramp(flexions + added) - _smooth_ramp(flexions)
+    return result
+
+
+def _subtract_flexion(results: FloatArray, flexions: FloatArray) -> FloatArray:
+    """Return the values for which `_add_flexion` of `flexions` gives `results`, at least 0."""
+    ramp = results - flexions + _smooth_ramp(flexions)
+    added: FloatArray = ramp - _STRAIGHT_MARGIN**2 / (4.0 * ramp) - flexions
+    return added
+
+
+def _smooth_ramp(values: FloatArray) -> FloatArray:
+    """Return a smooth approximation of max(0, value), which is above 0."""
+    ramp: FloatArray = 0.5 * (values + np.hypot(values, _STRAIGHT_MARGIN))
+    return ramp
+
+
+def fade_corrections(
+    frames: IntArray, corrections: FloatArray, n_frames: int, n_blend: int
+) -> FloatArray:
+    """Extend corrections in some frames to all `n_frames` frames, with continuous slopes.
+
+    `corrections`, shape (n, d), are those in the ascending frames `frames`. Before and after these
+    frames they fall to 0 within `n_blend` frames, as cubic curves of continuous slope. Such a curve
+    also fills the frames between them.
+    """
+    filled = np.zeros((n_frames, corrections.shape[1]))
+    filled[frames] = corrections
+    n, zero = len(frames), np.zeros(corrections.shape[1])
+    steps = np.diff(frames)
+    slopes = np.zeros((n, 2, corrections.shape[1]))  # before and after each frame
+    is_next = steps == 1
+    differences = np.diff(corrections, axis=0)[is_next]
+    slopes[1:, 1][is_next] = slopes[:-1, 0][is_next] = differences
+    for left in np.flatnonzero(steps > 1).tolist():
+        ends = corrections[left], slopes[left, 1], corrections[left + 1], slopes[left + 1, 0]
+        filled[frames[left] + 1 : frames[left + 1]] = _cubic(*ends, int(steps[left]))
+    first, last = int(frames[0]), int(frames[-1])
+    before = _cubic(zero, zero, corrections[0], slopes[0, 0], n_blend)
+    after = _cubic(corrections[-1], slopes[-1, 1], zero, zero, n_blend)
+    n_before, n_after = min(first, n_blend - 1), min(n_frames - 1 - last, n_blend - 1)
+    filled[first - n_before : first] = before[n_blend - 1 - n_before :]
+    filled[last + 1 : last + 1 + n_after] = after[:n_after]
+    return filled
+
+
+def _cubic(
+    start: FloatArray, leaving: FloatArray, end: FloatArray, reaching: FloatArray, n: int
+) -> FloatArray:
+    """Return a cubic curve over `n` frames without its ends, (n - 1, d); slopes are per frame."""
+    t = (np.arange(1, n) / n)[:, None]
+    weight = t * t * (3.0 - 2.0 * t)
+    bends = n * t * (1.0 - t) * ((1.0 - t) * leaving - t * reaching)
+    curve: FloatArray = (1.0 - weight) * start + weight * end + bends
+    return curve
