@@ -149,6 +149,29 @@ def test_graft_unsatisfied_constraint_returns_4_and_prints_violation(run, folder
     assert document["violations"][0]["constraint"] == "Reach"
 
 
+def test_graft_reach_ik_moves_the_hand_to_the_target(run, folder, tmp_path):
+    target = np.round(left_hand(folder, 100), 3)
+    reach = "100:LeftHand:" + ",".join(str(x) for x in target) + "~0.05"
+
+    def hand_and_document(name, *options):
+        path = tmp_path / f"{name}.bvh"
+        assert run("graft", *options, "-o", path)[0] == 0
+        motion, document = read_bvh(path), json.loads(path.with_suffix(".json").read_text())
+        hand = motion.world_positions()[100, motion.skeleton.index("LeftHand")]
+        return np.linalg.norm(hand - target), document, path
+
+    distance, document, path = hand_and_document("moved", folder, "--reach", reach)
+    (record,) = document["reach_ik"]
+    assert (record["is_moved"], record["after_heights"]) == (True, 0.0)
+    assert distance < 1e-3
+    _, _, again = hand_and_document("again", "--from", path.with_suffix(".json"))
+    assert again.read_bytes() == path.read_bytes()
+    options = (folder, "--reach", reach, "--reach-ik", "0")
+    distance, document, _ = hand_and_document("left", *options)
+    assert (document["config"]["reach_ik"], document["reach_ik"]) == (0.0, [])
+    assert distance > 1.0
+
+
 def test_graft_repair_changes_only_violating_frames(run, folder, tmp_path):
     x, y, z = left_hand(folder, 300)
     ball = f"sphere:{x:.2f},{y + 8:.2f},{z:.2f},5"
