@@ -102,6 +102,25 @@ def test_root_velocity_weights_fall_with_distance(length, frames, config):
         assert last == 0.0 <= weight <= first
 
 
+@few_examples(20)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(sorted(SEAM_TREATMENTS.names)))
+def test_transplant_height_of_an_aligned_root_is_that_without_alignment(lengths, seed, seam):
+    """Alignment turns and moves donors over the floor; a seam in height is treated as any other."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    clips = [random_star_clip(rng, cut), replace(random_star_clip(rng, cut), name="other")]
+    order = rng.permutation(len(cut))
+    donors = cut[order]
+    donors = Segments(donors.start, donors.stop, rng.integers(0, 2, len(cut)))
+    cut = tile_segments(lengths[order])
+    plain = GraftedGroup(np.array([0]))
+    heights = [
+        transplant(clips[0], cut, donors, clips, group, Config(seam=seam)).positions[:, 0, 1]
+        for group in (ROOT, plain)
+    ]
+    np.testing.assert_allclose(*heights, rtol=0, atol=1e-9)
+
+
 def root_speeds(motion, joint=0):
     """The root's speed over the floor and its yaw rate, per frame."""
     steps = np.linalg.norm(np.diff(motion.positions[:, joint], axis=0)[:, [0, 2]], axis=1)

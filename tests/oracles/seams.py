@@ -10,7 +10,6 @@ def smooth_gradient(closed, weights):
     """Return the values of `ClosedFrames` after one Gauss-Newton step."""
     values, is_free, rows = closed.values, _free_frames(closed), closed.donor_rows
     moves = (np.abs(rows - rows[0]) > 1e-12).any(axis=(0, 2))
-    moves[list(closed.integrated)] = False
     is_step = _donor_steps(closed.cut)
     slopes = _slopes(closed, values, is_step, weights) * moves[:, None]
     slopes[~is_free] = 0.0

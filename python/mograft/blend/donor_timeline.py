@@ -38,10 +38,6 @@ class RootAlignment:
     rotation_column: int
     position_column: int
 
-    def column(self, space: ValueSpace) -> int:
-        """Return the index of the root among the joints of rotation or translation tracks."""
-        return self.rotation_column if space is ROTATIONS else self.position_column
-
     def apply(
         self,
         space: ValueSpace,
@@ -252,8 +248,6 @@ class DonorLayout:
     def _smooth(self, space: ValueSpace, values: FloatArray) -> FloatArray:
         timeline, config = self.timeline, self.config
         seams = np.flatnonzero(self.seams)
-        root = timeline.alignment
-        integrated = () if root is None else (root.column(space),)
         closed = ClosedFrames(
             space=space,
             values=values,
@@ -264,7 +258,6 @@ class DonorLayout:
             rate=timeline.rate,
             donor_rows=self._rows[space is TRANSLATIONS],
             seam_accelerations=self._seam_boundaries(space).accelerations,
-            integrated=integrated,
         )
         return SEAM_TREATMENTS.get(config.seam).smooth(closed)
 

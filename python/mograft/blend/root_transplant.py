@@ -38,9 +38,8 @@ class GraftedRoot:
     ) -> tuple[DonorLayout, FloatArray, FloatArray]:
         """Align donors and close seams; return the layout, local rotations and translations."""
         layout = self.align(layout, base, clips)
-        quats, positions = layout.close()
+        quats, positions = layout.smooth(*layout.close())
         self.integrate(layout, quats, positions)
-        quats, positions = layout.smooth(quats, positions)
         self.to_local(base, quats, positions)
         return layout, quats, positions
 

@@ -5,7 +5,6 @@ Treatments are functions of continuous time, so that they can be evaluated betwe
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -119,8 +118,6 @@ class ClosedFrames:
     rate: float  # frames per second
     donor_rows: FloatArray  # (n_rows, n_joints, 4 or 3), by segment; a shared frame occurs twice
     seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors, per frame²
-    # Columns of a root that follows an integrated path instead of its donors.
-    integrated: Sequence[int] = ()
 
 
 def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
