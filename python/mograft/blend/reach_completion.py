@@ -18,6 +18,7 @@ from mograft.search.pose_constraints import Reach
 
 _MIN_DISTANCE = 1e-4  # skeleton heights; a nearer joint is at its target
 _STRAIGHT_MARGIN = 0.1  # radians of flexion below which a limb is straightened more slowly
+_MAX_EXTENSION = 1.0 - 1e-4  # of the limb's length, to which it is straightened
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,6 +254,7 @@ class _LimbWindow:
         """
         start, middle, end = (points[frames] for points in self.points)
         axes = self.axes[frames]
+        targets = _within_reach(start, middle, end, targets)
         at_start, at_middle = bend_limb(start, middle, end, targets, axes)
         flexions = flexion_angles(start, middle, end, axes)
         bends = 2.0 * np.arctan2((at_middle[:, :3] * axes).sum(axis=1), at_middle[:, 3])
@@ -260,6 +262,23 @@ class _LimbWindow:
         added = _subtract_flexion(flexions - bends, flexions)
         vectors = rotations.log(_in_axes(self.parents[frames, 0], at_start))
         return np.concatenate([added[:, None], vectors], axis=1)
+
+
+def _within_reach(
+    start: FloatArray, middle: FloatArray, end: FloatArray, targets: FloatArray
+) -> FloatArray:
+    """Return `targets`; those out of reach are moved towards `start`, to the maximum extension.
+
+    The maximum extension is 0.9999 of the limb's length, or that of the captured limb if it is
+    larger. Near straight, a small distance needs a large angle of the middle joint.
+    """
+    length = np.linalg.norm(start - middle, axis=1) + np.linalg.norm(end - middle, axis=1)
+    reach = np.maximum(_MAX_EXTENSION * length, np.linalg.norm(end - start, axis=1))
+    away = targets - start
+    distance = np.linalg.norm(away, axis=1)
+    share = np.minimum(1.0, reach / np.where(distance > 0.0, distance, 1.0))
+    is_near = (share == 1.0)[:, None]
+    return np.where(is_near, targets, start + share[:, None] * away)
 
 
 def _in_axes(axes: FloatArray, quats: FloatArray) -> FloatArray:
