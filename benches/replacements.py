@@ -63,7 +63,7 @@ for folder in sorted(path for path in Path(sys.argv[1]).iterdir() if path.is_dir
         for config in (mg.Config(), mg.Config.paper()):
             for preset in ("lower_upper", "lower_torso_arms"):
                 try:
-                    mg.Library.build(clips, groups=preset, config=config).mirrored()
+                    mg.Library.build(clips, groups=preset, config=config).with_mirror_images()
                 except ValueError:  # no legs, or not symmetric
                     pass
 sys.stdout.buffer.write(pickle.dumps(found))

@@ -340,7 +340,7 @@ for folder in sorted(Path(sys.argv[1]).glob(sys.argv[2])):
         try:
             library = Library.build(clips)
             found[key] = digests(library)
-            found[f"{key}, mirrored"] = digests(library.mirrored())
+            found[f"{key}, mirrored"] = digests(library.with_mirror_images())
         except ValueError:  # no legs, or not symmetric
             pass
 print(json.dumps(found))

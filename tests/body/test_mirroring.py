@@ -137,14 +137,14 @@ def motion():
 
 def test_mirrored_library_doubles_segments(motion):
     library = Library.build([motion[:300], motion[300:500]])
-    doubled = library.mirrored()
+    doubled = library.with_mirror_images()
     n = len(library.segments)
     assert len(doubled.segments) == 2 * n
     np.testing.assert_array_equal(doubled.segments.start[n:], library.segments.start)
     assert doubled.entries[2].name == f"{library.entries[0].name}_mirrored"
     assert_same_rotations(doubled.clips[3].rotations, mirror(library.clips[1]).rotations)
     # The mirrored library of the images has the same distances between segments.
-    image = Library.build([mirror(clip) for clip in library.clips]).mirrored()
+    image = Library.build([mirror(clip) for clip in library.clips]).with_mirror_images()
     for group in ("lower", "upper"):
         points, other = (one.embedding[group].points for one in (doubled, image))
         other = np.concatenate([other[n:], other[:n]])
@@ -170,7 +170,7 @@ def test_mirrored_library_saves_and_opens(motion, tmp_path):
     opened = Library.open(tmp_path / "twice.mograft")
     np.testing.assert_array_equal(opened.labels["lower"], library.labels["lower"])
     np.testing.assert_allclose(opened.clips[1].rotations, library.clips[1].rotations, atol=1e-12)
-    assert len(opened.mirrored().segments) == 2 * len(library.segments)
+    assert len(opened.with_mirror_images().segments) == 2 * len(library.segments)
 
 
 def test_mirror_asymmetric_skeleton_raises_value_error():

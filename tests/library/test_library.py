@@ -183,7 +183,7 @@ def test_resolve_base_moved_copy_joins_the_same_clusters(motion, library):
 
 def test_with_clip_new_motion_keeps_cluster_diameters(motion, library):
     other = dance(seed=8, strides=1).motion
-    extended = library.extended(other)
+    extended = library.with_clip(other)
     new = extended.segments.of_clip(1)
     both = Library.build([motion, other], config=library.config)
     assert len(both.segments) == len(extended.segments)

@@ -44,7 +44,7 @@ def test_pickle_of_derived_library_is_small_and_equal(stored_library, steps, dat
     library, n_motions = stored_library, 0
     for step in steps:
         if step == "extended":
-            library, n_motions = library.extended(BASE), n_motions + 1
+            library, n_motions = library.with_clip(BASE), n_motions + 1
         else:
             scale = data.draw(st.sampled_from([0.3, 0.5, 1.0, 2.0]))
             library = library.relabelled(Config(sigma_scale=scale))
@@ -58,7 +58,7 @@ def test_pickle_of_library_with_resampled_clip_warns_only_once(stored_library):
     # 3.7 and 4 intervals cannot have the same rate: the rate stays above the library's.
     other = replace(BASE[:5], frame_time=BASE.frame_time * 0.92)
     with pytest.warns(UserWarning, match="is resampled from"):
-        library = stored_library.extended(other)
+        library = stored_library.with_clip(other)
     assert_same_libraries(pickle.loads(pickle.dumps(library)), library)
 
 

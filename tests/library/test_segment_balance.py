@@ -45,7 +45,7 @@ def test_pool_has_a_balance_only_for_groups_without_root_and_feet(library):
 
 def test_extended_library_has_the_balance_of_the_appended_motion(library):
     base = dance(seed=3, strides=1).motion[:150]
-    extended, alone = library.extended(base), Library.build([base])
+    extended, alone = library.with_clip(base), Library.build([base])
     segments = extended.segments.of_clip(2)
     expected, found = alone.pool("upper").balance, extended.pool("upper").balance
     every = np.arange(len(alone.segments))

@@ -206,7 +206,7 @@ def test_replay_from_stored_library_needs_no_file(folder, tmp_path):
 def test_replay_of_resampled_and_mirrored_clips_is_identical(folder, tmp_path, base):
     rates = {"b": 29.0}
     sources = [folder / f"{name}.bvh" for name in "abc"]
-    library = mg.Library.build(sources, frame_rates=rates).mirrored()
+    library = mg.Library.build(sources, frame_rates=rates).with_mirror_images()
     graft = mg.graft(library, base, seed=1)
     assert any(clip["is_mirrored"] for clip in graft.as_dict()["clips"])
     check_replay(graft, tmp_path)

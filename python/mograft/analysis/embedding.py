@@ -56,7 +56,7 @@ class Samples:
         """Root displacements, then the length; a view of shape (n_segments, 3 * n_samples + 1)."""
         return self.rows[:, 4 * self.n_samples * self.n_joints :]
 
-    def packed(self) -> Packed:
+    def pack(self) -> Packed:
         """Return the rows in single precision, as libraries store them."""
         return self.rows.astype(np.float32, copy=False)
 

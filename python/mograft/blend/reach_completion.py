@@ -108,10 +108,12 @@ def complete_reaches(
         own = [task for task in tasks if task.limb.start == start]
         parts.append(_corrected_limb(motion, own, limits.n_blend, reference))
     result = recombine(motion, parts, motion.name)
-    return result, measured(found, result)
+    return result, measure_completions(found, result)
 
 
-def measured(completions: Sequence[ReachCompletion], motion: Motion) -> tuple[ReachCompletion, ...]:
+def measure_completions(
+    completions: Sequence[ReachCompletion], motion: Motion
+) -> tuple[ReachCompletion, ...]:
     """Return completions with the distances in `motion` as the distances after them."""
     height = mass_model(motion.skeleton).height
     return tuple(
@@ -192,7 +194,7 @@ def _corrected_limb(
         is_changed = dilate(~np.isnan(targets[:, 0]), n_blend - 1)
         for first, stop in find_runs(is_changed).tolist():
             window = _LimbWindow.build(motion, own[0].limb, first, stop, usual)
-            quats[first:stop] = window.corrected(targets[first:stop], n_blend)
+            quats[first:stop] = window.correct(targets[first:stop], n_blend)
     return Part(joints, quats, motion.positions[:, joints])
 
 
@@ -229,7 +231,7 @@ class _LimbWindow:
             quats=motion.rotations[first:stop, joints],
         )
 
-    def corrected(self, targets: FloatArray, n_blend: int) -> FloatArray:
+    def correct(self, targets: FloatArray, n_blend: int) -> FloatArray:
         """Return the local rotations of first and middle joint after the correction, (n, 2, 4).
 
         `targets`, shape (n, 3), is NaN in frames in which the correction fades.

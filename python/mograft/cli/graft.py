@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     if options_given(options, "temperature") and library.config.choice != "sample":
         options.usage_error(f"--temperature requires --choice sample, got {library.config.choice}")
     if options.mirror:
-        library = library.mirrored()
+        library = library.with_mirror_images()
     base = _find_base(library, options.base, folder)
     if options.scenario == "original":
         check_frames(options, library.rate, _count_frames(library, base))

@@ -79,7 +79,7 @@ class DerivableLibrary(LibraryData):
             relabelled.set_recipe(type(self).relabelled, self, config)
         return relabelled
 
-    def mirrored(self) -> Self:
+    def with_mirror_images(self) -> Self:
         """Return the library with the mirror images of all clips appended.
 
         This doubles the number of donors. All segments are clustered again.
@@ -103,11 +103,11 @@ class DerivableLibrary(LibraryData):
         names = list(self.names)
         names = unique_names([*names, *(f"{name}_mirrored" for name in names)])
         clips = MirroredClips(self.clips, tuple(names))
-        rows, states = [chunk.packed() for chunk in self.samples.chunks()], []
+        rows, states = [chunk.pack() for chunk in self.samples.chunks()], []
         for index in range(n):
             image, segments = clips[n + index], self.segments.of_clip(index)
             cut = Segments(self.segments.start[segments], self.segments.stop[segments])
-            rows.append(sample_segments(image, cut, self.spec, self.config).packed())
+            rows.append(sample_segments(image, cut, self.spec, self.config).pack())
             states.append(boundary_states(image, cut))
         samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
         embedding = embed_groups(samples, self.groups, self.spec, self.config, _ignore)
@@ -141,7 +141,7 @@ class DerivableLibrary(LibraryData):
         Returns
         -------
         library
-            This library if the base motion is one of its clips, else the result of `extended`.
+            This library if the base motion is one of its clips, else the result of `with_clip`.
         index : int
             The index of the clip.
 
@@ -165,7 +165,7 @@ class DerivableLibrary(LibraryData):
         check_type("base", base, Motion)
         self._check_hierarchy(base)
         index = self.find_clip(base)
-        return (self.extended(base), len(self.entries)) if index is None else (self, index)
+        return (self.with_clip(base), len(self.entries)) if index is None else (self, index)
 
     def _check_hierarchy(self, base: Motion) -> None:
         """Raise SkeletonMismatchError if a base motion has another hierarchy than the clips."""
@@ -177,7 +177,7 @@ class DerivableLibrary(LibraryData):
                 "the hierarchy of the clips"
             ) from None
 
-    def extended(self, motion: Motion) -> Self:
+    def with_clip(self, motion: Motion) -> Self:
         """Return the library with one more clip, whose segments are excluded as donors.
 
         Each new segment joins the cluster whose members are all within the cluster diameter
@@ -210,9 +210,9 @@ class DerivableLibrary(LibraryData):
                 stacklevel=2,
             )
             motion = motion.resample(self.rate)
-        return self._with_clip(motion)
+        return self._append_clip(motion)
 
-    def _with_clip(self, motion: Motion) -> Self:
+    def _append_clip(self, motion: Motion) -> Self:
         """Return the library with one more clip, which has the library's hierarchy and rate."""
         from mograft.library.ingest import boundary_states, sample_segments
 
@@ -248,7 +248,7 @@ class DerivableLibrary(LibraryData):
             ),
         )
         if self.has_recipe:
-            extended.set_recipe(type(self)._with_clip, self, motion)
+            extended.set_recipe(type(self)._append_clip, self, motion)
         return extended
 
 

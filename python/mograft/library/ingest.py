@@ -113,7 +113,7 @@ def sample_segments(
     """Return the segments of a motion, resampled to equal length, in single precision."""
     heights = [mass_model(motion.skeleton).height]
     samples = normalise([motion], segments, config, root=spec.root, up=spec.up, heights=heights)
-    return replace(samples, rows=samples.packed())
+    return replace(samples, rows=samples.pack())
 
 
 def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
@@ -174,7 +174,7 @@ def ingest(
         segments=segments,
         is_donor=is_donor,
         faults=faults,
-        samples=samples.packed(),
+        samples=samples.pack(),
         boundary_states=boundary_states(resampled, segments),
     )
 

@@ -67,7 +67,7 @@ class Library(DerivableLibrary):
     Notes
     -----
     For a library in a folder, `pickle` stores the path and the checksum instead of the arrays, and
-    the calls of `relabelled` and `extended` by which the library was derived. Unpickling opens the
+    the calls of `relabelled` and `with_clip` by which the library was derived. Unpickling opens the
     folder and repeats the calls. It raises FileNotFoundError if the folder is missing, and
     LibraryError if the library in the folder has changed. A library in memory is pickled with all
     arrays.
@@ -94,7 +94,7 @@ class Library(DerivableLibrary):
         config : Config, optional
             The configuration.
         mirrored : bool
-            Whether to append the mirror images of all clips; see `mirrored`.
+            Whether to append the mirror images of all clips; see `with_mirror_images`.
         include_grafts : bool
             Whether to include grafts in folders: files beside which ``mograft graft`` wrote a
             ``.json``. Files that a path or glob names are always included.
@@ -141,7 +141,7 @@ class Library(DerivableLibrary):
 
         run = IngestRun(config=config or Config(), strict=True, is_packed=False, **options)
         library = build_library(cls, sources, groups, run)
-        return library.mirrored() if mirrored else library
+        return library.with_mirror_images() if mirrored else library
 
     @classmethod
     def index(
@@ -271,7 +271,7 @@ class Library(DerivableLibrary):
         LibraryError
             If the folder is not a library, or another process is writing to it.
         ValueError
-            If a clip was appended by `extended`.
+            If a clip was appended by `with_clip`.
 
         Notes
         -----

@@ -28,7 +28,7 @@ class LibraryOrigin:
     folder: Path | None  # of a stored library
     sha256: str  # of `hash_library`
     n_clips: int  # without mirror images
-    is_mirrored: bool  # whether mirror images were appended by `Library.mirrored`
+    is_mirrored: bool  # whether mirror images were appended by `Library.with_mirror_images`
     rate: float  # frames per second
     root: int  # the joint that carries the body through the world
     up: int  # the axis that points up
@@ -64,7 +64,7 @@ class PartialClips(Sequence[Motion]):
 
 @dataclass(frozen=True)
 class _Derivation:
-    """The clips of a library before `mirrored` and `extended`, and which of these were applied."""
+    """The clips of a library before `with_mirror_images` and `with_clip`; which were applied."""
 
     clips: Sequence[Motion]
     is_mirrored: bool
@@ -88,7 +88,7 @@ def is_partial(library: LibraryData) -> bool:
 
 
 def is_mirrored(library: LibraryData) -> bool:
-    """Return whether a library has the mirror images of its clips, by `Library.mirrored`."""
+    """Return whether `Library.with_mirror_images` appended the mirror images of the clips."""
     return _Derivation.of(library).is_mirrored
 
 

@@ -35,7 +35,7 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
             locations.append(writer.write_frames(pack(clip), first_row))
             first_row += count
         for chunk in library.samples.chunks():
-            writer.write_samples(chunk.packed())
+            writer.write_samples(chunk.pack())
         saved = replace(library, entries=tuple(entries))
         commit_library(writer, saved, locations, library.boundary_states, None)
 

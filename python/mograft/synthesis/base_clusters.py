@@ -31,7 +31,7 @@ class BaseClusters:
 
         `segment` is one segment in frames of `motion`, which may be just the segment and a few
         frames on both sides. The first result has the neighbours, ascending: the members of the
-        cluster that the segment would join in `Library.extended` if `Config.neighbourhood` is
+        cluster that the segment would join in `Library.with_clip` if `Config.neighbourhood` is
         "cluster", the segments in a ball around the segment if it is "ball". The second result has
         the distances of the neighbours, divided by the cluster diameter threshold.
         """
@@ -46,7 +46,7 @@ class BaseClusters:
             up=library.up,
             heights=self._heights,
         )
-        samples = replace(samples, rows=samples.packed())
+        samples = replace(samples, rows=samples.pack())
         point = embedding.project(
             features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from mograft._util.arrays import IntArray, as_indices
 from mograft.blend.foot_planting import FeetReport, plant_feet
-from mograft.blend.reach_completion import measured
+from mograft.blend.reach_completion import measure_completions
 from mograft.body.contacts import detect_contacts, find_legs
 from mograft.config import Config
 from mograft.errors import suggest_name
@@ -179,7 +179,7 @@ class GraftPlan:
             index=index,
             violations=tuple(self._violations(motion, donors)),
             feet=feet,
-            reach_completions=measured(completions, motion),
+            reach_completions=measure_completions(completions, motion),
             request=self.request,
         )
 

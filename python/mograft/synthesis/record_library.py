@@ -122,7 +122,7 @@ def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) ->
         base = n_clips
         if n_clips == len(library.entries):
             motion = read_bvh(find_file(record, outside[0], sources))
-            library = library.extended(replace(motion, name=outside[0].name))
+            library = library.with_clip(replace(motion, name=outside[0].name))
     elif record.base in clips:
         base = clips[record.base]
     else:
@@ -143,7 +143,7 @@ def prepare_library(record: GraftRecord, library: Library, label: str) -> Librar
                 f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
             )
         if expected.is_mirrored and not is_mirrored(library):
-            library = library.mirrored()
+            library = library.with_mirror_images()
     return library if library.config == record.config else library.relabelled(record.config)
 
 

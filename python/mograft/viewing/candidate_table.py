@@ -52,14 +52,14 @@ class CandidateTable:
                 for segment in islice(own, most)
             ]
             donors[group] = tuple(
-                tuple(_listed(graft, segment, each) for each in allowed[:_MAX_LISTED])
+                tuple(_list_donor(graft, segment, each) for each in allowed[:_MAX_LISTED])
                 for segment, allowed in found
             )
             counts[group] = tuple(len(allowed) for _, allowed in found)
         return cls(donors, counts)
 
 
-def _listed(graft: Graft, segment: int, candidate: Candidate) -> ListedDonor:
+def _list_donor(graft: Graft, segment: int, candidate: Candidate) -> ListedDonor:
     before, after = np.degrees([candidate.gap_before, candidate.gap_after]).tolist()
     has_own_neighbours = not graft.scenario
     return ListedDonor(
