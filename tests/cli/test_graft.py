@@ -628,7 +628,7 @@ def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path)
         (["--take", "999=b:0-9"], 1, "`segment` of Use must be 0 to"),
         (["--take", "3=bb:0-9"], 1, "did you mean 'b'?"),
         (["--ban", "999"], 1, "`segment` of Ban must be 0 to"),
-        (["--reroll", "999"], 1, "`reroll` must be a segment 0 to"),
+        (["--reroll", "999"], 1, "`reroll` must be a segment number from 0 to"),
         (["--reroll", "9000-9100"], 1, "`reroll` must select a segment in frames 0 to"),
         (["--keep", "900s-910s"], 1, "`frames` must select a segment in frames 0 to"),
         (["--take", "uper:3=b:0-9"], 1, "did you mean 'upper'?"),

@@ -277,7 +277,11 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
     [
         (lambda graft: graft.replace(), ValueError, "give an edit or `reroll`"),
         (lambda graft: graft.replace(mg.Use(999, 3)), ValueError, "`segment` of Use must be 0 to"),
-        (lambda graft: graft.replace(reroll=[999]), ValueError, "`reroll` must be a segment 0 to"),
+        (
+            lambda graft: graft.replace(reroll=[999]),
+            ValueError,
+            "`reroll` must be a segment number from 0 to",
+        ),
         (
             lambda graft: graft.replace(reroll=[(9000, 9010)]),
             ValueError,

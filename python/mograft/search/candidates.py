@@ -295,9 +295,9 @@ class SegmentPool:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintVerdicts:
-    """Constraint costs of candidates, and the constraints that they violate."""
+    """Constraint costs of the candidates of a base segment, and the constraints they violate."""
 
-    members: IntArray  # the neighbourhood and the donors that `Use` requires, ascending
+    members: IntArray  # neighbourhood of the base segment and donors of `Use`, ascending
     costs: FloatArray  # shape (n_members,)
     reasons: Sequence[Sequence[str]]  # for each member the violated hard constraints
     is_forced: BoolArray  # whether a `Use` requires the member, shape (n_members,)
@@ -306,11 +306,11 @@ class ConstraintVerdicts:
 def list_candidates(
     pool: SegmentPool, segment: int, model: CostModel, verdicts: ConstraintVerdicts | None = None
 ) -> Candidates:
-    """Return all members of a segment's neighbourhood with costs and reasons for refusal.
+    """Return the candidates of a base segment with costs and reasons for refusal.
 
-    Gaps and seam costs are those with the segments before and after the base segment in its clip.
-    `verdicts` has one entry per member, in ascending order of the segments; donors that `Use`
-    requires are members too, and no limit refuses them.
+    The candidates are the segments in its neighbourhood (`Config.neighbourhood`), or those of
+    `verdicts`. Gaps and seam costs are those with the segments before and after the base segment in
+    its clip. No limit refuses the donors that `Use` requires.
     """
     segments, config = pool.segments, model.config
     members = pool.neighbours(np.array([segment]), config)[0]

@@ -230,8 +230,8 @@ class _SegmentConstraint(_GroupConstraint):
 class Use(_SegmentConstraint):
     """Use one donor for a base segment, in one or all exchanged groups.
 
-    The donor may be any segment of the library: a hard `Use` ignores its cluster, its length and
-    its recording faults. `MaxAngle` can still report its seams.
+    The donor may be any segment of the library: a hard `Use` accepts any cluster, length and
+    recording fault of the donor. `MaxAngle` can still report the seams beside it.
 
     Parameters
     ----------

@@ -159,7 +159,7 @@ class Reach(PoseConstraint):
     Raises
     ------
     ValueError
-        If neither or both of `frame` and `frames` are given, unless they are equal.
+        If neither `frame` nor `frames` is given, or if `frames` contains other frames than `frame`.
 
     Examples
     --------

@@ -44,9 +44,9 @@ _LEAST = 1e-6  # smallest reference: rad/frame², rad/frame³, heights/frame³
 class DefectMeasure:
     """Compares a grafted group with the base and the donors.
 
-    An amount is a measure of the new motion, divided by its limit: that of the recordings times a
-    ratio, or plus `MAX_ADDED_DEPTH`. An amount above 1 is a defect. Derivatives are differences
-    between frames.
+    An amount is a measure of the new motion, divided by its limit. The limit is the value in the
+    recordings times `MAX_SEAM_RATIO` or `MAX_JERK_RATIO`; that of floor depth is the value plus
+    `MAX_ADDED_DEPTH`. An amount above 1 is a defect. Derivatives are differences between frames.
     """
 
     problem: SearchProblem
@@ -184,9 +184,9 @@ class DefectMeasure:
         return found
 
     def _greatest_at_positions(self, amounts: FloatArray, piece: Piece) -> FloatArray:
-        """Return the greatest amount at each position, given one per frame of the piece.
+        """Return for each position the greatest of `amounts`, which has one per frame of the piece.
 
-        It is 0 unless the position or one beside it has a substitution.
+        The result is 0 unless the position or one next to it has a substitution.
         """
         starts = self.problem.base_segments.start[piece.first : piece.stop]
         greatest = np.maximum.reduceat(amounts, starts - starts[0])
@@ -211,7 +211,7 @@ class DefectMeasure:
 
     @cached_property
     def _jerk_references(self) -> FloatArray:
-        """The greater of the base's world jerk and the limit of a joint, (n_frames, n_joints)."""
+        """World jerk of the base, or the joint's limit if it is greater, (n_frames, n_joints)."""
         base, joints = self.problem.base, self._driven_joints
 
         def compute() -> tuple[FloatArray, FloatArray]:
@@ -231,7 +231,7 @@ class DefectMeasure:
 
     @cached_property
     def _depth_references(self) -> FloatArray:
-        """The greater of the base's depth and the limit of a point, (n_frames, n_points)."""
+        """Depth in the base, or the point's limit if it is greater, (n_frames, n_points)."""
         base, points = self.problem.base, self._floor_points
         key = ("depth", points.joints.tobytes(), points.offsets.tobytes())
 

@@ -104,8 +104,8 @@ def search_again(
     """Penalise the donors at violated positions, and search again at and next to these positions.
 
     Return the new donor sequence. `excess`, shape (n_positions,), is above 0 at violated positions.
-    The penalties are added to `penalties`, in place. `limit_factor` multiplies
-    the costs of the trellis that violate a limit, about `INFEASIBLE_PENALTY`, but no penalties.
+    The penalties are added to `penalties`, in place. `limit_factor` multiplies the costs of the
+    trellis that contain an infeasible penalty, but not `penalties`.
     """
     violated = excess > 0
     if not violated.any():

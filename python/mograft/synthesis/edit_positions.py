@@ -28,14 +28,16 @@ def check_edits(edits: Sequence[object]) -> list[Edit]:
 
 
 def segment_span(name: str, value: object, segments: Segments) -> Span:
-    """Return the frames of a base segment that is given by its number or by its frames.
+    """Return the frames of the base segment with the number `value`; a range is returned as it is.
 
-    Raise ValueError if there is no such segment, or no segment in the frames.
+    Raise ValueError if there is no such segment, or if no segment overlaps the range.
     """
     if is_integer(value):
         number = as_integer(name, value)
         if number >= len(segments):
-            raise ValueError(f"`{name}` must be a segment 0 to {len(segments) - 1}, got {number}")
+            raise ValueError(
+                f"`{name}` must be a segment number from 0 to {len(segments) - 1}, got {number}"
+            )
         return int(segments.start[number]), int(segments.stop[number])
     span = as_span(name, value)
     if not overlaps(segments, span).any():
@@ -83,9 +85,10 @@ def remaining_constraints(
     groups: Sequence[str],
     segments: Segments,
 ) -> list[Constraint]:
-    """Return constraints without what edits replace at the segments that these select.
+    """Return the constraints that remain after edits.
 
-    `Use` and `KeepOriginal` give way to every edit; `Ban` to `Use` and `KeepOriginal`.
+    At the segments of an edit, earlier hard `Use` and `KeepOriginal` no longer apply; at those of
+    a `Use` or `KeepOriginal` edit, earlier hard `Ban` no longer apply either.
     """
     nothing = GroupPositions({group: np.zeros(len(segments), bool) for group in groups})
     fixing, all_edits = nothing, nothing
@@ -107,7 +110,7 @@ def remaining_constraints(
 def _without(
     constraint: Edit, removed: GroupPositions, groups: Sequence[str], segments: Segments
 ) -> list[Constraint]:
-    """Return a constraint without some positions, as several constraints if necessary."""
+    """Return a constraint except at the positions `removed`, split into several if necessary."""
     selected = GroupPositions.of(constraint, groups, segments)
     masks = {group: own & ~removed.masks[group] for group, own in selected.masks.items()}
     if all((masks[group] == own).all() for group, own in selected.masks.items()):

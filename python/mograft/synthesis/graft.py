@@ -177,10 +177,10 @@ def repair(
     Graft
         The motion with other donors for the violating segments of the violating group, and for
         their neighbours if that is cheaper. Seam treatment changes `Config.seam_blend` seconds
-        more on either side. `Config.reach_ik` moves a limb near the target of a `Reach`, even if it
-        was within the tolerance. Everything else is bit for bit as captured; but if a grafted group
-        contains the root, all frames after a change are moved rigidly over the floor.
-        `Graft.violations` lists the remaining violations.
+        more on either side. Inverse kinematics moves a hand or foot near the target of a
+        `Reach` even if it was within the tolerance; see `Config.reach_ik`. Everything else is bit
+        for bit as captured; but if a grafted group contains the root, all frames after a change are
+        moved rigidly over the floor. `Graft.violations` lists the remaining violations.
 
     Raises
     ------

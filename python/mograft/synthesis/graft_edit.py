@@ -36,7 +36,7 @@ def edit_graft(
 ) -> Graft:
     """Return a graft with other donors at some segments; see `Graft.replace`."""
     if is_partial(graft.library):
-        raise ValueError("the whole library is needed to replace donors: replay(path, library)")
+        raise ValueError("the whole library is needed to replace donors: use replay(path, library)")
     checked = check_edits(edits)
     if not checked and not reroll:
         raise ValueError("give an edit or `reroll`, got neither")
@@ -85,7 +85,10 @@ def _plan(graft: Graft, constraints: Sequence[Constraint]) -> GraftPlan:
 
 
 def _resolve_edits(graft: Graft, edits: Sequence[Edit], problem: SearchProblem) -> list[Edit]:
-    """Return edits in frames; a `Ban` without a donor becomes bans of the present donors."""
+    """Return the edits with frames instead of segment numbers.
+
+    A `Ban` without a donor becomes a ban of the present donor of each of its segments.
+    """
     groups = list(problem.pools)
     check_constraints(edits, problem.base_poses)
     check_groups(edits, groups)
@@ -116,7 +119,7 @@ def _ban_present(graft: Graft, problem: SearchProblem, group: str, position: int
 
 
 def _reroll_bans(graft: Graft, problem: SearchProblem, spans: Sequence[Span]) -> list[Ban]:
-    """Return bans of the present donors where a segment has another candidate."""
+    """Return bans of the present donors of the segments in `spans` that have other candidates."""
     donors, bans = graft.donors, {}
     for span in spans:
         selected = GroupPositions.of(Ban(frames=span), list(problem.pools), problem.base_segments)
@@ -128,7 +131,7 @@ def _reroll_bans(graft: Graft, problem: SearchProblem, spans: Sequence[Span]) ->
 
 
 def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -> Graft:
-    """Return the graft with donors chosen at the open positions."""
+    """Return the graft with donors chosen again at the positions of `is_open` only."""
     before = graft.donors
     candidates = {
         group: [
@@ -172,9 +175,10 @@ def splice_versions(
     old: DonorSequences,
     new: DonorSequences,
 ) -> Motion:
-    """Return `after`, the motion of the donors `new`, where it differs from that of `old`.
+    """Return `before` with frames of `after` near the positions at which `old` and `new` differ.
 
-    All other frames are those of `before`, bit for bit; see `splice`.
+    `before` and `after` are the motions of the donors `old` and `new`. All other frames are those
+    of `before`, bit for bit; see `splice`.
     """
     cut, is_new = problem.base_segments, np.zeros(before.n_frames, bool)
     blend = int(np.ceil(problem.config.seam_blend * problem.base.rate))
@@ -187,7 +191,7 @@ def splice_versions(
 
 
 def changed_positions(old: DonorSequences, new: DonorSequences) -> BoolArray:
-    """Return at which positions the donor of a group differs."""
+    """Return a mask of the positions at which the donor of any group differs."""
     changed: BoolArray = np.any([own != new[group] for group, own in old.items()], axis=0)
     return changed
 
