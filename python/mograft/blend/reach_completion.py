@@ -33,7 +33,7 @@ class ReachCompletion:
         Its first and last frame.
     before, after : float
         Maximum distance of the joint from the target in these frames, in skeleton heights, before
-        and after.
+        and after inverse kinematics.
     reason : str
         Why the limb was left alone; empty if it was moved.
     """
@@ -54,9 +54,11 @@ class ReachCompletion:
 class ReachLimits:
     """Which limbs `complete_reaches` may move, how far, and in which frames.
 
-    `distance` is a fraction of the length of the limb, `n_blend` the number of frames before and
-    after a `Reach` in which its correction fades. `is_movable`, shape (n_joints,), marks the joints
-    that may be rotated, `is_kept`, shape (n_frames,), the frames without a completed `Reach`.
+    `distance` is the maximum distance from the target, as a fraction of the length of the limb;
+    a joint farther away is not moved. `n_blend` is the number of frames before and after a `Reach`
+    in which its correction fades. `is_movable`, shape (n_joints,), marks the joints that may be
+    rotated. `is_kept`, shape (n_frames,), marks the frames of `KeepOriginal`: a `Reach` with such a
+    frame is not completed.
     """
 
     distance: float
@@ -74,7 +76,11 @@ class _Task:
     target: FloatArray
 
     def touches(self, other: "_Task", n_blend: int) -> bool:
-        """Whether one joint has two targets in a frame, or two joints of a limb share frames."""
+        """Whether this task and `other` move the same limb in frames that are too close.
+
+        If both move the same joint, the frames with targets must not overlap. If they move two
+        joints of the limb, the `n_blend` frames before and after must not overlap either.
+        """
         if self.limb.start != other.limb.start:
             return False
         margin = 0 if self.limb.end == other.limb.end else 2 * n_blend
@@ -87,11 +93,13 @@ def complete_reaches(
 ) -> tuple[Motion, tuple[ReachCompletion, ...]]:
     """Move hands and feet to the targets of `reaches` that are near enough, by two-bone IK.
 
-    The elbow or knee sets the distance from the first joint of the limb, which sets the direction.
-    The limb keeps the plane in which it bends. The correction consists of an angle of the elbow and
-    a rotation vector of the shoulder. Before and after the frames of a `Reach` both fall to 0 as
-    cubic curves of continuous slope. All other frames are returned bit for bit. `reference` is a
-    motion of the skeleton whose mean bend axes are those of nearly straight limbs.
+    For a hand, the elbow is bent until the hand is as far from the shoulder as the target is. The
+    shoulder is then rotated until the hand is at the target, without a twist of the arm about the
+    line from shoulder to hand. Knee and hip move a foot in the same way. The correction in a frame
+    is an angle at the elbow or knee and a rotation vector at the shoulder or hip. Before and after
+    the frames of a `Reach` both corrections fall to 0 along cubic curves of continuous slope. All
+    other frames are returned bit for bit. `reference` is a motion of the same skeleton. Nearly
+    straight limbs bend about the mean of their bend axes in `reference`.
     """
     height = mass_model(motion.skeleton).height
     tasks: list[_Task] = []
@@ -114,7 +122,7 @@ def complete_reaches(
 def measure_completions(
     completions: Sequence[ReachCompletion], motion: Motion
 ) -> tuple[ReachCompletion, ...]:
-    """Return completions with the distances in `motion` as the distances after them."""
+    """Return the completions with `after` replaced by the maximum distance in `motion`."""
     height = mass_model(motion.skeleton).height
     return tuple(
         replace(own, after=_greatest_distance(motion, own.reach) / height) for own in completions
@@ -181,7 +189,7 @@ def _world_window(motion: Motion, first: int, stop: int) -> tuple[FloatArray, Fl
 def _corrected_limb(
     motion: Motion, tasks: Sequence[_Task], n_blend: int, reference: Motion
 ) -> Part:
-    """Return the motion of a limb after its tasks."""
+    """Return the motion of a limb whose end is moved to the targets of `tasks`."""
     limb = tasks[0].limb
     joints = np.array([limb.start, limb.middle])
     quats = motion.rotations[:, joints].copy()
@@ -284,14 +292,14 @@ def _within_reach(
 
 
 def _in_axes(axes: FloatArray, quats: FloatArray) -> FloatArray:
-    """Return world rotations in the axes of joints with the world rotations `axes`."""
+    """Express world rotations in the local axes of joints, given by world rotations `axes`."""
     return rotations.multiply(rotations.multiply(rotations.inverse(axes), quats), axes)
 
 
 def _add_flexion(flexions: FloatArray, added: FloatArray) -> FloatArray:
-    """Return flexion angles plus `added`, in radians; a limb near straight straightens slower.
+    """Return flexion angles plus `added`, in radians; angles near 0 change by less than `added`.
 
-    The result is a smooth function of both. A straight limb is bent backwards by less than
+    The result is a smooth function of both arguments. A straight limb is bent backwards by less than
     `_STRAIGHT_MARGIN` / 2 whatever is added. The inverse function is `_subtract_flexion`.
     """
     result: FloatArray = flexions + _smooth_ramp(flexions + added) - _smooth_ramp(flexions)
@@ -299,7 +307,10 @@ def _add_flexion(flexions: FloatArray, added: FloatArray) -> FloatArray:
 
 
 def _subtract_flexion(results: FloatArray, flexions: FloatArray) -> FloatArray:
-    """Return the values for which `_add_flexion` of `flexions` gives `results`, at least 0."""
+    """Return the values `added` for which `_add_flexion(flexions, added)` gives `results`.
+
+    `results` are at least 0.
+    """
     ramp = results - flexions + _smooth_ramp(flexions)
     added: FloatArray = ramp - _STRAIGHT_MARGIN**2 / (4.0 * ramp) - flexions
     return added

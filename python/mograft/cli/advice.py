@@ -39,7 +39,7 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> list[str]
 
 
 def _kept_seconds(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> tuple[float, float]:
-    """Return the time in which no motion has an exchanged segment, and the time of the base."""
+    """Return the seconds in which no motion has an exchanged segment, and those of the base."""
     is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
     for substitution in (own for substitutions in motions for own in substitutions):
         if not substitution.is_own:

@@ -139,7 +139,11 @@ class _Defects:
         return any(first <= end and begin <= last for begin, end in frames)
 
     def report(self, after: "_Defects") -> list[RepairedWindow]:
-        """Return for each window its greatest amount now and in `after`, the repaired assembly."""
+        """Return one record per window with the greatest ratio of a measure to its limit.
+
+        The ratio is given before the repair, for this assembly, and after it, for the repaired
+        assembly `after`.
+        """
         cut = self.assembly.problem.base_segments
         reports = []
         for start, stop in self.windows:
