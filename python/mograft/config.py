@@ -64,9 +64,9 @@ class Config:
         1/30 s. They prevent the jitter of nearly static joints from weighing as much as motion.
         With 0, the correlation matrix is that of the paper (4.2).
     sigma : {"rms", "literal"} or float
-        Maximum cluster diameter (4.3). "rms" is √(mean d²), where d is the distance of a segment
-        from the mean of all segments. "literal" is √(mean d), as eq. 14 is printed. A number is
-        the diameter itself.
+        Spread of all segments, of which `sigma_scale` is a multiple (4.3). "rms" is √(mean d²),
+        where d is the distance of a segment from the mean of all segments. "literal" is √(mean d),
+        as eq. 14 is printed. A number is the cluster diameter threshold itself.
     sigma_scale : float
         Cluster diameter threshold as a multiple of `sigma`; without effect if `sigma` is a number.
         Larger values give more variety, smaller values more similarity.

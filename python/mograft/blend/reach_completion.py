@@ -299,8 +299,8 @@ def _in_axes(axes: FloatArray, quats: FloatArray) -> FloatArray:
 def _add_flexion(flexions: FloatArray, added: FloatArray) -> FloatArray:
     """Return flexion angles plus `added`, in radians; angles near 0 change by less than `added`.
 
-    The result is a smooth function of both arguments. A straight limb is bent backwards by less than
-    `_STRAIGHT_MARGIN` / 2 whatever is added. The inverse function is `_subtract_flexion`.
+    The result is a smooth function of both arguments. A straight limb is bent backwards by less
+    than `_STRAIGHT_MARGIN` / 2 whatever is added. The inverse function is `_subtract_flexion`.
     """
     result: FloatArray = flexions + _smooth_ramp(flexions + added) - _smooth_ramp(flexions)
     return result

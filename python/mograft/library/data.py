@@ -109,7 +109,7 @@ class LibraryData:
         return tuple(frozenset(info.tags) for info in self.entries)
 
     def to_dataframe(self, table: Literal["segments", "clips", "points"] = "segments") -> Columns:
-        """Return a table of the library as columns, from which libraries make a data frame.
+        """Return a table of the library as columns, for pandas, Polars or PyArrow.
 
         Parameters
         ----------
