@@ -173,9 +173,9 @@ _GRAFT = command(
     ),
     setting_flag(
         "--self-repair",
-        "whether to replace donors at frames at which the acceleration, the jerk or the depth below "
-        "the floor of a new motion exceeds that of the recordings (default: on; with --preset "
-        "paper: off)",
+        "whether to replace donors at frames at which the acceleration, jerk or depth below the "
+        "floor of a new motion exceeds that of the recordings (default: on; with --preset paper: "
+        "off)",
     ),
     setting_switch("--report", "also write an HTML page that describes the motions"),
     setting_switch(

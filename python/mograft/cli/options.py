@@ -99,8 +99,8 @@ JSON = switch("--json", "print the results as one JSON document")
 REPLAY_OPTIONS = (
     option(
         "--from JSON",
-        ".json file of the graft to create again, byte for byte; --take, --ban, --keep and --reroll "
-        "change segments and keep all others; LIB|FILE is needed only if files have moved",
+        ".json file of the graft to create again, byte for byte; --take, --ban, --keep and "
+        "--reroll change segments and keep all others; LIB|FILE is needed only if files have moved",
         is_path=True,
     ),
     repeated_option(
