@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mograft import Motion, Reach
+from mograft import Motion, Poses, Reach
 from mograft.blend.reach_completion import ReachLimits, complete_reaches, fade_corrections
 from mograft.blend.two_bone_ik import flexion_angles, mean_bend_axis
 from mograft.body.anatomy import anatomy
@@ -18,6 +18,7 @@ from mograft.motion import rotations
 from tests.strategies import SEEDS, few_examples
 
 MOTION = dance(seed=1, strides=1).motion[:240]
+POSES = Poses.from_motion(MOTION)
 HEIGHT = mass_model(MOTION.skeleton).height
 ENDS = ("LeftHand", "RightHand", "LeftFoot", "RightFoot")
 N_BLEND = 9
@@ -81,7 +82,7 @@ def bone_lengths(motion):
 @given(near_reaches())
 @few_examples(40)
 def test_complete_reaches_near_target_is_met_with_constant_bones(reach):
-    result, (completion,) = complete_reaches(MOTION, [reach], limits(), MOTION)
+    result, (completion,) = complete_reaches(MOTION, [reach], limits(), POSES)
     assert completion.is_moved
     rows = slice(reach.frames[0], reach.frames[1] + 1)
     joint = MOTION.skeleton.index(reach.joint)
@@ -95,7 +96,7 @@ def test_complete_reaches_near_target_is_met_with_constant_bones(reach):
 @given(near_reaches(), st.integers(1, 20))
 @few_examples(40)
 def test_complete_reaches_changes_two_joints_within_the_blend_window(reach, n_blend):
-    result, _ = complete_reaches(MOTION, [reach], limits(n_blend=n_blend), MOTION)
+    result, _ = complete_reaches(MOTION, [reach], limits(n_blend=n_blend), POSES)
     frames = changed_frames(MOTION, result)
     assert frames.min() > reach.frames[0] - n_blend
     assert frames.max() < reach.frames[1] + n_blend
@@ -107,14 +108,14 @@ def test_complete_reaches_changes_two_joints_within_the_blend_window(reach, n_bl
 @given(near_reaches(), st.floats(0.3, 0.99), st.floats(1.01, 3.0))
 @few_examples(30)
 def test_complete_reaches_limit_decides_whether_a_limb_moves(reach, smaller, larger):
-    _, (found,) = complete_reaches(MOTION, [reach], limits(distance=10.0), MOTION)
+    _, (found,) = complete_reaches(MOTION, [reach], limits(distance=10.0), POSES)
     limb = find_limb(MOTION.skeleton, MOTION.skeleton.index(reach.joint))
     share = found.before * HEIGHT / limb_length(MOTION, limb, reach.frames[0])
-    result, (left,) = complete_reaches(MOTION, [reach], limits(distance=smaller * share), MOTION)
+    result, (left,) = complete_reaches(MOTION, [reach], limits(distance=smaller * share), POSES)
     assert result is MOTION
     assert left.reason.startswith("the limit is ")
     assert left.before == left.after == found.before
-    result, (moved,) = complete_reaches(MOTION, [reach], limits(distance=larger * share), MOTION)
+    result, (moved,) = complete_reaches(MOTION, [reach], limits(distance=larger * share), POSES)
     assert moved.is_moved
     assert len(changed_frames(MOTION, result))
 
@@ -149,7 +150,9 @@ def waving_reach(motion, joint, hold):
 def test_complete_reaches_hinge_keeps_its_bending_plane(seed, joint, hold):
     motion = waving(30, seed)
     reach, limb = waving_reach(motion, joint, hold)
-    result, (found,) = complete_reaches(motion, [reach], limits(motion, distance=10.0), motion)
+    result, (found,) = complete_reaches(
+        motion, [reach], limits(motion, distance=10.0), Poses.from_motion(motion)
+    )
     assert found.is_moved
 
     def local_normals(motion):
@@ -176,7 +179,7 @@ def largest_velocity_jump(rate, seed, joint, hold):
     motion = waving(rate, seed)
     reach, limb = waving_reach(motion, joint, hold)
     task = limits(motion, distance=10.0, n_blend=round(0.3 * rate))
-    result, (found,) = complete_reaches(motion, [reach], task, motion)
+    result, (found,) = complete_reaches(motion, [reach], task, Poses.from_motion(motion))
     assert found.is_moved
     joints = [limb.start, limb.middle]
     change = rotations.multiply(
@@ -219,9 +222,9 @@ def test_complete_reaches_adjacent_targets_of_one_hand_are_both_met():
         Reach("LeftHand", near_target(MOTION, "LeftHand", (frame, frame), rng), frame)
         for frame in (100, 106)
     ]
-    result, found = complete_reaches(MOTION, reaches, limits(), MOTION)
+    result, found = complete_reaches(MOTION, reaches, limits(), POSES)
     assert all(own.is_moved and own.after < 1e-9 for own in found)
-    alone = [complete_reaches(MOTION, [own], limits(), MOTION)[0] for own in reaches]
+    alone = [complete_reaches(MOTION, [own], limits(), POSES)[0] for own in reaches]
     changed = [changed_frames(MOTION, motion) for motion in alone]
     assert set(changed_frames(MOTION, result)) == set(np.concatenate(changed))
 
@@ -232,9 +235,9 @@ def test_complete_reaches_both_hands_equals_one_after_the_other():
         Reach(joint, near_target(MOTION, joint, (90, 90), rng), 90)
         for joint in ("LeftHand", "RightHand")
     )
-    both, _ = complete_reaches(MOTION, [left, right], limits(), MOTION)
-    first, _ = complete_reaches(MOTION, [left], limits(), MOTION)
-    second, _ = complete_reaches(first, [right], limits(), MOTION)
+    both, _ = complete_reaches(MOTION, [left, right], limits(), POSES)
+    first, _ = complete_reaches(MOTION, [left], limits(), POSES)
+    second, _ = complete_reaches(first, [right], limits(), POSES)
     assert (both.rotations == second.rotations).all()
 
 
@@ -253,13 +256,13 @@ def test_complete_reaches_names_the_reason_for_every_limb_left_alone():
         ([hand], limits(kept=[90]), "KeepOriginal keeps these frames"),
     ]
     for reaches, own, reason in cases:
-        result, (found,) = complete_reaches(MOTION, reaches, own, MOTION)
+        result, (found,) = complete_reaches(MOTION, reaches, own, POSES)
         assert (found.reason, result is MOTION) == (reason, True)
     other = replace(hand, target=tuple(np.add(target, 1.0)))
-    result, found = complete_reaches(MOTION, [hand, other], limits(), MOTION)
+    result, found = complete_reaches(MOTION, [hand, other], limits(), POSES)
     assert [own.reason for own in found] == ["", "another Reach moves the limb"]
     assert (
-        result.rotations == complete_reaches(MOTION, [hand], limits(), MOTION)[0].rotations
+        result.rotations == complete_reaches(MOTION, [hand], limits(), POSES)[0].rotations
     ).all()
 
 
@@ -272,7 +275,9 @@ def test_complete_reaches_target_beyond_the_arm_straightens_it(seed, share):
     length = limb_length(motion, limb)
     target = start + share * length * (end - start) / np.linalg.norm(end - start)
     reach = Reach("LeftHand", tuple(target), 20)
-    result, (found,) = complete_reaches(motion, [reach], limits(motion, distance=2.0), motion)
+    result, (found,) = complete_reaches(
+        motion, [reach], limits(motion, distance=2.0), Poses.from_motion(motion)
+    )
     # The limb is extended to all but 1e-4 of its length.
     assert found.after * HEIGHT == pytest.approx((share - 1.0) * length, abs=1.1e-4 * length)
     before, after = (hinge_flexions(own, limb) for own in (motion, result))

@@ -11,6 +11,7 @@ from mograft.blend.recombine import Part, recombine
 from mograft.blend.two_bone_ik import bend_axes, bend_limb, flexion_angles, mean_bend_axis
 from mograft.body.limbs import TwoBoneLimb, find_limb
 from mograft.body.mass import mass_model
+from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Span
@@ -89,7 +90,7 @@ class _Task:
 
 
 def complete_reaches(
-    motion: Motion, reaches: Sequence[Reach], limits: ReachLimits, reference: Motion
+    motion: Motion, reaches: Sequence[Reach], limits: ReachLimits, reference: Poses
 ) -> tuple[Motion, tuple[ReachCompletion, ...]]:
     """Move hands and feet to the targets of `reaches` that are near enough, by two-bone IK.
 
@@ -98,7 +99,7 @@ def complete_reaches(
     line from shoulder to hand. Knee and hip move a foot in the same way. The correction in a frame
     is an angle at the elbow or knee and a rotation vector at the shoulder or hip. Before and after
     the frames of a `Reach` both corrections fall to 0 along cubic curves of continuous slope. All
-    other frames are returned bit for bit. `reference` is a motion of the same skeleton. Nearly
+    other frames are returned bit for bit. `reference` holds poses of the same skeleton. Nearly
     straight limbs bend about the mean of their bend axes in `reference`.
     """
     height = mass_model(motion.skeleton).height
@@ -186,9 +187,7 @@ def _world_window(motion: Motion, first: int, stop: int) -> tuple[FloatArray, Fl
     return motion[first:stop].world_transforms()
 
 
-def _corrected_limb(
-    motion: Motion, tasks: Sequence[_Task], n_blend: int, reference: Motion
-) -> Part:
+def _corrected_limb(motion: Motion, tasks: Sequence[_Task], n_blend: int, reference: Poses) -> Part:
     """Return the motion of a limb whose end is moved to the targets of `tasks`."""
     limb = tasks[0].limb
     joints = np.array([limb.start, limb.middle])
@@ -206,11 +205,10 @@ def _corrected_limb(
     return Part(joints, quats, motion.positions[:, joints])
 
 
-def _usual_axis(reference: Motion, limb: TwoBoneLimb) -> FloatArray:
+def _usual_axis(reference: Poses, limb: TwoBoneLimb) -> FloatArray:
     """Return the mean bend axis of a limb in `reference`, in the local axes of its first joint."""
-    world_rotations, positions = reference.world_transforms()
-    points = (positions[:, joint] for joint in (limb.start, limb.middle, limb.end))
-    return mean_bend_axis(world_rotations[:, limb.start], *points)
+    points = (reference.positions[:, joint] for joint in (limb.start, limb.middle, limb.end))
+    return mean_bend_axis(reference.rotations[:, limb.start], *points)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

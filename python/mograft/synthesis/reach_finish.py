@@ -35,7 +35,7 @@ def finish_reaches(
     the violation of another hard constraint.
     """
     config = problem.config
-    if not config.reach_ik:
+    if not reaches or not config.reach_ik:
         return motion, ()
     limits = ReachLimits(
         distance=config.reach_ik,
@@ -47,7 +47,7 @@ def finish_reaches(
     completions: list[ReachCompletion] = []
     finished = motion
     for reach in reaches:
-        trial, found = complete_reaches(motion, [*accepted, reach], limits, problem.base)
+        trial, found = complete_reaches(motion, [*accepted, reach], limits, problem.base_poses)
         completion = found[-1]
         if completion.is_moved:
             broken = _broken_constraint(problem, finished, trial, completion, limits.n_blend)
