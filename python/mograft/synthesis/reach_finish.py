@@ -43,6 +43,8 @@ def finish_reaches(
         is_movable=_exchanged_joints(problem),
         is_kept=_kept_frames(problem),
     )
+    if not _other_constraints(problem):
+        return complete_reaches(motion, reaches, limits, problem.base_poses)
     accepted: list[Reach] = []
     completions: list[ReachCompletion] = []
     finished = motion
@@ -81,6 +83,11 @@ def _kept_frames(problem: SearchProblem) -> BoolArray:
     return is_kept
 
 
+def _other_constraints(problem: SearchProblem) -> list[Constraint]:
+    """Return the hard constraints on poses whose class is not `Reach`."""
+    return [own for own in problem.pose_constraints if own.is_hard and not isinstance(own, Reach)]
+
+
 def _broken_constraint(
     problem: SearchProblem,
     before: Motion,
@@ -92,9 +99,8 @@ def _broken_constraint(
 
     Constraints of the class `Reach` are not compared. The result is empty if there is none.
     """
-    others = [own for own in problem.pose_constraints if own.is_hard and not isinstance(own, Reach)]
     limb = find_limb(after.skeleton, after.skeleton.index(completion.reach.joint))
-    if limb is None or not others:
+    if limb is None:
         return ""
     joints = subtree_mask(after.skeleton, [limb.start])
     first, last = completion.frames
@@ -107,7 +113,7 @@ def _broken_constraint(
         )
         for motion in (before, after)
     ]
-    for constraint in others:
+    for constraint in _other_constraints(problem):
         old, new = (_excess(constraint.errors(own, joints)[0]) for own in poses)
         if (new > old + _MAX_INCREASE).any():
             return type(constraint).__name__
