@@ -315,7 +315,7 @@ def _subtract_flexion(results: FloatArray, flexions: FloatArray) -> FloatArray:
 
 
 def _smooth_ramp(values: FloatArray) -> FloatArray:
-    """Return a smooth approximation of max(0, value), which is above 0."""
+    """Return a smooth approximation of max(0, value) for each value; the results are above 0."""
     ramp: FloatArray = 0.5 * (values + np.hypot(values, _STRAIGHT_MARGIN))
     return ramp
 
@@ -352,7 +352,11 @@ def fade_corrections(
 def _cubic(
     start: FloatArray, leaving: FloatArray, end: FloatArray, reaching: FloatArray, n: int
 ) -> FloatArray:
-    """Return a cubic curve over `n` frames without its ends, (n - 1, d); slopes are per frame."""
+    """Return the cubic curve between two values that are `n` frames apart, (n - 1, d).
+
+    `start` and `end` are the values, which the result omits. `leaving` and `reaching` are the
+    slopes at these values, per frame.
+    """
     t = (np.arange(1, n) / n)[:, None]
     weight = t * t * (3.0 - 2.0 * t)
     bends = n * t * (1.0 - t) * ((1.0 - t) * leaving - t * reaching)

@@ -22,7 +22,8 @@ def splice(
 
     Ranges of `is_new`, shape (n_frames,), grow on both sides until the motions differ by at most
     `MAX_ANGLE` at every joint, and by 1e-4 of `height` in every translation. The joints `moving`
-    carry the body: they do not count, and follow `after` in all frames from the first range on.
+    carry the body: they are not compared, and are those of `after` in all frames from the start of
+    the first range.
     """
     is_new = _grow(is_new, _is_near(before, after, height, moving))
     changed = np.flatnonzero(is_new)
@@ -44,7 +45,7 @@ def splice(
 
 
 def _is_near(before: Motion, after: Motion, height: float, moving: Collection[int]) -> BoolArray:
-    """Return in which frames two motions differ little, apart from the joints `moving`."""
+    """Return in which frames motions differ by at most the tolerances, without joints `moving`."""
     others = np.setdiff1d(np.arange(before.n_joints), list(moving))
     quats = [motion.rotations[:, others] for motion in (before, after)]
     # |q - p| or |q + p| is 2 sin(angle / 4), which is exact where |q·p| rounds to 1.

@@ -146,9 +146,9 @@ _GRAFT = command(
         "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger "
         "values give more variety, smaller values more similarity (default: the value of the "
         "configuration, usually 0.75; if neither this option nor --variety is given and the donors "
-        "allow fewer than COUNT different motions, it is multiplied by 4/3 until they allow "
-        "enough or it would exceed 4); while violations remain that donors can remove, --repair "
-        "multiplies the threshold in the same way, even if this option is given",
+        "allow fewer than COUNT different motions, X is multiplied by 4/3 until they allow "
+        "enough or X would exceed 4); --repair multiplies X in the same way, even if this option "
+        "is given, while violations remain that other donors could remove",
         positive_number,
     ),
     NEIGHBOURHOOD,

@@ -19,7 +19,8 @@ STREAM = command(
     ),
     setting(
         "--host ADDRESS",
-        "address of the TCP port (default: 127.0.0.1, which only this computer can reach)",
+        "address at which the TCP port is open (default: 127.0.0.1, which only this computer can "
+        "reach)",
         str,
         "127.0.0.1",
     ),

@@ -31,7 +31,7 @@ def join_boundary_states(
     skeleton: Skeleton,
     known: Mapping[str, Mapping[str, FloatArray]] | None = None,
 ) -> dict[str, dict[str, FloatArray]]:
-    """Join the boundary states of clips; return those of each group's feature joints.
+    """Join the boundary states of clips; return those of the feature joints of each group.
 
     The result has two levels of keys: groups, then keys of `boundary_states` such as ``first``.
     `clips` holds the result of `boundary_states` for each clip. `known` has the form of the result

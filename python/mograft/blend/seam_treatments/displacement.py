@@ -27,8 +27,8 @@ class Displacement(SeamTreatment):
     ) -> FloatArray:
         """Return the values with each gap closed by displacing both segments at the seam.
 
-        Each segment is displaced by half of the gap at the seam, linearly less towards its other
-        end.
+        The displacement of a segment is half of the gap at the seam. It falls linearly to 0 at the
+        other end of the segment.
         """
         half = 0.5 * boundaries.gaps()
         share = (times.seconds / times.durations[times.piece])[:, None, None]
