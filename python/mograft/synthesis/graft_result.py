@@ -196,7 +196,7 @@ class Graft:
         reroll: Sequence[int | tuple[int, int]] = (),
         seed: int | None = None,
     ) -> "Graft":
-        """Return the graft with other donors at some segments, and all others unchanged.
+        """Return the graft with other donors at some segments; all other segments keep theirs.
 
         Parameters
         ----------
@@ -214,10 +214,11 @@ class Graft:
         Returns
         -------
         Graft
-            Other segments have the same donors. The frames near the changed segments are new; a
-            range of new frames ends at least `Config.seam_blend` seconds from them, where no joint
-            differs by more than 0.0001 radians. All other frames are the same, bit for bit. If an
-            exchanged group holds the root, the later frames of the root are moved rigidly.
+            Other segments have the same donors. The frames near the changed segments are new. A
+            range of new frames ends at least `Config.seam_blend` seconds outside these segments, at
+            a frame at which no joint differs by more than 0.0001 radians from the present motion.
+            All other frames are the same, bit for bit. If an exchanged group contains the root, the
+            later frames of the root are moved rigidly.
             `violations` lists edits and constraints that contradict each other.
 
         Raises
@@ -225,8 +226,9 @@ class Graft:
         TypeError
             If an edit is of another class.
         ValueError
-            If there is no edit, a segment, donor, group or frame does not exist, or the library has
-            only the clips of the graft, because `replay` read the files.
+            If neither an edit nor `reroll` is given; if an edit has a weight; if a segment, donor,
+            group or frame does not exist; if the library has only the clips of the graft, because
+            `replay` read their files.
 
         Examples
         --------

@@ -18,7 +18,7 @@ _KINDS_OF_SINGLE_JOINTS = (Avoid, Face, KeepOut, Reach)
 def find_kept_violations(
     library: Library, base: Motion, groups: Sequence[str], constraints: Sequence[Constraint]
 ) -> list[Violation]:
-    """Return the violations of hard constraints by joints of the base that keep their motion.
+    """Return the violations of hard constraints on single joints by joints that no donor moves.
 
     `groups` are the grafted groups. If one of them contains the root, donors move every joint, and
     the list is empty.

@@ -243,7 +243,7 @@ def substitution_record(substitution: "Substitution") -> Record:
 
 
 def violation_record(violation: Violation, constraints: Iterable[Constraint]) -> Record:
-    """Return a violation as JSON, with the number of its constraint among `constraints`."""
+    """Return a violation as JSON, with the index of its constraint in `constraints`."""
     return {
         "constraint": constraint_kind(violation.constraint),
         "number": _constraint_number(violation.constraint, constraints),
@@ -272,7 +272,7 @@ def _completion_records(graft: "Graft", completions: Iterable["ReachCompletion"]
 
 
 def _constraint_number(constraint: Constraint, constraints: Iterable[Constraint]) -> int | None:
-    """Return the number of a constraint among `constraints`, or None."""
+    """Return the index of a constraint in `constraints`; None if it is not among them."""
     return next((i for i, own in enumerate(constraints) if own is constraint), None)
 
 

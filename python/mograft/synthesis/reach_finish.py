@@ -21,7 +21,7 @@ _MAX_INCREASE = 1e-6  # tolerances; a smaller increase of a violation is roundin
 def active_reaches(constraints: Sequence[Constraint]) -> list[Reach]:
     """Return each `Reach` among constraints that has an effect: all except those of weight 0.
 
-    Derived classes are left out, because provenance cannot restore them.
+    Instances of subclasses of `Reach` are left out, because provenance cannot restore them.
     """
     return [own for own in constraints if type(own) is Reach and own.weight != 0]
 
@@ -31,8 +31,8 @@ def finish_reaches(
 ) -> tuple[Motion, tuple[ReachCompletion, ...]]:
     """Complete `reaches` as far as `Config.reach_ik` allows; return the motion and the results.
 
-    The limbs are moved in the order of `reaches`. A limb is left alone if its correction increased
-    the violation of another hard constraint.
+    The limbs are moved in the order of `reaches`. A limb is left alone if its correction would
+    increase the violation of a hard constraint that is not a `Reach`.
     """
     config = problem.config
     if not reaches or not config.reach_ik:
@@ -73,7 +73,7 @@ def _exchanged_joints(problem: SearchProblem) -> BoolArray:
 
 
 def _kept_frames(problem: SearchProblem) -> BoolArray:
-    """Return whether a hard `KeepOriginal` applies to a segment of each frame, (n_frames,)."""
+    """Return a mask of the frames of segments with a hard `KeepOriginal`, shape (n_frames,)."""
     is_kept = np.zeros(problem.base.n_frames, bool)
     segments = problem.base_segments
     for own in problem.constraints:
@@ -95,9 +95,9 @@ def _broken_constraint(
     completion: ReachCompletion,
     n_blend: int,
 ) -> str:
-    """Return the class of the first hard constraint that a correction violates more than before.
+    """Return the class name of the first hard constraint that `after` violates more than `before`.
 
-    Constraints of the class `Reach` are not compared. The result is empty if there is none.
+    Constraints of the class `Reach` are not compared. The name is empty if there is none.
     """
     limb = find_limb(after.skeleton, after.skeleton.index(completion.reach.joint))
     if limb is None:
@@ -121,6 +121,6 @@ def _broken_constraint(
 
 
 def _excess(errors: FloatArray) -> FloatArray:
-    """Return by how much errors exceed their tolerance."""
+    """Return by how much errors, in tolerances, exceed 1; 0 if they do not."""
     excess: FloatArray = np.maximum(errors - 1.0, 0.0)
     return excess

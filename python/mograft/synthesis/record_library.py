@@ -60,7 +60,9 @@ def find_library(
     if library is not None:
         return _with_base(record, prepare_library(record, library, "`library`"), sources)
     if record.library is None:
-        raise record.error(f"documents of schema {SCHEMA_1} do not name the library: give it")
+        raise record.error(
+            f"documents of schema {SCHEMA_1} do not name the library: give the library"
+        )
     problem = ""
     if record.library.folder is not None:
         folder = record.library.folder
@@ -80,14 +82,16 @@ def find_library(
 
 
 def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
-    """Return the library of a graft with all clips: the stored one, or one of the same files.
+    """Return the library of a graft with all its clips: the stored one, or one built from files.
 
     The files are `sources` or, by default, those of the recorded command line. Raise
-    ProvenanceError if they are missing or make another library.
+    ProvenanceError if a file is missing or the files make another library.
     """
     origin = record.library
     if origin is None:
-        raise record.error(f"the schema {SCHEMA_1} does not name the library: give it")
+        raise record.error(
+            f"documents of schema {SCHEMA_1} do not name the library: give the library"
+        )
     if origin.folder is not None and not sources:
         return prepare_library(record, Library.open(origin.folder), str(origin.folder))
     names = [str(_source_path(record, own)) for own in sources or record.sources]
@@ -101,7 +105,7 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
 
 
 def _source_path(record: GraftRecord, source: str) -> Path:
-    """Return the place of a file or folder of the recorded command line."""
+    """Return the present path of a file or folder of the recorded command line."""
     name = Path(source).name
     clip = next((own for own in record.clips if own.file and Path(own.file).name == name), None)
     if Path(source).exists():

@@ -142,7 +142,7 @@ def _find_donors(record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan
 def _find_versions(
     record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan, donors: DonorSequences
 ) -> list[DonorSequences]:
-    """Return the donors before each edit, oldest first, and `donors`, those after the last."""
+    """Return the donors before each edit, oldest first, then `donors`, those after the last."""
     cut, scenario = plan.problem.base_segments, plan.problem.scenario.tolist()
     position_of = {
         frames: position
@@ -168,7 +168,7 @@ def _finish_versions(
 ) -> Graft:
     """Return the graft of the last donors; the edits are made one after the other.
 
-    Inverse kinematics moves the limbs that it moved in each version.
+    After each edit, inverse kinematics moves the limbs for which the record says that it did.
     """
     document = record.document
     completions = [_read_completions(own, constraints) for own in document.get("edits", ())]
@@ -264,13 +264,13 @@ def _read_completions(
 ) -> tuple[ReachCompletion, ...]:
     """Return what inverse kinematics did according to a document, or to one of its ``edits``.
 
-    Versions without inverse kinematics wrote nothing.
+    The result is empty if the document was written before mograft had inverse kinematics.
     """
     found = []
     for own in document.get("reach_ik", ()):
         reach = constraints[own["number"]]
         if not isinstance(reach, Reach):
-            raise ValueError("`reach_ik` must have the numbers of Reach constraints")
+            raise ValueError("each `number` in `reach_ik` must be that of a Reach constraint")
         first, last = own["frames"]
         found.append(
             ReachCompletion(

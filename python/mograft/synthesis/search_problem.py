@@ -174,7 +174,7 @@ class SearchProblem:
 
     @cached_property
     def movable_legs(self) -> list[bool]:
-        """Whether the grafted groups hold hip, knee and ankle of each leg of `find_legs`."""
+        """For each leg of `find_legs`, whether the grafted groups contain hip, knee and ankle."""
         joints = {
             joint
             for group, divided in self.divided_channels.items()

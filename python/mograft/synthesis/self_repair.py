@@ -68,7 +68,7 @@ def self_repair(
 
     Return the new assembly and the frame ranges searched, including those without better donors. If
     no donor is replaced, the assembly is returned unchanged. No seam exceeds `max_angle` by more
-    than it did, no constraint has more or greater `violations`, and neither the greatest amount of
+    than before, no constraint has more or greater `violations`, and neither the greatest amount of
     the repaired group nor that of all groups grows. `trellises` returns the trellis of each group;
     it is called only if there is a defect.
     """
@@ -169,16 +169,17 @@ class _Limits:
     violations: Callable[[Assembly], Sequence[Violation]]
 
     def has_feasible_seams(self, donors: IntArray, window: _Window) -> bool:
-        """Whether no seam in a window exceeds `max_angle`, except as the first donors do."""
+        """Whether no seam in a window exceeds `max_angle` by more than before the repair."""
         start, stop = window
         around = slice(max(start - 1, 0), stop + 1)
         first = self._seam_excess(self.defects.donors[around])
         return bool((self._seam_excess(donors[around]) <= first + _ROUNDING).all())
 
     def broken_frames(self, assembly: Assembly) -> list[Span]:
-        """Return the frames that violate constraints with more or greater violations than before.
+        """Return the frames of the violations of constraints that `assembly` violates more.
 
-        The result is empty if no constraint has more violations, or a greater total.
+        These constraints have more violations, or a greater total amount, than before the repair.
+        The result is empty if there are none.
         """
         grown: list[Span] = []
         if not assembly.problem.constraints:
@@ -204,8 +205,8 @@ class _Limits:
 def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
     """Search other donors in each window; return those with the smallest total excess.
 
-    Several times the donors at defects are penalised and the cheapest sequence is measured. The
-    last attempt measures the base segments. Sequences with seams that `limits` forbid are skipped.
+    In several rounds, the donors at defects are penalised and the cheapest sequence is measured. A
+    last round measures the base segments. Sequences with seams that `limits` forbid are skipped.
     """
     defects = limits.defects
     problem, first = defects.assembly.problem, defects.donors
@@ -264,9 +265,9 @@ def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) ->
 
 
 def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
-    """Assemble the motion with `donors`; windows that do not improve keep the old donors.
+    """Assemble the motion with `donors` and return its defects.
 
-    So do windows that violate `limits`.
+    Windows keep their old donors if the amounts do not improve or constraints are violated more.
     """
     before = limits.defects
     for _ in range(_MAX_ASSEMBLIES):
