@@ -308,7 +308,7 @@ def test_request_without_hello_or_after_close_gets_an_error(server, short_base, 
     header = {"type": kind} | ({"constraints": []} if kind == "constraints" else {})
     with connect(server) as client:
         for _ in range(2):
-            with pytest.raises(StreamError, match="must be 'hello' before other requests"):
+            with pytest.raises(StreamError, match="must be 'hello' in the first request"):
                 client.request(header, **(arrays if kind == "push" else {}))
             client.request(HELLO)
             client.request({"type": "push"}, **arrays)

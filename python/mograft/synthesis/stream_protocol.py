@@ -33,7 +33,7 @@ Array = npt.NDArray[np.floating[Any]]
 
 
 class FrameError(ValueError):
-    """The bytes are not a message, so that the start of the next message is unknown."""
+    """The received bytes are not a message; the start of the next message is unknown."""
 
 
 class RequestError(ValueError):
@@ -135,7 +135,7 @@ def _read_description(record: object) -> tuple[str, "np.dtype[np.floating[Any]]"
         raise RequestError("each of `arrays` must be an object with name, dtype and shape")
     name, dtype, shape = record["name"], record["dtype"], record["shape"]
     if not isinstance(name, str):
-        raise RequestError(f"the name of an array must be a text, got {name!r}")
+        raise RequestError(f"the name of an array must be a string, got {name!r}")
     if not isinstance(dtype, str) or dtype not in DTYPES:
         raise RequestError(
             f"the dtype of {name!r} must be one of {', '.join(DTYPES)}, got {dtype!r}"

@@ -198,8 +198,8 @@ class StreamSearch:
     ) -> tuple[Constraint, ...]:
         """Return the pose constraints that apply in a segment.
 
-        Each `AvoidSelf` allows the depth at which the captured poses of the segment penetrate
-        the body.
+        Each `AvoidSelf` allows body parts to penetrate each other as deeply as they do in the
+        captured poses of the segment.
         """
         constraints = [
             constraint

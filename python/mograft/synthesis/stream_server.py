@@ -157,7 +157,7 @@ class _Connection:
             self.refuse("internal", f"{type(error).__name__}: {error}")
 
     def refuse(self, code: str, message: str) -> None:
-        """Send an error and end the connection; discard input so that the client receives it."""
+        """Send an error and end the connection; discard input so that the error arrives."""
         try:
             self._send(_error(code, message, is_open=False), "float32")
             self._socket.shutdown(socket.SHUT_WR)
@@ -168,14 +168,14 @@ class _Connection:
             pass  # the client has disconnected, or does not read
 
     def _wait_for_message(self) -> bool:
-        """Wait for the first byte of a message; return whether there is one."""
+        """Wait for the first byte of a message; return False if the client disconnects instead."""
         self._deadline = time.monotonic() + self._limits.idle_seconds
         is_open = bool(self._receive_some(1, socket.MSG_PEEK))
         self._deadline = time.monotonic() + self._limits.message_seconds
         return is_open
 
     def _receive(self, n_bytes: int) -> bytes:
-        """Return the next `n_bytes`; raise ConnectionError if the client disconnects before."""
+        """Return the next `n_bytes`; raise ConnectionError if the client disconnects first."""
         data = bytearray()
         while len(data) < n_bytes:
             part = self._receive_some(min(n_bytes - len(data), 1 << 20))

@@ -77,7 +77,7 @@ class StreamSession:
         return Message(header, {"offsets": skeleton.offsets})
 
     def _push(self, request: Message) -> Message:
-        """Append frames; return the pieces that are committed by them."""
+        """Append frames; return the pieces that can then be committed."""
         _options(request, {})
         stream = self._open_stream()
         arrays = _arrays(request, ("rotations", "positions"))
@@ -111,7 +111,7 @@ class StreamSession:
 
     def _open_stream(self) -> Stream:
         if self._stream is None:
-            raise RequestError("`type` must be 'hello' before other requests, and after 'close'")
+            raise RequestError("`type` must be 'hello' in the first request and after 'close'")
         return self._stream
 
     def _pieces(self, stream: Stream) -> Message:
@@ -158,7 +158,7 @@ def _arrays(request: Message, names: tuple[str, ...]) -> Mapping[str, Array]:
 
 
 def _unit_quaternions(rotations: Array) -> Array:
-    """Return rotations as float64; normalise those of float32 unless they are far from unit."""
+    """Return rotations as float64; normalise float32 ones unless a norm is far from 1."""
     if rotations.dtype.itemsize == 8:
         return rotations
     quats = rotations.astype(np.float64)
@@ -189,7 +189,7 @@ def _refuse_motion(record: Record) -> Motion:
 
 
 def _piece_record(piece: Piece, constraints: tuple[Constraint, ...]) -> dict[str, Any]:
-    """Return a piece as JSON, which has neither NaN nor infinity: these are null."""
+    """Return a piece as JSON; NaN and infinity become null, because JSON has neither."""
     substitutions = [substitution_record(own) for own in piece.substitutions]
     for record in substitutions:
         # The gap at the end of a piece is not known yet.

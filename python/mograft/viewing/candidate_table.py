@@ -33,15 +33,15 @@ class CandidateTable:
     """The candidates of the base segments of a graft, for each exchanged group."""
 
     donors: dict[str, tuple[tuple[ListedDonor, ...], ...]]  # Of each segment, at most 20.
-    counts: dict[str, tuple[int, ...]]  # Number of candidates of each segment, unlisted ones too.
+    counts: dict[str, tuple[int, ...]]  # Number of all candidates of each segment.
 
     @classmethod
     def of(cls, graft: Graft) -> "CandidateTable":
         """Return the allowed candidates in the order of `Library.candidates`.
 
         Constraints are ignored. Costs and seam angles are those between the neighbours of the base
-        segment in its clip; in a scenario, in which it has other neighbours, they are omitted. Only
-        the first segments of each group have candidates, at most 1,500 in all groups together.
+        segment in its clip; in a scenario, in which it has other neighbours, they are None. Only
+        the first segments of each group are included, at most 1,500 segments over all groups.
         """
         donors, counts = {}, {}
         most = _MAX_SEGMENTS // max(len(graft.alternatives), 1)

@@ -106,8 +106,8 @@ def node_parents(motion: Motion) -> list[int]:
 def node_positions(motion: Motion) -> FloatArray:
     """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3).
 
-    Nodes at no end of a bone, such as a root on the floor, get the position of the hips, because
-    their true position may be far from the body.
+    Nodes that are not an end of any bone, such as a root on the floor, get the position of the
+    hips, because their true position may be far from the body.
     """
     turns, joints = motion.world_transforms()
     sites = [

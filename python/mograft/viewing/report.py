@@ -41,8 +41,8 @@ def report_page(
     grafts : sequence of Graft
         Grafts of one base and one library.
     files : sequence of Path or None, optional
-        The file of each graft, to which the page links and with whose provenance its commands
-        begin; None for no link. Relative paths are relative to the page.
+        The file of each graft. The page links to it, and shows commands that edit the graft from
+        the provenance beside it. None for neither. Relative paths are relative to the page.
     title : str, optional
         Title of the page. Default: the name of the base and the number of motions.
     columns : sequence of mapping of str to str, optional
@@ -121,7 +121,7 @@ def report_page(
 
 
 def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
-    """Return the scene of grafts, with the command that edits the graft of each file."""
+    """Return the scene of grafts; those with a file get the command line that edits them."""
     commands = [
         (
             graft.motion,

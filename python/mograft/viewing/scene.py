@@ -69,7 +69,7 @@ class Scene:
         return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
 
     def with_commands(self, commands: Sequence[tuple[Motion, str]]) -> "Scene":
-        """Return the scene with a command line for the figure of each given motion."""
+        """Return the scene with `Figure.command` set for the given motions, and None for others."""
         by_motion = {id(motion): command for motion, command in commands}
         figures = [replace(own, command=by_motion.get(id(own.motion))) for own in self.figures]
         return replace(self, figures=tuple(figures))
