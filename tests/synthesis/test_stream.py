@@ -198,19 +198,25 @@ def test_stream_several_groups_with_pose_constraints_violates_fewer_frames_than_
     assert n_frames < (constraints[0].errors(mg.Poses.from_motion(base))[0] > 1).sum()
 
 
-@pytest.mark.parametrize("horizon", [1, 3, 8])
-def test_stream_each_donor_is_the_first_of_the_cheapest_sequence_in_the_horizon(
-    library, base, horizon
-):
-    configured = with_choice(library, "viterbi")
+@pytest.mark.parametrize("seam", ["inertial", "gradient"])
+@pytest.mark.parametrize("horizon", [1, 2, 3, 8])
+def test_stream_each_donor_is_of_the_cheapest_sequence_in_the_horizon(library, base, horizon, seam):
+    """With "gradient", the second donor of a sequence is the first one of the next."""
+    configured = with_choice(library, "viterbi", seam=seam)
     _, trellis = whole_base_search(configured, base)
     unary, pairwise_costs, path = trellis.costs.unary, trellis.costs.pairwise, []
+    following = None
     for position in range(len(unary)):
         known = list(unary[position : position + horizon])
+        if following is not None:
+            is_other = np.arange(len(known[0])) != following
+            known[0] = np.where(is_other, np.inf, known[0])
         if path:
             known[0] = known[0] + pairwise_costs[position - 1][path[-1]]
         seams = list(pairwise_costs[position : position + len(known) - 1])
-        path.append(int(oracle.cheapest_sequence(known, seams)[0]))
+        cheapest = oracle.cheapest_sequence(known, seams)
+        path.append(int(cheapest[0]))
+        following = cheapest[1] if seam == "gradient" and len(cheapest) > 1 else None
     pieces = stream_pieces(configured, base, (25,), horizon=horizon)
     assert list_donors(pieces) == trellis.donor_sequence(np.array(path)).tolist()
 
@@ -253,6 +259,47 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base, s
             before, after = longer.segments[donors[[left]]], longer.segments[donors[[right]]]
             assert before.stop == after.start
             assert before.clip == after.clip
+
+
+@pytest.mark.parametrize("choice", ["sample", "viterbi"])
+def test_stream_pieces_with_pose_constraints_have_the_seam_treatment_inertial(
+    library, base, choice
+):
+    far = mg.Avoid(mg.Sphere((1e5, 0.0, 0.0), 1.0))
+    gradient, inertial = (
+        stream_pieces(with_choice(library, choice, seam=seam), base, constraints=[far])
+        for seam in ("gradient", "inertial")
+    )
+    assert_identical(mg.join_pieces(gradient), mg.join_pieces(inertial))
+
+
+@pytest.mark.parametrize("horizon", [2, 8])
+def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
+    library, base, horizon
+):
+    configured = with_choice(library, "sample", seam="gradient", torso="pelvis")
+    pieces = stream_pieces(configured, base, horizon=horizon)
+    motion, joints = mg.join_pieces(pieces), library.joints("upper")
+    problem, _ = whole_base_search(configured, base)
+    longer, donors = problem.library, np.array(list_donors(pieces))
+    group, config = GraftedGroup(joints), replace(configured.config, seam="gradient")
+    part = transplant(
+        problem.base, problem.base_segments, longer.segments[donors], longer.clips, group, config
+    )
+
+    def greatest_changes(quats):
+        steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
+        changes = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1)
+        around = part.seams[:, None] + np.arange(-3, 4) - 1
+        return changes[around.clip(0, len(changes) - 1)].max(axis=1)
+
+    offline, streamed = (
+        greatest_changes(part.rotations),
+        greatest_changes(motion.rotations[:, joints]),
+    )
+    assert len(part.seams) > 5
+    assert np.median(streamed / offline) < 1.1
+    assert streamed.max() < 1.25 * offline.max()
 
 
 @pytest.mark.parametrize("seam", ["inertial", "dead"])

@@ -77,6 +77,10 @@ class SeamTreatment(ABC):
     # Seconds beyond `Config.seam_blend` within which other seams affect the frames near a seam.
     coupling: ClassVar[float] = 0.0
 
+    # Whether `Stream` smooths a seam with the donor after it, chosen in advance, by the sum of
+    # "gradient". Otherwise it replaces treatments that are not causal by "inertial".
+    uses_next_donor: ClassVar[bool] = False
+
     @abstractmethod
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries

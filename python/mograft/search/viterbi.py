@@ -55,6 +55,11 @@ class Trellis:
         """Return the trellis of the positions from `start` up to, not including, `stop`."""
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
 
+    def restrict_first(self, indices: IntArray) -> "Trellis":
+        """Return the trellis with only the candidates `indices` at the first position."""
+        first = tuple(own[indices] for own in self.pairwise[:1])
+        return Trellis((self.unary[0][indices], *self.unary[1:]), first + self.pairwise[1:])
+
     def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
         """Return the trellis of positions `start` to `stop - 1`; the others are fixed as in `path`.
 

@@ -34,6 +34,15 @@ class SampledDonors:
         """Rotations in the frames of the base segment, shape (n, n_frames, n_joints, 4)."""
         return self.values[:, :-2]
 
+    def end_accelerations(self, rate: float) -> tuple[FloatArray, FloatArray]:
+        """Return the accelerations of the donors in the first and the last frame, per frame².
+
+        Both have shape (n, n_joints, 3). `rate` is in frames per second.
+        """
+        first = ROTATIONS.delta(self.values[:, 0], self.values[:, 1])
+        last = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
+        return 2.0 * (first - self.start_velocity / rate), 2.0 * (self.end_velocity / rate - last)
+
     def select(self, index: int) -> "SampledDonors":
         """Return one of the donors."""
         row = slice(index, index + 1)
@@ -70,17 +79,30 @@ class PlacedDonors:
         is_unchanged = (last == untreated).all(axis=(1, 3))
         return np.where(is_unchanged[..., None], self.sampled.end_velocity, velocity)
 
+    @property
+    def end_acceleration(self) -> FloatArray:
+        """Acceleration of the donors in the last frame, per frame², shape (n, n_joints, 3)."""
+        return self.sampled.end_accelerations(self.rate)[1]
+
     def select(self, index: int) -> "PlacedDonors":
         """Return one of the donors."""
         return PlacedDonors(self.sampled.select(index), self.values[index : index + 1], self.rate)
 
 
 @dataclass(frozen=True, eq=False)
-class CommittedEnd:
-    """Pose and velocity at the end of the committed motion of one group."""
+class MotionEnd:
+    """Poses and velocity at the end of the motion of one group."""
 
     pose: FloatArray  # rotations in the last frame, shape (n_joints, 4)
     velocity: FloatArray  # angular, in the last frame, in radians per second, shape (n_joints, 3)
+    pose_before: FloatArray  # rotations in the frame before the last, shape (n_joints, 4)
+    acceleration: FloatArray  # of the donor in the last frame, per frame², shape (n_joints, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class CommittedEnd(MotionEnd):
+    """Poses and velocity at the end of the committed motion of one group."""
+
     boundary: BoundaryStates  # of the last donor before seam treatment, for seam costs
 
 
@@ -131,7 +153,7 @@ def sample_donors(
 
 
 def place_donors(
-    sampled: SampledDonors, previous: CommittedEnd | None, rate: float, config: Config
+    sampled: SampledDonors, previous: MotionEnd | None, rate: float, config: Config
 ) -> PlacedDonors:
     """Close the seam between the committed motion and each donor.
 

@@ -1,6 +1,6 @@
 """`Stream`: grafts on a base motion that is still growing, committed segment by segment."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -112,9 +112,14 @@ class Stream:
 
     Notes
     -----
-    The seam treatments "inertial" and "dead" change only frames after a seam. A stream replaces
-    the other treatments of `Config.seam` by "inertial", and `Config.torso` by "pelvis": smoothing
-    the heading of the base requires later frames. Translations are those of the base.
+    With `Config.seam` "gradient" and a `horizon` of at least 2, the donor of the next segment is
+    chosen together with that of the committed one, and the committed frames are fitted to both.
+    This does not apply to segments with constraints on poses, because these are evaluated before
+    the next donor is known, nor to the last one; they have the treatment "inertial". "inertial" and
+    "dead" change only frames after a seam. A stream replaces the other treatments by "inertial",
+    and `Config.torso` by "pelvis": smoothing the heading of the base requires later frames.
+    Translations are those of the base.
+
     ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among
     the `max_candidates` cheapest candidates of each segment.
 
@@ -157,6 +162,7 @@ class Stream:
         self._search: StreamSearch | None = None
         self._pending: list[PendingSegment] = []
         self._ends: dict[str, CommittedEnd] = {}
+        self._following: Mapping[str, int] = {}  # donors of the next segment, chosen in advance
         self._last_rotations: FloatArray | None = None
         self._n_committed = self._first_free_frame = 0
         self._rules = StreamRules.build(self._donors, ())
@@ -181,7 +187,7 @@ class Stream:
         new = [own for own in constraints if own not in self.constraints]
         check_free_frames(new, self.first_free_frame)
         self._rules = StreamRules.build(self._donors, constraints)
-        self._pending = []
+        self._pending, self._following = [], {}
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -305,7 +311,10 @@ class Stream:
                 self._base, start, stop, self._rules, has_previous=self._n_committed > 0
             )
             self._pending.append(segment)
-        chosen = self._search.choose_donors(self._pending, self._ends, self._rules, self._rng)
+        chosen = self._search.choose_donors(
+            self._pending, self._ends, self._rules, self._rng, self._following
+        )
+        self._following = chosen.following
         piece = self._commit(self._pending[0], chosen)
         del bounds[0]
         del self._pending[0]
@@ -333,7 +342,11 @@ class Stream:
             joints = self._donors.joints[group]
             parts.append(Part(joints, placed.frames[0, new], base.positions[:, joints]))
             self._ends[group] = CommittedEnd(
-                placed.end_pose[0], placed.end_velocity[0], boundary[index : index + 1]
+                pose=placed.end_pose[0],
+                velocity=placed.end_velocity[0],
+                pose_before=placed.frames[0, -2],
+                acceleration=placed.end_acceleration[0],
+                boundary=boundary[index : index + 1],
             )
         motion = self._with_continuous_signs(recombine(base, parts, base.name))
         if (poses := chosen.poses) is not None:

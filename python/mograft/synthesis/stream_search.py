@@ -13,6 +13,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.segmentation import Segments
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
 from mograft.library.ingest import boundary_states
@@ -41,6 +42,7 @@ from mograft.synthesis.placed_donors import (
 )
 from mograft.synthesis.search_problem import driven_joints
 from mograft.synthesis.stream_donors import StreamDonors, StreamRules
+from mograft.synthesis.stream_smoothing import SmoothedDonor, smooth_with_following
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +50,9 @@ class ChosenDonors:
     """The choice for one segment."""
 
     candidates: dict[str, int]  # index of the chosen candidate of each grafted group
-    placed: dict[str, PlacedDonors]  # the chosen donors after seam treatment
+    placed: dict[str, PlacedDonors | SmoothedDonor]  # the chosen donors after seam treatment
     poses: Poses | None  # with all chosen donors; None if no pose constraint applies
+    following: dict[str, int]  # donors of the next segment that are chosen in advance, by group
 
 
 class StreamSearch:
@@ -111,8 +114,12 @@ class StreamSearch:
         ends: Mapping[str, CommittedEnd],
         rules: StreamRules,
         rng: np.random.Generator,
+        fixed: Mapping[str, int],
     ) -> ChosenDonors:
         """Choose donors for one or more successive segments; return those of the first segment.
+
+        `fixed` has donors of the first segment that were chosen in advance, by group; they do not
+        apply if the segment has pose constraints.
 
         `ends` has the end of the committed motion of every grafted group; it is empty before the
         first segment is committed. Groups are chosen one after the other: pose constraints on a
@@ -121,7 +128,8 @@ class StreamSearch:
         segment, rate = segments[0], self._library.rate
         choice = DONOR_CHOICES.get(rules.config.choice)
         candidates: dict[str, int] = {}
-        placed: dict[str, PlacedDonors] = {}
+        placed: dict[str, PlacedDonors | SmoothedDonor] = {}
+        following: dict[str, int] = {}
         context = segment.rotations.copy()
         for group, joints in self._donors.joints.items():
             end, sampled = ends.get(group), segment.groups[group].sampled
@@ -132,16 +140,31 @@ class StreamSearch:
                     segment, group, all_placed.frames, context, has_previous=end is not None
                 )
             trellis = _trellis(segments, group, costs, end, rules.models[group])
-            index = int(choice.choose_path(trellis, rules.config, rng)[0])
-            if all_placed is None:
-                sampled = self._sample(segment, group, segment.donors[index : index + 1])
-                placed[group] = place_donors(sampled, end, rate, rules.config)
-            else:
+            kept = np.arange(len(segment.donors))
+            if all_placed is None and group in fixed:
+                kept = np.flatnonzero(segment.donors == fixed[group])
+                trellis = trellis.restrict_first(kept)
+            path = choice.choose_path(trellis, rules.config, rng)
+            index = int(kept[path[0]])
+            if all_placed is not None:
                 placed[group] = all_placed.select(index)
+            else:
+                donors = segment.donors[index : index + 1]
+                sampled = self._sample(segment, group, donors)
+                treatment = SEAM_TREATMENTS.get(rules.config.seam)
+                if treatment.uses_next_donor and len(segments) > 1:
+                    donors = segments[1].donors[path[1] : path[1] + 1]
+                    following[group] = int(donors[0])
+                    next_sampled = self._sample(segments[1], group, donors)
+                    placed[group] = smooth_with_following(
+                        sampled, next_sampled, end, rate, rules.config
+                    )
+                else:
+                    placed[group] = place_donors(sampled, end, rate, rules.config)
             candidates[group] = index
             context[:, joints] = placed[group].frames[0]
         poses = self._poses(segment, context) if segment.pose_constraints else None
-        return ChosenDonors(candidates, placed, poses)
+        return ChosenDonors(candidates, placed, poses, following)
 
     def pose_costs(
         self,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.seam_treatments.offset import Offset
 from mograft.blend.seams import ClosedFrames
 
@@ -12,6 +12,23 @@ _TIME = 2.0 / 15.0
 
 Of 2 to 8 frames, 4 to 6 made seams least detectable in the clips `dance_*`, `basket` and `bandai`.
 """
+
+
+def fit_donors(
+    values: FloatArray,
+    donors: tuple[IntArray, IntArray, FloatArray, IntArray, FloatArray],
+    rate: float,
+    reach: float,
+) -> FloatArray:
+    """Return the values that minimise the sum of `_Gradient` in frames near seams.
+
+    `values` has shape (n_frames, n_joints, 4 or 3). `donors` are the first and the last frame of
+    each segment and, as in `ClosedFrames`, donor rows, seams and seam accelerations. `reach` is the
+    greatest distance of a changed frame from a seam, in frames, `rate` in frames per second.
+    """
+    tau = _TIME * rate
+    no_joint = np.zeros(0, np.int64)
+    return _core.smooth_gradient(values, donors, no_joint, (1.0, tau**2, tau**4), reach)
 
 
 class _Gradient(Offset):
@@ -30,17 +47,13 @@ class _Gradient(Offset):
 
     # The influence of a seam falls to 1/e in _TIME / cos(30°), and to 1/10,000 in 9.2 times that.
     coupling = 10.6 * _TIME
+    uses_next_donor = True
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
         """Return the values, smoothed in the frames near seams."""
-        cut, tau = closed.cut, _TIME * closed.rate
-        return _core.smooth_gradient(
-            closed.values,
-            (cut.start, cut.stop, closed.donor_rows, closed.seams, closed.seam_accelerations),
-            np.zeros(0, np.int64),  # no joint is fixed
-            (1.0, tau**2, tau**4),
-            closed.blend,
-        )
+        cut = closed.cut
+        donors = cut.start, cut.stop, closed.donor_rows, closed.seams, closed.seam_accelerations
+        return fit_donors(closed.values, donors, closed.rate, closed.blend)
 
 
 TREATMENT = _Gradient()
