@@ -13,6 +13,7 @@ from mograft import EndSite, Motion, Skeleton, write_bvh, write_video
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.palette import PALETTE
+from mograft.viewing.film_pictures import draw_pictures
 from tests.hierarchies import under_world_root
 from tests.strategies import HOSTILE_NAMES
 
@@ -107,6 +108,11 @@ def test_write_video_world_root_draws_same_pictures(motion, tmp_path):
     np.testing.assert_array_equal(*films)
 
 
+def test_write_video_more_motions_than_pixels_succeeds(motion, tmp_path):
+    write_video([motion[:2]] * 70, tmp_path / "m.gif", size=(64, 64))
+    assert frames_of(tmp_path / "m.gif")[0].shape == (64, 64, 3)
+
+
 def test_write_video_short_motion_keeps_last_frame(motion, tmp_path):
     write_video([motion, motion[:10]], tmp_path / "m.gif", rate=30, size=(320, 120))
     film = frames_of(tmp_path / "m.gif").astype(int)
@@ -125,6 +131,20 @@ def test_write_video_same_motion_gives_same_bytes(motion, tmp_path, ending):
     for name in ("a", "b"):
         write_video(motion[:6], tmp_path / f"{name}.{ending}", size=SIZE)
         films.append((tmp_path / f"{name}.{ending}").read_bytes())
+    assert films[0] == films[1]
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 12))
+def test_draw_pictures_block_length_gives_same_pictures(motion, block, first, second):
+    motions = [motion[:first], motion[10 : 10 + second]]
+    films = []
+    for length in (256, block):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("mograft.viewing.film_pictures._FRAMES_PER_BLOCK", length)
+            pictures = draw_pictures(motions, 30.0, SIZE, None, dark=False)
+            films.append([picture.tobytes() for picture in pictures])
+    assert len(films[0]) == max(first, second)
     assert films[0] == films[1]
 
 

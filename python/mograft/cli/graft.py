@@ -104,10 +104,9 @@ def _write_results(
     grafts: Sequence[Graft], paths: Sequence[Path], page: Path, options: argparse.Namespace
 ) -> None:
     """Write grafts and the page that describes them, and print their paths."""
-    documents, columns = _write_grafts(grafts, paths, options)
+    documents, columns, reported = _write_grafts(grafts, paths, options)
     document: dict[str, Any] = {"grafts": documents}
     if options.report:
-        reported = [grafts[index] for index in range(min(len(grafts), _MAX_REPORTED))]
         write_report(reported, paths[: len(reported)], page, columns[: len(reported)])
         document["report"] = str(page)
     print_result(options, "grafts", document, [page] if options.report else [])
@@ -250,14 +249,16 @@ def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
 
 def _write_grafts(
     grafts: Sequence[Graft], paths: Sequence[Path], options: argparse.Namespace
-) -> tuple[list[dict[str, Any]], list[dict[str, str]]]:
+) -> tuple[list[dict[str, Any]], list[dict[str, str]], list[Graft]]:
     """Write each graft to its path, and print the paths.
 
     Return two lists with one dict per graft: the values that ``--json`` prints, and the measures
-    as text by name. The second list is empty without ``--measure``.
+    as text by name. The second list is empty without ``--measure``. The third list has the grafts
+    for the report page; it is empty without ``--report``.
     """
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     documents, columns = [], []
+    reported: list[Graft] = []
     reference, motions = None, []
     if options.measure:
         from mograft.evaluation.world_measures import WorldReference  # takes long to import
@@ -265,6 +266,8 @@ def _write_grafts(
         reference = WorldReference(grafts[0].library)
     for path, graft in zip(paths, grafts, strict=False):
         sections: dict[str, Any] = {}
+        if options.report and len(reported) < _MAX_REPORTED:
+            reported.append(graft)  # each access to `grafts` builds the graft anew
         lines = [graft.report(each=options.verbose)]
         if reference is not None:
             measures = reference.measure(graft)
@@ -288,4 +291,4 @@ def _write_grafts(
         )
     for remark in advise(graft, motions):
         print_remark(remark)
-    return documents, columns
+    return documents, columns, reported

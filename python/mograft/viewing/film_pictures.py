@@ -1,11 +1,12 @@
 """The pictures of a film: moving figures, drawn with Pillow."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.gaussian import gaussian_filter
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
@@ -16,8 +17,6 @@ from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-    from PIL.ImageDraw import ImageDraw
-    from PIL.ImageFont import FreeTypeFont, ImageFont
 
 _SUPERSAMPLING = 2
 """Pictures are drawn larger by this factor and reduced, which makes lines smooth."""
@@ -41,6 +40,8 @@ _FLOOR_SPACING = 0.5
 _FLOOR_EXTENT = 2.0
 
 _MAX_NAME_LENGTH = 60
+_FRAMES_PER_BLOCK = 256  # frames whose shapes are computed together
+_CORNERS_PER_END = 9  # of the polygon of a bone, whose ends are round
 
 
 def draw_pictures(
@@ -60,24 +61,36 @@ def draw_pictures(
     from PIL import Image, ImageDraw, ImageFont
 
     colours = {name: pair[int(dark)] for name, pair in _COLOURS.items()}
-    width, height = (_SUPERSAMPLING * side for side in size)
+    width, height = size
     edges = np.linspace(0, width, len(motions) + 1).round().astype(int).tolist()
     panels = [
-        _Panel(motion, (right - left, height), groups, colours)
+        _Panel(motion, (max(right - left, 1), height), groups, colours)
         for motion, left, right in zip(motions, edges, edges[1:], strict=False)
     ]
-    font = ImageFont.load_default(max(height // 30, 20))
-    margin = height // 40
-    for frame in range(max(motion.n_frames for motion in motions)):
-        picture = Image.new("RGB", (width, height), colours["paper"])
-        for panel, left in zip(panels, edges, strict=False):
-            picture.paste(panel.draw(frame, font), (left, 0))
-        pencil = ImageDraw.Draw(picture)
-        for left in edges[1:-1]:
-            pencil.line([(left, 0), (left, height)], fill=colours["line"], width=_SUPERSAMPLING)
-        corner = (width - margin, height - margin)
-        pencil.text(corner, f"{frame / rate:.1f} s", colours["clock"], font, anchor="rs")
-        yield picture.reduce(_SUPERSAMPLING)
+    font = ImageFont.load_default(max(height // 30, 10))
+    corner = (width - height // 40, height - height // 40)
+    n_frames = max(motion.n_frames for motion in motions)
+    for start in range(0, n_frames, _FRAMES_PER_BLOCK):
+        frames = np.arange(start, min(start + _FRAMES_PER_BLOCK, n_frames))
+        for frame, *pictures in zip(frames, *(own.draw(frames) for own in panels), strict=True):
+            joined = Image.new("RGB", size, None)  # the panels cover it
+            pencil = ImageDraw.Draw(joined)
+            for picture, left in zip(pictures, edges, strict=False):
+                joined.paste(picture, (left, 0))
+            for left in edges[1:-1]:
+                pencil.line([(left, 0), (left, height)], colours["line"])
+            pencil.text(corner, f"{frame / rate:.1f} s", colours["clock"], font, anchor="rs")
+            yield joined
+
+
+@dataclass(frozen=True, eq=False)
+class _Shapes:
+    """What one panel shows in several frames. Points are x and y in supersampled pixels."""
+
+    lines: FloatArray  # of the floor, (n_frames, n_lines, 2, 2)
+    shadows: FloatArray  # polygons, (n_frames, n_bones, n_corners, 2)
+    bones: FloatArray  # polygons, (n_frames, n_bones, n_corners, 2)
+    order: IntArray  # of the bones, from far to near, (n_frames, n_bones)
 
 
 class _Panel:
@@ -92,13 +105,17 @@ class _Panel:
     ) -> None:
         drawn = DrawnSkeleton.of(motion)
         figure = Scene.of([motion], groups).figures[0]
-        self.size, self.colours = size, colours
+        self.size = (_SUPERSAMPLING * size[0], _SUPERSAMPLING * size[1])
+        self.colours = colours
         self.name = "".join(c for c in figure.name if c.isprintable())[:_MAX_NAME_LENGTH]
-        self.parents, self.widths = drawn.parents, drawn.widths
+        self.bones = np.array([(p, n) for n, p in enumerate(drawn.parents) if p >= 0]).reshape(
+            -1, 2
+        )
+        self.radii = _BONE_RADIUS * np.array(drawn.widths)[self.bones[:, 1]]
         self.positions = (drawn.positions - [0, drawn.floor, 0]) / drawn.height
         group = figure.group_of_nodes(drawn.parents)
         # A bone has the colour of the joint that moves it.
-        self.bone_colours = [PALETTE[group[max(p, 0)] % len(PALETTE)] for p in drawn.parents]
+        self.bone_colours = [PALETTE[group[p] % len(PALETTE)] for p in self.bones[:, 0]]
         path = self.positions[:, drawn.root][:, [0, 2]]
         frames = _CAMERA_SMOOTHING_SECONDS * motion.rate
         self.focus = np.stack(
@@ -106,70 +123,93 @@ class _Panel:
         )
         self.yaw = _camera_yaw(motion, self.positions[0])
         # The figure is smaller in a narrow panel, so that its sides are visible.
-        self.zoom = min(size[1] * 0.7, size[0] * 0.85)
+        self.zoom = min(self.size[1] * 0.7, self.size[0] * 0.85)
 
-    def draw(self, frame: int, font: "FreeTypeFont | ImageFont") -> "Image":
-        """Return the picture of a frame; after the end of the motion, that of the last frame."""
-        from PIL import Image, ImageDraw
+    def draw(self, frames: IntArray) -> "Iterator[Image]":
+        """Yield the picture of each frame; after the end of the motion, that of the last frame."""
+        from PIL import Image, ImageDraw, ImageFont
 
-        frame = min(frame, len(self.positions) - 1)
-        picture = Image.new("RGB", self.size, self.colours["paper"])
-        pencil = ImageDraw.Draw(picture)
-        focus = self.focus[frame]
-        self._draw_floor(pencil, focus)
-        nodes = self.positions[frame]
-        shadow = self._project(nodes * [1, 0, 1], focus)
-        projected = self._project(nodes, focus)
-        bones = [(parent, node) for node, parent in enumerate(self.parents) if parent >= 0]
-        for parent, node in bones:
-            self._draw_bone(pencil, shadow, parent, node, self.colours["shadow"])
-        for parent, node in sorted(bones, key=lambda bone: -projected[list(bone), 2].sum()):
-            self._draw_bone(pencil, projected, parent, node, self.bone_colours[node])
+        background = Image.new("RGB", self.size, self.colours["paper"])
+        font = ImageFont.load_default(max(self.size[1] // 30, 20))
         margin = self.size[1] // 40
-        pencil.text((margin, margin), self.name, self.colours["text"], font, anchor="la")
-        return picture
+        text = ImageDraw.Draw(background)
+        text.text((margin, margin), self.name, self.colours["text"], font, anchor="la")
+        shown = np.minimum(frames, len(self.positions) - 1)
+        shapes = self._shapes(np.unique(shown))
+        picture = background.copy()
+        pencil = ImageDraw.Draw(picture)
+        for index in (shown - shown[0]).tolist():
+            picture.paste(background)
+            for line in shapes.lines[index].reshape(-1, 4).tolist():
+                pencil.line(line, self.colours["line"], _SUPERSAMPLING)
+            for polygon in shapes.shadows[index].reshape(len(self.bones), -1).tolist():
+                pencil.polygon(polygon, self.colours["shadow"])
+            polygons = shapes.bones[index].reshape(len(self.bones), -1).tolist()
+            for bone in shapes.order[index].tolist():
+                pencil.polygon(polygons[bone], self.bone_colours[bone])
+            yield picture.reduce(_SUPERSAMPLING)
 
-    def _draw_bone(
-        self, pencil: "ImageDraw", projected: FloatArray, parent: int, node: int, colour: str
-    ) -> None:
-        scale = self.zoom / projected[[parent, node], 2].mean()
-        radius = max(
-            _BONE_RADIUS * self.widths[node] * scale * _CAMERA_DISTANCE, 0.7 * _SUPERSAMPLING
+    def _shapes(self, frames: IntArray) -> _Shapes:
+        """Return what the panel shows in each frame."""
+        nodes, focus = self.positions[frames], self.focus[frames]
+        projected = self._project(nodes, focus)
+        shadow = self._project(nodes * [1, 0, 1], focus)
+        return _Shapes(
+            self._floor_lines(focus),
+            self._bone_polygons(shadow),
+            self._bone_polygons(projected),
+            np.argsort(-projected[:, self.bones, 2].sum(axis=2), axis=1, kind="stable"),
         )
-        ends = [tuple(projected[end, :2].tolist()) for end in (parent, node)]
-        pencil.line(ends, fill=colour, width=max(round(2 * radius), 1))
-        for x, y in ends:
-            pencil.ellipse([x - radius, y - radius, x + radius, y + radius], fill=colour)
 
-    def _draw_floor(self, pencil: "ImageDraw", focus: FloatArray) -> None:
-        """Draw the part of a grid on the floor that is near the point `focus`, given as (x, z)."""
+    def _bone_polygons(self, projected: FloatArray) -> FloatArray:
+        """Return the outlines of the bones, shape (n_frames, n_bones, n_corners, 2).
+
+        An outline is a half circle about each end. `projected` is a result of `_project`.
+        """
+        ends = projected[:, self.bones]
+        scales = self.zoom / ends[..., 2].mean(axis=2)
+        radii = np.maximum(self.radii * scales * _CAMERA_DISTANCE, 0.7 * _SUPERSAMPLING)
+        across, down = np.moveaxis(ends[:, :, 1, :2] - ends[:, :, 0, :2], -1, 0)
+        around = np.linspace(0.5, 1.5, _CORNERS_PER_END) * np.pi
+        angles = np.arctan2(down, across)[..., None] + np.append(around, around + np.pi)
+        corners = radii[..., None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        outlines: FloatArray = np.repeat(ends[..., :2], _CORNERS_PER_END, axis=2) + corners
+        return outlines
+
+    def _floor_lines(self, focus: FloatArray) -> FloatArray:
+        """Return the ends of the lines of a floor grid, shape (n_frames, n_lines, 2, 2).
+
+        The grid covers the floor near the points `focus`, shape (n_frames, 2), given as (x, z).
+        """
         spacing, extent = _FLOOR_SPACING, _FLOOR_EXTENT
+        offsets = np.arange(-extent, extent + 1e-6, spacing)
+        ends = np.zeros((len(focus), 2, len(offsets), 2, 3))
         for axis in (0, 1):
-            middle = np.round(focus[axis] / spacing) * spacing
-            for offset in np.arange(middle - extent, middle + extent + 1e-6, spacing):
-                ends = np.zeros((2, 3))
-                ends[:, 2 * axis] = offset
-                ends[:, 2 - 2 * axis] = focus[1 - axis] + np.array([-extent, extent])
-                line = self._project(ends, focus)[:, :2]
-                pencil.line([tuple(p) for p in line.tolist()], self.colours["line"], _SUPERSAMPLING)
+            middle = np.round(focus[:, axis] / spacing) * spacing
+            ends[:, axis, ..., 2 * axis] = (middle[:, None] + offsets)[..., None]
+            reach = focus[:, 1 - axis, None] + np.array([-extent, extent])
+            ends[:, axis, ..., 2 - 2 * axis] = reach[:, None]
+        lines = self._project(ends.reshape(len(focus), -1, 3), focus)[..., :2]
+        return lines.reshape(len(focus), -1, 2, 2)
 
     def _project(self, positions: FloatArray, focus: FloatArray) -> FloatArray:
-        """Return the perspective projections of n positions, shape (n, 3).
+        """Return the perspective projections of positions, shape (n_frames, n, 3).
 
-        The columns hold x and y in pixels and the distance from the camera in body heights. The
-        camera is directed at the point `focus` of the floor, given as (x, z).
+        The columns hold x and y in pixels and the distance from the camera in body heights. In each
+        frame the camera is directed at a point of the floor: `focus`, shape (n_frames, 2), given as
+        (x, z).
         """
         cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        x, z = (positions[:, axis] - at for axis, at in zip((0, 2), focus, strict=True))
+        x, z = (positions[..., axis] - focus[:, [i]] for i, axis in enumerate((0, 2)))
         across, deep = cos * x - sin * z, sin * x + cos * z
         tilt = np.radians(_CAMERA_TILT_DEGREES)
-        up = positions[:, 1] - 0.5
+        up = positions[..., 1] - 0.5
         distance = _CAMERA_DISTANCE - (np.cos(tilt) * deep + np.sin(tilt) * up)
         high = np.cos(tilt) * up - np.sin(tilt) * deep
         scale = self.zoom * _CAMERA_DISTANCE / distance
         picture_x = 0.5 * self.size[0] + scale * across
         picture_y = 0.52 * self.size[1] - scale * high
-        return np.stack([picture_x, picture_y, distance], axis=1)
+        return np.stack([picture_x, picture_y, distance], axis=-1)
 
 
 def _camera_yaw(motion: Motion, positions: FloatArray) -> float:

@@ -176,8 +176,20 @@ def _write_mp4(
     words = [program, "-loglevel", "error", "-nostdin", "-y"]
     words += ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}"]
     words += ["-r", f"{rate:.6f}", "-i", "-", "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p"]
-    # With a fixed number of threads and without a date, equal input gives equal bytes.
-    words += ["-crf", "20", "-threads", "2", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
+    # Of flat drawings, "veryfast" makes smaller files than the default in half the time. With a
+    # fixed number of threads and without a date, equal input gives equal bytes.
+    words += [
+        "-preset",
+        "veryfast",
+        "-crf",
+        "20",
+        "-threads",
+        "2",
+        "-fflags",
+        "+bitexact",
+        "-flags:v",
+        "+bitexact",
+    ]
     words += ["-movflags", "+faststart", "-f", "mp4", os.fspath(path)]
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=errors)
