@@ -532,7 +532,8 @@ def page(results, missing):
         "95 % intervals. They cover the choice of segments and donors, but not the choice of the "
         "recordings. The seed is 0. All recordings are resampled to 30 frames per second, since "
         "the segments of the paper have 7.3 frames on average, as those at this rate do. "
-        "[Evaluation](evaluation.md) defines the measures and states their limitations.",
+        "[Evaluation](evaluation.md) defines the measures and states their limitations. "
+        "[Repeat the paper's experiments](howto/experiments.md) has the commands for your own clips.",
         "",
     ]
     rows = []
