@@ -533,7 +533,8 @@ def page(results, missing):
         "recordings. The seed is 0. All recordings are resampled to 30 frames per second, since "
         "the segments of the paper have 7.3 frames on average, as those at this rate do. "
         "[Evaluation](evaluation.md) defines the measures and states their limitations. "
-        "[Repeat the paper's experiments](howto/experiments.md) has the commands for your own clips.",
+        "[Repeat the paper's experiments](howto/experiments.md) has the commands for your own "
+        "clips.",
         "",
     ]
     rows = []
