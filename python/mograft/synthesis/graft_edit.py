@@ -178,7 +178,7 @@ def splice_versions(
     """Return `before` with frames of `after` near the positions at which `old` and `new` differ.
 
     `before` and `after` are the motions of the donors `old` and `new`. All other frames are those
-    of `before`, bit for bit; see `splice`.
+    of `before`, bit for bit, except for a root whose donors changed; see `splice`.
     """
     cut, is_new = problem.base_segments, np.zeros(before.n_frames, bool)
     blend = int(np.ceil(problem.config.seam_blend * problem.base.rate))

@@ -154,7 +154,7 @@ class GraftPlan:
         adjust: Callable[[Motion], Motion] = lambda motion: motion,
         reaches: Sequence[Reach] | None = None,
     ) -> Graft:
-        """Return the graft of an assembly, with planted feet and completed `reaches`.
+        """Return the graft of an assembly, with planted feet and limbs at the targets of `reaches`.
 
         By default `reaches` are those among the constraints. `adjust` changes the motion last.
         """

@@ -29,7 +29,7 @@ def active_reaches(constraints: Sequence[Constraint]) -> list[Reach]:
 def finish_reaches(
     problem: SearchProblem, motion: Motion, reaches: Sequence[Reach]
 ) -> tuple[Motion, tuple[ReachCompletion, ...]]:
-    """Complete `reaches` as far as `Config.reach_ik` allows; return the motion and the results.
+    """Move limbs to the targets of `reaches` within `Config.reach_ik`; return motion and results.
 
     The limbs are moved in the order of `reaches`. A limb is left alone if its correction would
     increase the violation of a hard constraint that is not a `Reach`.

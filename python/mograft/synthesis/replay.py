@@ -168,7 +168,7 @@ def _finish_versions(
 ) -> Graft:
     """Return the graft of the last donors; the edits are made one after the other.
 
-    After each edit, inverse kinematics moves the limbs for which the record says that it did.
+    In each version, inverse kinematics moves only the limbs that it moved according to `record`.
     """
     document = record.document
     completions = [_read_completions(own, constraints) for own in document.get("edits", ())]

@@ -185,7 +185,9 @@ def _invalid_arguments() -> Iterator[None]:
 
 
 def _refuse_motion(record: Record) -> Motion:
-    raise RequestError(f"an obstacle must have a `kind` other than Character, got {record!r}")
+    raise RequestError(
+        f"constraints and obstacles must have a `kind` other than Character, got {record!r}"
+    )
 
 
 def _piece_record(piece: Piece, constraints: tuple[Constraint, ...]) -> dict[str, Any]:

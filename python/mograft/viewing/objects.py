@@ -22,7 +22,7 @@ _FACE_TARGET_RADIUS = 0.02
 
 
 class ShownConstraint(NamedTuple):
-    """A constraint, and a motion that has the axes and the unit of its positions."""
+    """A constraint, and a motion with the axes and the unit of the constraint's positions."""
 
     constraint: Constraint
     motion: Motion
