@@ -19,7 +19,7 @@ from mograft.search.pose_constraints import Reach
 
 _MIN_DISTANCE = 1e-4  # skeleton heights; a nearer joint is at its target
 _STRAIGHT_MARGIN = 0.1  # radians of flexion below which a limb is straightened more slowly
-_MAX_EXTENSION = 1.0 - 1e-4  # of the limb's length, to which it is straightened
+_MAX_EXTENSION = 1.0 - 1e-4  # distance of the ends, as a share of the limb's length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,8 +277,9 @@ def _within_reach(
 ) -> FloatArray:
     """Return `targets`; those out of reach are moved towards `start`, to the maximum extension.
 
-    The maximum extension is 0.9999 of the limb's length, or that of the captured limb if it is
-    larger. Near straight, a small distance needs a large angle of the middle joint.
+    The maximum extension is 0.9999 of the limb's length, or the distance from `start` to `end` if
+    this is larger. If a limb is nearly straight, a small change of its extension requires a large
+    change of the angle at the middle joint.
     """
     length = np.linalg.norm(start - middle, axis=1) + np.linalg.norm(end - middle, axis=1)
     reach = np.maximum(_MAX_EXTENSION * length, np.linalg.norm(end - start, axis=1))
