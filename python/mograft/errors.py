@@ -52,12 +52,21 @@ class InsufficientDataError(MograftError, ValueError):
     """There is too little data to compute a measure; the message names what is missing."""
 
 
-def suggest_name(name: object, names: Collection[str]) -> str:
-    """Return "; did you mean 'X'?" for the most similar X of `names`, or "" if none is similar."""
+def suggest_name(
+    name: object, names: Collection[str], prefix: str = "", cutoff: float = 0.6
+) -> str:
+    """Return "; did you mean 'X'?" for the most similar X of `names`, or "" if none is similar.
+
+    All `names` begin with `prefix`, which is not compared. Names are similar if the ratio of
+    `difflib` is at least `cutoff`.
+    """
     from difflib import get_close_matches  # only for the message: 20 ms
 
-    close = get_close_matches(name, names, n=1) if isinstance(name, str) else []
-    return f"; did you mean {close[0]!r}?" if close else ""
+    if not isinstance(name, str):
+        return ""
+    words = [known.removeprefix(prefix) for known in names]
+    close = get_close_matches(name.removeprefix(prefix), words, n=1, cutoff=cutoff)
+    return f"; did you mean {prefix + close[0]!r}?" if close else ""
 
 
 def join_names(names: Sequence[str], maximum: int = 12) -> str:

@@ -61,6 +61,18 @@ def test_misspelt_word_is_suggested(usage_error, words, message):
     assert message in usage_error(*words.split()).splitlines()[-1]
 
 
+@pytest.mark.parametrize(
+    ("words", "flag"),
+    [
+        ("plot strip a.bvh -o x.png --count 11", "--count"),
+        ("demo --seam offset", "--seam"),
+        ("check a.bvh --keep 0-9", "--keep"),
+    ],
+)
+def test_option_of_another_command_has_no_suggestion(usage_error, words, flag):
+    assert usage_error(*words.split()).splitlines()[-1].endswith(f"has no option {flag}")
+
+
 def test_usage_error_is_one_usage_line_and_one_error(usage_error):
     assert usage_error("plot", "pca", "a.bvh").splitlines() == [
         "usage: mograft plot KIND FILE ... -o OUTPUT [options] (see mograft plot --help)",

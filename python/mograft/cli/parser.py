@@ -148,7 +148,7 @@ def _check_names(
         if word == "--":
             return
         if name.startswith("--") and not any(flag.startswith(name) for flag in flags):
-            hint = suggest_name(name, flags)
+            hint = suggest_name(name, flags, prefix="--", cutoff=0.7)
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
 
 
