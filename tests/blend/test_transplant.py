@@ -243,7 +243,7 @@ def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, see
     )
     donors = replace(cut, clip=np.ones(len(cut), int))
     part = transplant(base, cut, donors, [base, grown], GROUP, Config())
-    np.testing.assert_array_equal(part.positions, base.positions[:, JOINTS])
+    assert part.positions is None  # those of the base
 
 
 def test_recombine_without_channel_values_has_none():

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 
 from mograft import EndSite, Motion, Skeleton
 from mograft.body.anatomy import anatomy
-from mograft.body.mass import mass_model, moments_of_inertia, up_axis
+from mograft.body.mass import (
+    center_of_mass,
+    mass_model,
+    mean_world_positions,
+    moments_of_inertia,
+    up_axis,
+)
+from tests import strategies
 from tests.hierarchies import (
     DATA,
     distinct_recordings,
@@ -335,3 +342,20 @@ def test_mass_model_recordings_have_plausible_values(path):
         assert 0.002 < found.inertia.sum() < 0.02
     without_names = mass_model(remove_names(skeleton))
     assert without_names.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14
+
+
+@given(st.integers(1, 40), st.integers(1, 41), st.integers(0, 2**32 - 1))
+def test_world_blocks_any_length_gives_same_bits(n_frames, length, seed):
+    rng = np.random.default_rng(seed)
+    skeleton = strategies.skeletons(rng, 6)
+    quats = strategies.smooth_rotations(rng, n_frames, 6)
+    motion = Motion(skeleton, 0.1, quats, rng.normal(size=(n_frames, 6, 3)))
+    world = motion.world_transforms()[1]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.motion.motion._FRAMES_PER_BLOCK", length)
+        blocks = list(motion.world_blocks())
+        np.testing.assert_array_equal(np.concatenate([own for _, _, own in blocks]), world)
+        np.testing.assert_array_equal(motion.world_positions(), world)
+        np.testing.assert_array_equal(mean_world_positions(motion), world.mean(axis=0))
+        centers = center_of_mass(motion)
+    np.testing.assert_array_equal(centers, center_of_mass(motion))

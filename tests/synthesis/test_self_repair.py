@@ -201,7 +201,7 @@ def test_self_repair_no_seam_exceeds_max_angle_by_more_than_before(four_groups, 
 def build_plan(library, seed, constraints=()):
     """Return a plan and the assembly of its first donor sequences."""
     plan = GraftPlan.build(library, None, None, constraints)
-    return plan, Assembly.build(plan.problem, plan.choose_donors(1, seed)[0], "")
+    return plan, Assembly(plan.problem, plan.choose_donors(1, seed)[0], "")
 
 
 def test_self_repair_that_increases_the_greatest_amount_of_another_group_is_rejected(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -18,7 +18,8 @@ class Part:
 
     joints: IntArray  # the group's joints
     rotations: FloatArray  # local, (n_frames, n_joints, 4)
-    positions: FloatArray  # local, (n_frames, n_joints, 3)
+    # Local translations, (n_frames, n_joints, 3); None: those of the base.
+    positions: FloatArray | None
     seams: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # (n_seams,): frames
     # Angle of each single channel in radians, (n_frames,); NaN in frames that keep the base's.
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
@@ -34,13 +35,12 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
     quats, positions = base.rotations, base.positions
     values = None if base.channel_values is None else base.channel_values.copy()
     for part in parts:
-        quats, rotated = _core.replace_joints(
-            quats, np.ascontiguousarray(part.rotations), part.joints
-        )
-        positions, moved = _core.replace_joints(
-            positions, np.ascontiguousarray(part.positions), part.joints
-        )
-        for kind, is_changed in (("rotation", rotated), ("position", moved)):
+        quats, rotated = _replace_joints(quats, part.rotations, part.joints)
+        changes = [("rotation", rotated)]
+        if part.positions is not None:
+            positions, moved = _replace_joints(positions, part.positions, part.joints)
+            changes.append(("position", moved))
+        for kind, is_changed in changes:
             if values is None or not is_changed.any():
                 continue
             pairs = [
@@ -69,6 +69,17 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
         path=None,
         repairs=(),
     )
+
+
+def _replace_joints(
+    values: FloatArray, own: FloatArray, joints: IntArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return `values` with those of some joints replaced, and which of the latter differ.
+
+    `values` itself is returned if none differs, so that motions share the array.
+    """
+    replaced, is_changed = _core.replace_joints(values, np.ascontiguousarray(own), joints)
+    return (replaced if is_changed.any() else values), is_changed
 
 
 def _replace_channels(

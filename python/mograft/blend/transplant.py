@@ -82,8 +82,10 @@ def transplant(
     else:
         layout = _lay_out(timeline, clips, group, lean, moving, config)
         quats, moved = layout.smooth(*layout.close())
-    positions = base.positions.take(joints, axis=1)
-    positions[:, moving] = moved
+    positions = None
+    if moving.any():
+        positions = base.positions.take(joints, axis=1)
+        positions[:, moving] = moved
     channel_quats = quats[:, len(joints) :]
     quats = np.ascontiguousarray(quats[:, : len(joints)])
     lean.restore(base, quats)

@@ -9,7 +9,7 @@ from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
 from mograft.body.hierarchy import highest_of_part
-from mograft.body.mass import mass_model, up_axis
+from mograft.body.mass import mass_model, mean_world_positions, up_axis
 from mograft.config import FRAME
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -142,7 +142,7 @@ class Ground:
         found = mass_model(motion.skeleton)
         up = np.zeros(3)
         axis = up_axis(motion)
-        means = motion.world_positions().mean(axis=0)
+        means = mean_world_positions(motion)
         ankles = [foot.ankle for foot in found.feet]
         leg = means[found.hips] - means[ankles].mean(axis=0) if ankles else np.ones(3)
         up[axis] = -1.0 if leg[axis] < 0 else 1.0
@@ -153,15 +153,15 @@ class Ground:
 
     def points(self, motion: Motion) -> FloatArray:
         """Return the positions of each leg's heel and toe, shape (n_frames, n_legs, 2, 3)."""
-        world_rotations, positions = motion.world_transforms()
         points = np.empty((motion.n_frames, len(self.limbs), 2, 3))
-        for index, limb in enumerate(self.limbs):
-            points[:, index, 0] = ankle = positions[:, limb.ankle]
-            if limb.toe is None:
-                bone = rotations.rotate(world_rotations[:, limb.ankle], np.array(limb.tip))
-                points[:, index, 1] = ankle + bone
-            else:
-                points[:, index, 1] = positions[:, limb.toe]
+        for frames, world_rotations, positions in motion.world_blocks():
+            for index, limb in enumerate(self.limbs):
+                points[frames, index, 0] = ankle = positions[:, limb.ankle]
+                if limb.toe is None:
+                    bone = rotations.rotate(world_rotations[:, limb.ankle], np.array(limb.tip))
+                    points[frames, index, 1] = ankle + bone
+                else:
+                    points[frames, index, 1] = positions[:, limb.toe]
         return points
 
     def above(self, points: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray, make_read_only, set_fields
+from mograft._util.memo import remember
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.body_parts import ARM, LEG
 from mograft.body.hierarchy import subtree_mask
@@ -166,14 +167,26 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -
 def center_of_mass(motion: Motion) -> FloatArray:
     """Return the centre of mass in every frame, shape (n_frames, 3), in the unit of the file."""
     known = mass_model(motion.skeleton)
-    world_rotations, positions = motion.world_transforms()
-    # One joint at a time, to bound the memory of long clips.
     center = np.zeros((motion.n_frames, 3))
-    for joint, mass in enumerate(known.mass.tolist()):
-        local_center = known.bone[joint] * known.center[joint]
-        rotated = rotations.rotate(world_rotations[:, joint], local_center)
-        center += mass * (positions[:, joint] + rotated)
+    for frames, world_rotations, positions in motion.world_blocks():
+        for joint, mass in enumerate(known.mass.tolist()):
+            if mass > 0.0:
+                local_center = known.bone[joint] * known.center[joint]
+                rotated = rotations.rotate(world_rotations[:, joint], local_center)
+                center[frames] += mass * (positions[:, joint] + rotated)
     return center
+
+
+def mean_world_positions(motion: Motion) -> FloatArray:
+    """Return the mean world position of each joint, shape (n_joints, 3). It is cached."""
+
+    def compute() -> FloatArray:
+        total = np.zeros(motion.positions.shape[1:])
+        for _, _, positions in motion.world_blocks():
+            total = np.concatenate([total[None], positions]).sum(axis=0)
+        return total / motion.n_frames
+
+    return remember(motion, "mean world positions", compute)
 
 
 def up_axis(motion: Motion) -> int:
@@ -184,7 +197,7 @@ def up_axis(motion: Motion) -> int:
     are unknown, the head is compared with the hips. If feet and head are unknown, the result is 1.
     """
     found = mass_model(motion.skeleton)
-    means = motion.world_positions().mean(axis=0)
+    means = mean_world_positions(motion)
     hips = means[found.hips]
     feet = means[[foot.ankle for foot in found.feet]].mean(axis=0) if found.feet else hips
     # Hips first: the head of an animal is in front of its feet.

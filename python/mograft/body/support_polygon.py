@@ -17,6 +17,7 @@ _HEEL_LENGTH = 0.035  # distance from the ankle back to the end of the heel
 _FOOT_LENGTH = 0.117  # distance from the ankle to the tip of the foot
 _BALL_HALF_WIDTH, _TIP_HALF_WIDTH = 0.0275, 0.0165
 _MIN_FOOT_EXTENT = 0.02  # horizontal distance from ankle to toe of a foot with a direction
+_FRAMES_PER_BATCH = 256  # in memory together with their extents along all directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,10 +212,14 @@ def support_extents(
     foot carries weight.
     """
     _, corners, carries = _soles(motion, ground)
-    along = corners[frames] @ directions[..., horizontal_axes(ground.up)].swapaxes(1, 2)
-    extents: FloatArray = np.where(carries[frames, :, None], along, -np.inf).max(
-        axis=1, initial=-np.inf
-    )
+    extents = np.empty(directions.shape[:2])
+    axes = horizontal_axes(ground.up)
+    for start in range(0, len(frames), _FRAMES_PER_BATCH):
+        batch = slice(start, start + _FRAMES_PER_BATCH)
+        own = frames[batch]
+        along = corners[own] @ directions[batch][..., axes].swapaxes(1, 2)
+        along[~carries[own]] = -np.inf
+        extents[batch] = along.max(axis=1, initial=-np.inf)
     return extents
 
 

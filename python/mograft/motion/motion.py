@@ -1,5 +1,6 @@
 """`Motion`: the joint rotations and positions of a skeleton in every frame."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +22,8 @@ from mograft._util.runs import find_runs
 from mograft.motion import rotations
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
+
+_FRAMES_PER_BLOCK = 2048  # whose world transforms are computed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +169,20 @@ class Motion:
 
     def world_positions(self) -> FloatArray:
         """Return the world positions of all joints, shape (n_frames, n_joints, 3)."""
-        return self.world_transforms()[1]
+        positions = np.empty(self.positions.shape)
+        for frames, _, own in self.world_blocks():
+            positions[frames] = own
+        return positions
+
+    def world_blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield consecutive ranges of frames, each with its `world_transforms`.
+
+        This needs less memory than the transforms of all frames.
+        """
+        for start in range(0, self.n_frames, _FRAMES_PER_BLOCK):
+            frames = slice(start, start + _FRAMES_PER_BLOCK)
+            own = world_transforms(self.skeleton, self.rotations[frames], self.positions[frames])
+            yield frames, *own
 
     def resample(self, rate: float) -> "Motion":
         """Return the motion resampled to another frame rate, by cubic interpolation.

@@ -1,7 +1,8 @@
 """Motions assembled from donor sequences, and how far they violate hard constraints."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -51,36 +52,46 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """The motion that results from donor sequences, before feet are planted."""
+    """The motion that results from donor sequences, before feet are planted.
+
+    It is computed when it is first used.
+    """
 
     problem: SearchProblem
     donors: DonorSequences
-    parts: Mapping[str, Part]  # by grafted group
-    motion: Motion
+    name: str
+    _kept_parts: Mapping[str, Part] = field(default_factory=dict)  # of groups known already
 
-    @classmethod
-    def build(
-        cls,
-        problem: SearchProblem,
-        donors: DonorSequences,
-        name: str,
-        parts: Mapping[str, Part] | None = None,
-    ) -> "Assembly":
-        """Build the motion of donor sequences; groups in `parts` get the motion given there."""
+    @property
+    def motion(self) -> Motion:
+        """The motion of all joints."""
+        return self._built[0]
+
+    @property
+    def seams(self) -> Mapping[str, IntArray]:
+        """The frames of the seams of each grafted group."""
+        return self._built[1]
+
+    @cached_property
+    def _built(self) -> tuple[Motion, dict[str, IntArray], dict[str, Part]]:
+        """The motion, the seams, and the parts that another assembly can use."""
+        problem, parts = self.problem, dict(self._kept_parts)
         base, segments = problem.base, problem.base_segments
-        kept = parts or {}
-        made = {
-            group: kept[group]
-            if group in kept
-            else transplant_group(problem, group, base, segments, sequence)
-            for group, sequence in donors.items()
-        }
-        return cls(problem, donors, made, recombine(base, list(made.values()), name))
+        for group, sequence in self.donors.items():
+            if group not in parts:
+                parts[group] = transplant_group(problem, group, base, segments, sequence)
+        ordered = [parts[group] for group in self.donors]
+        seams = {group: parts[group].seams for group in self.donors}
+        return recombine(base, ordered, self.name), seams, parts if len(parts) > 1 else {}
 
     def replace_donors(self, group: str, donors: IntArray) -> "Assembly":
-        """Return a new assembly in which one group has the donor sequence `donors`."""
-        kept = {name: part for name, part in self.parts.items() if name != group}
-        return self.build(self.problem, {**self.donors, group: donors}, self.motion.name, kept)
+        """Return a new assembly in which one group has the donor sequence `donors`.
+
+        This assembly forgets its motion, which is large; the next use computes it again.
+        """
+        kept = {name: part for name, part in self._built[2].items() if name != group}
+        del self.__dict__["_built"]
+        return Assembly(self.problem, {**self.donors, group: donors}, self.name, kept)
 
 
 def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:

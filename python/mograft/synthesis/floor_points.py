@@ -64,9 +64,10 @@ class FloorPoints:
         """
         if not len(self.joints):
             return np.zeros((motion.n_frames, 0))
-        quats, positions = motion.world_transforms()
-        arms = rotations.rotate(quats[:, self.joints], self.offsets)
-        depths: FloatArray = self.floors - (positions[:, self.joints] + arms) @ self.up
+        depths = np.empty((motion.n_frames, len(self.joints)))
+        for frames, quats, positions in motion.world_blocks():
+            arms = rotations.rotate(quats[:, self.joints], self.offsets)
+            depths[frames] = self.floors - (positions[:, self.joints] + arms) @ self.up
         return depths
 
 

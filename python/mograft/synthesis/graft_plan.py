@@ -141,7 +141,7 @@ class GraftPlan:
 
     def assemble(self, donors: DonorSequences, name: str) -> tuple[Assembly, list[RepairedWindow]]:
         """Return the assembly of donor sequences after self-repair, and the frames searched."""
-        assembly = Assembly.build(self.problem, donors, name)
+        assembly = Assembly(self.problem, donors, name)
         if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
             return self_repair(assembly, lambda: self.trellises, self._assembly_violations)
         return assembly, []
@@ -161,9 +161,9 @@ class GraftPlan:
         problem, donors = self.problem, assembly.donors
         substitutions: list[Substitution] = []
         seams: list[Seam] = []
-        for group, part in assembly.parts.items():
+        for group, frames in assembly.seams.items():
             substitutions += _substitutions(problem, group, donors[group])
-            seams += _seams(problem, group, donors[group], part.seams)
+            seams += _seams(problem, group, donors[group], frames)
         planted, feet = self._plant_feet(assembly.motion, donors)
         wanted = active_reaches(problem.constraints) if reaches is None else reaches
         completed, completions = finish_reaches(problem, planted, wanted)

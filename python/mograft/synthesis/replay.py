@@ -175,7 +175,7 @@ def _finish_versions(
     completions.append(_read_completions(document, constraints))
     graft: Graft | None = None
     for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
-        assembly = Assembly.build(plan.problem, donors, record.name)
+        assembly = Assembly(plan.problem, donors, record.name)
 
         def adjust(
             motion: Motion, before: Graft | None = graft, donors: DonorSequences = donors

@@ -186,15 +186,17 @@ class _Limits:
             return grown
         found = self.violations(assembly)
         for constraint in assembly.problem.constraints:
-            old = [own.error for own in self._first_violations if own.constraint is constraint]
+            old = [own.error for own in self.first_violations if own.constraint is constraint]
             new = [own.error for own in found if own.constraint is constraint]
             if len(new) > len(old) or sum(new) > sum(old) + _ROUNDING:
                 grown += [own.frames for own in found if own.constraint is constraint]
         return grown
 
     @cached_property
-    def _first_violations(self) -> Sequence[Violation]:
-        return self.violations(self.defects.assembly)
+    def first_violations(self) -> Sequence[Violation]:
+        """The violations of the first donors."""
+        assembly = self.defects.assembly
+        return self.violations(assembly) if assembly.problem.constraints else []
 
     def _seam_excess(self, donors: IntArray) -> FloatArray:
         problem = self.defects.assembly.problem
@@ -275,6 +277,7 @@ def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
         changed = [own for own in before.windows if is_changed[slice(*own)].any()]
         if not changed:
             break
+        limits.first_violations  # noqa: B018 - computed while the first motion is in memory
         assembly = before.assembly.replace_donors(before.measure.group, donors)
         after = _Defects.build(assembly, before.measure)
         reverted = [own for own in changed if not before.is_better(after.amounts, own)]
@@ -283,6 +286,7 @@ def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
             if not broken:
                 return after
             reverted = [own for own in changed if before.overlaps(own, broken)] or changed
+        del assembly, after  # their motion is large
         donors = donors.copy()
         for start, stop in reverted:
             donors[start:stop] = before.donors[start:stop]
