@@ -62,6 +62,15 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
                 assert costs[a, b] == pytest.approx(expected, abs=1e-9)
 
 
+@given(SEEDS, st.integers(0, 2**32 - 1))
+def test_added_imbalances_do_not_depend_on_earlier_calls(make_pool, seed, draw):
+    pool, rng = make_pool(seed, n_labels=1), np.random.default_rng(draw)
+    calls = [rng.integers(0, len(pool.segments), (2, n)) for n in rng.integers(1, 30, 4)]
+    for base, donors in [*calls, *calls]:
+        fresh = replace(pool).added_imbalances(base, donors)
+        np.testing.assert_array_equal(pool.added_imbalances(base, donors), fresh)
+
+
 @given(SEEDS, st.floats(0.0, 20.0), st.floats(0.0, 20.0))
 def test_cheapest_sequence_of_larger_balance_weight_adds_less_imbalance(
     make_pool, seed, weight, increase

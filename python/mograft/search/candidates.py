@@ -1,13 +1,13 @@
 """Candidate donors: their generation by neighbourhood and length, and their listing with costs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, make_read_only, split_by_counts
 from mograft._util.html_table import html_table
 from mograft.analysis.segmentation import Segments
 from mograft.analysis.zero_moment import added_imbalances, zero_moment_shifts
@@ -130,6 +130,9 @@ class SegmentPool:
     points: FloatArray | None = None  # embedding of the base parts; None: all distances are 0
     sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
     balance: SegmentBalance | None = None  # None: all donors keep the balance
+    # The result of `added_imbalances` for the most pairs so far, by the bytes of both arguments:
+    # all grafts on one base evaluate the same candidates.
+    _added: dict[tuple[bytes, bytes], FloatArray] = field(init=False, default_factory=dict)
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
         """Return the indices of the segments in the neighbourhood of each base segment.
@@ -189,6 +192,18 @@ class SegmentPool:
 
         See `mograft.analysis.zero_moment.added_imbalances`. The arguments have shape (n,).
         """
+        key = base.tobytes(), donors.tobytes()
+        known = self._added.get(key)
+        if known is not None:
+            return known
+        added = self._compute_added_imbalances(base, donors)
+        if len(added) >= max(map(len, list(self._added.values())), default=0):
+            make_read_only(added)
+            self._added.clear()
+            self._added[key] = added
+        return added
+
+    def _compute_added_imbalances(self, base: IntArray, donors: IntArray) -> FloatArray:
         found = np.zeros(len(base))
         others = np.flatnonzero(donors != base)
         if self.balance is None or not len(others):
