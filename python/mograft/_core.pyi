@@ -154,7 +154,6 @@ def add_offsets(
 def smooth_gradient(
     values: FloatArray,
     donors: tuple[IntArray, IntArray, FloatArray, IntArray, FloatArray],
-    fixed: IntArray,
     weights: Sequence[float],
     reach: float,
 ) -> FloatArray: ...

@@ -255,10 +255,11 @@ class _LimbWindow:
         return unit
 
     def _corrections(self, frames: IntArray, targets: FloatArray) -> FloatArray:
-        """Return the corrections that move the end to targets, (n, 4), in the given frames.
+        """Return the corrections that move the end to `targets` in the given frames.
 
-        Column 0 is the argument of `_add_flexion` at the middle joint. The other columns are the
-        rotation vector at the first joint, in the axes of its parent.
+        The result has shape (n, 4). Column 0 is `added` of `_add_flexion` at the middle joint. The
+        other columns are the rotation vector at the first joint, in the axes of its parent.
+        Targets out of reach are first moved within reach.
         """
         start, middle, end = (points[frames] for points in self.points)
         axes = self.axes[frames]

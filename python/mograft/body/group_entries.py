@@ -50,7 +50,7 @@ Entry = str | int | Subtree
 
 
 def is_joint(entry: object) -> TypeGuard[str | int]:
-    """Return whether an entry of a joint group is a name, a glob or an index."""
+    """Return whether an entry of a joint group is a string (name, glob or channel) or an index."""
     return isinstance(entry, str | int) and not isinstance(entry, bool)
 
 

@@ -59,8 +59,10 @@ def rod_masses(
 def de_leva_masses(
     known: Anatomy, lengths: FloatArray, has_mass: BoolArray, columns: list[int]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, centre of mass and radius of gyration of each bone by de Leva's table.
+    """Return mass, centre of mass and radius of gyration of each bone from de Leva's table.
 
+    If a body segment has several bones, its mass is divided by bone length, and the centres and
+    radii of its bones are those of `rod_masses`.
     The arrays have the same form as those that `rod_masses` returns. `columns`, a value of
     `COLUMNS_OF_SEX`, selects the columns of the table that are averaged.
     """

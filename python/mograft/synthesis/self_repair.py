@@ -99,7 +99,10 @@ def self_repair(
 
 @dataclass(frozen=True, eq=False)
 class _Defects:
-    """The amounts of one group at each position of an assembly; see `DefectMeasure`."""
+    """The defects of one group at each position of an assembly.
+
+    Amounts are measures divided by their limits, as in `DefectMeasure`; above 1 is a defect.
+    """
 
     assembly: Assembly
     measure: DefectMeasure
@@ -267,9 +270,10 @@ def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) ->
 
 
 def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
-    """Assemble the motion with `donors` and return its defects.
+    """Replace the donors in the windows where this reduces the defects; return the resulting ones.
 
-    Windows keep their old donors if the amounts do not improve or constraints are violated more.
+    A window keeps its old donors if its defects do not become smaller or a constraint is violated
+    more. After `_MAX_ASSEMBLIES` attempts without an acceptable motion, all windows do.
     """
     before = limits.defects
     for _ in range(_MAX_ASSEMBLIES):

@@ -138,7 +138,7 @@ class _Connection:
         self._deadline = 0.0
 
     def serve(self, session: StreamSession) -> None:
-        """Reply to requests until the client disconnects or sends bytes that are no message."""
+        """Reply until the client disconnects, is silent too long or sends an invalid message."""
         try:
             while self._wait_for_message():
                 try:

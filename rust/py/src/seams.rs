@@ -48,26 +48,24 @@ pub fn smooth_gradient<'py>(
     py: Python<'py>,
     values: Floats<'py>,
     donors: (Indices<'py>, Indices<'py>, Floats<'py>, Indices<'py>, Floats<'py>),
-    fixed: Indices<'py>,
     weights: [f64; 3],
     reach: f64,
 ) -> Array<'py> {
     let [n, n_joints] = [values.shape()[0], values.shape()[1]];
     let (starts, stops, rows, seams, accelerations) = &donors;
     let [starts, stops, seams] = [as_usizes(starts)?, as_usizes(stops)?, as_usizes(seams)?];
-    let (accelerations, fixed) = (as_vecs(accelerations)?, as_usizes(&fixed)?);
+    let accelerations = as_vecs(accelerations)?;
     let objective = Objective { weights, reach };
     let (starts, stops, seams) = (&starts[..], &stops[..], &seams[..]);
     if values.shape().last() == Some(&4) {
         let (quats, rows) = (as_quats(&values)?, as_quats(rows)?);
         let donors = Donors { starts, stops, rows, seams, accelerations };
-        let smooth =
-            py.detach(|| gradient::smooth_gradient(quats, n_joints, donors, &fixed, objective));
+        let smooth = py.detach(|| gradient::smooth_gradient(quats, n_joints, donors, objective));
         return from_quats(py, smooth.map_err(value_error)?, &[n, n_joints]);
     }
     let (vecs, rows) = (as_vecs(&values)?, as_vecs(rows)?);
     let donors = Donors { starts, stops, rows, seams, accelerations };
-    let smooth = py.detach(|| gradient::smooth_gradient(vecs, n_joints, donors, &fixed, objective));
+    let smooth = py.detach(|| gradient::smooth_gradient(vecs, n_joints, donors, objective));
     from_vecs(py, smooth.map_err(value_error)?, &[n, n_joints])
 }
 

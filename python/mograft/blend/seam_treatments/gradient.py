@@ -1,7 +1,5 @@
 """Seam treatment "gradient": the frames that best keep the accelerations of the donors."""
 
-import numpy as np
-
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.seam_treatments.offset import Offset
@@ -27,8 +25,7 @@ def fit_donors(
     greatest distance of a changed frame from a seam, in frames, `rate` in frames per second.
     """
     tau = _TIME * rate
-    no_joint = np.zeros(0, np.int64)
-    return _core.smooth_gradient(values, donors, no_joint, (1.0, tau**2, tau**4), reach)
+    return _core.smooth_gradient(values, donors, (1.0, tau**2, tau**4), reach)
 
 
 class _Gradient(Offset):
