@@ -26,6 +26,7 @@ from mograft.synthesis.defects import (
 from mograft.synthesis.floor_points import FloorPoints
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.self_repair import self_repair
+from tests.hierarchies import DATA
 from tests.strategies import few_examples
 
 HALF_WIDTH = 4  # frames at 30 frames per second
@@ -142,6 +143,18 @@ def test_self_repair_changes_only_windows_that_it_reports(library, seed):
         )
         assert reported or old == new or old.donor == new.donor
     assert all(own.after <= own.before and own.before > 1.0 for own in after.repairs)
+
+
+@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
+def test_self_repair_keeps_exchanged_parts_of_recordings_at_120_fps():
+    folder = DATA / "dance_cmu60_salsa"
+    if not folder.exists():
+        pytest.skip("the recordings are not here")
+    library = mg.Library.build([folder / "60_01.bvh", folder / "60_02.bvh"])
+    assert library.rate == pytest.approx(120.0, rel=1e-3)
+    without, repaired = graft_pair(library, seed=1)
+    counts = [sum(not own.is_own for own in new.substitutions) for new in (without, repaired)]
+    assert counts[1] >= 0.9 * counts[0] > 0
 
 
 def test_graft_without_defects_is_unchanged_by_self_repair(library, monkeypatch):

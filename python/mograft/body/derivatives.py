@@ -1,25 +1,42 @@
 """Accelerations and jerks of joints, as differences between frames."""
 
+import numpy as np
+
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.motion.motion import Motion
 
 
-def greatest_derivatives(motion: Motion, joints: IntArray) -> tuple[FloatArray, FloatArray]:
+def greatest_derivatives(
+    motion: Motion, joints: IntArray, step: int = 1
+) -> tuple[FloatArray, FloatArray]:
     """Return the greatest angular acceleration and jerk of some joints in each frame.
 
-    Both have shape (n_frames,), in rad/frame² and rad/frame³. The length of a rotation vector from
-    a frame to the next is taken as 2 sin(angle / 2), which is 1 % too short at 0.5 rad. An
-    acceleration is computed from three frames and assigned to the second, a jerk from four frames
-    and assigned to the second. Frames at the ends, to which none is assigned, have the value 0.
+    Derivatives are differences between frames that are `step` frames apart. Both results have shape
+    (n_frames,), in rad/step² and rad/step³. The length of a rotation vector is taken as
+    2 sin(angle / 2), which is 1 % too short at 0.5 rad. An acceleration is computed from three
+    frames and assigned to the second, a jerk from four frames and assigned to the second. Frames at
+    the ends, to which none is assigned, have the value 0.
     """
-    return _core.greatest_derivatives(motion.rotations, joints)
+    accelerations, jerks = np.zeros((2, motion.n_frames))
+    for first in range(min(step, motion.n_frames)):
+        rotations = np.ascontiguousarray(motion.rotations[first::step])
+        found = _core.greatest_derivatives(rotations, joints)
+        accelerations[first::step], jerks[first::step] = found
+    return accelerations, jerks
 
 
-def world_jerk(motion: Motion, joints: IntArray) -> FloatArray:
+def world_jerk(motion: Motion, joints: IntArray, step: int = 1) -> FloatArray:
     """Return the magnitude of the jerk of joints in the world, shape (n_frames, len(joints)).
 
-    It is in units of the file per frame³. A jerk is computed from the positions in four frames and
-    assigned to the second. The first frame and the last two have the value 0.
+    It is in units of the file per step³, from differences between frames that are `step` frames
+    apart. A jerk is computed from the positions in four frames and assigned to the second. Frames
+    at the ends, to which none is assigned, have the value 0.
     """
-    return _core.world_jerk(motion.skeleton.parents, motion.rotations, motion.positions, joints)
+    jerks = np.zeros((motion.n_frames, len(joints)))
+    for first in range(min(step, motion.n_frames)):
+        rotations, positions = (
+            np.ascontiguousarray(own[first::step]) for own in (motion.rotations, motion.positions)
+        )
+        jerks[first::step] = _core.world_jerk(motion.skeleton.parents, rotations, positions, joints)
+    return jerks

@@ -37,7 +37,13 @@ MAX_ADDED_DEPTH = 0.01
 
 _PERCENTILE = 99.9  # of world jerk and of floor depth in the base
 _SEAM_SECONDS = 4.0 / 30.0  # on either side of a seam
-_LEAST = 1e-6  # smallest reference: rad/frame², rad/frame³, heights/frame³
+_STEP_SECONDS = 1.0 / 30.0
+"""Time between the frames of differences.
+
+Between the frames of recordings at higher rates, jerk is too small to be visible.
+"""
+
+_LEAST = 1e-6  # smallest reference: rad/step², rad/step³, heights/step³
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +52,8 @@ class DefectMeasure:
 
     An amount is a measure of the new motion, divided by its limit. The limit is the value in the
     recordings times `MAX_SEAM_RATIO` or `MAX_JERK_RATIO`; that of floor depth is the value plus
-    `MAX_ADDED_DEPTH`. An amount above 1 is a defect. Derivatives are differences between frames.
+    `MAX_ADDED_DEPTH`. An amount above 1 is a defect. Derivatives are differences between
+    frames that are about 1/30 s apart.
     """
 
     problem: SearchProblem
@@ -81,7 +88,7 @@ class DefectMeasure:
         the frame of `motion`.
         """
         cut, base = self.problem.base_segments, self.problem.base
-        peaks = greatest_derivatives(motion, self._joints)
+        peaks = greatest_derivatives(motion, self._joints, self._step)
         amounts = []
         for piece, shift in zip(pieces, shifts, strict=True):
             positions = self._seams(piece)
@@ -119,9 +126,9 @@ class DefectMeasure:
         """
         around = frames[:, None] + np.arange(-self._half_width, self._half_width + 1)
         found = []
-        # A second difference reaches one frame to both sides, a third one frame further.
-        for values, reach in zip(derivatives, (0, 1), strict=True):
-            is_inside = (around > first) & (around < last - reach)
+        # A second difference reaches one step to both sides, a third one step further.
+        for values, reach in zip(derivatives, (1, 2), strict=True):
+            is_inside = (around >= first + self._step) & (around <= last - reach * self._step)
             own = values[around.clip(0, len(values) - 1)] * is_inside
             found.append(own.max(axis=1, initial=0.0))
         return np.stack(found)
@@ -131,9 +138,11 @@ class DefectMeasure:
 
         Near means within `_SEAM_SECONDS`.
         """
-        joints = self._joints
+        joints, step = self._joints, self._step
         derivatives = remember(
-            clip, ("derivatives", joints.tobytes()), lambda: greatest_derivatives(clip, joints)
+            clip,
+            ("derivatives", joints.tobytes(), step),
+            lambda: greatest_derivatives(clip, joints, step),
         )
         return self._peaks_about(frames, derivatives, 0, clip.n_frames - 1)
 
@@ -156,15 +165,17 @@ class DefectMeasure:
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
     ) -> list[FloatArray]:
         """Return the amounts of world jerk by piece; 0 unless at or next to a substitution."""
-        cut, jerk = self.problem.base_segments, world_jerk(motion, self._driven_joints)
+        cut, step = self.problem.base_segments, self._step
+        jerk = world_jerk(motion, self._driven_joints, step)
         found = []
         for piece, shift in zip(pieces, shifts, strict=True):
             begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
-            # A third difference reaches from one frame before to two behind.
-            first, stop = begin + 1, max(end - 1, begin + 2)
+            # A third difference reaches from one step before to two behind.
+            first = begin + step
+            stop = max(end - 2 * step + 1, first)
             ratios = jerk[first + shift : stop + shift] / self._jerk_references[first:stop]
             amounts = np.zeros(end - begin + 1)
-            amounts[1 : stop - begin] = ratios.max(axis=1, initial=0.0)
+            amounts[step : stop - begin] = ratios.max(axis=1, initial=0.0)
             found.append(self._greatest_at_positions(amounts, piece))
         return found
 
@@ -193,6 +204,11 @@ class DefectMeasure:
         return np.where(dilate(self._is_changed(piece)), greatest, 0.0)
 
     @cached_property
+    def _step(self) -> int:
+        """The number of frames between those of differences."""
+        return max(round(_STEP_SECONDS * self.problem.base.rate), 1)
+
+    @cached_property
     def _half_width(self) -> int:
         return max(round(_SEAM_SECONDS * self.problem.base.rate), 1)
 
@@ -212,14 +228,14 @@ class DefectMeasure:
     @cached_property
     def _jerk_references(self) -> FloatArray:
         """World jerk of the base, or the joint's limit if it is greater, (n_frames, n_joints)."""
-        base, joints = self.problem.base, self._driven_joints
+        base, joints, step = self.problem.base, self._driven_joints, self._step
 
         def compute() -> tuple[FloatArray, FloatArray]:
-            jerk = world_jerk(base, joints)
+            jerk = world_jerk(base, joints, step)
             limits = np.percentile(jerk, _PERCENTILE, axis=0)
             return jerk, limits
 
-        jerk, percentiles = remember(base, ("jerk", joints.tobytes()), compute)
+        jerk, percentiles = remember(base, ("jerk", joints.tobytes(), step), compute)
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
         return np.maximum(limits, jerk)
