@@ -103,9 +103,12 @@ def test_root_velocity_weights_fall_with_distance(length, frames, config):
 
 
 @few_examples(20)
-@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(sorted(SEAM_TREATMENTS.names)))
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(sorted({*SEAM_TREATMENTS.names} - {"inertial"})))
 def test_transplant_height_of_an_aligned_root_is_that_without_alignment(lengths, seed, seam):
-    """Alignment turns and moves donors over the floor; a seam in height is treated as any other."""
+    """Alignment turns and moves donors over the floor; a seam in height is treated as any other.
+
+    The duration of "inertial" depends on the direction of the whole gap.
+    """
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     clips = [random_star_clip(rng, cut), replace(random_star_clip(rng, cut), name="other")]

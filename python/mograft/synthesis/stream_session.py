@@ -45,7 +45,9 @@ class StreamSession:
             raise RequestError(
                 f"`type` must be one of {', '.join(map(str, handlers))}, got {kind!r}"
             )
-        return handler(request)
+        # Constraints with extreme numbers have infinite costs.
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            return handler(request)
 
     def _hello(self, request: Message) -> Message:
         """Start a new stream; describe the skeleton that its frames must have."""
