@@ -8,7 +8,7 @@ from mograft.cli.values import non_negative_integer, positive_number
 
 STREAM = command(
     "stream",
-    "serve grafts of a growing motion to game engines and other programs on this computer",
+    "serve grafts of a motion that arrives frame by frame to game engines and other programs",
     FILES_OR_LIBRARY,
     INCLUDE_GRAFTS,
     GROUPS,

@@ -82,10 +82,10 @@ class DefectMeasure:
     def _seam_amounts(
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
     ) -> list[FloatArray]:
-        """Return the amounts of acceleration and jerk near seams, shape (2, n_positions) per piece.
+        """Return the measures at seams, divided by their limits, (2, n_positions) for each piece.
 
-        `shifts` has one number for each piece. A frame of the base plus the number of its piece is
-        the frame of `motion`.
+        The rows are acceleration and jerk. Each seam counts for the positions on both sides.
+        `shifts` has one entry for each piece: frame f of the base is frame f + shift of `motion`.
         """
         cut, base = self.problem.base_segments, self.problem.base
         peaks = greatest_derivatives(motion, self._joints, self._step)

@@ -297,7 +297,7 @@ def _donor_table(graft: Graft) -> str:
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:
-    """Return an HTML table of the clips used in the grafts, and the number of other clips."""
+    """Return an HTML table of the clips used in the grafts, and the number of clips not used."""
     library = grafts[0].library
     donors: Counter[int] = Counter()
     frames: Counter[int] = Counter()
