@@ -73,8 +73,8 @@ def sample_pairs(
     """Return pairs of segments and their donors, shape (n_pairs, 2).
 
     `donors` has the donors of every segment of the library. If one of `segments` has more than 20
-    donors, 20 are drawn at random. This limit is lower, but at least 2, if 20 pairs for each of
-    `segments` were more than 10,000 pairs.
+    donors, 20 are drawn at random; fewer, but at least 2, if there would be more than 10,000
+    pairs otherwise.
     """
     n = _max_donors(len(segments))
     chosen = [

@@ -147,9 +147,9 @@ def ingest(
 ) -> IngestedClip | RefusedClip:
     """Read, segment and sample one clip.
 
-    If `is_packed`, the clip is returned packed as it was read, otherwise as a motion at the
-    library's rate. It is refused if it cannot be read, has a single frame, or its hierarchy differs
-    from that of `spec`.
+    If `is_packed`, the clip is returned as a `PackedMotion` of the frames in the file, otherwise as
+    a motion at the library's rate. It is refused if it cannot be read, has a single frame, or its
+    hierarchy differs from that of `spec`.
     """
     label, properties = task.label, None
     try:

@@ -64,7 +64,7 @@ class PartialClips(Sequence[Motion]):
 
 @dataclass(frozen=True)
 class _Derivation:
-    """The clips of a library before `with_mirror_images` and `with_clip`; which were applied."""
+    """The clips before `with_mirror_images` and `with_clip`, and which of the two were applied."""
 
     clips: Sequence[Motion]
     is_mirrored: bool

@@ -86,8 +86,8 @@ class _Beam:
 
     node: IntArray  # the segment
     previous: IntArray  # the segment before it; -1 at the start
-    initial_turn: FloatArray  # of the first segment about the up axis, in radians
-    turn: FloatArray  # of the segment `node` about the up axis, in radians
+    initial_turn: FloatArray  # rotation that places the first segment, about up, in radians
+    turn: FloatArray  # the same for the segment `node`
     position: ComplexArray  # of the root
     progress: FloatArray  # arc length of the nearest point of the path
     cost: FloatArray

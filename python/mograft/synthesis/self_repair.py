@@ -208,7 +208,7 @@ class _Limits:
 
 
 def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
-    """Search other donors in each window; return those with the smallest total excess.
+    """Search for other donors near defects; return those with the fewest and smallest defects.
 
     In several rounds, the donors at defects are penalised and the cheapest sequence is measured. A
     last round measures the base segments. Sequences with seams that `limits` forbid are skipped.
