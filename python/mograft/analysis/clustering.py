@@ -382,12 +382,13 @@ def _as_samples(points: npt.ArrayLike) -> FloatArray:
 
 
 def _as_points(points: npt.ArrayLike, min_points: int = 1) -> FloatArray:
-    if np.ndim(points) == 1:
+    array = as_floats("points", points)
+    if array.ndim == 1:
         raise ValueError(
             "`points` must have shape (n, n_axes), got one dimension; linkage_condensed takes the "
             "distances of scipy.spatial.distance.pdist"
         )
-    array = as_floats("points", points, ("n", "n_axes"))
+    array = as_floats("points", array, ("n", "n_axes"))
     if array.shape[0] < min_points or array.shape[1] < 1:
         raise ValueError(
             f"`points` must have shape (n >= {min_points}, n_axes >= 1), got {array.shape}"

@@ -236,7 +236,7 @@ class Graft:
         >>> from mograft.dancer import dance
         >>> new = mg.graft(mg.Library.build(dance(strides=1).motion), seed=7)
         >>> edited = new.replace(mg.KeepOriginal(frames=(60, 90)), reroll=[40])
-        >>> (edited.motion.rotations[300:] == new.motion.rotations[300:]).all()
+        >>> (edited.motion.rotations[400:] == new.motion.rotations[400:]).all()
         np.True_
         """
         from mograft.synthesis.graft_edit import edit_graft  # layer exception: a convenience

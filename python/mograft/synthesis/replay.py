@@ -72,7 +72,7 @@ def replay(
     >>> library = mg.Library.build(dance(strides=1).motion)
     >>> document = mg.graft(library, seed=7).as_dict()
     >>> mg.replay(document, library)
-    Graft(dance_graft0: 145 of 197 parts exchanged)
+    Graft(dance_graft0: 151 of 197 parts exchanged)
     """
     record = read_record(source)
     if library is not None:
