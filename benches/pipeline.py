@@ -36,8 +36,8 @@ from tests.oracles import bvh as bvh_oracle
 from tests.oracles import rotations as rotations_oracle
 from tests.oracles import search as search_oracle
 
-CONFIG = mg.Config(choice="random", seam="paper")
-"""The donor choice and seam treatment of the paper, the only ones that the oracle has."""
+CONFIG = mg.Config(choice="random", seam="paper", torso="pelvis")
+"""The donor choice, seam treatment and trunk of the paper, the only ones that the oracle has."""
 
 CHILD = "--child"
 
