@@ -199,17 +199,11 @@ def moments(samples: Samples) -> FloatArray:
 
 
 def mean_rotations(samples: Source, n_joints: int) -> FloatArray:
-    """Return the mean rotation of each joint over all segments, shape (n_joints, 4).
-
-    The mean m is the unit quaternion with w ≥ 0 that maximises Σ (q·m)² over all quaternions q of
-    the joint. The sign of q therefore has no effect (Markley et al. 2007).
-    """
+    """Return the mean rotation of each joint over all segments, shape (n_joints, 4)."""
     summed = np.zeros((n_joints, 4, 4))
     for part in samples.chunks():
         summed += moments(part)
-    means = np.linalg.eigh(summed)[1][..., -1]
-    signed: FloatArray = np.where(means[:, 3:] < 0, -means, means)
-    return signed
+    return rotations.mean_of_products(summed)
 
 
 def embed(

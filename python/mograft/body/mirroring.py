@@ -198,7 +198,8 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
     hub = anatomy(skeleton).hips
     world_rotations = motion.world_transforms()[0][:: max(motion.n_frames // 200, 1)]
     to_hub = rotations.inverse(world_rotations[:, hub, None])
-    mean = _mean_rotation(rotations.multiply(to_hub, world_rotations))
+    relative = rotations.multiply(to_hub, world_rotations)
+    mean = rotations.mean_of_products(np.einsum("fji,fjk->jik", relative, relative))
     image = rotations.inverse(_reflect_rotations(mean, axis))
     for joint in range(hub, skeleton.n_joints):
         children = list(skeleton.children[joint])
@@ -229,16 +230,6 @@ def _cube_rotations() -> FloatArray:
         if all(rotations.angle(quat, other) > 1.0 for other in found):
             found.append(quat)
     return np.array(found)
-
-
-def _mean_rotation(quats: FloatArray) -> FloatArray:
-    """Return the mean rotation of each joint over the frames.
-
-    It is the eigenvector of Σ q qᵀ with the largest eigenvalue.
-    """
-    sums = np.einsum("fji,fjk->jik", quats, quats)
-    mean: FloatArray = np.linalg.eigh(sums)[1][:, :, -1]
-    return mean
 
 
 @dataclass(frozen=True, eq=False)

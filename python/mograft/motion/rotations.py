@@ -21,6 +21,7 @@ __all__ = [
     "hermite",
     "inverse",
     "log",
+    "mean_of_products",
     "multiply",
     "rotate",
     "shortest_arc",
@@ -181,6 +182,17 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
     flips[0] = np.where(rotations[0, ..., 3] < 0, -1.0, 1.0)
     flips[1:] = np.where(np.einsum("...i,...i->...", rotations[1:], rotations[:-1]) < 0, -1.0, 1.0)
     return rotations * np.cumprod(flips, axis=0)[..., None]
+
+
+def mean_of_products(sums: FloatArray) -> FloatArray:
+    """Return mean rotations, shape (n, 4), from the sums of q qᵀ over quaternions, (n, 4, 4).
+
+    A mean m is the unit quaternion with w ≥ 0 that maximises Σ (q·m)². The signs of the
+    quaternions therefore have no effect (Markley et al. 2007).
+    """
+    means = np.linalg.eigh(sums)[1][..., -1]
+    signed: FloatArray = np.where(means[..., 3:] < 0, -means, means)
+    return signed
 
 
 def twist(rotations: FloatArray, axis: int) -> FloatArray:

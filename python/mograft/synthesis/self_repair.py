@@ -53,11 +53,6 @@ class RepairedWindow:
     before: float
     after: float
 
-    @property
-    def is_within_limit(self) -> bool:
-        """Whether no defect remains."""
-        return self.after <= 1.0
-
 
 def self_repair(
     assembly: Assembly,
