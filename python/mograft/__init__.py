@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from mograft.body.world_poses import Poses as Poses
     from mograft.config import Config as Config
     from mograft.errors import BvhError as BvhError
+    from mograft.errors import FormatError as FormatError
     from mograft.errors import InsufficientDataError as InsufficientDataError
     from mograft.errors import LibraryError as LibraryError
     from mograft.errors import MograftError as MograftError
@@ -44,7 +45,9 @@ if TYPE_CHECKING:
     from mograft.io.bvh.reader import read_bvh as read_bvh
     from mograft.io.bvh.reader import scan_bvh as scan_bvh
     from mograft.io.bvh.writer import write_bvh as write_bvh
+    from mograft.io.clips import Clips as Clips
     from mograft.io.csv import write_csv as write_csv
+    from mograft.io.formats import read as read
     from mograft.io.glb import write_glb as write_glb
     from mograft.io.npz import read_npz as read_npz
     from mograft.io.npz import write_npz as write_npz
@@ -108,14 +111,16 @@ _HOMES = {
     "search.constraints": "Constraint Violation",
     "search.donor_constraints": "Ban KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom Use",
     "search.pose_constraints": "Avoid AvoidSelf Custom Face KeepOut Reach",
-    "errors": "BvhError InsufficientDataError LibraryError MograftError ProvenanceError "
-    "SkeletonMismatchError",
+    "errors": "BvhError FormatError InsufficientDataError LibraryError MograftError "
+    "ProvenanceError SkeletonMismatchError",
     "body.faults": "Fault find_faults",
     "body.contacts": "foot_skate",
     "blend.foot_planting": "FeetReport plant_feet",
     "blend.reach_completion": "ReachCompletion",
     "io.glb": "write_glb",
+    "io.clips": "Clips",
     "io.csv": "write_csv",
+    "io.formats": "read",
     "io.npz": "read_npz write_npz",
     "io.usd": "write_usd",
     "synthesis.graft": "Grafts graft graft_many repair",

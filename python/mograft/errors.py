@@ -2,13 +2,39 @@
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
 
 class MograftError(Exception):
     """Base class of all exceptions of mograft."""
 
 
-class BvhError(MograftError, ValueError):
+class FormatError(MograftError, ValueError):
+    """Invalid motion file; the message starts with the file and the place in it.
+
+    Parameters
+    ----------
+    message : str
+        What was expected and what was found.
+    path : str or Path
+        The file, or a name for the stream that was read; stored as a str attribute.
+    place : str, optional
+        Where in the file, such as ``accessors[3]`` or ``byte 20``; stored as an attribute.
+    """
+
+    def __init__(self, message: str, path: str | Path, place: str | None = None) -> None:
+        self.message = message
+        self.path = str(path)
+        self.place = place
+        start = self.path if place is None else f"{path}: {place}"
+        super().__init__(f"{start}: {message}")
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Pickle the constructor arguments, so that worker processes can return the error."""
+        return type(self), (self.message, self.path, self.place)
+
+
+class BvhError(FormatError):
     """Invalid BVH file; the message starts with path, line and column.
 
     Parameters
@@ -24,14 +50,13 @@ class BvhError(MograftError, ValueError):
     def __init__(
         self, message: str, path: str | Path, line: int | None = None, column: int | None = None
     ) -> None:
+        place = ":".join(str(part) for part in (path, line, column) if part is not None)
+        super().__init__(message, place)
         self.path = str(path)
         self.line = line
         self.column = column
-        place = ":".join(str(part) for part in (path, line, column) if part is not None)
-        super().__init__(f"{place}: {message}")
-        self.message = message
 
-    def __reduce__(self) -> tuple[type, tuple[str, str, int | None, int | None]]:
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Pickle the constructor arguments, so that worker processes can return the error."""
         return type(self), (self.message, self.path, self.line, self.column)
 

@@ -1,7 +1,7 @@
 """The command line: a thin layer over the public functions.
 
 Results go to stdout, progress and remarks to stderr. Exit codes: 0 done, 1 failed at run
-time, 2 usage, 3 invalid BVH file or damaged library, 4 no donor sequence satisfies the
+time, 2 usage, 3 invalid motion file or damaged library, 4 no donor sequence satisfies the
 constraints, 130 interrupted.
 """
 
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from mograft.cli.commands import COMMANDS
 from mograft.cli.output import print_error, print_remark, set_quiet
 from mograft.cli.parser import parse
-from mograft.errors import BvhError, MograftError, ProvenanceError
+from mograft.errors import FormatError, MograftError, ProvenanceError
 
 __all__ = ["COMMANDS", "main"]
 
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             module = importlib.import_module(f"mograft.cli.{options.command.name}")
             code: int = getattr(module, options.function)(options)
             sys.stdout.flush()
-        except (BvhError, ProvenanceError) as error:
+        except (FormatError, ProvenanceError) as error:
             print_error(str(error))
             code = 3
         except BrokenPipeError:

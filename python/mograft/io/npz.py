@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.atomic import write_bytes
+from mograft.errors import FormatError
+from mograft.io.clips import Clips
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
@@ -88,7 +90,7 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
 
     Raises
     ------
-    ValueError
+    FormatError
         If the file is damaged or was not written by `write_npz`.
     OSError
         If the file cannot be read.
@@ -97,22 +99,35 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
     except (ValueError, EOFError, AttributeError, TypeError) as error:
-        raise ValueError(f"{path}: expected an NPZ file of a motion: {error}") from error
+        raise FormatError(f"expected an NPZ file of a motion: {error}", os.fspath(path)) from error
     except Exception as error:
         # zipfile and zlib raise unrelated exceptions for damaged archives.
         if isinstance(error, OSError):
             raise
-        raise ValueError(f"{path}: damaged NPZ file: {error}") from error
+        raise FormatError(f"damaged NPZ file: {error}", os.fspath(path)) from error
     if str(arrays.get("format", "")) != _FORMAT:
         given = arrays.get("format", "none")
-        raise ValueError(f"{path}: array `format` must be {_FORMAT}, got {given}")
+        raise FormatError(f"expected {_FORMAT}, got {given}", os.fspath(path), "array `format`")
     try:
-        return _to_motion(arrays)
+        return _to_motion(arrays, Path(path))
     except KeyError as error:
-        raise ValueError(f"{path}: the array {error} is missing") from error
+        raise FormatError(f"the array {error} is missing", os.fspath(path)) from error
+    except (ValueError, TypeError) as error:
+        raise FormatError(str(error), os.fspath(path)) from error
 
 
-def _to_motion(arrays: Mapping[str, npt.NDArray[Any]]) -> Motion:
+def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
+    """Return the clip of an NPZ file; see `mograft.io.formats.Opener`."""
+
+    def load(_: int) -> Motion:
+        motion = read_npz(path)
+        return motion if rate is None else motion.resample(rate)
+
+    return Clips(path, (path.stem,), load, "NPZ")
+
+
+def _to_motion(arrays: Mapping[str, npt.NDArray[Any]], path: Path) -> Motion:
+    """Return the motion in the arrays of a file; a motion without a name is named after it."""
     fields = (arrays[f"end_{name}"].tolist() for name in ("parents", "offsets", "before", "names"))
     skeleton = Skeleton(
         arrays["names"].tolist(),
@@ -128,7 +143,8 @@ def _to_motion(arrays: Mapping[str, npt.NDArray[Any]]) -> Motion:
         float(arrays["frame_time"]),
         rotations,
         arrays["positions"].astype(np.float64),
-        name=str(arrays["name"]),
+        name=str(arrays["name"]) or path.stem,
+        path=path,
     )
 
 

@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
@@ -20,7 +21,6 @@ from mograft.library.clusters import (
     nearest_clusters,
 )
 from mograft.library.data import LibraryData
-from mograft.library.discover import unique_names
 from mograft.library.spec import ClipProperties, rates_match
 from mograft.library.stored_clips import ExtendedClips, ExtendedSamples
 from mograft.motion.motion import Motion

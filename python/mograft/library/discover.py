@@ -149,24 +149,6 @@ def _relative_folder(path: str, start: str) -> Path:
         return Path(path)
 
 
-def unique_names(names: Sequence[str]) -> list[str]:
-    """Return names made unique: repeated names get ``~2``, ``~3``... appended.
-
-    An empty name becomes ``clip`` with the index of the clip.
-    """
-    taken: set[str] = set()
-    distinct = []
-    for index, given in enumerate(names):
-        name = stem = given or f"clip{index}"
-        count = 1
-        while name in taken:
-            count += 1
-            name = f"{stem}~{count}"
-        taken.add(name)
-        distinct.append(name)
-    return distinct
-
-
 def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
     """Return the values for the keys of a table that match a clip, in the order of the table.
 

@@ -12,6 +12,7 @@ from mograft.io.bvh.channels import channels_to_transforms
 from mograft.io.bvh.cursor import BvhFile, open_cursor
 from mograft.io.bvh.frames import count_frames, read_frames
 from mograft.io.bvh.header import read_header
+from mograft.io.clips import Clips
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -166,3 +167,13 @@ def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
         declared_frames=header.n_frames,
         repairs=cursor.repairs(),
     )
+
+
+def open_bvh(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
+    """Return the clip of a BVH file; see `mograft.io.formats.Opener`."""
+
+    def load(_: int) -> Motion:
+        motion = read_bvh(path)
+        return motion if rate is None else motion.resample(rate)
+
+    return Clips(path, (path.stem,), load, "BVH")

@@ -1,0 +1,105 @@
+"""`Clips`: the motions of one file, each of which is read when it is accessed."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import overload
+
+from mograft.errors import join_names, suggest_name
+from mograft.motion.motion import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class ClipLength:
+    """Length of a clip, known without reading its motion."""
+
+    n_frames: int
+    frame_time: float  # seconds
+
+    @property
+    def rate(self) -> float:
+        """Frames per second."""
+        return 1.0 / self.frame_time
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (self.n_frames - 1) * self.frame_time
+
+
+@dataclass(frozen=True, eq=False)
+class Clips(Sequence[Motion]):
+    """The motions of a file: a sequence whose items are read when they are accessed.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    names : tuple of str
+        One name per clip; all different.
+    load : callable
+        Function from the index of a clip to its motion. Not part of the public interface.
+    format : str
+        Name of the format, such as ``"glTF"``.
+    notes : tuple of str
+        Content of the file that is not part of the motions, such as nodes that are not joints.
+    lengths : tuple of ClipLength or None
+        The length of each clip; None if only reading the clips shows it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mograft.dancer import dance
+    >>> from mograft.io.bvh.writer import write_bvh
+    >>> from mograft.io.formats import read
+    >>> target = Path(tempfile.mkdtemp()) / "dance.bvh"
+    >>> write_bvh(dance(strides=1).motion[:90], target)
+    >>> clips = read(target)
+    >>> clips
+    Clips(dance.bvh: BVH, 1 clip)
+    >>> clips["dance"]
+    Motion(dance: 18 joints, 90 frames, 30 fps, 2.97 s)
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    load: Callable[[int], Motion] = field(repr=False)
+    format: str
+    notes: tuple[str, ...] = ()
+    lengths: tuple[ClipLength, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"`names` must be different, got {join_names(self.names)}")
+
+    def __repr__(self) -> str:
+        clips = "1 clip" if len(self) == 1 else f"{len(self)} clips"
+        return f"Clips({self.path.name}: {self.format}, {clips})"
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @overload
+    def __getitem__(self, index: int | str) -> Motion: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
+    def __getitem__(self, index: int | str | slice) -> Motion | tuple[Motion, ...]:
+        """Read and return a clip, given its index or name, or the clips of a slice.
+
+        Raises ValueError if no clip has the name, and the errors of the reader.
+        """
+        if isinstance(index, slice):
+            return tuple(self.load(i) for i in range(len(self))[index])
+        if not isinstance(index, str):
+            return self.load(range(len(self))[index])
+        if index not in self.names:
+            hint = suggest_name(index, self.names) or f"; its clips are {join_names(self.names)}"
+            raise ValueError(f"{self.path} has no clip named {index!r}{hint}")
+        return self.load(self.names.index(index))
+
+    def address(self, index: int) -> str:
+        """Return the address of a clip: the path, followed by ``#`` and the name of the clip.
+
+        The address of the only clip of a file is the path.
+        """
+        return str(self.path) if len(self) == 1 else f"{self.path}#{self.names[index]}"

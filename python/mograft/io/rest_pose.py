@@ -1,0 +1,100 @@
+"""Conversion between the rest poses of mograft and of formats with rest rotations.
+
+In mograft, as in BVH, a figure stands in its rest pose if all local rotations are the identity. The
+axes of every joint are then those of the world. glTF, FBX and USD give every joint axes of its own:
+the rest rotation. If G is the world rotation of a joint in the file and W its world rotation in the
+rest pose of the file, then G W⁻¹ is its world rotation in mograft. World positions are the same.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import CHANNELS, Skeleton
+
+POSITION_TOLERANCE = 1e-6
+"""Distance from its rest offset, as a fraction of the extent of the rest pose, up to which a joint
+counts as not translated. It covers the rounding of files in single precision."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestPose:
+    """The rest pose of a file: its joints in the order of the file's hierarchy.
+
+    Every parent precedes its children.
+    """
+
+    names: tuple[str, ...]
+    parents: IntArray  # shape (n_joints,); -1 at the root
+    rotations: FloatArray  # world rotations, shape (n_joints, 4), xyzw
+    positions: FloatArray  # world positions, shape (n_joints, 3)
+
+    def offsets(self) -> FloatArray:
+        """Return the offsets of the joints in the axes of the world, shape (n_joints, 3)."""
+        return self.positions - np.where(
+            (self.parents >= 0)[:, None], self.positions[self.parents], 0.0
+        )
+
+    def extent(self) -> float:
+        """Return the largest extent of the rest pose along an axis of the world."""
+        return float(np.ptp(self.positions, axis=0).max(initial=0.0))
+
+
+def rebase(
+    rest: RestPose, world_rotations: FloatArray, world_positions: FloatArray, frame_time: float
+) -> Motion:
+    """Return the motion that has the world transforms of a file relative to its rest pose.
+
+    `world_rotations` has shape (n_frames, n_joints, 4), xyzw, and `world_positions` (n_frames,
+    n_joints, 3). Rotations need not have unit norm. The root has position channels, and so has each
+    joint whose translation varies from its offset by more than `POSITION_TOLERANCE`.
+    """
+    turned = rotations.multiply(_normalised(world_rotations), rotations.inverse(rest.rotations))
+    local, positions = to_local(rest.parents, turned, np.array(world_positions, np.float64))
+    offsets = rest.offsets()
+    is_translated = np.abs(positions - offsets).max(axis=(0, 2)) > (
+        POSITION_TOLERANCE * rest.extent()
+    )
+    is_translated[0] = True
+    positions[:, ~is_translated] = offsets[~is_translated]
+    turns = ("Zrotation", "Xrotation", "Yrotation")
+    channels = [
+        (*CHANNELS[:3], *turns) if has_positions else turns for has_positions in is_translated
+    ]
+    skeleton = Skeleton(rest.names, rest.parents, offsets, tuple(channels))
+    return Motion(skeleton, frame_time, rotations.continuous_signs(_normalised(local)), positions)
+
+
+def restore(rest: RestPose, motion: Motion) -> tuple[FloatArray, FloatArray]:
+    """Return the world rotations and positions of a motion in the axes of a file: inverse `rebase`.
+
+    Rotations have shape (n_frames, n_joints, 4), xyzw, and positions (n_frames, n_joints, 3).
+    """
+    turned, positions = motion.world_transforms()
+    return rotations.multiply(turned, rest.rotations), positions
+
+
+def to_local(
+    parents: IntArray, world_rotations: FloatArray, world_positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return local rotations and positions from world ones, in joint axes without scale.
+
+    The inverse of forward kinematics. Shapes are those of `restore`; the root keeps its world
+    transform.
+    """
+    local, positions = world_rotations.copy(), world_positions.copy()
+    children = np.flatnonzero(parents >= 0)
+    to_parent = rotations.inverse(world_rotations[:, parents[children]])
+    local[:, children] = rotations.multiply(to_parent, world_rotations[:, children])
+    arms = world_positions[:, children] - world_positions[:, parents[children]]
+    positions[:, children] = rotations.rotate(to_parent, arms)
+    return local, positions
+
+
+def _normalised(quats: FloatArray) -> FloatArray:
+    """Return quaternions divided by their norms."""
+    unit: FloatArray = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
+    return unit

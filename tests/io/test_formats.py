@@ -1,0 +1,140 @@
+"""Laws of the registry of formats, of clip addresses and of the change of the rest pose."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.io.formats import find_addresses, read_clip, split_address
+from mograft.io.rest_pose import RestPose, rebase, restore
+from tests.strategies import assert_same_rotations, few_examples, motions, quaternions
+
+
+@given(motion=motions(max_frames=6), data=st.data())
+def test_rebase_restores_world_transforms(motion, data):
+    n_joints = motion.n_joints
+    rest = RestPose(
+        motion.skeleton.names,
+        motion.skeleton.parents,
+        data.draw(quaternions((n_joints,))),
+        motion.skeleton.rest_positions(),
+    )
+    turned, places = motion.world_transforms()
+    axes = mg.rotations.multiply(turned, rest.rotations)
+    rebased = rebase(rest, 2.5 * axes, places, motion.frame_time)
+    extent = np.ptp(motion.skeleton.rest_positions(), axis=0).max()
+    np.testing.assert_allclose(rebased.world_positions(), places, atol=1e-9 + 1e-5 * extent)
+    np.testing.assert_allclose(rebased.skeleton.offsets, motion.skeleton.offsets, atol=1e-9)
+    restored, positions = restore(rest, rebased)
+    assert_same_rotations(restored, axes)
+    np.testing.assert_allclose(positions, places, atol=1e-9 + 1e-5 * extent)
+
+
+def test_rebase_rest_pose_gives_identity():
+    motion = dance(strides=1).motion[:2]
+    skeleton = motion.skeleton
+    rng = np.random.default_rng(0)
+    quats = rng.normal(size=(skeleton.n_joints, 4))
+    quats /= np.linalg.norm(quats, axis=1, keepdims=True)
+    rest = RestPose(skeleton.names, skeleton.parents, quats, skeleton.rest_positions())
+    still = rebase(rest, np.array([quats, quats]), np.array([rest.positions] * 2), 0.1)
+    assert_same_rotations(still.rotations, np.broadcast_to([0, 0, 0, 1.0], still.rotations.shape))
+    # Rounding does not give joints position channels.
+    assert [len(channels) for channels in still.skeleton.channels] == [6, *[3] * 17]
+
+
+def test_rebase_translated_joint_has_position_channels():
+    motion = dance(strides=1).motion[:3]
+    skeleton = motion.skeleton
+    turned, places = motion.world_transforms()
+    places[1, 5] += 0.1
+    identity = np.tile([0, 0, 0, 1.0], (skeleton.n_joints, 1))
+    rest = RestPose(skeleton.names, skeleton.parents, identity, skeleton.rest_positions())
+    rebased = rebase(rest, turned, places, motion.frame_time)
+    np.testing.assert_allclose(rebased.world_positions(), places, atol=1e-9)
+    moved = {5, *skeleton.children[5]}
+    assert {j for j, channels in enumerate(rebased.skeleton.channels) if len(channels) == 6} == {
+        0,
+        *moved,
+    }
+
+
+@few_examples(20)
+@given(motion=motions(max_frames=6))
+def test_read_every_registered_writer_round_trips(motion, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("formats")
+    mg.write_bvh(motion, folder / "clip.bvh")
+    mg.write_npz(motion, folder / "clip.npz")
+    for name, direct in (("clip.bvh", mg.read_bvh), ("clip.npz", mg.read_npz)):
+        clips = mg.read(folder / name)
+        assert len(clips) == 1
+        expected = direct(folder / name)
+        for found in (*clips, clips[clips.names[0]], read_clip(clips.address(0))):
+            np.testing.assert_array_equal(found.rotations, expected.rotations)
+            np.testing.assert_array_equal(found.positions, expected.positions)
+
+
+def test_read_content_decides_over_suffix(tmp_path):
+    motion = dance(strides=1).motion[:3]
+    mg.write_npz(motion, tmp_path / "dance.npz")
+    (tmp_path / "dance.npz").rename(tmp_path / "dance.bvh")
+    assert mg.read(tmp_path / "dance.bvh").format == "NPZ"
+    mg.write_bvh(motion, tmp_path / "dance.txt")
+    assert mg.read(tmp_path / "dance.txt").format == "BVH"
+
+
+def test_read_missing_file_raises_file_not_found(tmp_path):
+    with pytest.raises(FileNotFoundError, match="No such file"):
+        mg.read(tmp_path / "no.bvh")
+
+
+def test_read_rate_resamples(tmp_path):
+    motion = dance(strides=1).motion[:61]
+    mg.write_bvh(motion, tmp_path / "dance.bvh")
+    assert mg.read(tmp_path / "dance.bvh", rate=10)[0].n_frames == 21
+    with pytest.raises(ValueError, match="`rate` must be above 0"):
+        mg.read(tmp_path / "dance.bvh", rate=0)
+
+
+def test_read_npz_bad_content_raises_format_error(tmp_path):
+    path = tmp_path / "motion.npz"
+    np.savez(path, format=np.array("mograft.motion/1"), rotations=np.zeros((1, 1, 4)))
+    with pytest.raises(mg.FormatError, match=r"motion\.npz: the array 'names' is missing"):
+        mg.read_npz(path)
+    np.savez(path, rotations=np.array([{}], dtype=object), format=np.array("x"))
+    with pytest.raises(mg.FormatError, match=r"motion\.npz: expected an NPZ file"):
+        mg.read_npz(path)
+
+
+def test_split_address_prefers_longest_existing_path(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.glb", "a.glb#b", "c#d.bvh"):
+        (tmp_path / name).touch()
+    assert split_address("a.glb#b#c") == ("a.glb#b", "c")
+    assert split_address("a.glb#x#c") == ("a.glb", "x#c")
+    assert split_address("a.glb#b") == ("a.glb#b", None)
+    assert split_address("c#d.bvh") == ("c#d.bvh", None)
+    assert split_address("none.glb#a#b") == ("none.glb#a", "b")
+    assert split_address("#b") == ("", "b")
+
+
+def test_find_addresses_unknown_clip_raises_value_error(tmp_path):
+    path = tmp_path / "dance.bvh"
+    mg.write_bvh(dance(strides=1).motion[:3], path)
+    assert find_addresses(f"{path}#d*") == find_addresses(str(path)) == [str(path)]
+    with pytest.raises(ValueError, match="has no clip named 'dnace'; did you mean 'dance'"):
+        find_addresses(f"{path}#dnace")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [mg.FormatError("expected X", "a.glb", "byte 3"), mg.BvhError("expected X", "a.bvh", 3, 4)],
+)
+def test_format_error_survives_pickle(error):
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), vars(copy), type(copy)) == (str(error), vars(error), type(error))
+    assert isinstance(copy, ValueError)
