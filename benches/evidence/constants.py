@@ -1,0 +1,55 @@
+"""The constants of the program that were chosen on recordings, and those recordings.
+
+A source on which a constant was chosen is a development source; no conclusion about held-out
+recordings rests on it. The values are checked against the program (`tests/evidence`).
+"""
+
+from dataclasses import dataclass
+
+import mograft as mg
+from mograft.search.neighbourhoods import BALL_RADIUS
+
+DANCES = "salsa, perfume, indian (dance_*)"
+DEVELOPMENT = f"{DANCES}, basketball, six clips of Bandai-Namco set 1"
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A constant, what it is in the paper, and the recordings on which it was chosen."""
+
+    name: str
+    value: float | str
+    paper: str
+    chosen_on: str
+
+
+def _default(name, paper, chosen_on):
+    value = getattr(mg.Config(), name)
+    return Constant(f"Config.{name}", value, paper, chosen_on)
+
+
+CONSTANTS = (
+    _default("sigma", "eq. 14 as printed (literal)", DANCES),
+    _default("sigma_scale", "1", DEVELOPMENT),
+    _default("length_slack", "none", DANCES),
+    _default("min_length", "none", DANCES),
+    _default("rotation_floor", "none", DANCES),
+    _default("position_floor", "none", DANCES),
+    _default("length_floor", "none", DANCES),
+    _default("angle_scale", "none", DANCES),
+    _default("velocity_scale", "none", DANCES),
+    Constant("factor of the typical gap in the seam scales", 2.0, "none", DEVELOPMENT),
+    _default("length_weight", "none", DANCES),
+    _default("distance_weight", "none", DANCES),
+    _default("balance_weight", "none", DEVELOPMENT),
+    _default("novelty", "none", DEVELOPMENT),
+    _default("temperature", "none", DEVELOPMENT),
+    _default("diversity", "none", DEVELOPMENT),
+    _default("seam_blend", "about five frames", DEVELOPMENT),
+    Constant("radius of a ball (BALL_RADIUS)", BALL_RADIUS, "none", DEVELOPMENT),
+    _default("smoothing", "not stated", "not chosen on results"),
+    _default("samples", "10", "the paper"),
+    _default("components", "p*", "the paper"),
+    _default("max_stretch", "0.15", "the paper"),
+    _default("max_angle", "45 degrees", "the paper"),
+)

@@ -1,0 +1,89 @@
+"""The value that every section of the page is, and its text."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the page; cells are text."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+
+    def lines(self):
+        caption = [self.caption, ""] if self.caption else []
+        return [
+            *caption,
+            "| " + " | ".join(self.head) + " |",
+            "|" + "---|" * len(self.head),
+            *("| " + " | ".join(row) + " |" for row in self.rows),
+            "",
+        ]
+
+
+@dataclass(frozen=True)
+class Section:
+    """One question, what was measured, and what follows.
+
+    `null` is what the measure gives if there is no effect, and how that was obtained. Each
+    conclusion and each limit is one sentence or two.
+    """
+
+    anchor: str
+    title: str
+    question: str
+    data: str
+    measure: str
+    null: str
+    tables: tuple[Table, ...]
+    conclusions: tuple[str, ...]
+    limits: tuple[str, ...]
+
+    def lines(self):
+        described = {
+            "Question": self.question,
+            "Data": self.data,
+            "Measure": self.measure,
+            "Null": self.null,
+        }
+        lines = [f"({self.anchor})=", f"## {self.title}", ""]
+        for name, text in described.items():
+            lines += [f"**{name}.** {text}", ""]
+        for table in self.tables:
+            lines += table.lines()
+        lines += ["**What we conclude.**", "", *(f"- {text}" for text in self.conclusions), ""]
+        lines += ["**What we do not conclude.**", "", *(f"- {text}" for text in self.limits), ""]
+        return lines
+
+
+def format_estimate(estimate, digits=2, scale=1.0, suffix="", *, has_n=True):
+    """Return "0.07 (-0.11 to 0.29), n = 120" for the result of `Estimate.as_dict`, or a dash."""
+    value, interval = estimate["value"], estimate["interval"]
+    if value is None or not math.isfinite(value):
+        return "-"
+    text = f"{scale * value:.{digits}f}{suffix}"
+    if interval is None:
+        text += " (no interval)"
+    else:
+        low, high = (scale * end for end in interval)
+        text += f" ({low:.{digits}f} to {high:.{digits}f})"
+    return f"{text}, n = {estimate['n']}" if has_n else text
+
+
+def verdict(estimate):
+    """Return "above", "below" or "undecided": where the interval lies relative to 0."""
+    interval = estimate["interval"]
+    if interval is None or interval[0] <= 0 <= interval[1]:
+        return "undecided"
+    return "above" if interval[0] > 0 else "below"
+
+
+def count_verdicts(estimates):
+    """Return "above 0 in 2 of 5, below 0 in 1, undecided in 2"."""
+    found = [verdict(estimate) for estimate in estimates]
+    return (
+        f"above 0 in {found.count('above')} of {len(found)} sources, below 0 in "
+        f"{found.count('below')}, undecided in {found.count('undecided')}"
+    )
