@@ -72,6 +72,16 @@ def test_angle_near_zero_is_accurate(v):
     np.testing.assert_allclose(near, np.linalg.norm(v), rtol=1e-9, atol=1e-16)
 
 
+@given(quaternions((3, 2)))
+def test_from_matrices_matches_scipy(q):
+    matrices = Rotation.from_quat(q.reshape(-1, 4)).as_matrix().reshape(3, 2, 3, 3)
+    assert_same_rotations(rotations.from_matrices(matrices), q)
+    # Of all half turns, too, where the scalar component is 0.
+    halves = rotations.multiply(q, [1.0, 0, 0, 0] * np.ones_like(q))
+    matrices = Rotation.from_quat(halves.reshape(-1, 4)).as_matrix().reshape(3, 2, 3, 3)
+    assert_same_rotations(rotations.from_matrices(matrices), halves)
+
+
 @given(vectors((3,), size=10.0), st.sampled_from(ORDERS))
 def test_to_euler_matches_scipy_and_round_trips(angles, order):
     q = rotations.from_euler(angles, order)
@@ -141,6 +151,11 @@ def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reachin
         (lambda: rotations.log([0, 0, 0, 2.0]), "`rotations` must be unit quaternions, got norm 2"),
         (lambda: rotations.log([0, 0, 1.0]), r"`rotations` must have shape \(..., 4\), got \(3,\)"),
         (lambda: rotations.exp([0, np.nan, 0]), r"`vectors` must be finite, got nan at \[1\]"),
+        (lambda: rotations.from_matrices(np.eye(4)), r"`matrices` must have shape \(\.\.\., 3"),
+        (
+            lambda: rotations.from_matrices([1.0, 0, 0]),
+            r"`matrices` must have shape \(\.\.\., 3, 3\)",
+        ),
         (
             lambda: rotations.from_euler([1.0], "Q"),
             "`order` must consist of the letters X, Y and Z",

@@ -18,6 +18,7 @@ __all__ = [
     "exp",
     "from_axis_angle",
     "from_euler",
+    "from_matrices",
     "hermite",
     "inverse",
     "log",
@@ -78,6 +79,42 @@ def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
     direction = direction / np.linalg.norm(direction)
     half = 0.5 * as_floats("angles", angles)[..., None]
     return np.concatenate([np.sin(half) * direction, np.cos(half)], axis=-1)
+
+
+def from_matrices(matrices: npt.ArrayLike) -> FloatArray:
+    """Return the unit quaternions, shape (..., 4), of rotation matrices, shape (..., 3, 3).
+
+    The matrices act on column vectors. They must be orthonormal with determinant 1; small errors,
+    such as those of rounding, cause errors of the same order. Raises ValueError if the shape is
+    wrong or a value is not finite.
+
+    Notes
+    -----
+    Each of the four quaternion components gives a formula for the whole quaternion; the one with
+    the largest component is used (Shepperd, Journal of Guidance and Control 1, 1978).
+
+    Examples
+    --------
+    >>> from_matrices([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).round(3) + 0.0
+    array([0.   , 0.   , 0.707, 0.707])
+    """
+    given = as_vectors("matrices", matrices)
+    if given.shape[-2:] != (3, 3):
+        raise ValueError(f"`matrices` must have shape (..., 3, 3), got {given.shape}")
+    # Four times the products of the components, as a symmetric matrix: its largest row is parallel
+    # to the quaternion.
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(given, (-2, -1), (0, 1))
+    rows = [
+        [1 + xx - yy - zz, xy + yx, xz + zx, zy - yz],
+        [xy + yx, 1 - xx + yy - zz, yz + zy, xz - zx],
+        [xz + zx, yz + zy, 1 - xx - yy + zz, yx - xy],
+        [zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz],
+    ]
+    products = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    largest = np.einsum("...ii->...i", products).argmax(axis=-1)
+    quats = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
+    unit: FloatArray = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
+    return unit
 
 
 def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
