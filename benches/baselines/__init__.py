@@ -1,0 +1,1 @@
+"""Generators of motions that a reader may use instead of grafts."""
