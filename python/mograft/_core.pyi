@@ -1,11 +1,8 @@
 """Compiled kernels of mograft. Private: call the package's own functions instead."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
-from mograft._standalone.mograft_linkage._core import cut as cut
-from mograft._standalone.mograft_linkage._core import linkage as linkage
-from mograft._standalone.mograft_linkage._core import linkage_condensed as linkage_condensed
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
 
 __all__ = [
@@ -172,3 +169,16 @@ def scan_numbers(
     text: bytes, start: int, out: FloatArray, *, last: bool
 ) -> tuple[int, int, IntArray, bool]: ...
 def format_rows(values: FloatArray) -> bytes: ...
+def linkage(
+    points: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
+) -> FloatArray: ...
+def linkage_condensed(
+    distances: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
+) -> FloatArray: ...
+def cut(
+    points: FloatArray,
+    max_diameter: float,
+    threads: int,
+    memory: int,
+    progress: Callable[[float], object] | None,
+) -> IntArray: ...

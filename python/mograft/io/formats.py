@@ -67,7 +67,14 @@ _NPZ = Format(
     lambda path, _: {"format", "rotations", "parents"} <= npz_arrays(path),
 )
 
-FORMATS: tuple[Format, ...] = (_BVH, _NPZ)
+_GLTF = Format(
+    "glTF",
+    (".glb", ".gltf"),
+    "io.gltf.reader:open_gltf",
+    lambda path, head: head.startswith(b"glTF") or path.suffix.lower() == ".gltf",
+)
+
+FORMATS: tuple[Format, ...] = (_BVH, _GLTF, _NPZ)
 """All formats. If the content of a file matches several, the first is used."""
 
 SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suffixes))

@@ -14,6 +14,7 @@
 
 mod convert;
 mod kinematics;
+mod linkage;
 mod seams;
 mod text;
 mod trellis;
@@ -37,7 +38,7 @@ mod _core {
     };
 
     #[pymodule_export]
-    use mograft_linkage_bindings::{cut, linkage, linkage_condensed};
+    use crate::linkage::{cut, linkage, linkage_condensed};
 
     #[pymodule_export]
     use crate::seams::{add_offsets, clip_states, replace_joints, sample_clips, smooth_gradient};

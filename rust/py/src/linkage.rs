@@ -1,22 +1,17 @@
-//! Python bindings of `mograft-linkage`. Every function has its kernel's name.
-//!
-//! Two extension modules export them: `mograft._core` and `mograft_linkage._core`.
-#![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
-#![allow(clippy::missing_errors_doc, reason = "errors are Python exceptions of the package")]
+//! Bindings of `mograft-linkage`. Every function has its kernel's name.
 
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use mograft_linkage::{self as kernel, Error, Options, Progress};
 use numpy::{
-    IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2,
-    PyUntypedArrayMethods as _,
+    IntoPyArray as _, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods as _,
 };
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use crate::convert::{Array, into_array, value_error};
+
 type Points<'py> = PyReadonlyArray2<'py, f64>;
-type Tree<'py> = PyResult<Bound<'py, PyArray2<f64>>>;
 type Labels<'py> = Bound<'py, PyArray1<i64>>;
 
 /// Least time between two calls of the progress callback.
@@ -57,7 +52,7 @@ fn with_progress<T: Send>(
     let result = py.detach(|| run(&callback));
     match exception.into_inner() {
         Ok(Some(error)) => Err(error),
-        _ => result.map_err(|error| PyValueError::new_err(error.to_string())),
+        _ => result.map_err(value_error),
     }
 }
 
@@ -66,9 +61,9 @@ fn options(threads: usize, max_matrix_bytes: usize, progress: Progress<'_>) -> O
 }
 
 /// Convert the rows of a tree to an array `(n - 1, 4)`.
-fn into_tree(py: Python<'_>, rows: Vec<[f64; 4]>) -> Tree<'_> {
+fn into_tree(py: Python<'_>, rows: Vec<[f64; 4]>) -> Array<'_> {
     let shape = [rows.len(), 4];
-    rows.into_flattened().into_pyarray(py).reshape(shape)
+    into_array(py, rows.into_flattened(), &shape)
 }
 
 /// See [`kernel::linkage`].
@@ -79,7 +74,7 @@ pub fn linkage<'py>(
     threads: usize,
     memory: usize,
     progress: Option<Py<PyAny>>,
-) -> Tree<'py> {
+) -> Array<'py> {
     let (slice, dim) = (points.as_slice()?, points.shape()[1]);
     let rows = with_progress(py, progress.as_ref(), |progress| {
         let options = options(threads, memory, progress);
@@ -96,7 +91,7 @@ pub fn linkage_condensed<'py>(
     threads: usize,
     memory: usize,
     progress: Option<Py<PyAny>>,
-) -> Tree<'py> {
+) -> Array<'py> {
     let slice = distances.as_slice()?;
     let rows = with_progress(py, progress.as_ref(), |progress| {
         let options = options(threads, memory, progress);

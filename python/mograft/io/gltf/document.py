@@ -1,0 +1,153 @@
+"""`GltfFile`: the figure of a glTF file, and the animations that move it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft._util.names import unique_names
+from mograft.errors import FormatError, join_names
+from mograft.io.gltf.animation import PATH_WIDTHS, animated_nodes
+from mograft.io.gltf.container import Container, read_container
+from mograft.io.gltf.nodes import NodeTree, read_nodes, to_world
+from mograft.io.rest_pose import RestPose
+
+
+@dataclass(frozen=True, eq=False)
+class GltfFile:
+    """A glTF file with its node tree, the nodes that are joints, and the animations that are clips.
+
+    Joints are in depth-first order. The nodes above the root joint take part in its world
+    transform.
+    """
+
+    container: Container
+    tree: NodeTree
+    joints: IntArray  # index of the node of each joint, shape (n_joints,)
+    above: IntArray  # nodes above the root joint, the root of the tree first
+    rest: RestPose  # of the joints, from the default transforms of the nodes
+    clip_names: tuple[str, ...]  # all different
+    animations: tuple[int, ...]  # index of the animation of each clip
+    notes: tuple[str, ...]  # content that is not part of the motions
+
+    @property
+    def moved_nodes(self) -> IntArray:
+        """The nodes above the root joint, and the joints: parents first."""
+        nodes: IntArray = np.concatenate([self.above, self.joints])
+        return nodes
+
+
+def read_gltf_file(path: Path) -> GltfFile:
+    """Read the node tree of a glTF file, and find its joints and clips.
+
+    If the file has skins, the joints are those of the skins and the nodes between them and their
+    common ancestor. Otherwise they are the animated nodes and those between them and their common
+    ancestor. Of figures without a common ancestor, the one with most joints is taken. Raises
+    `FormatError` if the file is invalid or has no joints.
+    """
+    container = read_container(path)
+    tree = read_nodes(container)
+    animated = [animated_nodes(container, i) for i in range(len(container.items("animations")))]
+    joints, left_out = _find_joints(container, tree, set().union(*animated))
+    above = np.array(tree.ancestors(int(joints[0]))[:0:-1], np.int64)
+    moved = {*above.tolist(), *joints.tolist()}
+    clips = [index for index, nodes in enumerate(animated) if nodes & moved]
+    names = unique_names(_animation_names(container, clips))
+    rest = rest_pose(tree, above, joints)
+    notes = [*left_out, *_find_notes(container, tree, moved, animated, clips)]
+    return GltfFile(container, tree, joints, above, rest, tuple(names), tuple(clips), tuple(notes))
+
+
+def rest_pose(tree: NodeTree, above: IntArray, joints: IntArray) -> RestPose:
+    """Return the rest pose of joints: the default world transforms of their nodes."""
+    nodes = np.concatenate([above, joints])
+    turned, positions = to_world(local_parents(tree, nodes), tree.rest.of(nodes, 1))
+    first = len(above)
+    parents = local_parents(tree, joints)
+    names = tuple(tree.names[node] for node in joints)
+    return RestPose(names, parents, turned[0, first:], positions[0, first:])
+
+
+def local_parents(tree: NodeTree, nodes: IntArray) -> IntArray:
+    """Return the parent of each of `nodes` as an index into `nodes`; -1 for the first."""
+    rows = np.full(len(tree.names), -1)
+    rows[nodes] = np.arange(len(nodes))
+    parents = rows[tree.parents[nodes]]
+    parents[0] = -1
+    return parents
+
+
+def _find_joints(
+    container: Container, tree: NodeTree, animated: set[int]
+) -> tuple[IntArray, list[str]]:
+    """Return the joints in depth-first order, and a note on figures that are left out."""
+    members: set[int] = set()
+    for number, skin in enumerate(container.items("skins")):
+        place = f"skins[{number}].joints"
+        listed = skin.get("joints")
+        if not isinstance(listed, list) or not listed:
+            container.fail(place, "expected a list of nodes")
+        for node in listed:
+            container.item("nodes", node, place)
+            members.add(node)
+    members = members or animated
+    if not members:
+        raise FormatError("expected a skin or an animation of nodes, got none", container.path)
+    figures: dict[int, list[int]] = {}
+    for node in sorted(members):
+        figures.setdefault(tree.ancestors(node)[-1], []).append(node)
+    largest = max(figures.values(), key=len)
+    root = tree.common_ancestor(largest)
+    needed = {root}
+    for node in largest:
+        while node not in needed:
+            needed.add(node)
+            node = int(tree.parents[node])
+    others = [tree.names[top] for top, nodes in figures.items() if nodes is not largest]
+    note = [f"left out the figures below the nodes {join_names(others)}"] if others else []
+    return np.array([node for node in tree.below(root) if node in needed]), note
+
+
+def _animation_names(container: Container, animations: Sequence[int]) -> list[str]:
+    items = container.items("animations")
+    names = [items[index].get("name") for index in animations]
+    return [name if isinstance(name, str) else "" for name in names]
+
+
+def _find_notes(
+    container: Container,
+    tree: NodeTree,
+    moved: set[int],
+    animated: Sequence[set[int]],
+    clips: Sequence[int],
+) -> list[str]:
+    """Return notes on content that the motions do not contain."""
+    notes = []
+    others = [name for node, name in enumerate(tree.names) if node not in moved]
+    if others:
+        notes.append(f"nodes that are not joints: {join_names(others)}")
+    still = [index for index in range(len(animated)) if index not in clips]
+    if still:
+        names = [
+            name or f"animation {i}"
+            for name, i in zip(_animation_names(container, still), still, strict=True)
+        ]
+        notes.append(f"animations that move no joint: {join_names(names)}")
+    lost = set().union(*animated) - moved
+    if lost:
+        names = [tree.names[node] for node in sorted(lost)]
+        notes.append(f"animated nodes that are not joints: {join_names(names)}")
+    paths = {
+        str(channel.get("target", {}).get("path"))
+        for index in clips
+        for channel in container.items("animations")[index]["channels"]
+        if isinstance(channel.get("target"), dict)
+    }
+    unread = sorted(paths - PATH_WIDTHS.keys())
+    if unread:
+        notes.append(f"animated properties that are not read: {', '.join(unread)}")
+    if "scale" in paths:
+        notes.append("animated scale is part of the positions of the joints below")
+    return notes

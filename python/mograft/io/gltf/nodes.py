@@ -1,0 +1,209 @@
+"""The node tree of a glTF file: default transforms, and the world transforms of all frames.
+
+A node has a translation, a rotation and a scale along its axes. The rotation of mograft has no
+scale: the scale of a node moves the nodes below it, and is therefore part of world positions only.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.io.gltf.container import Container
+from mograft.motion import rotations
+from mograft.motion.motion import world_transforms
+from mograft.motion.skeleton import Skeleton
+
+_SCALE_TOLERANCE = 1e-6
+"""Relative difference of scales that counts as none; it covers rounding in single precision."""
+
+
+@dataclass(frozen=True, eq=False)
+class Transforms:
+    """Local transforms of nodes: in every frame, or one pose with n_frames = 1."""
+
+    translations: FloatArray  # shape (n_frames, n_nodes, 3)
+    rotations: FloatArray  # shape (n_frames, n_nodes, 4), xyzw
+    scales: FloatArray  # shape (n_frames, n_nodes, 3)
+
+    def of(self, nodes: IntArray, n_frames: int) -> "Transforms":
+        """Return copies of the transforms of some nodes, repeated for `n_frames` frames."""
+        return Transforms(
+            *(
+                np.repeat(array[:, nodes], n_frames // len(array), axis=0)
+                for array in (self.translations, self.rotations, self.scales)
+            )
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class NodeTree:
+    """The nodes of a glTF file; a node keeps its index in the file."""
+
+    names: tuple[str, ...]
+    parents: IntArray  # shape (n_nodes,); -1 at roots
+    children: tuple[tuple[int, ...], ...]
+    rest: Transforms  # the default transforms: one frame
+
+    def ancestors(self, node: int) -> list[int]:
+        """Return the node and its ancestors, from the node to its root."""
+        line = [node]
+        while (node := int(self.parents[node])) >= 0:
+            line.append(node)
+        return line
+
+    def common_ancestor(self, nodes: Sequence[int]) -> int:
+        """Return the lowest node that is an ancestor of all `nodes`, or one of them.
+
+        The nodes must have the same root.
+        """
+        common = self.ancestors(nodes[0])[::-1]
+        for node in nodes[1:]:
+            line = self.ancestors(node)[::-1]
+            pairs = zip(common, line, strict=False)
+            n_shared = next((i for i, (a, b) in enumerate(pairs) if a != b), None)
+            common = common[: min(len(common), len(line)) if n_shared is None else n_shared]
+        return common[-1]
+
+    def below(self, root: int) -> list[int]:
+        """Return a node and all nodes below it, parents first, in the order of the file."""
+        found, pending = [], [root]
+        while pending:
+            node = pending.pop()
+            found.append(node)
+            pending += self.children[node][::-1]
+        return found
+
+
+def read_nodes(container: Container) -> NodeTree:
+    """Return the nodes of a file; raise `FormatError` if they are not trees."""
+    items = container.items("nodes")
+    parents = np.full(len(items), -1)
+    children: list[tuple[int, ...]] = []
+    for index, item in enumerate(items):
+        below = item.get("children", [])
+        place = f"nodes[{index}].children"
+        if not isinstance(below, list):
+            container.fail(place, f"expected a list, got {below!r:.60}")
+        for child in below:
+            container.item("nodes", child, place)
+            if parents[child] >= 0:
+                container.fail(
+                    f"nodes[{child}]", f"expected one parent, got {parents[child]} and {index}"
+                )
+            parents[child] = index
+        children.append(tuple(below))
+    # With one parent per node, the nodes that no root reaches are those of cycles.
+    n_reached, pending = 0, np.flatnonzero(parents < 0).tolist()
+    while pending:
+        n_reached += 1
+        pending += children[pending.pop()]
+    if n_reached < len(items):
+        container.fail("nodes", "expected trees, got nodes that are their own ancestors")
+    rest = [_read_transform(container, item, i) for i, item in enumerate(items)]
+    rows = np.array(rest).reshape(1, -1, 10)
+    names = tuple(_name(item.get("name"), i) for i, item in enumerate(items))
+    return NodeTree(
+        names,
+        parents,
+        tuple(children),
+        Transforms(rows[..., :3].copy(), rows[..., 3:7].copy(), rows[..., 7:].copy()),
+    )
+
+
+def _name(name: object, index: int) -> str:
+    return name if isinstance(name, str) and name else f"node{index}"
+
+
+def _read_transform(container: Container, item: dict[str, object], index: int) -> list[float]:
+    """Return translation, rotation and scale of a node: ten numbers."""
+    place = f"nodes[{index}]"
+    if "matrix" in item:
+        numbers = container.floats(item["matrix"], f"{place}.matrix", 16)
+        matrix = np.array(numbers).reshape(4, 4).T
+        return _decompose(matrix)
+    rotation = container.floats(item.get("rotation", [0, 0, 0, 1]), f"{place}.rotation", 4)
+    norm = sum(value * value for value in rotation) ** 0.5
+    if norm < 1e-6:
+        container.fail(f"{place}.rotation", "expected a unit quaternion, got zero")
+    return [
+        *container.floats(item.get("translation", [0, 0, 0]), f"{place}.translation", 3),
+        *(value / norm for value in rotation),
+        *container.floats(item.get("scale", [1, 1, 1]), f"{place}.scale", 3),
+    ]
+
+
+def _decompose(matrix: FloatArray) -> list[float]:
+    """Return translation, rotation and scale of a 4 x 4 matrix, as glTF requires it to have."""
+    linear = matrix[:3, :3]
+    scale = np.linalg.norm(linear, axis=0)
+    if np.linalg.det(linear) < 0:
+        scale[0] = -scale[0]
+    left, _, right = np.linalg.svd(linear / np.where(scale == 0, 1.0, scale))
+    axes = left @ right  # the nearest rotation, if a scale is zero or rounding disturbs the axes
+    if np.linalg.det(axes) < 0:
+        axes = left @ np.diag([1.0, 1.0, -1.0]) @ right
+    return [*matrix[:3, 3].tolist(), *rotations.from_matrices(axes).tolist(), *scale.tolist()]
+
+
+def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArray]:
+    """Return world rotations and positions of nodes, shapes (n_frames, n_nodes, 4) and (..., 3).
+
+    `parents` are indices into the nodes; node 0 is the only root, and parents precede their
+    children. World rotations are products of the local ones. If axes of a node are mirrored, the
+    rotation is that of the mirrored axes, with all three reversed if an odd number is.
+    """
+    turns, scales = _unmirrored(local.rotations, local.scales)
+    spread = np.ptp(scales, axis=2)
+    skeleton = Skeleton(("",) * len(parents), parents, np.zeros((len(parents), 3)))
+    if (spread <= _SCALE_TOLERANCE * np.abs(scales[..., 0])).all():
+        factors = _products(parents, scales[..., 0])
+        places = local.translations.copy()
+        places[:, 1:] *= factors[:, parents[1:], None]
+        return world_transforms(skeleton, turns, places)
+    world_turns, _ = world_transforms(skeleton, turns, local.translations)
+    return world_turns, _matrix_positions(parents, turns, scales, local.translations)
+
+
+def _unmirrored(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Move signs of scales to the rotations, so that the three signs of a node are equal.
+
+    An even number of negative signs is a half turn. With an odd number, it is one after all three
+    signs are reversed, which leaves a factor of -1.
+    """
+    signs = np.where(scales < 0, -1.0, 1.0)
+    if (signs > 0).all():
+        return turns, scales
+    overall = signs.prod(axis=-1, keepdims=True)
+    flips = signs * overall  # an even number of -1
+    half_turns = np.concatenate([(flips > 0).astype(float), np.zeros((*flips.shape[:-1], 1))], -1)
+    half_turns[(flips > 0).all(axis=-1)] = rotations.IDENTITY
+    return rotations.multiply(turns, half_turns), scales * flips
+
+
+def _products(parents: IntArray, factors: FloatArray) -> FloatArray:
+    """Return the products of the factors of each node and its ancestors, shape (n_frames, n)."""
+    if (np.abs(factors - 1.0) <= _SCALE_TOLERANCE).all():
+        return np.ones_like(factors)
+    products = factors.copy()
+    for node, parent in enumerate(parents.tolist()):
+        if parent >= 0:
+            products[:, node] *= products[:, parent]
+    return products
+
+
+def _matrix_positions(
+    parents: IntArray, turns: FloatArray, scales: FloatArray, places: FloatArray
+) -> FloatArray:
+    """Return world positions by matrices, which non-uniform scale requires."""
+    axes = np.stack([rotations.rotate(turns, np.eye(3)[i]) for i in range(3)], axis=-1)
+    linear = axes * scales[:, :, None, :]
+    positions = places.copy()
+    for node, parent in enumerate(parents.tolist()):
+        if parent >= 0:
+            positions[:, node] = positions[:, parent] + np.einsum(
+                "fij,fj->fi", linear[:, parent], places[:, node]
+            )
+            linear[:, node] = linear[:, parent] @ linear[:, node]
+    return positions

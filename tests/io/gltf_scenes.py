@@ -1,0 +1,319 @@
+"""glTF files for tests, built from random scenes, and the slow evaluation of these scenes."""
+
+import base64
+import json
+import struct
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tests.io.glb_file import to_matrix
+
+_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+_COMPONENTS = {"<f4": 5126, "i1": 5120, "u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125}
+
+
+@dataclass
+class Track:
+    """One animated property of a node, as stored: single precision or integers."""
+
+    node: int
+    path: str
+    interpolation: str
+    times: np.ndarray
+    values: np.ndarray  # shape (n_keys or 3 * n_keys, width), float64 of the stored numbers
+    component: str = "<f4"
+
+    def at(self, time):
+        """Return the value at a time, by the formulas of the specification."""
+        times, n_keys = self.times, len(self.times)
+        cubic = self.interpolation == "CUBICSPLINE"
+        keys = self.values[1::3] if cubic else self.values
+        k = max(0, int(np.searchsorted(times, time + 1e-9, side="right")) - 1)
+        if time <= times[0] or n_keys == 1:
+            return keys[0]
+        if k >= n_keys - 1:
+            return keys[-1]
+        gap = times[k + 1] - times[k]
+        u = min(max((time - times[k]) / gap, 0.0), 1.0)
+        start, end = keys[k], keys[k + 1]
+        if self.interpolation == "STEP":
+            return start
+        if cubic:
+            leaving, reaching = gap * self.values[3 * k + 2], gap * self.values[3 * k + 3]
+            return (
+                (2 * u**3 - 3 * u**2 + 1) * start
+                + (u**3 - 2 * u**2 + u) * leaving
+                + (-2 * u**3 + 3 * u**2) * end
+                + (u**3 - u**2) * reaching
+            )
+        if self.path != "rotation":
+            return start + u * (end - start)
+        start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
+        cosine = float(start @ end)
+        if cosine < 0:
+            end, cosine = -end, -cosine
+        angle = np.arccos(min(cosine, 1.0))
+        if np.sin(angle) < 1e-8:
+            return start
+        return (np.sin((1 - u) * angle) * start + np.sin(u * angle) * end) / np.sin(angle)
+
+
+@dataclass
+class Scene:
+    """A node tree with one animation."""
+
+    parents: list
+    translations: np.ndarray
+    rotations: np.ndarray
+    scales: np.ndarray
+    tracks: list
+    skin: list | None = None  # nodes
+    matrices: set = field(default_factory=set)  # nodes that are written with a matrix
+
+    def local(self, node, time):
+        """Return the local matrix of a node at a time; with None, its default."""
+        values = {
+            "translation": self.translations[node],
+            "rotation": self.rotations[node],
+            "scale": self.scales[node],
+        }
+        for track in self.tracks:
+            if track.node == node and time is not None:
+                values[track.path] = track.at(time)
+        matrix = np.eye(4)
+        quat = values["rotation"] / np.linalg.norm(values["rotation"])
+        matrix[:3, :3] = to_matrix(quat) * values["scale"]
+        matrix[:3, 3] = values["translation"]
+        return matrix
+
+    def world_position(self, node, time):
+        """Return the world position of a node at a time."""
+        matrix = np.eye(4)
+        while node >= 0:
+            matrix = self.local(node, time) @ matrix
+            node = self.parents[node]
+        return matrix[:3, 3]
+
+    def document(self, rng):
+        """Return the JSON document and the buffer; `rng` chooses strides and sparse accessors."""
+        builder = Builder(rng)
+        nodes = []
+        for index, parent in enumerate(self.parents):
+            node = {"name": f"n{index}"}
+            if index in self.matrices:
+                node["matrix"] = self.local(index, None).T.ravel().tolist()
+            else:
+                node["translation"] = self.translations[index].tolist()
+                node["rotation"] = self.rotations[index].tolist()
+                node["scale"] = self.scales[index].tolist()
+            nodes.append(node)
+            if parent >= 0:
+                nodes[parent].setdefault("children", []).append(index)
+        samplers, channels = [], []
+        for track in self.tracks:
+            samplers.append(
+                {
+                    "input": builder.add(track.times[:, None], "<f4", may_vary=False),
+                    "output": builder.add(track.values, track.component),
+                    "interpolation": track.interpolation,
+                }
+            )
+            target = {"node": track.node, "path": track.path}
+            channels.append({"sampler": len(samplers) - 1, "target": target})
+        document = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [i for i, p in enumerate(self.parents) if p < 0]}],
+            "nodes": nodes,
+            "animations": [{"name": "move", "samplers": samplers, "channels": channels}],
+            "accessors": builder.accessors,
+            "bufferViews": builder.views,
+            "buffers": [{"byteLength": len(builder.data)}],
+        }
+        if self.skin is not None:
+            document["skins"] = [{"joints": self.skin}]
+        return document, bytes(builder.data)
+
+
+class Builder:
+    """A buffer with its views and accessors."""
+
+    def __init__(self, rng):
+        self.rng, self.data, self.views, self.accessors = rng, bytearray(), [], []
+
+    def _view(self, data, **fields):
+        self.data += b"\0" * (-len(self.data) % 4)
+        self.views.append(
+            {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **fields}
+        )
+        self.data += data
+        return len(self.views) - 1
+
+    def add(self, values, component, *, may_vary=True):
+        """Add an accessor of stored values, at random sparse, strided, or with an offset."""
+        dtype = np.dtype(component)
+        stored = values
+        accessor = {"componentType": _COMPONENTS[component], "count": len(values)}
+        accessor["type"] = _TYPES[values.shape[1]]
+        if dtype.kind != "f":
+            accessor["normalized"] = True
+            stored = np.round(values * np.iinfo(dtype).max)
+        stored = np.ascontiguousarray(stored.astype(dtype))
+        way = self.rng.integers(4) if may_vary else 0
+        if way == 1:  # interleaved with other data, after an offset
+            row = stored.dtype.itemsize * stored.shape[1]
+            stride = row + -row % 4 + 4
+            rows = np.zeros((len(stored), stride), np.uint8)
+            rows[:, :row] = stored.view(np.uint8).reshape(len(stored), row)
+            accessor["byteOffset"] = 8
+            data = b"\1" * 8 + rows.tobytes()
+            accessor["bufferView"] = self._view(data, byteStride=stride)
+        elif way == 2:  # some elements are sparse; without a buffer view, the others are zero
+            is_zero = (stored == 0).all(axis=1)
+            rows = np.flatnonzero(~is_zero)
+            if len(rows) == 0:
+                rows = np.array([0])
+            index_type = self.rng.choice(["u1", "<u2", "<u4"])
+            accessor["sparse"] = {
+                "count": len(rows),
+                "indices": {
+                    "bufferView": self._view(rows.astype(index_type).tobytes()),
+                    "componentType": _COMPONENTS[str(index_type)],
+                },
+                "values": {"bufferView": self._view(stored[rows].tobytes())},
+            }
+        elif way == 3:  # one element is replaced
+            damaged = stored.copy()
+            damaged[-1] = 0
+            accessor["bufferView"] = self._view(damaged.tobytes())
+            accessor["sparse"] = {
+                "count": 1,
+                "indices": {
+                    "bufferView": self._view(np.array([len(stored) - 1], "u1").tobytes()),
+                    "componentType": 5121,
+                },
+                "values": {"bufferView": self._view(stored[-1:].tobytes())},
+            }
+        else:
+            accessor["bufferView"] = self._view(stored.tobytes())
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+
+def random_scene(rng, *, scale, has_skin):
+    """Return a random scene. `scale` is "none", "uniform", "mirrored" or "any"."""
+    n_nodes = int(rng.integers(2, 8))
+    parents = [-1, *(int(rng.integers(node)) for node in range(1, n_nodes))]
+    turned = rng.normal(size=(n_nodes, 4))
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+
+    def scales(count):
+        if scale == "none":
+            return np.ones((count, 3))
+        if scale in ("uniform", "mirrored"):
+            sizes = np.repeat(rng.uniform(0.5, 2.0, (count, 1)), 3, axis=1)
+            return -sizes if scale == "mirrored" else sizes
+        return rng.uniform(0.5, 2.0, (count, 3)) * rng.choice([-1.0, 1.0], (count, 3))
+
+    tracks = []
+    for node in range(n_nodes):
+        for path in ("translation", "rotation", "scale"):
+            if rng.random() < 0.5 and not (path == "scale" and scale == "none"):
+                tracks.append(_random_track(rng, node, path, scales))
+    if not tracks:
+        tracks.append(_random_track(rng, 0, "rotation", scales))
+    moved = {track.node for track in tracks}
+    still = [node for node in range(n_nodes) if node not in moved]
+    skin = sorted(rng.choice(n_nodes, int(rng.integers(1, n_nodes + 1)), replace=False).tolist())
+    return Scene(
+        parents,
+        rng.uniform(-2, 2, (n_nodes, 3)),
+        turned,
+        scales(n_nodes),
+        tracks,
+        skin if has_skin else None,
+        {node for node in still if rng.random() < 0.3},
+    )
+
+
+def _random_track(rng, node, path, scales):
+    interpolation = str(rng.choice(["STEP", "LINEAR", "CUBICSPLINE"]))
+    n_keys = int(rng.integers(1, 6))
+    # Multiples of 1/16 s are exact in single precision.
+    times = np.sort(rng.choice(64, n_keys, replace=False)) / 16
+    n_values = 3 * n_keys if interpolation == "CUBICSPLINE" else n_keys
+    component = "<f4"
+    if path == "translation":
+        values = rng.uniform(-2, 2, (n_values, 3))
+    elif path == "scale":
+        values = scales(n_values)
+    else:
+        values = rng.normal(size=(n_values, 4))
+        values /= np.linalg.norm(values, axis=1, keepdims=True)
+        component = str(rng.choice(["<f4", "i1", "<i2"]))
+    if component == "<f4":
+        values = values.astype("<f4").astype(float)
+    else:
+        largest = np.iinfo(component).max
+        values = np.round(values * largest) / largest
+    return Track(node, path, interpolation, times, values, component)
+
+
+def pack_glb(document, binary):
+    """Return the bytes of a GLB file."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    return b"".join(
+        [
+            struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary)),
+            struct.pack("<I4s", len(text), b"JSON") + text,
+            struct.pack("<I4s", len(binary), b"BIN\0") + binary,
+        ]
+    )
+
+
+def write_gltf(folder, document, binary, way):
+    """Write a file as "glb", as "external" or "embedded" glTF; return its path."""
+    if way == "glb":
+        path = folder / "scene.glb"
+        path.write_bytes(pack_glb(document, binary))
+        return path
+    path = folder / "scene.gltf"
+    buffer = dict(document["buffers"][0])
+    if way == "external":
+        (folder / "a b.bin").write_bytes(binary)
+        buffer["uri"] = "a%20b.bin"
+    else:
+        text = base64.b64encode(binary).decode()
+        buffer["uri"] = f"data:application/octet-stream;base64,{text}"
+    path.write_text(json.dumps({**document, "buffers": [buffer]}))
+    return path
+
+
+def to_scene(glb, animation):
+    """Return the scene of a file that `tests.io.glb_file.Glb` has parsed."""
+    nodes = glb.document["nodes"]
+    parents = [-1] * len(nodes)
+    for index, node in enumerate(nodes):
+        for child in node.get("children", []):
+            parents[child] = index
+    tracks = []
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        tracks.append(
+            Track(
+                channel["target"]["node"],
+                channel["target"]["path"],
+                sampler.get("interpolation", "LINEAR"),
+                glb.array(sampler["input"])[:, 0],
+                glb.array(sampler["output"]),
+            )
+        )
+    rest = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}
+    arrays = (
+        np.array([node.get(path, default) for node in nodes], float)
+        for path, default in rest.items()
+    )
+    return Scene(parents, *arrays, tracks)
