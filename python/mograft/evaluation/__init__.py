@@ -37,12 +37,14 @@ from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.report import evaluation_page
+from mograft.evaluation.retrieval import Advantage, Retrieval, RuleScore, retrieval
 from mograft.evaluation.suite import Evaluation, evaluate
 from mograft.evaluation.two_sample import Detection
 from mograft.evaluation.world_measures import WorldMeasures, world_measures
 from mograft.evaluation.world_quality import WorldQuality, world_quality
 
 __all__ = [
+    "Advantage",
     "Analogy",
     "Balance",
     "BalanceRow",
@@ -62,6 +64,8 @@ __all__ = [
     "Quality",
     "Random",
     "RandomLength",
+    "Retrieval",
+    "RuleScore",
     "Support",
     "WorldMeasures",
     "WorldQuality",
@@ -82,6 +86,7 @@ __all__ = [
     "novelty",
     "quality",
     "read_labels",
+    "retrieval",
     "static_balance",
     "support_polygons",
     "sweep",

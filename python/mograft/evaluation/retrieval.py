@@ -1,0 +1,266 @@
+"""Retrieval: whether a rule finds, for a held-out base part, the part that it was captured with."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.errors import InsufficientDataError
+from mograft.evaluation import estimate, held_out
+from mograft.evaluation.baselines import grafted_group
+from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.retrieval_trials import BEST, RULES, PartErrors, Trials, make_queries
+from mograft.library.library import Library
+
+MIN_SEGMENTS = 60
+_N_SHUFFLES = 40
+_MAX_SEGMENTS = 2500  # limits memory and run time, which grow with the square
+
+
+@dataclass(frozen=True)
+class RuleScore(Record):
+    """How near the donors of one rule are to the part that was captured with the base part.
+
+    Each null is the mean over shuffles of the parts, with the range of 95 % of the shuffles.
+
+    Attributes
+    ----------
+    rule : str
+        One of `RULES`, or "best possible": the allowed donors whose parts are nearest.
+    donors : Estimate
+        Number of donors that the rule selects.
+    angle : Estimate
+        Mean joint angle, in radians, between the parts of these donors and the captured part.
+    distance : Estimate
+        Mean distance of their bone ends from those of the captured part, in skeleton heights, with
+        both parts attached to the captured base part.
+    angle_gain, distance_gain : Estimate
+        By how much the parts of these donors are nearer to the captured part than to the parts of
+        all segments. This does not favour donors whose parts are near to all others.
+    angle_null, distance_null : Estimate
+        The gains if the parts of all segments are shuffled.
+    rank : Estimate
+        Relative rank of the allowed donor with the nearest part in the order of the rule: 0 is the
+        first, 0.5 is chance.
+    """
+
+    rule: str
+    donors: Estimate
+    angle: Estimate
+    distance: Estimate
+    angle_gain: Estimate
+    angle_null: Estimate
+    distance_gain: Estimate
+    distance_null: Estimate
+    rank: Estimate
+
+
+@dataclass(frozen=True)
+class Advantage(Record):
+    """Gain of "analogy" minus that of another rule, on the same segments, with null results.
+
+    Positive values are in favour of "analogy". `angle_null_within` shuffles the parts within each
+    clip or block, the other nulls those of all segments. A null has the range of 95 % of the
+    shuffles.
+    """
+
+    rule: str
+    angle: Estimate  # radians
+    angle_null: Estimate
+    angle_null_within: Estimate
+    distance: Estimate  # skeleton heights
+    distance_null: Estimate
+
+
+@dataclass(frozen=True)
+class Retrieval(Record):
+    """Result of `retrieval`.
+
+    Attributes
+    ----------
+    group : str
+        Grafted group.
+    segments : int
+        Number of held-out segments for which "analogy" has a donor: those that are measured.
+    held_out : int
+        Number of held-out segments with an allowed donor.
+    groups : int
+        Number of clips or blocks of segments, which are resampled for the intervals.
+    scores : tuple of RuleScore
+        Scores of each rule and of "best possible".
+    advantages : tuple of Advantage
+        Comparison of each other rule with "analogy".
+    """
+
+    group: str
+    segments: int
+    held_out: int
+    groups: int
+    scores: tuple[RuleScore, ...]
+    advantages: tuple[Advantage, ...]
+
+    def advantage(self, rule: str) -> Advantage:
+        """Return the comparison with a rule; raise KeyError if it was not measured."""
+        for advantage in self.advantages:
+            if advantage.rule == rule:
+                return advantage
+        raise KeyError(f"the rule {rule!r} was not measured")
+
+
+def retrieval(library: Library, group: str | None = None, *, seed: int = 0) -> Retrieval:
+    """Test whether similar base parts have similar other parts, without a classifier.
+
+    The part of every segment is removed, and each rule selects parts of other clips for the base
+    part that remains. The errors are the distances of the selected parts from the removed one.
+
+    Parameters
+    ----------
+    library : Library
+        Library to measure. Segments with recording faults are not used.
+    group : str, optional
+        Grafted group. Default: the first group that is not the base group.
+    seed : int
+        Seed of the folds, of the shuffles and of the resampling.
+
+    Returns
+    -------
+    Retrieval
+        Scores of the rules, and their comparison with the rule of the paper on the same segments
+        with as many donors. The intervals resample clips, or blocks of 20 segments if there are
+        fewer than ten clips. They do not account for the choice of the recordings.
+
+    Raises
+    ------
+    InsufficientDataError
+        If fewer than 60 segments have no faults, if they are all in one clip or block, if a group
+        has no embedding, or if no held-out segment has a donor.
+    ValueError
+        If `group` is the base group.
+
+    Notes
+    -----
+    The clips or blocks are assigned to five folds. For each fold, mean rotations, principal
+    components, cluster diameter threshold and clusters are computed from the other folds, and all
+    donors are in the other folds. Allowed donors have a similar length (eq. 19). "analogy" selects
+    those in the cluster that the held-out base part joins. For every other rule except "ball", as
+    many allowed donors are selected as "analogy" has: "random" takes all allowed donors, which is
+    the expected value of a random draw; "contact pattern" the donors whose foot contacts differ
+    least at ten instants; "nearest neighbours" the nearest base parts in the embedding; "linear
+    regression" the donors whose part is nearest to the part that a ridge regression predicts from
+    the base part (both embedded). "ball" selects the donors within the radius of
+    `Config.neighbourhood`, and is compared on segments for which it has a donor. Errors are
+    computed from joint rotations and bone ends of the recordings, not from the embeddings.
+    """
+    group = grafted_group(library, group)
+    groups = held_out.fold_groups(library)
+    library = _limit_segments(library, groups, seed)
+    segments = np.flatnonzero(library.is_donor)
+    if len(segments) < MIN_SEGMENTS:
+        raise InsufficientDataError(
+            f"retrieval needs {MIN_SEGMENTS} segments without faults, there are {len(segments)}"
+        )
+    if len(np.unique(groups[segments])) < 2:
+        raise InsufficientDataError("retrieval needs at least two clips or blocks of segments")
+    queries = make_queries(library, group, groups, seed)
+    measured = [query for query in queries if query.n_donors]
+    if not measured:
+        raise InsufficientDataError("no held-out segment joins the cluster of a donor")
+    trials = Trials.of(measured)
+    errors = PartErrors.of(library, group)
+    rng = np.random.default_rng(seed)
+    captured = trials.measure(errors, np.arange(len(groups)), has_best=True)
+    nulls = [
+        [
+            trials.measure(errors, held_out.shuffle_parts(library.is_donor, rng, within))
+            for _ in range(_N_SHUFFLES)
+        ]
+        for within in (None, groups)
+    ]
+    summary = _Summary(groups[trials.segment], seed, captured, *nulls)
+    return Retrieval(
+        group=group,
+        segments=len(measured),
+        held_out=len(queries),
+        groups=len(np.unique(groups[segments])),
+        scores=tuple(summary.score(rule, trials.n_donors(rule)) for rule in captured),
+        advantages=tuple(summary.advantage(rule) for rule in RULES[:-1] if rule in captured),
+    )
+
+
+def _limit_segments(library: Library, groups: IntArray, seed: int) -> Library:
+    """Return a library with at most 2,500 donors: those of random clips or blocks."""
+    order = np.random.default_rng(seed).permutation(int(groups.max()) + 1)
+    sizes = np.bincount(groups[library.is_donor], minlength=len(order))[order]
+    kept = order[np.cumsum(sizes) <= _MAX_SEGMENTS]
+    return replace(library, is_donor=library.is_donor & np.isin(groups, kept))
+
+
+@dataclass(frozen=True, eq=False)
+class _Summary:
+    """Means of the results of `Trials.measure`, with intervals that resample blocks."""
+
+    blocks: IntArray  # of each query
+    seed: int
+    captured: Mapping[str, FloatArray]
+    shuffled: Sequence[Mapping[str, FloatArray]]
+    shuffled_within: Sequence[Mapping[str, FloatArray]]
+
+    def _mean(self, values: FloatArray) -> Estimate:
+        return estimate.block_mean(values, self.blocks, "segments", self.seed)
+
+    def score(self, rule: str, n_donors: FloatArray) -> RuleScore:
+        """Return the means of one rule."""
+        angle, distance, angle_gain, distance_gain, rank = (
+            self._mean(column) for column in self.captured[rule].T
+        )
+        # The choice of "best possible" depends on the parts, so its gains are not 0 by chance.
+        null = np.full((1, 5), np.nan)
+        if rule != BEST:
+            null = np.array([np.nanmean(own[rule], axis=0) for own in self.shuffled])
+        return RuleScore(
+            rule=rule,
+            donors=self._mean(n_donors),
+            angle=angle,
+            distance=distance,
+            angle_gain=angle_gain,
+            angle_null=_range(null[:, 2]),
+            distance_gain=distance_gain,
+            distance_null=_range(null[:, 3]),
+            rank=rank,
+        )
+
+    def advantage(self, rule: str) -> Advantage:
+        """Return the differences between the gains of "analogy" and those of another rule."""
+
+        def difference(own: Mapping[str, FloatArray]) -> FloatArray:
+            return (own["analogy"] - own[rule])[:, 2:4]
+
+        angle, distance = (self._mean(column) for column in difference(self.captured).T)
+        null, within = (
+            np.array([np.nanmean(difference(own), axis=0) for own in several])
+            for several in (self.shuffled, self.shuffled_within)
+        )
+        return Advantage(
+            rule=rule,
+            angle=angle,
+            angle_null=_range(null[:, 0]),
+            angle_null_within=_range(within[:, 0]),
+            distance=distance,
+            distance_null=_range(null[:, 1]),
+        )
+
+
+def _range(values: FloatArray) -> Estimate:
+    """Return the mean of the results of shuffles, with the range of 95 % of them, if finite."""
+    if not np.isfinite(values).all():
+        return Estimate.without_value(0, "shuffles", "range of 95 % of the shuffles")
+    low, high = np.percentile(values, [2.5, 97.5])
+    return Estimate(
+        value=float(values.mean()),
+        low=float(low),
+        high=float(high),
+        n=len(values),
+        unit="shuffles",
+        interval_method="range of 95 % of the shuffles",
+    )
