@@ -1,5 +1,6 @@
 """Conversion of array arguments: dtype, shape, finiteness and unit norm are checked here."""
 
+from collections.abc import Iterator
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -11,6 +12,8 @@ Packed: TypeAlias = npt.NDArray[np.float32]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 Item = TypeVar("Item", bound=np.generic)
 Shape: TypeAlias = tuple[int | str, ...]
+
+_ROWS_PER_BLOCK = 4096
 
 
 def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
@@ -37,14 +40,25 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
     if quats.shape[-1:] != (4,):
         as_floats(name, quats)
         raise ValueError(f"`{name}` must have shape (..., 4), got {quats.shape}")
-    # A norm within 1e-6 of 1 has a square within 2e-6 of 1. Non-finite values fail the test.
-    unit = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
-    if not unit.all():
+    if not all(_is_unit(block).all() for block in _blocks(quats)):
         as_floats(name, quats)
-        index = tuple(int(i) for i in np.argwhere(~unit)[0])
+        index = tuple(int(i) for i in np.argwhere(~_is_unit(quats))[0])
         norm = np.linalg.norm(quats[index])
         raise ValueError(f"`{name}` must be unit quaternions, got norm {norm:.6g} at {list(index)}")
     return quats
+
+
+def _is_unit(quats: FloatArray) -> BoolArray:
+    # A norm within 1e-6 of 1 has a square within 2e-6 of 1. Non-finite values fail the test.
+    is_unit: BoolArray = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
+    return is_unit
+
+
+def _blocks(array: FloatArray) -> Iterator[FloatArray]:
+    """Return views of consecutive rows, so that temporary arrays of a long motion stay small."""
+    if array.ndim < 2:
+        return iter([array])
+    return (array[i : i + _ROWS_PER_BLOCK] for i in range(0, len(array), _ROWS_PER_BLOCK))
 
 
 def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:

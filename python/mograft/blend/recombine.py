@@ -1,7 +1,8 @@
 """Combination of the motions of joint groups into one motion (paper, eq. 20)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,37 +27,25 @@ class Part:
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
-def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
+class _Change(NamedTuple):
+    """The frames in which the rotations or positions of joints differ from those of the base."""
+
+    kind: str  # "rotation" or "position"
+    joints: IntArray
+    frames: BoolArray  # (n_frames, n_joints)
+
+
+def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
     """Replace the motion of joint groups in a base motion (paper, eq. 20).
 
     No joint is in two parts. All other joints keep the motion of the base, bit for bit. The result
     keeps each channel value whose rotation or translation equals that of the base.
     """
-    skeleton = base.skeleton
-    quats, positions = base.rotations, base.positions
+    quats, positions, changes, single = _replace_parts(base, parts)
     values = None if base.channel_values is None else base.channel_values.copy()
-    for part in parts:
-        quats, rotated = _replace_joints(quats, part.rotations, part.joints)
-        changes = [("rotation", rotated)]
-        if part.positions is not None:
-            positions, moved = _replace_joints(positions, part.positions, part.joints)
-            changes.append(("position", moved))
-        for kind, is_changed in changes:
-            if values is None or not is_changed.any():
-                continue
-            pairs = [
-                (index, column)
-                for column, joint in enumerate(part.joints.tolist())
-                for index, channel in zip(
-                    skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
-                )
-                if channel.endswith(kind)
-            ]
-            indices, columns = np.array(pairs, np.int64).reshape(-1, 2).T
-            is_unknown = np.zeros(values.shape, bool)
-            is_unknown[:, indices] = is_changed[:, columns]
-            np.copyto(values, np.nan, where=is_unknown)
-    single = {key: angle for part in parts for key, angle in part.angles.items()}
+    if values is not None:
+        for change in changes:
+            _mark_derived(values, base.skeleton, change)
     if single and quats is base.rotations:
         quats = quats.copy()
     for joint in dict.fromkeys(joint for joint, _ in single):
@@ -69,6 +59,36 @@ def recombine(base: Motion, parts: Sequence[Part], name: str) -> Motion:
         path=None,
         repairs=(),
     )
+
+
+def _replace_parts(
+    base: Motion, parts: Iterable[Part]
+) -> tuple[FloatArray, FloatArray, list[_Change], dict[ChannelKey, FloatArray]]:
+    """Return new rotations and translations, what changed, and the angles of single channels.
+
+    `parts` may be an iterator: the arrays of one part can then be released before the next is made.
+    """
+    quats, positions = base.rotations, base.positions
+    changes: list[_Change] = []
+    single: dict[ChannelKey, FloatArray] = {}
+    for part in parts:
+        quats, is_rotated = _replace_joints(quats, part.rotations, part.joints)
+        changes.append(_Change("rotation", part.joints, is_rotated))
+        if part.positions is not None:
+            positions, is_moved = _replace_joints(positions, part.positions, part.joints)
+            changes.append(_Change("position", part.joints, is_moved))
+        single |= part.angles
+    return quats, positions, changes, single
+
+
+def _mark_derived(values: FloatArray, skeleton: Skeleton, change: _Change) -> None:
+    """Set changed channel values to NaN, in place: the writer derives them from the pose."""
+    for column, joint in enumerate(change.joints.tolist()):
+        for index, channel in zip(
+            skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
+        ):
+            if channel.endswith(change.kind):
+                values[change.frames[:, column], index] = np.nan
 
 
 def _replace_joints(

@@ -105,7 +105,10 @@ class SeamTreatment(ABC):
         """
 
     def smooth(self, closed: "ClosedFrames") -> FloatArray:
-        """Return the values after a final pass over all frames; the base class changes nothing."""
+        """Return the values after a final pass over all frames; the base class changes nothing.
+
+        The pass may change `closed.values` in place.
+        """
         return closed.values
 
 

@@ -1,10 +1,15 @@
 """Accelerations and jerks of joints, as differences between frames."""
 
+from collections.abc import Iterator
+from typing import NamedTuple
+
 import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.motion.motion import Motion
+
+_FRAMES_PER_BLOCK = 1024
 
 
 def greatest_derivatives(
@@ -18,12 +23,12 @@ def greatest_derivatives(
     frames and assigned to the second, a jerk from four frames and assigned to the second. Frames at
     the ends, to which none is assigned, have the value 0.
     """
-    accelerations, jerks = np.zeros((2, motion.n_frames))
-    for first in range(min(step, motion.n_frames)):
-        rotations = np.ascontiguousarray(motion.rotations[first::step])
-        found = _core.greatest_derivatives(rotations, joints)
-        accelerations[first::step], jerks[first::step] = found
-    return accelerations, jerks
+    derivatives = np.zeros((2, motion.n_frames))
+    for block in _blocks(motion.n_frames, step):
+        rotations = np.ascontiguousarray(motion.rotations[block.read])
+        found = np.stack(_core.greatest_derivatives(rotations, joints))
+        derivatives[:, block.assigned] = found[:, block.own]
+    return derivatives[0], derivatives[1]
 
 
 def world_jerk(motion: Motion, joints: IntArray, step: int = 1) -> FloatArray:
@@ -34,9 +39,38 @@ def world_jerk(motion: Motion, joints: IntArray, step: int = 1) -> FloatArray:
     at the ends, to which none is assigned, have the value 0.
     """
     jerks = np.zeros((motion.n_frames, len(joints)))
-    for first in range(min(step, motion.n_frames)):
+    parents = motion.skeleton.parents
+    for block in _blocks(motion.n_frames, step):
         rotations, positions = (
-            np.ascontiguousarray(own[first::step]) for own in (motion.rotations, motion.positions)
+            np.ascontiguousarray(own[block.read]) for own in (motion.rotations, motion.positions)
         )
-        jerks[first::step] = _core.world_jerk(motion.skeleton.parents, rotations, positions, joints)
+        found = _core.world_jerk(parents, rotations, positions, joints)
+        jerks[block.assigned] = found[block.own]
     return jerks
+
+
+class _Block(NamedTuple):
+    """Frames that are a step apart: those read, those assigned, and the latter among the former."""
+
+    read: slice
+    assigned: slice
+    own: slice
+
+
+def _blocks(n_frames: int, step: int) -> Iterator[_Block]:
+    """Return blocks that together assign every frame; few frames at a time take little memory.
+
+    A block also reads the frame before and the two behind those that it assigns, if they exist.
+    """
+    for first in range(min(step, n_frames)):
+        frames = range(first, n_frames, step)
+        for start in range(0, len(frames), _FRAMES_PER_BLOCK):
+            before = min(start, 1)
+            stop = min(start + _FRAMES_PER_BLOCK, len(frames))
+            read = frames[start - before : stop + 2]
+            assigned = frames[start:stop]
+            yield _Block(
+                slice(read.start, read[-1] + 1, step),
+                slice(assigned.start, assigned[-1] + 1, step),
+                slice(before, before + stop - start),
+            )

@@ -80,9 +80,14 @@ class Assembly:
         for group, sequence in self.donors.items():
             if group not in parts:
                 parts[group] = transplant_group(problem, group, base, segments, sequence)
-        ordered = [parts[group] for group in self.donors]
         seams = {group: parts[group].seams for group in self.donors}
-        return recombine(base, ordered, self.name), seams, parts if len(parts) > 1 else {}
+        ordered = [parts[group] for group in self.donors]
+        kept = parts if len(parts) > 1 else {}
+        # The part of a single group is not kept, and is released before channel values are copied.
+        del parts
+        ordered.reverse()
+        motion = recombine(base, (ordered.pop() for _ in seams), self.name)
+        return motion, seams, kept
 
     def replace_donors(self, group: str, donors: IntArray) -> "Assembly":
         """Return a new assembly in which one group has the donor sequence `donors`.

@@ -6,6 +6,9 @@ use crate::banded::solve_in_place;
 use crate::error::{Error, check_len};
 use crate::value::{Value, add};
 
+/// Joints that are solved for at a time, so that the changes of a long motion take little memory.
+const JOINTS_PER_BLOCK: usize = 8;
+
 /// Donors that replace consecutive segments, and the seams between them.
 #[derive(Clone, Copy, Debug)]
 pub struct Donors<'a, V> {
@@ -30,45 +33,47 @@ pub struct Objective {
     pub reach: f64,
 }
 
-/// The frames whose values, velocities and accelerations are nearest to those of donors.
+/// Move `values` to the frames whose values, velocities and accelerations are nearest to donors'.
 ///
 /// `values` are all frames of `n_joints`, the first of them the first of segment 0. Minimises the
 /// weighted sum of squared errors by one Gauss-Newton step from `values`; for translations it is
 /// exact. Derivatives are finite differences. A frame that two donors share has the mean of the
 /// errors from both; at a seam `Donors::accelerations` replaces the acceleration of a donor. The
 /// first and the last frame, frames away from seams and joints whose donors are
-/// constant up to 1e-12 keep their values bit for bit. Takes O(frames × joints) time.
+/// constant up to 1e-12 keep their values bit for bit. Takes O(frames × joints) time and, beside
+/// `values`, O(frames) memory.
 ///
 /// # Errors
 ///
-/// If the lengths disagree or segments do not follow each other.
+/// If the lengths disagree or segments do not follow each other; `values` are unchanged then.
 pub fn smooth_gradient<V: Value>(
-    values: &[V],
+    values: &mut [V],
     n_joints: usize,
     donors: Donors<V>,
     objective: Objective,
-) -> Result<Vec<V>, Error> {
+) -> Result<(), Error> {
     let frames = Frame::list(&donors)?;
     check_len(values.len(), frames.len() * n_joints)?;
     check_len(donors.rows.len(), n_joints * row_count(&donors))?;
     check_len(donors.accelerations.len(), n_joints * donors.seams.len())?;
     let is_free = free_frames(&donors, frames.len(), objective.reach);
     let joints = moving_joints(donors.rows, n_joints);
-    let mut smooth = values.to_vec();
     if joints.is_empty() || !is_free.contains(&true) {
-        return Ok(smooth);
+        return Ok(());
     }
-    let system = System { values, n_joints, donors, frames: &frames, is_free: &is_free };
-    let mut change = system.slopes(&joints, objective.weights);
     let bands = normal_matrix(&frames, &is_free, objective.weights);
-    solve_in_place(&bands, &mut change, 3 * joints.len())?;
-    for (frame, change) in change.chunks_exact(3 * joints.len()).enumerate() {
-        for (&joint, delta) in joints.iter().zip(change.chunks_exact(3)) {
-            let value = &mut smooth[frame * n_joints + joint];
-            *value = add(*value, -DVec3::from_slice(delta));
+    for joints in joints.chunks(JOINTS_PER_BLOCK) {
+        let system = System { values, n_joints, donors, frames: &frames, is_free: &is_free };
+        let mut change = system.slopes(joints, objective.weights);
+        solve_in_place(&bands, &mut change, 3 * joints.len())?;
+        for (frame, change) in change.chunks_exact(3 * joints.len()).enumerate() {
+            for (&joint, delta) in joints.iter().zip(change.chunks_exact(3)) {
+                let value = &mut values[frame * n_joints + joint];
+                *value = add(*value, -DVec3::from_slice(delta));
+            }
         }
     }
-    Ok(smooth)
+    Ok(())
 }
 
 /// A frame and the rows of its donors.
@@ -277,7 +282,8 @@ mod tests {
                 seams: &[0],
                 accelerations: &[DVec3::ZERO],
             };
-            let smooth = smooth_gradient(&values, 1, donors, OBJECTIVE).unwrap();
+            let mut smooth = values.clone();
+            smooth_gradient(&mut smooth, 1, donors, OBJECTIVE).unwrap();
             let is_changed: Vec<_> = (0..11).filter(|&f| smooth[f] != values[f]).collect();
             assert!((smooth[5].x - values[5].x).abs() < 1e-12, "by symmetry");
             if gap == 0.0 {
@@ -304,7 +310,7 @@ mod tests {
             accelerations: &[],
         };
         let refused = |starts, stops| {
-            smooth_gradient(&[DVec3::ZERO; 6], 1, donors(starts, stops), OBJECTIVE).err()
+            smooth_gradient(&mut [DVec3::ZERO; 6], 1, donors(starts, stops), OBJECTIVE).err()
         };
         assert_eq!(refused(&[0, 3], &[2, 5]), None);
         assert_eq!(refused(&[0, 4], &[2, 5]), Some(Error::InvalidSegment { segment: 1 }));

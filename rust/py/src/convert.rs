@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use mograft_kinematics::sample;
 use numpy::{
     Element, IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArrayDyn, PyUntypedArrayMethods as _,
+    PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -39,18 +39,30 @@ pub fn as_rows<'a, T: Element>(
 
 /// View an array `(..., 4)` as quaternions, scalar last.
 pub fn as_quats<'a>(array: &'a Floats<'_>) -> PyResult<&'a [DQuat]> {
-    check_last_axis(array, 4)?;
+    check_last_axis(array.shape(), 4)?;
     Ok(bytemuck::cast_slice(array.as_slice()?))
 }
 
 /// View an array `(..., 3)` as vectors.
 pub fn as_vecs<'a>(array: &'a Floats<'_>) -> PyResult<&'a [DVec3]> {
-    check_last_axis(array, 3)?;
+    check_last_axis(array.shape(), 3)?;
     Ok(bytemuck::cast_slice(array.as_slice()?))
 }
 
-fn check_last_axis(array: &Floats<'_>, expected: usize) -> PyResult<()> {
-    match array.shape() {
+/// View an array `(..., 4)` as quaternions that may be changed.
+pub fn as_quats_mut<'a>(array: &'a mut PyReadwriteArrayDyn<'_, f64>) -> PyResult<&'a mut [DQuat]> {
+    check_last_axis(array.shape(), 4)?;
+    Ok(bytemuck::cast_slice_mut(array.as_slice_mut()?))
+}
+
+/// View an array `(..., 3)` as vectors that may be changed.
+pub fn as_vecs_mut<'a>(array: &'a mut PyReadwriteArrayDyn<'_, f64>) -> PyResult<&'a mut [DVec3]> {
+    check_last_axis(array.shape(), 3)?;
+    Ok(bytemuck::cast_slice_mut(array.as_slice_mut()?))
+}
+
+fn check_last_axis(shape: &[usize], expected: usize) -> PyResult<()> {
+    match shape {
         [.., last] if *last == expected => Ok(()),
         shape => {
             Err(PyValueError::new_err(format!("expected shape (..., {expected}), got {shape:?}")))

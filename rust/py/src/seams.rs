@@ -6,11 +6,15 @@ use glam::{DQuat, DVec3};
 use mograft_kinematics::gradient::{self, Donors, Objective};
 use mograft_kinematics::offset::{self, Offsets, PieceTimes};
 use mograft_kinematics::{resample, value};
-use numpy::{IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use numpy::{
+    IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadwriteArrayDyn,
+    PyUntypedArrayMethods as _,
+};
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, Indices, as_quats, as_usizes, as_vecs, from_quats, from_vecs, value_error,
+    Array, Floats, Indices, as_quats, as_quats_mut, as_usizes, as_vecs, as_vecs_mut, from_quats,
+    from_vecs, value_error,
 };
 
 /// See [`offset::add_offsets`].
@@ -46,27 +50,28 @@ pub fn add_offsets<'py>(
 #[pyfunction]
 pub fn smooth_gradient<'py>(
     py: Python<'py>,
-    values: Floats<'py>,
+    mut values: PyReadwriteArrayDyn<'py, f64>,
     donors: (Indices<'py>, Indices<'py>, Floats<'py>, Indices<'py>, Floats<'py>),
     weights: [f64; 3],
     reach: f64,
-) -> Array<'py> {
-    let [n, n_joints] = [values.shape()[0], values.shape()[1]];
+) -> PyResult<()> {
+    let (n_joints, is_rotation) = (values.shape()[1], values.shape().last() == Some(&4));
     let (starts, stops, rows, seams, accelerations) = &donors;
     let [starts, stops, seams] = [as_usizes(starts)?, as_usizes(stops)?, as_usizes(seams)?];
     let accelerations = as_vecs(accelerations)?;
     let objective = Objective { weights, reach };
     let (starts, stops, seams) = (&starts[..], &stops[..], &seams[..]);
-    if values.shape().last() == Some(&4) {
-        let (quats, rows) = (as_quats(&values)?, as_quats(rows)?);
+    if is_rotation {
+        let (quats, rows) = (as_quats_mut(&mut values)?, as_quats(rows)?);
         let donors = Donors { starts, stops, rows, seams, accelerations };
-        let smooth = py.detach(|| gradient::smooth_gradient(quats, n_joints, donors, objective));
-        return from_quats(py, smooth.map_err(value_error)?, &[n, n_joints]);
+        return py
+            .detach(|| gradient::smooth_gradient(quats, n_joints, donors, objective))
+            .map_err(value_error);
     }
-    let (vecs, rows) = (as_vecs(&values)?, as_vecs(rows)?);
+    let (vecs, rows) = (as_vecs_mut(&mut values)?, as_vecs(rows)?);
     let donors = Donors { starts, stops, rows, seams, accelerations };
-    let smooth = py.detach(|| gradient::smooth_gradient(vecs, n_joints, donors, objective));
-    from_vecs(py, smooth.map_err(value_error)?, &[n, n_joints])
+    py.detach(|| gradient::smooth_gradient(vecs, n_joints, donors, objective))
+        .map_err(value_error)
 }
 
 /// See [`resample::sample_clips`].

@@ -18,14 +18,15 @@ def fit_donors(
     rate: float,
     reach: float,
 ) -> FloatArray:
-    """Return the values that minimise the sum of `_Gradient` in frames near seams.
+    """Minimise the sum of `_Gradient` near seams by changing `values` in place; return `values`.
 
     `values` has shape (n_frames, n_joints, 4 or 3). `donors` are the first and the last frame of
     each segment and, as in `ClosedFrames`, donor rows, seams and seam accelerations. `reach` is the
     greatest distance of a changed frame from a seam, in frames, `rate` in frames per second.
     """
     tau = _TIME * rate
-    return _core.smooth_gradient(values, donors, (1.0, tau**2, tau**4), reach)
+    _core.smooth_gradient(values, donors, (1.0, tau**2, tau**4), reach)
+    return values
 
 
 class _Gradient(Offset):
@@ -47,7 +48,7 @@ class _Gradient(Offset):
     uses_next_donor = True
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
-        """Return the values, smoothed in the frames near seams."""
+        """Smooth the values in the frames near seams, in place, and return them."""
         cut = closed.cut
         donors = cut.start, cut.stop, closed.donor_rows, closed.seams, closed.seam_accelerations
         return fit_donors(closed.values, donors, closed.rate, closed.blend)
