@@ -36,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     with warnings.catch_warnings():
         warnings.simplefilter("always")
+        # What an interrupted command leaves open is closed with the process.
+        warnings.simplefilter("ignore", ResourceWarning)
         warnings.showwarning = show_once
         try:
             # Only the module of this command is imported: `mograft --help` needs no NumPy.

@@ -38,7 +38,8 @@ def set_quiet(is_quiet: bool) -> None:  # noqa: FBT001 - the only argument
 def print_remark(text: str) -> None:
     """Print a line on stderr, unless ``--quiet`` is given."""
     if not _is_quiet.get():
-        print(text, file=sys.stderr)
+        # One write: an interrupt between two would leave the line without its end.
+        sys.stderr.write(f"{text}\n")
 
 
 def print_error(text: str, details: Iterable[str] = ()) -> None:
