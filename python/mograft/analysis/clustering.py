@@ -15,10 +15,6 @@ import numpy.typing as npt
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray, as_floats
 
-# Default limit for the distance matrix, which holds 1,448 points. For fewer points the matrix is
-# faster than the algorithm that avoids it.
-_MATRIX_BYTES = 16 << 20
-
 
 def linkage(
     points: npt.ArrayLike,
@@ -36,9 +32,10 @@ def linkage(
     threads : int, optional
         Number of threads; the tree does not depend on it. Default: one per processor.
     memory_limit : int, optional
-        Maximum size, in bytes, of a matrix of all distances. If it is at least ``8 * n**2``, the
-        matrix is used, which is faster for few points and for points with many axes. Other memory
-        is proportional to n. Default: 16 MiB.
+        Maximum size, in bytes, of a matrix of all distances, which takes ``8 * n**2``. It is
+        used for fewer than 1,449 points, and if too few distances can be excluded for the
+        algorithm without a matrix, as with many axes and equal distances. Other memory is
+        proportional to n. Default: half of the available memory.
     progress : callable, optional
         Called a few times per second with the fraction of finished merges, from 0 to 1. An
         exception that `progress` raises ends the computation.
@@ -57,6 +54,8 @@ def linkage(
     ValueError
         If there is no point, a point has no coordinate, a coordinate is not finite, or `threads`
         or `memory_limit` is out of range.
+    MemoryError
+        If the system refuses memory for the matrix.
 
     See Also
     --------
@@ -78,7 +77,7 @@ def linkage(
     array([[0., 1., 1., 2.],
            [2., 3., 5., 3.]])
     """
-    memory = _as_memory(memory_limit, _MATRIX_BYTES)
+    memory = _as_memory(memory_limit, _core.available_memory() // 2)
     return _core.linkage(_as_points(points), _as_threads(threads), memory, progress)
 
 
@@ -126,7 +125,7 @@ def cut(
     diameter = float(max_diameter)
     if not diameter >= 0.0:
         raise ValueError(f"`max_diameter` must be 0 or more, got {max_diameter}")
-    memory = _as_memory(memory_limit, _MATRIX_BYTES)
+    memory = _as_memory(memory_limit, _core.available_memory() // 2)
     array = _as_points(points, min_points=0)
     return _core.cut(array, diameter, _as_threads(threads), memory, progress)
 

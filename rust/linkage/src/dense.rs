@@ -3,8 +3,15 @@
 //! Complete linkage takes the larger of two distances, independently in every row. So a row may
 //! postpone any number of merges until it is needed: for each it then raises the column of the
 //! remaining cluster to that of the merged one. No column is written across rows, all reads are
-//! consecutive, and rows are shared out among threads. In each round all pairs merge that are each
-//! other's nearest; there are about fifty rounds, and a row is read in four or five of them.
+//! consecutive, and rows are shared out among threads.
+//!
+//! In each *round* all pairs merge that are each other's nearest; there are about fifty rounds, and
+//! a row is read in four or five of them. A cluster whose nearest has merged at an unchanged
+//! distance keeps it: no other cluster comes nearer, and the union has a lower representative.
+//! Some matrices have few such pairs in each round, for example if most distances are equal. Then a
+//! nearest-neighbour *chain* makes the remaining merges; it reads at most three rows per merge.
+
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use crate::error::Error;
 use crate::parallel::Workers;
@@ -18,6 +25,15 @@ const MIN_COMPACTED_SIZE: usize = 64;
 
 /// Fewest distances that one job handles.
 const DISTANCES_PER_JOB: usize = 1 << 14;
+
+/// Rows read per merge, on average, above which rounds end and the chain begins.
+const MAX_ROWS_PER_MERGE: usize = 8;
+
+/// Work of a round in addition to that on rows, as a count of rows.
+const ROWS_PER_ROUND: usize = 4;
+
+/// Rows that take as much time as one if they need not be read.
+const UPDATES_PER_ROW: usize = 16;
 
 /// The distances of a cluster to all others.
 struct Row {
@@ -38,11 +54,35 @@ impl Row {
     fn apply(&mut self, log: &[(u32, u32)]) {
         for &(kept, removed) in &log[self.n_applied..] {
             let distance = self.distances[removed as usize];
-            let kept = &mut self.distances[kept as usize];
-            *kept = if distance > *kept { distance } else { *kept };
+            let kept_distance = &mut self.distances[kept as usize];
+            *kept_distance = if distance > *kept_distance { distance } else { *kept_distance };
             self.distances[removed as usize] = f64::INFINITY;
+            if self.nearest.0 == removed {
+                self.nearest.0 = kept;
+            }
         }
         self.n_applied = log.len();
+    }
+
+    /// Apply the log; find the nearest cluster, unless its distance is unchanged.
+    ///
+    /// Returns whether the row was searched.
+    fn update(&mut self, workers: &Workers<'_>, log: &[(u32, u32)]) -> bool {
+        self.apply(log);
+        let (column, distance) = self.nearest;
+        let is_same = column != NONE && self.distances[column as usize] == distance;
+        if !is_same {
+            self.find_nearest(workers);
+        }
+        !is_same
+    }
+
+    /// Become the row of the union with the cluster of another row, which is emptied.
+    fn unite(&mut self, workers: &Workers<'_>, removed: &mut Self, log: &[(u32, u32)]) {
+        self.apply(log);
+        removed.apply(log);
+        simd::maximize(workers.isa, &mut self.distances, &removed.distances);
+        removed.distances = Vec::new();
     }
 
     /// Find the nearest cluster; of equal distances the first.
@@ -61,8 +101,7 @@ impl Row {
 /// Rows are as long as there are rows, infinite on the diagonal, and not NaN. Clusters must be
 /// sorted by representative: of equal distances in a row the first is nearest. Returns pairs of
 /// rows with their distances; every pair stands behind those of its parts, and the smaller row,
-/// which the union keeps, is first. Takes O(m²) memory and little more than O(m²) time for m
-/// clusters.
+/// which the union keeps, is first. Takes O(m²) memory and time for m clusters.
 ///
 /// # Errors
 ///
@@ -74,25 +113,75 @@ pub(crate) fn merge_on_matrix(
     let total = rows.len().max(1) as f64;
     let mut matrix = Matrix::new(rows);
     let mut pairs = Vec::new();
-    loop {
-        matrix.update_nearest(workers)?;
+    let mut n_rows_read = 0;
+    while n_rows_read <= MAX_ROWS_PER_MERGE * (pairs.len() + total as usize) {
+        n_rows_read += ROWS_PER_ROUND + matrix.update_nearest(workers)?;
         let merged = matrix.reciprocal_pairs();
         if merged.is_empty() {
             return Ok(pairs);
         }
-        matrix.merge_rows(workers, &merged)?;
+        matrix.merge_pairs(workers, &merged)?;
         for &(kept, removed, distance) in &merged {
             pairs.push((matrix.numbers[kept], matrix.numbers[removed], distance));
         }
         workers.set_fraction(pairs.len() as f64 / total);
-        let n_active = matrix
-            .is_active
-            .iter()
-            .filter(|is_active| **is_active)
-            .count();
-        if n_active * 4 <= matrix.rows.len() * 3 && matrix.rows.len() > MIN_COMPACTED_SIZE {
+        if matrix.is_sparse() {
             matrix.compact(workers)?;
         }
+    }
+    merge_by_chain(workers, &mut matrix, &mut pairs)?;
+    Ok(pairs)
+}
+
+/// Make the remaining merges by the nearest-neighbour chain (see [`chain`](crate::chain)).
+fn merge_by_chain(
+    workers: &Workers<'_>,
+    matrix: &mut Matrix,
+    pairs: &mut Vec<(u32, u32, f64)>,
+) -> Result<(), Error> {
+    let total = (matrix.rows.len() + pairs.len()).max(1) as f64;
+    let mut chain: Vec<usize> = Vec::new();
+    let mut first_active = 0;
+    let mut n_merges_left = 0;
+    loop {
+        workers.check_progress()?;
+        if chain.is_empty() {
+            let is_active = &matrix.is_active[first_active..];
+            let Some(skipped) = is_active.iter().position(|&is_active| is_active) else {
+                return Ok(());
+            };
+            first_active += skipped;
+            chain.push(first_active);
+        }
+        let tip = chain[chain.len() - 1];
+        let row = &mut matrix.rows[tip];
+        row.apply(&matrix.log);
+        row.find_nearest(workers);
+        let (column, distance) = row.nearest;
+        if column == NONE {
+            // Only a chain of one cluster can end here: the others have a finite distance.
+            matrix.is_active[tip] = false;
+            chain.clear();
+            continue;
+        }
+        let neighbour = column as usize;
+        if chain.len() < 2 || chain[chain.len() - 2] != neighbour {
+            chain.push(neighbour);
+            continue;
+        }
+        chain.truncate(chain.len() - 2);
+        let (kept, removed) = (tip.min(neighbour), tip.max(neighbour));
+        pairs.push((matrix.numbers[kept], matrix.numbers[removed], distance));
+        matrix.merge_pair(workers, kept, removed);
+        workers.set_fraction(pairs.len() as f64 / total);
+        if n_merges_left == 0 {
+            let new_positions = matrix.compact(workers)?;
+            for row in &mut chain {
+                *row = new_positions[*row] as usize;
+            }
+            (first_active, n_merges_left) = (0, matrix.rows.len() / 4 + 1);
+        }
+        n_merges_left -= 1;
     }
 }
 
@@ -121,17 +210,28 @@ impl Matrix {
         }
     }
 
-    /// Find the nearest cluster of the outdated rows.
-    fn update_nearest(&mut self, workers: &Workers<'_>) -> Result<(), Error> {
+    /// Find the nearest cluster of the outdated rows; return the work as a count of rows read.
+    fn update_nearest(&mut self, workers: &Workers<'_>) -> Result<usize, Error> {
         let (width, log) = (self.rows.len(), &self.log);
         let rows = self.rows.iter_mut().zip(&self.is_outdated);
-        let outdated = rows
+        let outdated: Vec<&mut Row> = rows
             .filter(|(_, is_outdated)| **is_outdated)
-            .map(|(row, _)| row);
-        for_each_row(workers, width, outdated.collect(), |row| {
-            row.apply(log);
-            row.find_nearest(workers);
-        })
+            .map(|(row, _)| row)
+            .collect();
+        let n_updated = outdated.len();
+        let n_read = AtomicUsize::new(0);
+        for_each_row(workers, width, outdated, |row| {
+            n_read.fetch_add(usize::from(row.update(workers, log)), Relaxed);
+        })?;
+        Ok(n_read.into_inner() + n_updated / UPDATES_PER_ROW)
+    }
+
+    /// Whether a quarter of the rows is inactive.
+    fn is_sparse(&self) -> bool {
+        let n_active = (self.is_active.iter())
+            .filter(|is_active| **is_active)
+            .count();
+        n_active * 4 <= self.rows.len() * 3 && self.rows.len() > MIN_COMPACTED_SIZE
     }
 
     /// Pairs of rows that are each other's nearest, the smaller first, in order.
@@ -155,7 +255,7 @@ impl Matrix {
     }
 
     /// Merge pairs of rows; update which rows are active and outdated.
-    fn merge_rows(
+    fn merge_pairs(
         &mut self,
         workers: &Workers<'_>,
         merged: &[(usize, usize, f64)],
@@ -172,10 +272,7 @@ impl Matrix {
         let kept_rows = rows.filter(|(_, is_kept)| **is_kept).map(|(row, _)| row);
         let unions: Vec<_> = kept_rows.zip(removed_rows).collect();
         for_each_row(workers, width, unions, |(row, removed)| {
-            row.apply(log);
-            removed.apply(log);
-            simd::maximize(workers.isa, &mut row.distances, &removed.distances);
-            removed.distances = Vec::new();
+            row.unite(workers, removed, log);
         })?;
         let mut has_merged = is_kept;
         for &(kept, removed, _) in merged {
@@ -184,17 +281,31 @@ impl Matrix {
             self.log.push((kept as u32, removed as u32));
         }
         // A row without a nearest cluster never gets one.
-        for i in 0..width {
-            let nearest = self.rows[i].nearest.0;
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            let nearest = row.nearest.0;
             self.is_active[i] &= nearest != NONE;
             self.is_outdated[i] =
                 self.is_active[i] && (has_merged[i] || has_merged[nearest as usize]);
+            if has_merged[i] {
+                // Equal to no distance.
+                row.nearest.1 = f64::NAN;
+            }
         }
         Ok(())
     }
 
+    /// Merge two rows, of which `kept` is the smaller. Leaves `is_outdated` as it is.
+    fn merge_pair(&mut self, workers: &Workers<'_>, kept: usize, removed: usize) {
+        let mut removed_row = std::mem::replace(&mut self.rows[removed], Row::new(Vec::new()));
+        self.rows[kept].unite(workers, &mut removed_row, &self.log);
+        self.is_active[removed] = false;
+        self.log.push((kept as u32, removed as u32));
+    }
+
     /// Remove the rows and columns of inactive clusters, and clear the log.
-    fn compact(&mut self, workers: &Workers<'_>) -> Result<(), Error> {
+    ///
+    /// Returns the new index of each row.
+    fn compact(&mut self, workers: &Workers<'_>) -> Result<Vec<u32>, Error> {
         let (is_active, log) = (&self.is_active, &self.log);
         let width = self.rows.len();
         let columns: Vec<u32> = (0..width as u32)
@@ -216,57 +327,16 @@ impl Matrix {
             }
             row.distances.truncate(columns.len());
             row.n_applied = 0;
-            // If the nearest cluster was removed, the row is outdated and this is not read.
-            row.nearest.0 = new_columns[row.nearest.0 as usize];
+            if row.nearest.0 != NONE {
+                row.nearest.0 = new_columns[row.nearest.0 as usize];
+            }
         })?;
         self.log.clear();
         self.numbers = select(&self.numbers, &self.is_active);
         self.is_outdated = select(&self.is_outdated, &self.is_active);
         self.is_active = vec![true; columns.len()];
-        Ok(())
+        Ok(new_columns)
     }
-}
-
-/// Rows that are read together from a condensed matrix: the f64 of a cache line.
-const ROWS_PER_BAND: usize = 8;
-
-/// The full matrix, infinite on the diagonal, of a condensed one of `n` clusters.
-///
-/// # Errors
-///
-/// [`Error::Stopped`] if the progress callback requests a stop.
-pub(crate) fn rows_of_condensed(
-    workers: &Workers<'_>,
-    n: usize,
-    distances: &[f64],
-) -> Result<Vec<Vec<f64>>, Error> {
-    // Row a of the upper triangle, from column a + 1 on.
-    let upper = |a: usize| &distances[a * (2 * n - a - 1) / 2..][..n - a - 1];
-    let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
-    workers.run(
-        rows.chunks_mut(ROWS_PER_BAND).enumerate(),
-        || (),
-        |(), (band, rows)| {
-            let first = band * ROWS_PER_BAND;
-            for row in &mut *rows {
-                *row = vec![f64::INFINITY; n];
-            }
-            for b in 0..(first + rows.len()).min(n) {
-                // Elements below the diagonal are those of a column of the upper triangle. The
-                // sum turns -0 into 0.
-                for (i, row) in rows.iter_mut().enumerate().filter(|&(i, _)| b < first + i) {
-                    row[b] = upper(b)[first + i - b - 1] + 0.0;
-                }
-            }
-            for (i, row) in rows.iter_mut().enumerate() {
-                let a = first + i;
-                for (element, distance) in row[a + 1..].iter_mut().zip(upper(a)) {
-                    *element = distance + 0.0;
-                }
-            }
-        },
-    )?;
-    Ok(rows)
 }
 
 /// Run `work` for each row, `width` long, on several threads if there is enough work.

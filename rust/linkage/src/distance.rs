@@ -20,6 +20,15 @@ use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
 use crate::simd::{self, Aligned, F32Lanes, Isa, LANES, QUERIES};
 
+/// Work of measuring a pair of clusters, without that on coordinates.
+const PAIR_WORK: u64 = 300;
+
+/// Work of the difference of two coordinates without vectors.
+const SCALAR_WORK: u64 = 8;
+
+/// Vectors of this many f32 take as much work as the difference of two coordinates in f64.
+pub(crate) const F32_PER_WORK: usize = 4;
+
 /// Smallest cluster C whose candidates are selected; of smaller ones all members are candidates.
 const MIN_SELECTION_SIZE: usize = 48;
 
@@ -48,6 +57,8 @@ impl Limit {
 /// Buffers of a thread, reused from pair to pair.
 #[derive(Default)]
 pub(crate) struct Scratch {
+    /// Work done with these buffers, in the unit of [`Workers::add_work`].
+    pub work: u64,
     /// C's centre relative to A's.
     shift: Vec<f32>,
     /// The point that a sweep starts from, relative to the centre of the swept cluster.
@@ -136,7 +147,9 @@ impl<'a> ClusterDistances<'a> {
     ) -> Option<f64> {
         let size = |cluster: usize| self.clusters.members(cluster).len();
         let (a, c) = if size(a) <= size(c) { (a, c) } else { (c, a) };
+        scratch.work += PAIR_WORK;
         let squared = if size(c) < MIN_PACKED_SIZE {
+            scratch.work += (size(a) * size(c) * self.points.dim) as u64 * SCALAR_WORK;
             self.maximum_of_all_pairs(a, c, limit.squared)
         } else {
             self.maximum_by_sweeps(a, c, limit, scratch)
@@ -168,12 +181,14 @@ impl<'a> ClusterDistances<'a> {
         limit: Limit,
         scratch: &mut Scratch,
     ) -> Option<f64> {
+        let size = |cluster: usize| self.clusters.members(cluster).len();
         let [centre_a, centre_c] = [a, c].map(|cluster| self.clusters.centre(cluster));
         scratch.shift.clear();
         let axes = centre_c.iter().zip(centre_a);
         scratch.shift.extend(axes.map(|(x, y)| (x - y) as f32));
         let mut start = 0;
         if self.packed.contains(a) {
+            scratch.work += (size(a) * self.points.dim / F32_PER_WORK) as u64;
             let farthest = self.sweep(a, &scratch.shift, &mut scratch.a_squares);
             if self.is_beyond(a, c, farthest, limit) {
                 return None;
@@ -186,6 +201,7 @@ impl<'a> ClusterDistances<'a> {
         let reach = centre_distance + self.radii[a] + self.radii[c];
         let offset_error = 4.0 * F32_ROUNDOFF * reach + F32_UNDERFLOW;
         let pair = Pair { a, c, centre_distance, offset_error, limit: limit.root };
+        scratch.work += ((size(a) + size(c)) * self.points.dim / F32_PER_WORK) as u64;
         let largest = self.sweep_both(&pair, start, scratch)?;
         self.select_candidates(&pair, largest, scratch);
         self.exact_maximum(&pair, largest, scratch)
@@ -297,6 +313,7 @@ impl<'a> ClusterDistances<'a> {
             a_offsets.extend_from_within(..dim);
         }
         a_maxima.clear();
+        scratch.work += (a_candidates.len() * blocks.len() * LANES / F32_PER_WORK) as u64;
         let limit = self.f32_limit(pair);
         for group in a_offsets.chunks_exact(QUERIES * dim) {
             let maxima = simd::max_of_rows(self.isa, group, dim, blocks);
@@ -319,6 +336,7 @@ impl<'a> ClusterDistances<'a> {
             let point = self.points.row(self.clusters.members(a)[i as usize]);
             for (j, &member) in members.iter().enumerate() {
                 if lane(c_squares, j as u32) >= least {
+                    scratch.work += dim as u64 * SCALAR_WORK;
                     let exact = squared_distance(point, self.points.row(member));
                     squared = if exact > squared { exact } else { squared };
                 }

@@ -46,6 +46,18 @@ pub enum Error {
         /// The diameter.
         value: f64,
     },
+    /// The call needs more memory than [`Options::max_bytes`](crate::Options::max_bytes) allows.
+    MemoryLimit {
+        /// Bytes needed, estimated.
+        needed: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// The system has refused memory.
+    OutOfMemory {
+        /// Bytes requested.
+        bytes: usize,
+    },
     /// The progress callback requested a stop.
     Stopped,
 }
@@ -76,6 +88,10 @@ impl fmt::Display for Error {
             Self::InvalidDiameter { value } => {
                 write!(f, "`max_diameter` must be 0 or more, got {value}")
             }
+            Self::MemoryLimit { needed, limit } => {
+                write!(f, "the call needs about {needed} bytes, the limit is {limit}")
+            }
+            Self::OutOfMemory { bytes } => write!(f, "unable to allocate {bytes} bytes"),
             Self::Stopped => write!(f, "stopped by the progress callback"),
         }
     }

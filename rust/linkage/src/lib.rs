@@ -48,6 +48,7 @@
 //! | [`simd`] | inner loops for three instruction sets; all `unsafe` code |
 //! | [`parallel`] | scoped threads, progress, stopping |
 //! | [`options`] | resources and tuning of a call |
+//! | [`input`] | points as the caller holds them |
 //! | [`tree`] | from merges to SciPy's matrix or to labels |
 //! | [`halving`] | spatial sorting of rows |
 //! | [`points`] | scaling, duplicates, the squared distance that determines results |
@@ -60,6 +61,7 @@
 //! | [`threshold`] | the choice of T, from a sample |
 //! | [`merging`] | merging on the sparse graph |
 //! | [`plateau`] | merging if too many pairs have the same distance for any graph |
+//! | [`distance_rows`] | the full matrix of distances |
 //! | [`dense`] | merging on a full matrix, at the speed of reading memory |
 //! | [`mod@chain`] | the nearest-neighbour chain on a condensed matrix |
 //! | [`stages`] | the loop over thresholds; the last clusters on a matrix |
@@ -76,8 +78,10 @@ mod chain;
 mod clusters;
 mod dense;
 mod distance;
+mod distance_rows;
 mod error;
 mod halving;
+mod input;
 mod merging;
 mod neighbours;
 mod options;
@@ -93,54 +97,75 @@ mod tree;
 
 use chain::{Condensed, merge_by_chain};
 pub use error::Error;
-pub use options::{Options, Tuning};
+pub use input::{Coordinate, Table};
+pub use options::{Options, Tuning, available_memory};
 pub use parallel::Progress;
-use parallel::Workers;
+use parallel::{Workers, allocate};
 use points::Points;
 pub use simd::{Isa, Level};
 use tree::Merge;
 
-/// Largest count of points: a tree of n points numbers 2n - 1 clusters in 32 bits.
-const MAX_POINTS: usize = (u32::MAX / 2) as usize;
-
 /// The tree of complete linkage over points, as the rows of SciPy's linkage matrix.
 ///
-/// `points` is row-major, `dim` wide. A row holds the numbers of the two clusters, the smaller
-/// first, their distance and the size of the union. Of equal distances the pair with the lower
-/// representatives is merged first, as described for this crate. Takes memory linear in n and
-/// O(n²) time at worst; about n^1.7 on clouds in ten dimensions, because the filters compare
-/// sixteen clusters at a time or none.
+/// A row holds the numbers of the two clusters, the smaller first, their distance and the size of
+/// the union. Of equal distances the pair with the lower representatives is merged first, as
+/// described for this crate. Takes memory linear in n, and O(n²) time at worst; about n^1.4 on
+/// clouds in ten dimensions. If the bounds exclude so few pairs that a matrix of all distances
+/// takes less time, and `options.max_matrix_bytes` allows it, the matrix is used.
 ///
 /// # Errors
 ///
 /// If `points` has NaN or infinite elements or is not a whole number of points, if there are more
-/// than 2^31 - 1 points, or if the progress callback requests a stop.
-pub fn linkage(points: &[f64], dim: usize, options: &Options<'_>) -> Result<Vec<[f64; 4]>, Error> {
-    let n = check_points(points, dim)?;
-    let (points, merges) = merge_points(points, dim, f64::INFINITY, options)?;
-    Ok(tree::linkage_matrix(n, &merges, |squared| points.distance_from_squared(squared)))
+/// than 2^31 - 1 points, if the memory does not suffice, or if the progress callback requests a
+/// stop.
+///
+/// # Examples
+///
+/// ```
+/// use mograft_linkage::{Options, Table, linkage};
+///
+/// let points = [0.0_f32, 1.0, 5.0];
+/// let tree = linkage(Table::rows(&points, 1), &Options::default())?;
+/// assert_eq!(tree, [[0.0, 1.0, 1.0, 2.0], [2.0, 3.0, 5.0, 3.0]]);
+/// # Ok::<(), mograft_linkage::Error>(())
+/// ```
+pub fn linkage<T: Coordinate>(
+    points: Table<'_, T>,
+    options: &Options<'_>,
+) -> Result<Vec<[f64; 4]>, Error> {
+    let (scaled, merges) = merge_points(&points, f64::INFINITY, options)?;
+    Ok(tree::linkage_matrix(points.len(), &merges, |squared| scaled.distance_from_squared(squared)))
 }
 
 /// The cluster of each point after all merges at heights up to and including `max_diameter`.
 ///
-/// `points` is row-major, `dim` wide. Clusters are numbered from 0 in the order of their first
-/// points. Time and memory are at most those of [`linkage`].
+/// Clusters are numbered from 0 in the order of their first points. Time and memory are at most
+/// those of [`linkage`].
 ///
 /// # Errors
 ///
 /// As for [`linkage`], and if `max_diameter` is negative or NaN.
-pub fn cut(
-    points: &[f64],
-    dim: usize,
+///
+/// # Examples
+///
+/// ```
+/// use mograft_linkage::{Options, Table, cut};
+///
+/// let points = [0.0, 9.0, 1.0, 8.0];
+/// let labels = cut(Table::rows(&points, 1), 2.0, &Options::default())?;
+/// assert_eq!(labels, [0, 1, 0, 1]);
+/// # Ok::<(), mograft_linkage::Error>(())
+/// ```
+pub fn cut<T: Coordinate>(
+    points: Table<'_, T>,
     max_diameter: f64,
     options: &Options<'_>,
 ) -> Result<Vec<i64>, Error> {
-    let n = check_points(points, dim)?;
     if max_diameter.is_nan() || max_diameter < 0.0 {
         return Err(Error::InvalidDiameter { value: max_diameter });
     }
-    let (_, merges) = merge_points(points, dim, max_diameter, options)?;
-    Ok(tree::labels(n, &merges))
+    let (_, merges) = merge_points(&points, max_diameter, options)?;
+    Ok(tree::labels(points.len(), &merges))
 }
 
 /// The tree of complete linkage over a condensed matrix, as the rows of SciPy's linkage matrix.
@@ -154,52 +179,88 @@ pub fn cut(
 ///
 /// If a distance is negative, infinite or NaN, if there are not n(n - 1)/2 of them for any n, or
 /// if the progress callback requests a stop.
-pub fn linkage_condensed(distances: &[f64], options: &Options<'_>) -> Result<Vec<[f64; 4]>, Error> {
-    let len = distances.len();
-    let n = f64::midpoint(1.0, (1.0 + 8.0 * len as f64).sqrt()).round() as usize;
-    if n * (n - 1) / 2 != len {
-        return Err(Error::InvalidLength { len });
-    }
-    let is_valid = |distance: f64| distance.is_finite() && distance >= 0.0;
-    for (index, &value) in distances.iter().enumerate() {
-        if !is_valid(value) {
-            return Err(Error::InvalidDistance { index, value });
-        }
-    }
+pub fn linkage_condensed<T: Coordinate>(
+    distances: &[T],
+    options: &Options<'_>,
+) -> Result<Vec<[f64; 4]>, Error> {
     let workers = workers_of(options);
-    let merges = if matrix_fits(n, options.max_matrix_bytes) {
-        let rows = dense::rows_of_condensed(&workers, n, distances)?;
+    workers.check_progress()?;
+    let n = input::check_condensed(&workers, distances)?;
+    let copy_bytes = distances.len().saturating_mul(size_of::<f64>());
+    check_memory(copy_bytes, options)?;
+    let merges = if matrix_fits(n, options.max_matrix_bytes.min(options.max_bytes)) {
+        let rows = distance_rows::rows_of_condensed(&workers, n, distances)?;
         dense::merge_on_matrix(&workers, rows)?
             .into_iter()
             .map(|(a, b, distance)| Merge::new(a, b, distance))
             .collect()
     } else {
-        // The sum turns -0 into 0, which would have another key.
-        let copy = distances.iter().map(|x| x + 0.0).collect();
+        let mut copy = allocate(0.0, distances.len())?;
+        for (copied, &distance) in copy.iter_mut().zip(distances) {
+            // The sum turns -0 into 0, which would have another key.
+            *copied = distance.into() + 0.0;
+        }
         merge_by_chain(&workers, Condensed::new(n, copy))?
     };
     Ok(tree::linkage_matrix(n, &merges, |height| height))
 }
 
 /// The points, and all their merges at heights up to `max_height`.
-fn merge_points(
-    points: &[f64],
-    dim: usize,
+fn merge_points<T: Coordinate>(
+    table: &Table<'_, T>,
     max_height: f64,
     options: &Options<'_>,
 ) -> Result<(Points, Vec<Merge>), Error> {
     let workers = workers_of(options);
     workers.check_progress()?;
-    let points = Points::new(points, dim).sort_spatially(&workers);
+    let largest = table.check(&workers)?;
+    check_memory(table.len().saturating_mul(bytes_per_point(table.dim())), options)?;
+    let points = Points::new(&workers, table, largest)?;
     let mut merges = points.duplicate_merges.clone();
-    let tuning = if matrix_fits(points.len(), options.max_matrix_bytes) {
-        Tuning { dense_size: points.len(), ..options.tuning }
-    } else {
-        options.tuning
-    };
     let max_squared = points.max_squared(max_height);
-    merges.extend(stages::merge_in_stages(&workers, &points, max_squared, &tuning)?);
+    let fits = matrix_fits(points.len(), options.max_matrix_bytes.min(options.max_bytes));
+    if fits && points.len() <= options.tuning.matrix_size {
+        merges.extend(merge_points_on_matrix(&workers, &points, max_squared)?);
+        return Ok((points, merges));
+    }
+    let points = points.sort_spatially(&workers);
+    let max_work = if fits {
+        options.tuning.matrix_work * distance_rows::work_of_matrix(points.len(), points.dim)
+    } else {
+        f64::INFINITY
+    };
+    let found = stages::merge_in_stages(&workers, &points, max_squared, max_work, &options.tuning)?;
+    merges.extend(match found {
+        Some(found) => found,
+        None => merge_points_on_matrix(&workers, &points, max_squared)?,
+    });
     Ok((points, merges))
+}
+
+/// All merges of distinct points up to a squared distance, on the matrix of all distances.
+fn merge_points_on_matrix(
+    workers: &Workers<'_>,
+    points: &Points,
+    max_squared: f64,
+) -> Result<Vec<Merge>, Error> {
+    let mut representatives = points.input_indices.clone();
+    representatives.sort_unstable();
+    let rows = distance_rows::rows_of_points(workers, points, max_squared)?;
+    let pairs = dense::merge_on_matrix(workers, rows)?.into_iter();
+    let representative = |row: u32| representatives[row as usize];
+    Ok(pairs
+        .map(|(a, b, squared)| Merge::new(representative(a), representative(b), squared))
+        .collect())
+}
+
+/// Upper bound, by experience, of the memory that stages take per point.
+fn bytes_per_point(dim: usize) -> usize {
+    3 * dim * size_of::<f64>() + 320
+}
+
+fn check_memory(needed: usize, options: &Options<'_>) -> Result<(), Error> {
+    let limit = options.max_bytes;
+    if needed > limit { Err(Error::MemoryLimit { needed, limit }) } else { Ok(()) }
 }
 
 fn workers_of<'a>(options: &Options<'a>) -> Workers<'a> {
@@ -210,21 +271,4 @@ fn workers_of<'a>(options: &Options<'a>) -> Workers<'a> {
 fn matrix_fits(n: usize, max_bytes: usize) -> bool {
     n.checked_mul(n)
         .is_some_and(|cells| cells <= max_bytes / size_of::<f64>())
-}
-
-/// Check the shape, count and finiteness of points; return their count.
-fn check_points(points: &[f64], dim: usize) -> Result<usize, Error> {
-    let len = points.len();
-    if dim == 0 || !len.is_multiple_of(dim) {
-        return Err(Error::InvalidShape { len, dim });
-    }
-    if len / dim > MAX_POINTS {
-        return Err(Error::TooManyPoints { given: len / dim, max: MAX_POINTS });
-    }
-    match points.iter().position(|x| !x.is_finite()) {
-        Some(i) => {
-            Err(Error::InvalidCoordinate { point: i / dim, axis: i % dim, value: points[i] })
-        }
-        None => Ok(len / dim),
-    }
 }

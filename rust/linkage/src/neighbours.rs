@@ -17,7 +17,9 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use crate::blocks::Blocks;
-use crate::distance::{ClusterDistances, F32_ROUNDOFF, F32_UNDERFLOW, Limit, Scratch};
+use crate::distance::{
+    ClusterDistances, F32_PER_WORK, F32_ROUNDOFF, F32_UNDERFLOW, Limit, Scratch,
+};
 use crate::error::Error;
 use crate::parallel::Workers;
 use crate::simd::{self, Aligned, F64Lanes, LANES, Query};
@@ -53,11 +55,13 @@ pub(crate) enum Edges {
     Complete(Vec<Edge>),
     /// The pairs found until they were too many.
     Truncated(Vec<Edge>),
+    /// The search ended because all work together exceeds the limit.
+    Exhausted,
 }
 
 /// All pairs of clusters whose squared distance is at most `limit`.
 ///
-/// Ends early if there are more than `max_edges`. The order of edges depends on the threads. Takes
+/// Ends early if there are more than `max_edges`, or if all work together exceeds `max_work`. The order of edges depends on the threads. Takes
 /// O(m²) time at worst for m clusters, nearly all of it in the filters, and the memory of the
 /// edges.
 ///
@@ -70,6 +74,7 @@ pub(crate) fn edges_within(
     distances: &ClusterDistances<'_>,
     limit: f64,
     max_edges: usize,
+    max_work: f64,
 ) -> Result<Edges, Error> {
     let search = Search::new(workers, blocks, distances, limit);
     let n_blocks = blocks.len();
@@ -79,14 +84,18 @@ pub(crate) fn edges_within(
         (0..n_blocks.div_ceil(BLOCKS_PER_TILE)).map(tile),
         SearchState::default,
         |state, tile| {
-            if n_found.load(Relaxed) > max_edges {
+            if n_found.load(Relaxed) > max_edges || workers.work() > max_work {
                 return;
             }
             let before = state.edges.len();
             search.search_tile(tile, state);
+            workers.add_work(std::mem::take(&mut state.scratch.work));
             n_found.fetch_add(state.edges.len() - before, Relaxed);
         },
     )?;
+    if workers.work() > max_work {
+        return Ok(Edges::Exhausted);
+    }
     let mut parts = states.into_iter().map(|state| state.edges);
     let mut edges = parts.next().unwrap_or_default();
     for part in parts {
@@ -168,9 +177,11 @@ impl<'a> Search<'a> {
         // For each block of the tile, which blocks of the group are within the limit.
         let mut masks = [0_u16; BLOCKS_PER_TILE];
         for group in tile.start / LANES..self.blocks.n_groups() {
+            state.scratch.work += dim as u64;
             if self.squared_gap(&tile_box, group) > limit {
                 continue;
             }
+            state.scratch.work += (dim * LANES * tile.len()) as u64;
             let (lows, highs, variances) = self.blocks.group(group);
             let mut union = 0_u16;
             for ((mask, block), (low, high)) in masks.iter_mut().zip(tile.clone()).zip(&boxes) {
@@ -228,6 +239,11 @@ impl<'a> Search<'a> {
         }
         let other = self.blocks.block(j);
         simd::blocks_within(self.workers.isa, queries, selected & !needs_f64, &other);
+        let n_rows: u32 = (queries.iter().enumerate())
+            .filter(|(k, _)| selected >> k & 1 != 0)
+            .map(|(_, query)| 1 + query.rows.count_ones())
+            .sum();
+        state.scratch.work += (n_rows as usize * self.blocks.dim * LANES / F32_PER_WORK) as u64;
         let mut remaining = selected;
         while remaining != 0 {
             let k = remaining.trailing_zeros() as usize;

@@ -16,7 +16,7 @@ use crate::simd::{self, Aligned, F64Lanes, LANES};
 
 /// Merge all pairs at the squared distance `squared`, which is the smallest of all pairs.
 ///
-/// Takes O(m² d) time at worst and O(m d) memory for m clusters in d dimensions.
+/// Returns None if all work together exceeds `max_work`. Takes O(m² d) time at worst and O(m d) memory for m clusters in d dimensions.
 ///
 /// # Errors
 ///
@@ -26,7 +26,8 @@ pub(crate) fn merge_plateau(
     clusters: &Clusters,
     distances: &ClusterDistances<'_>,
     squared: f64,
-) -> Result<MergedClusters, Error> {
+    max_work: f64,
+) -> Result<Option<MergedClusters>, Error> {
     let m = clusters.len();
     let mut order: Vec<u32> = (0..m as u32).collect();
     order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
@@ -36,6 +37,9 @@ pub(crate) fn merge_plateau(
     for &low in &order {
         if !std::mem::take(&mut is_active[low as usize]) {
             continue;
+        }
+        if workers.work() > max_work {
+            return Ok(None);
         }
         let mut neighbours = search.neighbours(low, &is_active)?;
         while let Some(&high) = neighbours.first() {
@@ -51,7 +55,7 @@ pub(crate) fn merge_plateau(
             });
         }
     }
-    Ok(merged)
+    Ok(Some(merged))
 }
 
 /// Finds the neighbours of a cluster on the plateau.
@@ -123,6 +127,9 @@ impl<'a> PlateauSearch<'a> {
                 }
             }
         }
+        let computed = self.clusters.len() * centre.len();
+        self.workers
+            .add_work(computed as u64 + std::mem::take(&mut self.scratch.work));
         neighbours.sort_unstable_by_key(|&other| self.clusters.representatives[other as usize]);
         Ok(neighbours)
     }

@@ -1,7 +1,9 @@
 //! The points to cluster: scaled, without duplicates, in spatial order.
 
+use crate::error::Error;
 use crate::halving::sort_by_halving;
-use crate::parallel::Workers;
+use crate::input::{Coordinate, Table};
+use crate::parallel::{Workers, allocate};
 use crate::tree::Merge;
 
 /// Binary exponent of the largest scaled coordinate.
@@ -15,6 +17,9 @@ const MAX_EXPONENT: i32 = 40;
 /// Two different points then differ by at least 2^-451 along some axis: their squared distance is
 /// at least 2^-902, which is not zero.
 const MIN_COORDINATE: f64 = f64::from_bits((1023 - 399) << 52);
+
+/// Points that one job scales.
+const POINTS_PER_JOB: usize = 1 << 12;
 
 /// Distinct points, scaled by a power of two, which changes no digit.
 pub(crate) struct Points {
@@ -31,21 +36,44 @@ pub(crate) struct Points {
 }
 
 impl Points {
-    /// Scale finite points, row-major, `dim` wide, and remove duplicates.
+    /// Scale finite points and remove duplicates; `largest` is the largest absolute coordinate.
     ///
     /// Takes O(n log n) time for n points.
-    pub fn new(input: &[f64], dim: usize) -> Self {
-        let largest = input
-            .iter()
-            .fold(0.0, |largest: f64, x| largest.max(x.abs()));
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`] and [`Error::Stopped`].
+    pub fn new<T: Coordinate>(
+        workers: &Workers<'_>,
+        table: &Table<'_, T>,
+        largest: f64,
+    ) -> Result<Self, Error> {
+        let dim = table.dim();
         let scale_exponent = if largest == 0.0 { 0 } else { exponent(largest) - MAX_EXPONENT };
-        let scale = |&x: &f64| {
+        let scale = |x: f64| {
             let x = scale_by_power_of_two(x, -scale_exponent);
             // The sum turns -0 into 0, so that equal coordinates have equal bits.
             if x.abs() < MIN_COORDINATE { 0.0 } else { x + 0.0 }
         };
-        let mut rows: Vec<f64> = input.iter().map(scale).collect();
-        let (input_indices, duplicate_merges) = find_duplicates(&rows, dim);
+        let mut rows = allocate(0.0, table.len() * dim)?;
+        let mut hashes = allocate((0, 0), table.len())?;
+        let jobs = rows
+            .chunks_mut(POINTS_PER_JOB * dim)
+            .zip(hashes.chunks_mut(POINTS_PER_JOB));
+        workers.run(
+            jobs.enumerate(),
+            || (),
+            |(), (job, (rows, hashes))| {
+                for (i, (row, entry)) in rows.chunks_mut(dim).zip(hashes).enumerate() {
+                    let point = job * POINTS_PER_JOB + i;
+                    for (scaled, x) in row.iter_mut().zip(table.row(point)) {
+                        *scaled = scale(x);
+                    }
+                    *entry = (hash(row), point as u32);
+                }
+            },
+        )?;
+        let (input_indices, duplicate_merges) = find_duplicates(&rows, dim, hashes);
         if !duplicate_merges.is_empty() {
             for (row, &point) in input_indices.iter().enumerate() {
                 rows.copy_within(point as usize * dim..(point as usize + 1) * dim, row * dim);
@@ -53,7 +81,7 @@ impl Points {
             rows.truncate(input_indices.len() * dim);
             rows.shrink_to_fit();
         }
-        Self { dim, rows, input_indices, duplicate_merges, scale_exponent }
+        Ok(Self { dim, rows, input_indices, duplicate_merges, scale_exponent })
     }
 
     /// The same points, with rows that are near in space near in memory.
@@ -143,13 +171,14 @@ fn scale_by_power_of_two(x: f64, power: i32) -> f64 {
 }
 
 /// The first occurrence of every point, and the merges of the others with it.
-fn find_duplicates(rows: &[f64], dim: usize) -> (Vec<u32>, Vec<Merge>) {
+///
+/// `hashes` are those of all points.
+fn find_duplicates(
+    rows: &[f64],
+    dim: usize,
+    mut hashes: Vec<(u64, u32)>,
+) -> (Vec<u32>, Vec<Merge>) {
     let row = |point: u32| &rows[point as usize * dim..][..dim];
-    let mut hashes: Vec<(u64, u32)> = rows
-        .chunks_exact(dim)
-        .zip(0..)
-        .map(|(row, point)| (hash(row), point))
-        .collect();
     hashes.sort_unstable();
     let mut merges = Vec::new();
     for same_hash in hashes
@@ -187,11 +216,19 @@ fn hash(row: &[f64]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::Isa;
+
+    fn points_on_line(coordinates: &[f64]) -> Points {
+        let workers = Workers::new(1, Isa::best(), None);
+        let table = Table::rows(coordinates, 1);
+        let largest = table.check(&workers).unwrap();
+        Points::new(&workers, &table, largest).unwrap()
+    }
 
     #[test]
     fn distance_from_squared_of_scaled_points_is_exact() {
         for size in [1e-310, 1e-200, 3.0, 1e200, 1.7e308] {
-            let points = Points::new(&[0.0, size, size / 3.0], 1);
+            let points = points_on_line(&[0.0, size, size / 3.0]);
             let squared = squared_distance(points.row(0), points.row(1));
             assert_eq!(points.distance_from_squared(squared), size);
         }
@@ -200,7 +237,7 @@ mod tests {
     #[test]
     fn max_squared_is_largest_square_within_distance() {
         for largest in [1e-150, 1.0, 1e150] {
-            let points = Points::new(&[0.0, largest], 1);
+            let points = points_on_line(&[0.0, largest]);
             for distance in [0.0, largest / 7.0, largest * 0.1, largest] {
                 let limit = points.max_squared(distance);
                 assert!(points.distance_from_squared(limit) <= distance);
@@ -212,7 +249,7 @@ mod tests {
 
     #[test]
     fn new_repeated_points_merge_with_first_occurrence() {
-        let points = Points::new(&[1.0, 0.0, -0.0, 2.0, 1.0, 0.0], 1);
+        let points = points_on_line(&[1.0, 0.0, -0.0, 2.0, 1.0, 0.0]);
         assert_eq!(points.input_indices, [0, 1, 3]);
         let expected = [Merge::new(1, 2, 0.0), Merge::new(0, 4, 0.0), Merge::new(1, 5, 0.0)];
         assert_eq!(points.duplicate_merges, expected);

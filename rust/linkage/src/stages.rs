@@ -7,7 +7,8 @@
 use crate::blocks::Blocks;
 use crate::clusters::Clusters;
 use crate::dense::merge_on_matrix;
-use crate::distance::{ClusterDistances, Limit, Scratch};
+use crate::distance::ClusterDistances;
+use crate::distance_rows::rows_of_clusters;
 use crate::error::Error;
 use crate::merging::merge_on_graph;
 use crate::neighbours::{Edge, Edges, edges_within};
@@ -15,7 +16,6 @@ use crate::options::Tuning;
 use crate::parallel::Workers;
 use crate::plateau::merge_plateau;
 use crate::points::Points;
-use crate::simd::{self, Aligned, F64Lanes, LANES};
 use crate::spatial_order::{SpatialOrder, sort_spatially};
 use crate::threshold::choose_threshold;
 use crate::tree::Merge;
@@ -36,10 +36,15 @@ const UNEVEN_DEGREE_FACTOR: f64 = 0.25;
 /// Fraction of the edges expected below which a stage counts as sparse.
 const SPARSE_FRACTION: f64 = 0.125;
 
+/// Work of merging on the graph, per edge, in the unit of [`Workers::add_work`].
+const EDGE_WORK: u64 = 1000;
+
 /// Multiple of the edges expected above which a stage lowers its threshold.
 const MAX_EDGE_FACTOR: f64 = 4.0;
 
 /// All merges of distinct points up to a squared distance, every merge behind those of its parts.
+///
+/// Returns None if all work together exceeds `max_work`, in the unit of [`Workers::add_work`].
 ///
 /// # Errors
 ///
@@ -48,8 +53,9 @@ pub(crate) fn merge_in_stages(
     workers: &Workers<'_>,
     points: &Points,
     max_squared: f64,
+    max_work: f64,
     tuning: &Tuning,
-) -> Result<Vec<Merge>, Error> {
+) -> Result<Option<Vec<Merge>>, Error> {
     let n = points.len();
     let mut merges = Vec::with_capacity(n);
     let mut clusters = Clusters::from_points(points);
@@ -64,19 +70,23 @@ pub(crate) fn merge_in_stages(
         let threshold = choose_threshold(workers, &clusters, &distances, wanted, by_density)?;
         let max_edges = (MAX_EDGE_FACTOR * degree * m as f64) as usize + tuning.spare_edges;
         let blocks = Blocks::new(&clusters);
-        let found =
-            find_edges(workers, &blocks, &distances, threshold.min(max_squared), max_edges)?;
+        let bounds = Bounds { squared: threshold.min(max_squared), max_edges, max_work };
+        let found = find_edges(workers, &blocks, &distances, bounds)?;
         drop(blocks);
         let (merged, threshold, is_sparse) = match found {
             Found::Edges(edges, threshold) => {
                 drop(distances);
                 let is_sparse = (edges.len() as f64) < SPARSE_FRACTION * wanted * m as f64;
+                workers.add_work(edges.len() as u64 * EDGE_WORK);
                 let merged = merge_on_graph(workers, &clusters.representatives, edges)?;
                 (merged, threshold, is_sparse)
             }
             Found::Plateau(squared) => {
-                (merge_plateau(workers, &clusters, &distances, squared)?, squared, false)
+                let merged = merge_plateau(workers, &clusters, &distances, squared, max_work)?;
+                let Some(merged) = merged else { return Ok(None) };
+                (merged, squared, false)
             }
+            Found::Exhausted => return Ok(None),
         };
         let representative = |cluster: u32| clusters.representatives[cluster as usize];
         merges.extend(
@@ -87,7 +97,7 @@ pub(crate) fn merge_in_stages(
         );
         workers.set_fraction(merges.len() as f64 / n as f64);
         if threshold >= max_squared {
-            return Ok(merges);
+            return Ok(Some(merges));
         }
         debug_assert!(!merged.pairs.is_empty(), "some pair is within the threshold");
         if merged.pairs.len() * MIN_MERGED_DIVISOR < m {
@@ -96,8 +106,11 @@ pub(crate) fn merge_in_stages(
         }
         clusters = clusters.unite(workers, points, &merged.roots)?;
     }
-    merge_remaining(workers, points, &clusters, max_squared, &mut merges)?;
-    Ok(merges)
+    let found = merge_remaining(workers, points, &clusters, max_squared, max_work)?;
+    Ok(found.map(|found| {
+        merges.extend(found);
+        merges
+    }))
 }
 
 /// The result of a search for edges.
@@ -106,6 +119,19 @@ enum Found {
     Edges(Vec<Edge>, f64),
     /// The smallest squared distance; too many pairs have it.
     Plateau(f64),
+    /// All work together exceeds the limit.
+    Exhausted,
+}
+
+/// Where a search for edges ends.
+#[derive(Clone, Copy)]
+struct Bounds {
+    /// Largest squared distance.
+    squared: f64,
+    /// Count of edges above which the distance is reduced.
+    max_edges: usize,
+    /// Limit of all work together.
+    max_work: f64,
 }
 
 /// All pairs within a squared distance, or within a smaller one if there are too many.
@@ -113,17 +139,18 @@ fn find_edges(
     workers: &Workers<'_>,
     blocks: &Blocks<'_>,
     distances: &ClusterDistances<'_>,
-    mut limit: f64,
-    max_edges: usize,
+    bounds: Bounds,
 ) -> Result<Found, Error> {
+    let Bounds { squared: mut limit, max_edges, max_work } = bounds;
     let mut plateau = None;
     loop {
-        let edges = match edges_within(workers, blocks, distances, limit, max_edges)? {
+        let edges = match edges_within(workers, blocks, distances, limit, max_edges, max_work)? {
             Edges::Complete(edges) => {
                 let plateau = plateau.filter(|_| edges.is_empty());
                 return Ok(plateau.map_or(Found::Edges(edges, limit), Found::Plateau));
             }
             Edges::Truncated(edges) => edges,
+            Edges::Exhausted => return Ok(Found::Exhausted),
         };
         let mut squares: Vec<f64> = edges.iter().map(|edge| edge.squared).collect();
         drop(edges);
@@ -142,90 +169,25 @@ fn find_edges(
     }
 }
 
-/// Merge the remaining clusters on the full matrix.
+/// Merge the remaining clusters on the full matrix; None if all work together exceeds `max_work`.
 fn merge_remaining(
     workers: &Workers<'_>,
     points: &Points,
     clusters: &Clusters,
     max_squared: f64,
-    merges: &mut Vec<Merge>,
-) -> Result<(), Error> {
+    max_work: f64,
+) -> Result<Option<Vec<Merge>>, Error> {
     let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
     order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
     let clusters = clusters.reorder(&order);
-    let rows = if clusters.len() == points.len() {
-        rows_of_points(workers, &clusters, max_squared)?
-    } else {
-        rows_of_clusters(workers, points, &clusters, max_squared)?
+    let Some(rows) = rows_of_clusters(workers, points, &clusters, max_squared, max_work)? else {
+        return Ok(None);
     };
-    for (a, b, squared) in merge_on_matrix(workers, rows)? {
-        let [a, b] = [a, b].map(|cluster| clusters.representatives[cluster as usize]);
-        merges.push(Merge::new(a, b, squared));
-    }
-    Ok(())
-}
-
-/// Variances of points.
-const ZEROS: F64Lanes = Aligned([0.0; LANES]);
-
-/// The matrix of squared distances of single points; infinity beyond `max_squared`.
-fn rows_of_points(
-    workers: &Workers<'_>,
-    clusters: &Clusters,
-    max_squared: f64,
-) -> Result<Vec<Vec<f64>>, Error> {
-    let m = clusters.len();
-    let (mut columns, mut block) = (Vec::new(), Vec::new());
-    let mut variances = Aligned([0.0; LANES]);
-    for first in (0..m).step_by(LANES) {
-        clusters.copy_to_lanes(first..m.min(first + LANES), &mut block, &mut variances);
-        columns.extend_from_slice(&block);
-    }
-    let cut = |squared: f64| if squared <= max_squared { squared } else { f64::INFINITY };
-    let mut rows = vec![Vec::new(); m];
-    workers.run(
-        rows.chunks_mut(LANES).enumerate(),
-        || (),
-        |(), (band, rows)| {
-            for (i, row) in rows.iter_mut().enumerate() {
-                let cluster = band * LANES + i;
-                let centre = clusters.centre(cluster);
-                row.reserve_exact(m.next_multiple_of(LANES));
-                for block in columns.chunks_exact(centre.len()) {
-                    let squares = simd::squared_bounds(workers.isa, centre, 0.0, block, &ZEROS);
-                    row.extend(squares.map(cut));
-                }
-                row.truncate(m);
-                row[cluster] = f64::INFINITY;
-            }
-        },
-    )?;
-    Ok(rows)
-}
-
-/// The matrix of squared distances of clusters; infinity beyond `max_squared`.
-fn rows_of_clusters(
-    workers: &Workers<'_>,
-    points: &Points,
-    clusters: &Clusters,
-    max_squared: f64,
-) -> Result<Vec<Vec<f64>>, Error> {
-    let distances = ClusterDistances::new(workers, points, clusters)?;
-    let limit = Limit::from_squared(max_squared);
-    let m = clusters.len();
-    let mut rows = vec![vec![f64::INFINITY; m]; m];
-    workers.run(rows.iter_mut().enumerate(), Scratch::default, |scratch, (a, row)| {
-        for (b, squared) in row.iter_mut().enumerate().skip(a + 1) {
-            *squared = distances
-                .squared_within(a, b, limit, scratch)
-                .unwrap_or(f64::INFINITY);
-        }
-    })?;
-    for a in 0..m {
-        let (rows_before, rows_from) = rows.split_at_mut(a);
-        for (row, squared) in rows_before.iter().zip(&mut rows_from[0]) {
-            *squared = row[a];
-        }
-    }
-    Ok(rows)
+    let representative = |cluster: u32| clusters.representatives[cluster as usize];
+    let pairs = merge_on_matrix(workers, rows)?.into_iter();
+    Ok(Some(
+        pairs
+            .map(|(a, b, squared)| Merge::new(representative(a), representative(b), squared))
+            .collect(),
+    ))
 }

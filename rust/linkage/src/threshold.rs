@@ -73,7 +73,9 @@ pub(crate) fn choose_threshold(
         },
     )?;
     let (mut squares, mut bounds) = (Vec::new(), Vec::new());
-    for (thread_squares, thread_bounds, _) in states {
+    workers.add_work((sample.len() * m * clusters.centre(0).len()) as u64);
+    for (thread_squares, thread_bounds, scratch) in states {
+        workers.add_work(scratch.work);
         squares.extend(thread_squares);
         bounds.extend(thread_bounds);
     }

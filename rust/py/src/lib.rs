@@ -38,7 +38,7 @@ mod _core {
     };
 
     #[pymodule_export]
-    use crate::linkage::{cut, linkage, linkage_condensed};
+    use crate::linkage::{available_memory, cut, linkage, linkage_condensed};
 
     #[pymodule_export]
     use crate::seams::{add_offsets, clip_states, replace_joints, sample_clips, smooth_gradient};

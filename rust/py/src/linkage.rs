@@ -1,15 +1,33 @@
 //! Bindings of `mograft-linkage`. Every function has its kernel's name.
 
+use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use mograft_linkage::{self as kernel, Error, Options, Progress};
+use mograft_linkage::{self as kernel, Error, Options, Progress, Table};
 use numpy::{
     IntoPyArray as _, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods as _,
 };
+use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
 use crate::convert::{Array, into_array, value_error};
+
+/// See [`kernel::available_memory`].
+#[pyfunction]
+pub fn available_memory() -> usize {
+    kernel::available_memory()
+}
+
+/// The Python exception for an error of the kernel.
+fn linkage_error(error: Error) -> PyErr {
+    match error {
+        Error::MemoryLimit { .. } | Error::OutOfMemory { .. } => {
+            PyMemoryError::new_err(error.to_string())
+        }
+        _ => value_error(error),
+    }
+}
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
 type Labels<'py> = Bound<'py, PyArray1<i64>>;
@@ -37,22 +55,24 @@ fn with_progress<T: Send>(
     let callback = |fraction: f64| {
         if let Ok(mut last_call) = last_call.lock() {
             if last_call.elapsed() < CALLBACK_INTERVAL {
-                return true;
+                return ControlFlow::Continue(());
             }
             *last_call = Instant::now();
         }
-        call_python(fraction)
-            .map_err(|error| {
-                exception
-                    .lock()
-                    .map(|mut exception| *exception = Some(error))
-            })
-            .is_ok()
+        match call_python(fraction) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                if let Ok(mut exception) = exception.lock() {
+                    *exception = Some(error);
+                }
+                ControlFlow::Break(())
+            }
+        }
     };
     let result = py.detach(|| run(&callback));
     match exception.into_inner() {
         Ok(Some(error)) => Err(error),
-        _ => result.map_err(value_error),
+        _ => result.map_err(linkage_error),
     }
 }
 
@@ -78,7 +98,7 @@ pub fn linkage<'py>(
     let (slice, dim) = (points.as_slice()?, points.shape()[1]);
     let rows = with_progress(py, progress.as_ref(), |progress| {
         let options = options(threads, memory, progress);
-        kernel::linkage(slice, dim, &options)
+        kernel::linkage(Table::rows(slice, dim), &options)
     })?;
     into_tree(py, rows)
 }
@@ -113,7 +133,7 @@ pub fn cut<'py>(
     let (slice, dim) = (points.as_slice()?, points.shape()[1]);
     let labels = with_progress(py, progress.as_ref(), |progress| {
         let options = options(threads, memory, progress);
-        kernel::cut(slice, dim, max_diameter, &options)
+        kernel::cut(Table::rows(slice, dim), max_diameter, &options)
     })?;
     Ok(labels.into_pyarray(py))
 }

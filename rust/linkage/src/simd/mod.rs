@@ -82,7 +82,8 @@ mod vectors;
 
 pub(crate) use filters::{Block, Query, blocks_within, boxes_within};
 pub(crate) use reductions::{
-    QUERIES, first_position, max_of_rows, maximize, minimum, squared_bounds, squared_distances,
+    QUERIES, TILE_ROWS, add_squares, first_position, max_of_rows, maximize, minimum,
+    squared_bounds, squared_distances,
 };
 
 /// Lanes of a vector: points or clusters that are handled side by side.

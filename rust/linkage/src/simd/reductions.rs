@@ -6,6 +6,9 @@ use super::{Aligned, F32Lanes, F64Lanes, LANES};
 /// Points that [`max_of_rows`] takes at a time.
 pub(crate) const QUERIES: usize = 4;
 
+/// Points that [`add_squares`] compares with others at a time.
+pub(crate) const TILE_ROWS: usize = 4;
+
 dispatch! {
     /// Squared distances of one point to many, in f32; returns the largest.
     ///
@@ -93,6 +96,71 @@ fn squared_bounds_body<V: F32x16>(
         sums[lane] += variances[lane] + variance;
     }
     sums
+}
+
+dispatch! {
+    /// Add the squared differences along some axes of [`TILE_ROWS`] points and many others.
+    ///
+    /// `points` holds up to [`TILE_ROWS`] points of `dim` coordinates; `blocks` holds `dim`
+    /// coordinates of sixteen points, then those of the next sixteen; `sums` holds one row per
+    /// point, with one element for each of the others. Axes are added in order, from `start` to
+    /// `end`. Elements of rows without a point are undefined.
+    add_squares = add_squares_body(
+        points: &[f64], dim: usize, start: usize, end: usize, blocks: &[F64Lanes], sums: &mut [f64]
+    )
+}
+
+#[inline(always)]
+fn add_squares_body<V: F32x16>(
+    points: &[f64],
+    dim: usize,
+    start: usize,
+    end: usize,
+    blocks: &[F64Lanes],
+    sums: &mut [f64],
+) {
+    let last = points.len() / dim - 1;
+    let width = sums.len() / TILE_ROWS;
+    let rows = std::array::from_fn(|row| &points[row.min(last) * dim..][start..end]);
+    for (column, block) in (0..width).step_by(LANES).zip(blocks.chunks_exact(dim)) {
+        let block = &block[start..end];
+        if V::IS_WIDE {
+            add_squares_of_lanes::<16>(rows, block, 0, sums, width, column);
+        } else {
+            // Sixteen sums for each of four rows do not fit into the registers.
+            add_squares_of_lanes::<8>(rows, block, 0, sums, width, column);
+            add_squares_of_lanes::<8>(rows, block, 8, sums, width, column + 8);
+        }
+    }
+}
+
+/// Add the squared differences for `N` lanes of a block, from `first` on.
+#[inline(always)]
+fn add_squares_of_lanes<const N: usize>(
+    rows: [&[f64]; TILE_ROWS],
+    block: &[F64Lanes],
+    first: usize,
+    sums: &mut [f64],
+    width: usize,
+    column: usize,
+) {
+    let mut totals = [[0.0; N]; TILE_ROWS];
+    for (row, totals) in totals.iter_mut().enumerate() {
+        totals.copy_from_slice(&sums[row * width + column..][..N]);
+    }
+    let rows = rows.map(|row| &row[..block.len()]);
+    for (axis, lanes) in block.iter().enumerate() {
+        for (totals, row) in totals.iter_mut().zip(rows) {
+            let x = row[axis];
+            for lane in 0..N {
+                let difference = lanes[first + lane] - x;
+                totals[lane] += difference * difference;
+            }
+        }
+    }
+    for (row, totals) in totals.iter().enumerate() {
+        sums[row * width + column..][..N].copy_from_slice(totals);
+    }
 }
 
 dispatch! {

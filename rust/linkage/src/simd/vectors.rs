@@ -8,6 +8,9 @@ use super::{Aligned, F32Lanes, LANES};
 
 /// Sixteen lanes of f32 in the registers of an instruction set.
 pub(super) trait F32x16: Copy {
+    /// Whether the registers hold 64 sums in f64.
+    const IS_WIDE: bool = false;
+
     fn load(lanes: &F32Lanes) -> Self;
     fn store(self, lanes: &mut F32Lanes);
     fn splat(x: f32) -> Self;
@@ -201,6 +204,8 @@ pub(super) mod x86 {
     }
 
     impl F32x16 for Avx512 {
+        const IS_WIDE: bool = true;
+
         #[inline(always)]
         fn load(lanes: &F32Lanes) -> Self {
             // SAFETY: the caller is compiled for AVX-512 F. The load reads the 16 f32 of `lanes`

@@ -141,8 +141,10 @@ impl Noise {
             degree: [0.5, 2.0, 8.0, 24.0][self.below(4)],
             dense_size: [0, 2, 9, 40][self.below(4)],
             spare_edges: [0, 100, 1 << 20][self.below(3)],
+            matrix_size: 0,
+            matrix_work: [0.0, 0.01, 0.1, f64::INFINITY][self.below(4)],
         };
-        Options { threads: 1 + self.below(3), max_matrix_bytes: 0, progress: None, tuning }
+        Options { threads: 1 + self.below(3), tuning, ..Options::default() }
     }
 }
 
@@ -189,6 +191,36 @@ pub fn cloud(kind: usize, n: usize, dim: usize, noise: &mut Noise) -> Vec<f64> {
     points
 }
 
+/// Kinds of [`tied_cloud`].
+pub const N_TIED_KINDS: usize = 6;
+
+/// Clouds whose distances take few values.
+pub fn tied_cloud(kind: usize, n: usize, dim: usize, noise: &mut Noise) -> Vec<f64> {
+    let mut points = vec![0.0; n * dim];
+    for (i, point) in points.chunks_exact_mut(dim).enumerate() {
+        match kind {
+            // One axis per point, as far as there are axes; then at another height.
+            0 => point[i % dim] = (1 + i / dim) as f64,
+            // Several categories of five values.
+            1 => point
+                .chunks_mut(5)
+                .for_each(|part| part[noise.below(part.len())] = 1.0),
+            // Fingerprints with few and with many bits.
+            2 => point
+                .iter_mut()
+                .for_each(|x| *x = f64::from(noise.below(20) == 0)),
+            3 => point.iter_mut().for_each(|x| *x = noise.below(2) as f64),
+            // Integer grids, of many or few differing axes.
+            4 => point.iter_mut().for_each(|x| *x = noise.below(4) as f64),
+            _ => point
+                .iter_mut()
+                .take(3)
+                .for_each(|x| *x = noise.below(5) as f64),
+        }
+    }
+    points
+}
+
 /// Small clouds for proptest: lattices, near duplicates, single precision, wide ranges; rows may
 /// be repeated. Shrinks to few points of few axes.
 pub fn small_clouds(max_points: usize) -> impl Strategy<Value = (Vec<f64>, usize)> {
@@ -217,12 +249,15 @@ pub fn tunings() -> impl Strategy<Value = Tuning> {
     let degrees = prop::sample::select(vec![0.5, 2.0, 8.0, 24.0]);
     let dense_sizes = prop::sample::select(vec![0, 2, 7, 30]);
     let spare_edges = prop::sample::select(vec![0, 50, 1 << 20]);
-    (levels, degrees, dense_sizes, spare_edges).prop_map(
-        |(level, degree, dense_size, spare_edges)| Tuning {
+    let matrix_work = prop::sample::select(vec![0.0, 0.01, 0.1, f64::INFINITY]);
+    (levels, degrees, dense_sizes, spare_edges, matrix_work).prop_map(
+        |(level, degree, dense_size, spare_edges, matrix_work)| Tuning {
             level,
             degree,
             dense_size,
             spare_edges,
+            matrix_size: 0,
+            matrix_work,
         },
     )
 }
